@@ -1,0 +1,24 @@
+"""Numbers from a linear system with periodic coefficients: orbits, stability, studies, pictures."""
+
+from solve.errors import SolveError
+from solve.floquet import Stability, floquet
+from solve.load import load
+from solve.methods.newmark import Newmark
+from solve.methods.radau import Radau
+from solve.methods.runge_kutta import RungeKutta4
+from solve.orbit import Orbit
+from solve.periodic import periodic
+from solve.system import PeriodicSystem
+
+__all__ = [
+    "Newmark",
+    "Orbit",
+    "PeriodicSystem",
+    "Radau",
+    "RungeKutta4",
+    "SolveError",
+    "Stability",
+    "floquet",
+    "load",
+    "periodic",
+]

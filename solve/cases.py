@@ -1,0 +1,101 @@
+"""Case files: every number of a model with its unit and source. TOML, read as data."""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from solve.errors import CaseFileError, UnknownNameError
+from solve.units import conversion
+
+_ENTRY = {"value", "values", "count", "unit", "source"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """name, the speed that the case names (a text with unit) or None, and the parameters in SI."""
+
+    name: str
+    speed: str | None
+    parameters: Mapping[str, float]
+
+
+def read_cases(path: Path, units: Mapping[str, str]) -> dict[str, Case]:
+    """The cases of a file, in its order; `units` are those that the model declares.
+
+    An entry is { value, unit, source }; { values = […] } gives NAME1, NAME2, …; { value, count } gives
+    the same value to NAME1 … NAMEcount. Entries of [common.parameters] hold for every case. Raises
+    CaseFileError, UnknownNameError for a misspelt key or parameter, UnitError for a unit of another kind.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaseFileError(
+            f"case file '{path}' cannot be read ({type(error).__name__}); give another"
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        raise CaseFileError(f"case file '{path}' is not TOML: {error}") from None
+    _known(table, {"common", "case"}, f"key of {path.name}")
+    common = _table(table.get("common", {}), "common", path)
+    _known(common, {"parameters"}, f"key of [common] in {path.name}")
+    shared = _parameters(common.get("parameters", {}), units, path)
+    cases = {}
+    for name, raw in _table(table.get("case", {}), "case", path).items():
+        entry = _table(raw, f"case.{name}", path)
+        _known(entry, {"title", "speed", "parameters"}, f"key of [case.{name}] in {path.name}")
+        speed = entry.get("speed")
+        if speed is not None and not isinstance(speed, str):
+            raise CaseFileError(
+                f"speed of case '{name}' is {speed!r}; give a text with unit, such as '600 rpm'"
+            )
+        cases[name] = Case(name, speed, {**shared, **_parameters(entry.get("parameters", {}), units, path)})
+    if not cases:
+        raise CaseFileError(f"case file '{path}' has no [case.NAME]; add one")
+    return cases
+
+
+def _parameters(raw: Any, units: Mapping[str, str], path: Path) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for name, raw_entry in _table(raw, "parameters", path).items():
+        entry = _table(raw_entry, name, path)
+        _known(entry, _ENTRY, f"key of {name} in {path.name}")
+        for member, number in _members(name, entry, path).items():
+            if member not in units:
+                raise UnknownNameError(f"parameter in {path.name}", member, units)
+            values[member] = number * conversion(_text(entry, "unit", name, path), units[member])
+        _text(entry, "source", name, path)
+    return values
+
+
+def _members(name: str, entry: dict[str, Any], path: Path) -> dict[str, float]:
+    if "values" in entry:
+        numbers = entry["values"] if isinstance(entry["values"], list) else [entry["values"]]
+        named = {f"{name}{k}": number for k, number in enumerate(numbers, start=1)}
+    elif "count" in entry:
+        named = {f"{name}{k}": entry.get("value") for k in range(1, int(entry["count"]) + 1)}
+    else:
+        named = {name: entry.get("value")}
+    for member, number in named.items():
+        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+            raise CaseFileError(f"{member} in {path.name} is {number!r}; give a finite number as its value")
+    return {member: float(number) for member, number in named.items() if number is not None}
+
+
+def _text(entry: dict[str, Any], key: str, name: str, path: Path) -> str:
+    if not isinstance(entry.get(key), str) or not entry[key].strip():
+        raise CaseFileError(f"{name} in {path.name} has no {key}; every number needs its unit and source")
+    return entry[key]
+
+
+def _table(raw: Any, name: str, path: Path) -> dict[str, Any]:
+    if not isinstance(raw, dict):
+        raise CaseFileError(f"{name} in {path.name} is {raw!r}; a table was expected")
+    return raw
+
+
+def _known(table: Mapping[str, Any], allowed: set[str], kind: str) -> None:
+    for key in table:
+        if key not in allowed:
+            raise UnknownNameError(kind, key, allowed)

@@ -1,0 +1,67 @@
+"""What can go wrong, one class a cause. Each message says what was given, what is allowed and what to do."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class SolveError(Exception):
+    """Any refusal of this package; the commands print it in one line and exit with status 2."""
+
+
+class UnknownNameError(SolveError):
+    """A model, case, parameter, option, method, coordinate or output that does not exist."""
+
+    def __init__(self, kind: str, given: str, allowed: Iterable[str]):
+        names = sorted(allowed, key=_natural)
+        near = difflib.get_close_matches(given, names, n=1, cutoff=0.5)
+        hint = f"did you mean '{near[0]}'?" if near else f"known: {_shortened(names)}"
+        super().__init__(f"unknown {kind} '{given}'; {hint}")
+
+
+class ValueOutOfBoundsError(SolveError):
+    """A number outside what its parameter, option or setting allows, NaN and infinity included."""
+
+
+class UnitError(SolveError):
+    """A number without the unit it needs, or with a unit of another kind."""
+
+
+class MissingValueError(SolveError):
+    """A value that the case must give and does not, the speed among them."""
+
+
+class CaseFileError(SolveError):
+    """A case file that is not TOML, or has a key or a form that cases do not have."""
+
+
+class ModelFileError(SolveError):
+    """A model, or the code generated from it, that is missing, stale or not what its hash says."""
+
+
+class MatricesError(SolveError):
+    """Matrices of wrong shape, with NaN or infinity, not periodic, or with a singular M."""
+
+
+class StepsError(SolveError):
+    """A number of steps that the method cannot use: too few, or beyond its stability limit."""
+
+
+class ResonanceError(SolveError):
+    """I - Φ is singular: a multiplier at +1, so that no or no unique periodic solution exists."""
+
+
+class FileError(SolveError):
+    """A file that cannot be read or written, or whose type is unknown."""
+
+
+class MissingExtraError(SolveError):
+    """An optional dependency that this request needs and that is not installed."""
+
+
+def _natural(name: str) -> tuple[str, int]:
+    digits = name[len(name.rstrip("0123456789")) :]
+    return name.removesuffix(digits), int(digits or 0)
+
+
+def _shortened(names: list[str], most: int = 12) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

@@ -1,0 +1,138 @@
+"""Floquet multipliers, exponents and the three verdicts of stability (chapter Section 2)."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certificate import Certified, certified
+from solve.methods.choice import chosen
+from solve.methods.method import Method
+from solve.system import PeriodicSystem
+from solve.units import checked_rtol, speed_in_si
+
+UNIT_CIRCLE = 1e-9
+"""Distance from 1 within which a modulus counts as 1, unless its error estimate is larger."""
+
+_NEAR_ONE = 1e-3
+"""Distance of a multiplier from +1 below which the height of a response deserves a warning."""
+
+
+class ErrorEstimate(NamedTuple):
+    """orbit: per coordinate max|error|/max|q|, the largest (NaN without an orbit); multipliers:
+    |error| divided by the spectral radius."""
+
+    orbit: float
+    multipliers: float
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Whether disturbances of the periodic motion die out, and how certain that is."""
+
+    system: PeriodicSystem
+    speed: float
+    certified: Certified
+
+    @property
+    def period(self) -> float:
+        """T in seconds."""
+        return self.system.period / self.speed
+
+    @property
+    def method(self) -> str:
+        return self.certified.solution.method.name
+
+    @property
+    def steps(self) -> int:
+        """Steps per period."""
+        return self.certified.solution.grid.steps
+
+    @property
+    def multipliers(self) -> Array:
+        """Resolved multipliers ρ (complex), falling in modulus, + imaginary part first."""
+        return self.certified.solution.multipliers.values
+
+    @property
+    def unresolved(self) -> int:
+        """Number of further multipliers, all below eps‖Φ‖."""
+        return self.certified.solution.multipliers.unresolved
+
+    @property
+    def exponents(self) -> Array:
+        """λ = ln(ρ)/T in 1/s, principal branch (chapter Eq. (11))."""
+        return np.log(self.multipliers) / self.period
+
+    @property
+    def spectral_radius(self) -> float:
+        """Largest |ρ|."""
+        return self.certified.solution.multipliers.spectral_radius
+
+    @property
+    def error_estimate(self) -> ErrorEstimate:
+        return ErrorEstimate(self.certified.orbit_error, self.certified.multiplier_error)
+
+    @cached_property
+    def verdict(self) -> str:
+        """ "asymptotically stable", "stable" or "unstable"."""
+        return verdict(self.certified.solution.Phi, self.multipliers, self.error_estimate.multipliers)
+
+    @property
+    def stable(self) -> bool:
+        return self.verdict != "unstable"
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What is doubtful about this result, a sentence each."""
+        near = np.abs(self.multipliers - 1.0).min(initial=math.inf)
+        warnings = list(self.certified.warnings)
+        if near < _NEAR_ONE:
+            warnings.append(
+                f"a multiplier is only {near:.1e} from +1 (resonance or a stability boundary): "
+                "the height of the response means little here"
+            )
+        return warnings
+
+
+def floquet(
+    system: PeriodicSystem,
+    speed: float | str,
+    method: str | Method = "auto",
+    steps: int | None = None,
+    rtol: float = 1e-8,
+) -> Stability:
+    """Floquet multipliers of the system at a speed (rad/s, or a text with unit such as "600 rpm").
+
+    With `steps`, the method's result on that many steps, its error estimated from twice as many;
+    without, steps are doubled until the estimated error is `rtol` or less. Raises SolveError
+    subclasses for bad input, matrices or steps.
+    """
+    omega, rule = speed_in_si(speed), chosen(method)
+    system.checked(omega)
+    return Stability(system, omega, certified(system, omega, rule, steps, checked_rtol(rtol), orbit=False))
+
+
+def verdict(Phi: Array, multipliers: Array, error: float) -> str:
+    """ "asymptotically stable", "stable" or "unstable".
+
+    A modulus counts as 1 within max(error, 1e-9). Multipliers on the unit circle leave the system
+    stable only where their algebraic equals their geometric multiplicity (chapter Section 2).
+    """
+    tolerance = max(error, UNIT_CIRCLE)
+    modulus = np.abs(multipliers)
+    if np.all(modulus < 1 - tolerance):
+        return "asymptotically stable"
+    if np.any(modulus > 1 + tolerance):
+        return "unstable"
+    # A double multiplier of a defective block splits by the square root of a perturbation.
+    cluster = math.sqrt(tolerance)
+    for value in multipliers[np.abs(modulus - 1) <= tolerance]:
+        algebraic = int(np.sum(np.abs(multipliers - value) <= cluster))
+        if algebraic > 1:
+            singular = np.linalg.svd(Phi - value * np.eye(len(Phi)), compute_uv=False)
+            if np.sum(singular <= 10 * cluster * max(singular[0], 1.0)) < algebraic:
+                return "unstable"
+    return "stable"

@@ -1,0 +1,218 @@
+"""A periodic system from generated code and a case file."""
+
+import hashlib
+import importlib.util
+import math
+import sys
+from collections.abc import Mapping
+from functools import cached_property, lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.cases import Case, read_cases
+from solve.errors import MissingValueError, ModelFileError, UnknownNameError, ValueOutOfBoundsError
+from solve.system import Matrices, PeriodicSystem
+
+if TYPE_CHECKING:
+    import casadi
+
+    from solve.orbit import Turn
+
+ROOT = Path(__file__).resolve().parents[1]
+"""Folder of the packages `models` and `generated`: they are found by path, never imported by name."""
+
+Options = Mapping[str, str | int]
+
+
+class Model(PeriodicSystem):
+    """A system whose matrices, outputs and bounds come from a generated module."""
+
+    def __init__(self, module: ModuleType, case: str, options: Options, parameters: Mapping[str, float]):
+        self.module = module
+        self.name: str = module.NAME
+        self.case = case
+        self.options = _checked_options(module, options)
+        self.parameters = _checked_parameters(module, parameters)
+        self._p = np.array([self.parameters[name] for name, *_ in module.PARAMETERS])
+        self._linearised: casadi.Function = module.linearised(**self.options)
+        declared = module.COORDINATES[: self._linearised.size1_out("d")]
+        super().__init__(self._sampled, [name for name, *_ in declared], module.PERIOD)
+        self.outputs = tuple(name for name, *_ in module.OUTPUTS)
+        self.units = {name: unit for name, unit, _ in (*declared, *module.OUTPUTS)}
+        self.meanings = {name: meaning for name, _, meaning in (*declared, *module.OUTPUTS)}
+        self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
+        self.limits = tuple(module.LIMITS)
+
+    @cached_property
+    def _outputs(self) -> "casadi.Function":
+        return self.module.outputs(**self.options)
+
+    def _sampled(self, phase: Array, speed: float) -> Matrices:
+        n, count = len(self.coordinates), len(phase)
+        if count == 0:
+            return np.empty((0, n, n)), np.empty((0, n, n)), np.empty((0, n, n)), np.empty((0, n))
+        M, C, K, d = (part.full() for part in self._linearised(phase[None], speed, self._p))
+        square = [part.reshape(n, count, n).transpose(1, 0, 2) for part in (M, C, K)]
+        return square[0], square[1], square[2], d.T
+
+    def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+        values = self._outputs(phase[None], speed, q, qd, qdd, self._p)
+        columns = values if isinstance(values, tuple) else (values,)
+        return {name: value.full()[0] for name, value in zip(self.outputs, columns, strict=True)}
+
+    def concerns(self, turn: "Turn") -> list[str]:
+        found = []
+        for name, bound in self.validity.items():
+            largest = turn.statistics(name).max_abs
+            if largest > bound:
+                found.append(
+                    f"the linearisation is not to be trusted: max|{name}| = {largest:.3g} "
+                    f"{self.units[name]}, beyond {bound:g}"
+                )
+        for name, bound, meaning in self.limits:
+            range_ = turn.statistics(name)
+            extreme = range_.min if bound.startswith(">") else range_.max
+            if not holds(bound, extreme):
+                found.append(f"{meaning}: {name} reaches {extreme:.3g} {self.units[name]}, bound {bound}")
+        return found
+
+
+def load(model: str, case: str | None = None, options: Options | None = None, **parameters: float) -> Model:
+    """The system of a model (a name, or the path of a mechanism file) and a case.
+
+    Parameters override the case's values, in SI units as the model declares them. The first case is
+    the default. Raises UnknownNameError, ModelFileError (no or stale generated code), CaseFileError,
+    MissingValueError and ValueOutOfBoundsError.
+    """
+    return loaded(model, case, None, options or {}, parameters)[0]
+
+
+def loaded(
+    model: str, case: str | None, cases: str | None, options: Options, parameters: Mapping[str, float]
+) -> tuple[Model, str | None]:
+    """The model and the speed that its case names, if any; `cases` is another case file to use."""
+    generated, case_file, mechanism = _files(model)
+    if mechanism is not None:
+        _refuse_stale(generated, mechanism, model)
+    module = _module(generated)
+    chosen = _chosen_case(Path(cases) if cases else case_file, case, module, explicit=cases is not None)
+    known = [name for name, *_ in module.PARAMETERS]
+    for name in parameters:
+        if name not in known:
+            raise UnknownNameError(f"parameter of {module.NAME}", name, known)
+    values = {**chosen.parameters, **parameters}
+    missing = [name for name in known if name not in values]
+    if missing:
+        raise MissingValueError(
+            f"case '{chosen.name}' of {module.NAME} gives no value for {', '.join(missing[:8])}; "
+            f"add it to the case file or set it: {missing[0]}=NUMBER"
+        )
+    return Model(module, chosen.name, options, values), chosen.speed
+
+
+def model_names() -> list[str]:
+    """Models that come with the package."""
+    return sorted(path.parent.name for path in (ROOT / "models").glob("*/mechanism.py"))
+
+
+def _files(model: str) -> tuple[Path, Path, Path | None]:
+    """Generated module, case file and, for a user's own model, the mechanism file."""
+    if model.endswith(".py"):
+        mechanism = Path(model)
+        if not mechanism.is_file():
+            raise ModelFileError(f"no mechanism file '{model}'; give the path of a file that exists")
+        return mechanism.parent / "generated" / mechanism.name, mechanism.with_suffix(".toml"), mechanism
+    if "/" in model or "\\" in model:
+        raise ModelFileError(
+            f"model '{model}' is neither a name nor a mechanism file; a path must end in .py"
+        )
+    if model not in model_names():
+        raise UnknownNameError("model", model, model_names())
+    generated = ROOT / "generated" / f"{model}.py"
+    if not generated.is_file():
+        raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
+    return generated, ROOT / "models" / model / "cases.toml", None
+
+
+def _refuse_stale(generated: Path, mechanism: Path, model: str) -> None:
+    if not generated.is_file():
+        raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
+    text = mechanism.read_text(encoding="utf-8").replace("\r\n", "\n")
+    if hashlib.sha256(text.encode()).hexdigest() != _module(generated).MECHANISM_SHA256:
+        raise ModelFileError(
+            f"'{model}' has changed since its code was generated; run: python -m derive {model}"
+        )
+
+
+def _module(path: Path) -> ModuleType:
+    return _imported(path.resolve(), path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=32)
+def _imported(path: Path, _modified: int) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"_generated_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ModelFileError(f"'{path.name}' cannot be read as generated code")
+    module = importlib.util.module_from_spec(spec)
+    written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = written
+    return module
+
+
+def _chosen_case(path: Path, case: str | None, module: ModuleType, explicit: bool) -> Case:
+    if not explicit and not path.is_file():
+        if case is not None:
+            raise UnknownNameError(f"case of {module.NAME}", case, [])
+        return Case("", None, {})
+    cases = read_cases(path, {name: unit for name, unit, *_ in module.PARAMETERS})
+    if case is None:
+        return next(iter(cases.values()))
+    if case not in cases:
+        raise UnknownNameError(f"case of {module.NAME}", case, cases)
+    return cases[case]
+
+
+def _checked_options(module: ModuleType, given: Options) -> dict[str, str | int]:
+    allowed = {name: values for name, values, _ in module.OPTIONS}
+    options: dict[str, str | int] = {name: default for name, _, default in module.OPTIONS}
+    for name, value in given.items():
+        if name not in allowed:
+            raise UnknownNameError(f"option of {module.NAME}", name, allowed)
+        chosen = (
+            int(value) if isinstance(allowed[name], range) and str(value).lstrip("-").isdigit() else value
+        )
+        if chosen not in allowed[name]:
+            if isinstance(allowed[name], range):
+                bounds = f"a whole number from {allowed[name][0]} to {allowed[name][-1]}"
+                raise ValueOutOfBoundsError(f"option {name} of {module.NAME} is {value}; allowed: {bounds}")
+            raise UnknownNameError(f"value of option {name}", str(value), map(str, allowed[name]))
+        options[name] = chosen
+    return options
+
+
+def _checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str, float]:
+    checked = {}
+    for name, unit, meaning, bound in module.PARAMETERS:
+        value = float(given[name])
+        clauses = [clause for clause in bound.split(", ") if clause]
+        if not math.isfinite(value) or not all(holds(clause, value) for clause in clauses):
+            raise ValueOutOfBoundsError(
+                f"{name} ({meaning}) is {value:g} {unit}; allowed: {bound or 'any finite number'}"
+            )
+        checked[name] = value
+    return checked
+
+
+def holds(clause: str, value: float) -> bool:
+    if clause == "integer":
+        return value == int(value)
+    relation, limit = clause.split()
+    number = float(limit)
+    return {">": value > number, ">=": value >= number, "<": value < number, "<=": value <= number}[relation]

@@ -1,0 +1,30 @@
+"""A method from its name and settings."""
+
+from typing import Any
+
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.methods.method import Method
+from solve.methods.newmark import Newmark
+from solve.methods.radau import Radau
+from solve.methods.runge_kutta import RungeKutta4
+
+METHODS: dict[str, type] = {"auto": Radau, "radau": Radau, "newmark": Newmark, "rk4": RungeKutta4}
+"""Names that `method` takes; auto is Radau IIA, which keeps no stiff mode that it does not resolve."""
+
+
+def chosen(method: str | Method, **settings: Any) -> Method:
+    """The method of a name, with its settings (those that are None left out); a method object as it is.
+
+    Raises UnknownNameError, and ValueOutOfBoundsError for a setting that the method does not have.
+    """
+    if not isinstance(method, str):
+        return method
+    if method not in METHODS:
+        raise UnknownNameError("method", method, METHODS)
+    kind = METHODS[method]
+    given = {name: value for name, value in settings.items() if value is not None}
+    known = set(kind.__dataclass_fields__)
+    for name in given.keys() - known:
+        owners = sorted(n for n, k in METHODS.items() if name in k.__dataclass_fields__ and n != "auto")
+        raise ValueOutOfBoundsError(f"method {method} has no {name}; {name} belongs to {', '.join(owners)}")
+    return kind(**given)

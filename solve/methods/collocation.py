@@ -1,0 +1,107 @@
+"""Collocation in Nyström form: the engine of the Gauss and Radau methods.
+
+The stage accelerations a_i at the fractions c_i of a step of length h satisfy, with stage values
+v_i = v + h Σ A_ij a_j and q_i = q + h c_i v + h² Σ (A²)_ij a_j, the equation of motion at each stage:
+one linear system of order s n a step, with no inverse of M (E. Hairer, G. Wanner, Solving Ordinary
+Differential Equations II, IV.5; the second-order form equals the method on q, q′ exactly).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.curve import Curve
+from solve.methods.grid import Grid
+from solve.methods.method import Discretisation
+from solve.methods.period_map import Steps
+from solve.system import PeriodicSystem
+
+
+@dataclass(frozen=True)
+class Collocation:
+    """The collocation method of the nodes c (s,) in (0, 1]."""
+
+    c: tuple[float, ...]
+
+    @cached_property
+    def A(self) -> Array:
+        """Runge–Kutta matrix (s, s): integrals of the Lagrange polynomials from 0 to c_i."""
+        c = np.array(self.c)
+        powers = np.arange(1, len(c) + 1)
+        return (c[:, None] ** powers / powers) @ np.linalg.inv(c[:, None] ** (powers - 1))
+
+    @cached_property
+    def b(self) -> Array:
+        """Weights (s,): integrals of the Lagrange polynomials from 0 to 1."""
+        powers = np.arange(1, len(self.c) + 1)
+        return (1.0 / powers) @ np.linalg.inv(np.array(self.c)[:, None] ** (powers - 1))
+
+    @cached_property
+    def _curve_powers(self) -> Array:
+        """(s+3, s+3): from q, h v and h² times the accelerations at 0, c_1 … c_s to powers of θ."""
+        nodes = np.array([0.0, *self.c])
+        k = np.arange(len(nodes))
+        acceleration = np.linalg.inv(nodes[:, None] ** k)
+        powers = np.zeros((len(nodes) + 2, len(nodes) + 2))
+        powers[0, 0] = powers[1, 1] = 1.0
+        powers[2:, 2:] = acceleration / ((k + 1) * (k + 2))[:, None]
+        return powers
+
+    def stage_accelerations(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> Array:
+        """Accelerations (m, s, n, 2n+1) as affine functions of (q, v, 1) at the step's start.
+
+        h (m,); M, C, K (m, s, n, n) and d (m, s, n) at the stages.
+        """
+        m, s, n = d.shape
+        c, h, A = np.array(self.c), h[:, None, None, None], self.A[:, None, :, None]
+        A2 = (self.A @ self.A)[:, None, :, None]
+        left = h[..., None] * A * C[:, :, :, None] + h[..., None] ** 2 * A2 * K[:, :, :, None]
+        stage = np.arange(s)
+        left[:, stage, :, stage] += np.moveaxis(M, 1, 0)
+        right = np.concatenate((-K, -C - h * c[:, None, None] * K, d[..., None]), axis=-1)
+        a = np.linalg.solve(left.reshape(m, s * n, s * n), right.reshape(m, s * n, 2 * n + 1))
+        return a.reshape(m, s, n, 2 * n + 1)
+
+    def steps(self, h: Array, a: Array) -> Steps:
+        """The affine maps of (q, v) over the steps."""
+        n = a.shape[2]
+        maps = np.concatenate(
+            (
+                h[:, None, None] ** 2 * np.tensordot(a, self.b @ self.A, axes=(1, 0)),
+                h[:, None, None] * np.tensordot(a, self.b, axes=(1, 0)),
+            ),
+            axis=1,
+        )
+        maps[:, :, : 2 * n] += np.eye(2 * n)
+        maps[:, range(n), range(n, 2 * n)] += h[:, None]
+        return Steps(maps[:, :, :-1], maps[:, :, -1])
+
+    def curve(self, nodes: Array, x: Array, a_start: Array, a: Array) -> Curve:
+        """Curve of degree s+2 from the states x (m+1, 2n), the accelerations at the steps' starts
+        (m, n) and the stage accelerations (m, s, n)."""
+        n = x.shape[1] // 2
+        h = np.diff(nodes)[:, None]
+        data = np.stack((x[:-1, :n], h * x[:-1, n:], h**2 * a_start))
+        data = np.concatenate((data, h**2 * np.moveaxis(a, 1, 0)))
+        return Curve(nodes, np.tensordot(self._curve_powers, data, axes=1))
+
+
+def discretise(method: Collocation, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
+    """The method on every step of the grid at once; its last node must be 1."""
+    c = np.array(method.c)
+    phases = grid.stages(c)
+    m, s = phases.shape
+    M, C, K, d = (part.reshape(m, s, *part.shape[1:]) for part in system.in_phase(phases.ravel(), speed))
+    a = method.stage_accelerations(grid.h, M, C, K, d)
+
+    def curve(x: Array) -> Curve:
+        stages = np.squeeze(a[..., :-1] @ x[:-1, None, :, None], -1) + a[..., -1]
+        starts = np.roll(stages[:, -1], 1, axis=0)
+        if not grid.smooth:
+            at = np.flatnonzero(grid.at_break)
+            starts[at] = system.acceleration(grid.stages(np.zeros(1))[at, 0], speed, x[at])
+        return method.curve(grid.nodes, x, starts, stages)
+
+    return Discretisation(method.steps(grid.h, a), curve)

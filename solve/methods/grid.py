@@ -1,0 +1,71 @@
+"""The steps of one turn: nodes on the phase, with every jump of the matrices at the end of a step."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+
+_INSIDE = 1e-13
+"""How far inside its step, relative to the period, a stage beside a jump is sampled."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """m steps over one period.
+
+    nodes: phases (m+1,), rising, from 0 to the period. at_break: for each node but the last, whether
+    the matrices jump there.
+    """
+
+    nodes: Array
+    at_break: Array
+
+    @classmethod
+    def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
+        """About `steps` steps of equal length; with breaks, equal within each piece between two."""
+        if not breaks:
+            return cls(np.linspace(0.0, period, steps + 1), np.zeros(steps, dtype=bool))
+        inner = sorted({b % period for b in breaks} - {0.0})
+        ends = np.array([0.0, *inner, period])
+        counts = np.maximum(1, np.round(steps * np.diff(ends) / period).astype(int))
+        pieces = [
+            np.linspace(a, b, k, endpoint=False) for a, b, k in zip(ends, ends[1:], counts, strict=False)
+        ]
+        at_break = np.zeros(counts.sum(), dtype=bool)
+        at_break[np.concatenate(([0], np.cumsum(counts)[:-1]))] = True
+        at_break[0] = any(b % period == 0.0 for b in breaks)
+        return cls(np.append(np.concatenate(pieces), period), at_break)
+
+    @property
+    def steps(self) -> int:
+        return len(self.nodes) - 1
+
+    @property
+    def period(self) -> float:
+        return float(self.nodes[-1])
+
+    @cached_property
+    def h(self) -> Array:
+        """Step lengths in phase (m,)."""
+        return np.diff(self.nodes)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether the matrices jump nowhere."""
+        return not self.at_break.any()
+
+    def stages(self, c: Array) -> Array:
+        """Phases (m, s) of the stages at the fractions c (s,) of every step.
+
+        Where a step ends at a jump, its end stages lie just inside the step: each step sees the
+        matrices of its own side.
+        """
+        phases = self.nodes[:-1, None] + self.h[:, None] * c
+        if self.smooth:
+            return phases
+        inset = _INSIDE * self.period
+        low = self.nodes[:-1] + inset * self.at_break
+        high = self.nodes[1:] - inset * np.roll(self.at_break, -1)
+        return np.clip(phases, low[:, None], high[:, None])

@@ -1,0 +1,86 @@
+"""Numbers with units at the edge: speeds, and case values in units of another size."""
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from solve.errors import UnitError, ValueOutOfBoundsError
+
+if TYPE_CHECKING:
+    import pint
+
+_RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
+
+
+def speed_in_si(speed: float | str) -> float:
+    """Ω in rad/s from a float in rad/s or a text such as "600 rpm", "62.8 rad/s", "10 Hz".
+
+    Raises UnitError for a text without a unit of rotation, ValueOutOfBoundsError unless finite and > 0.
+
+    >>> round(speed_in_si("600 rpm"), 6)
+    62.831853
+    """
+    omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
+    if not (math.isfinite(omega) and omega > 0):
+        raise ValueOutOfBoundsError(f"speed is {speed}; allowed: finite and > 0, such as '600 rpm'")
+    return omega
+
+
+def speeds_in_si(text: str) -> list[float]:
+    """Speeds in rad/s from "A:B:N unit" (N points, both ends) or "600 900 1200 rpm"."""
+    *numbers, unit = text.split() or [""]
+    usage = f"speeds are '{text}'; give 'A:B:N unit' or numbers with one unit, such as '600 900 1200 rpm'"
+    if len(numbers) == 1 and ":" in numbers[0]:
+        ends = numbers[0].split(":")
+        try:
+            low, high, count = float(ends[0]), float(ends[1]), int(ends[2])
+        except (ValueError, IndexError):
+            raise UnitError(usage) from None
+        if len(ends) != 3 or count < 2:
+            raise ValueOutOfBoundsError(usage + ", N at least 2")
+        values = [low + (high - low) * i / (count - 1) for i in range(count)]
+        return [speed_in_si(f"{value!r} {unit}") for value in values]
+    if not numbers:
+        raise UnitError(usage)
+    return [speed_in_si(f"{number} {unit}") for number in numbers]
+
+
+def with_unit(text: str, unit: str) -> float:
+    """A text such as "70 deg" as a number of `unit`. Raises UnitError."""
+    number, _, given = text.strip().partition(" ")
+    example = {"rad/s": "'600 rpm'", "rad": "'70 deg'"}.get(unit, f"'1 {unit}'")
+    try:
+        value = float(number)
+    except ValueError:
+        raise UnitError(f"'{text}' is not a number with a unit; write it like {example}") from None
+    if not given.strip():
+        raise UnitError(f"'{text}' has no unit; write it like {example}")
+    if unit == "rad/s" and given.strip() in _RAD_PER_S:
+        return value * _RAD_PER_S[given.strip()]
+    return value * conversion(given.strip(), unit)
+
+
+@lru_cache
+def conversion(given: str, unit: str) -> float:
+    """Size of the unit `given` in `unit`. Raises UnitError where they are of different kinds."""
+    if given == unit:
+        return 1.0
+    registry = _registry()
+    try:
+        return float(registry.parse_expression(given).to(unit).magnitude)
+    except Exception as error:
+        raise UnitError(f"unit '{given}' does not convert to '{unit}' ({type(error).__name__})") from None
+
+
+@lru_cache
+def _registry() -> "pint.UnitRegistry":
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def checked_rtol(rtol: float) -> float:
+    """The relative tolerance itself. Raises ValueOutOfBoundsError unless it is above 1e-14 and below 1."""
+    if not 1e-14 <= rtol < 1:
+        raise ValueOutOfBoundsError(f"rtol is {rtol}; allowed: 1e-14 up to (not including) 1, such as 1e-8")
+    return float(rtol)
