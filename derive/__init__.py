@@ -1,0 +1,26 @@
+"""From the energies of a mechanism to CasADi code of its equations of motion.
+
+A mechanism file imports what it needs from here: `Mechanism`, `rate` and SymPy's elementary
+functions. SymPy is loaded at the first use, so that the command answers at once.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sympy import Abs, Max, Min, Rational, atan2, cos, exp, pi, sign, sin, sqrt, tan
+
+    from derive.mechanism import Mechanism
+    from derive.symbols import rate
+
+__all__ = [
+    "Abs", "Max", "Mechanism", "Min", "Rational", "atan2", "cos", "exp", "pi", "rate", "sign", "sin", "sqrt", "tan",
+]  # fmt: skip
+
+_HOME = {"Mechanism": "derive.mechanism", "rate": "derive.symbols"}
+
+
+def __getattr__(name: str) -> object:
+    if name not in __all__:
+        raise AttributeError(f"module 'derive' has no attribute '{name}'; it has {', '.join(__all__)}")
+    return getattr(importlib.import_module(_HOME.get(name, "sympy")), name)

@@ -1,0 +1,92 @@
+"""The command `derive`: generate, check or show a mechanism's equations."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from derive import freshness, loader
+from derive.errors import DeriveError
+from derive.loader import Source
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def derive(
+    models: Annotated[list[str] | None, typer.Argument(metavar="MODEL...", help="Names, or paths that end in .py.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="All mechanisms that come with the package.")] = False,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the modules are written or checked.")] = None,
+    check: Annotated[bool, typer.Option("--check", help="Compare hashes only; exit 1 where a module is stale.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="With --check: regenerate and show the difference.")] = False,
+    show: Annotated[bool, typer.Option("--show", help="Print the linearised equations as LaTeX; write nothing.")] = False,
+) -> None:
+    """Derive the equations of motion and generate CasADi code for them."""
+    try:
+        sources = _sources(models or [], every, out)
+        if full and not check or show and check:
+            raise typer.BadParameter("--full goes with --check, and --show with neither")
+        if show:
+            _show(sources)
+        elif check:
+            raise typer.Exit(1 if sum(_is_stale(source, full) for source in sources) else 0)
+        else:
+            _write(sources)
+    except DeriveError as error:
+        typer.echo(f"derive: {error}", err=True)
+        raise typer.Exit(2) from None
+
+
+def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
+    if every == bool(models):
+        raise typer.BadParameter(f"give one or more mechanisms, or --all (known: {', '.join(loader.names())})")
+    return [loader.find(model, out) for model in (loader.names() if every else models)]
+
+
+def _text(source: Source) -> str:
+    """The generated module as it should be; SymPy is loaded here and not before."""
+    from derive.checks import check
+    from derive.emit import module_text
+
+    mechanism = loader.load(source)
+    check(mechanism)
+    return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
+
+
+def _write(sources: list[Source]) -> None:
+    for source in sources:
+        freshness.write(source.target, _text(source))
+        typer.echo(f"wrote {source.target}", err=True)
+
+
+def _is_stale(source: Source, full: bool) -> bool:
+    """Say on standard output whether a generated module is current; `full` compares every byte."""
+    present = source.target.read_text(encoding="utf-8") if source.target.is_file() else ""
+    why = freshness.staleness(present, source.sha256) if present else "it is missing"
+    if full:
+        difference = freshness.difference(source.target, present, _text(source))
+        typer.echo(difference, nl=False)
+        why = why or ("it differs from what derive would write" if difference else "")
+    if why:
+        typer.echo(f"{source.target} is stale: {why}. Run: python -m derive {source.argument}")
+    return bool(why)
+
+
+def _show(sources: list[Source]) -> None:
+    from derive.checks import check
+    from derive.show import equations
+
+    for source in sources:
+        mechanism = loader.load(source)
+        check(mechanism)
+        typer.echo(equations(mechanism))
+
+
+def main() -> None:
+    """Entry point of the console command."""
+    app(prog_name="derive")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""Euler–Lagrange equations on plain symbols q, qd, qdd, with phase and speed.
+
+For each coordinate  d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q + ∂R/∂q̇ − Q = 0,  where a force F along y has
+Q = F ∂y/∂q (chapter Eqs. (46)–(54)). The phase is a coordinate too, but a prescribed one:
+its row gives the drive torque.
+"""
+
+import sympy
+
+from derive.mechanism import Mechanism
+from derive.symbols import PHASE, Moving, rate
+
+
+def residual(mechanism: Mechanism) -> sympy.Matrix:
+    """Left-hand sides r(φ, Ω, q, q̇, q̈) of the equations of motion r = 0, one row a coordinate.
+
+    Coordinates with a fundamental motion are counted from it: q → q̄(φ) + q before anything else.
+    """
+    return sympy.Matrix([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
+
+
+def drive_torque(mechanism: Mechanism) -> sympy.Expr:
+    """Torque of the drive, N m: the row of the phase, with the coordinates held (chapter Eq. (51))."""
+    return _row(mechanism, PHASE)
+
+
+def from_fundamental(mechanism: Mechanism, expression: sympy.Expr) -> sympy.Expr:
+    """The expression with q, q̇, q̈ replaced by q̄ + q and their rates."""
+    shift: dict[sympy.Basic, sympy.Expr] = {}
+    for symbol, motion in mechanism.fundamental_motion.items():
+        for _ in range(3):
+            shift[symbol] = motion + symbol
+            symbol, motion = symbol.rate, rate(motion)
+    return expression.xreplace(shift) if shift else expression
+
+
+def _row(mechanism: Mechanism, q: Moving) -> sympy.Expr:
+    """Left-hand side of one equation of motion."""
+    kinetic, potential, dissipation = (
+        from_fundamental(mechanism, sympy.sympify(energy))
+        for energy in (mechanism.kinetic, mechanism.potential, mechanism.dissipation)
+    )
+    row = rate(kinetic.diff(q.rate)) - kinetic.diff(q) + potential.diff(q) + dissipation.diff(q.rate)
+    for force, along in mechanism.forces:
+        row -= from_fundamental(mechanism, force) * from_fundamental(mechanism, along).diff(q)
+    return row

@@ -1,0 +1,47 @@
+"""Taylor's expansion to first order about the fundamental motion: M q̈ + C q̇ + K q = d."""
+
+from typing import NamedTuple
+
+import sympy
+
+from derive.errors import SingularMassError
+from derive.mechanism import Mechanism
+from derive.transmission import PeriodicFunction
+
+
+class Linearised(NamedTuple):
+    """Matrices of the vibration about the fundamental motion, in phase and speed (chapter Eq. (64))."""
+
+    M: sympy.Matrix
+    C: sympy.Matrix
+    K: sympy.Matrix
+    d: sympy.Matrix
+
+
+def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
+    """Jacobians of the residual by q̈, q̇ and q where all three vanish; d is minus the residual there.
+
+    Raises SingularMassError where M is singular whatever the parameters.
+    """
+    q = [each.symbol for each in mechanism.declared_coordinates]
+    qd = [symbol.rate for symbol in q]
+    qdd = [symbol.rate for symbol in qd]
+    rest = dict.fromkeys([*q, *qd, *qdd], sympy.S.Zero)
+    M, C, K = (residual.jacobian(by).xreplace(rest) for by in (qdd, qd, q))
+    _require_inertia(mechanism, M)
+    return Linearised(M, C, K, -residual.xreplace(rest))
+
+
+def _require_inertia(mechanism: Mechanism, M: sympy.Matrix) -> None:
+    """Look for massless directions at an arbitrary rational point, where no rank is lost by chance."""
+    unknown = sorted(M.atoms(PeriodicFunction), key=sympy.default_sort_key)
+    unknown += sorted(M.free_symbols, key=lambda symbol: symbol.name)
+    point = {symbol: sympy.Rational(sympy.prime(i + 5), 7) for i, symbol in enumerate(unknown)}
+    massless = M.xreplace(point).nullspace(simplify=True)
+    if massless:
+        names = [each.symbol.name for each in mechanism.declared_coordinates]
+        without = [name for name, share in zip(names, massless[0], strict=True) if share != 0]
+        raise SingularMassError(
+            f"the kinetic energy gives no inertia to {' with '.join(without)}: M is singular; "
+            "add a mass there, or drop the coordinate"
+        )

@@ -1,0 +1,100 @@
+"""Mechanisms by name (models/NAME/mechanism.py beside this package) or by path; never by import."""
+
+import difflib
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from derive.errors import DeriveError, MechanismFileError, UnknownMechanismError
+from derive.freshness import sha256
+
+if TYPE_CHECKING:
+    from derive.mechanism import Mechanism
+
+HOME = Path(__file__).resolve().parent.parent
+
+
+@dataclass(frozen=True)
+class Source:
+    """A mechanism's file, the name of its module, and where that is written."""
+
+    name: str
+    path: Path
+    target: Path
+    argument: str
+    """What named it on the command line."""
+
+    @property
+    def command(self) -> str:
+        """The argument as the banner gives it: the same wherever the file lies."""
+        return self.path.name if self.argument.endswith(".py") else self.name
+
+    @property
+    def text(self) -> str:
+        try:
+            return self.path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise MechanismFileError(f"{self.path} cannot be read: {error}") from error
+
+    @property
+    def sha256(self) -> str:
+        return sha256(self.text)
+
+
+def names() -> list[str]:
+    """Names of the mechanisms that come with the package."""
+    return sorted(path.parent.name for path in (HOME / "models").glob("*/mechanism.py"))
+
+
+def find(model: str, out: Path | None = None) -> Source:
+    """The source that a name or a path ending in .py stands for; UnknownMechanismError if none."""
+    path = Path(model)
+    if model.endswith(".py"):
+        if not path.is_file():
+            raise UnknownMechanismError(f"there is no file {model}; give a mechanism's name or the path of its file")
+        return Source(path.stem, path, (out or path.parent / "generated") / path.name, model)
+    if path.name != model or "\\" in model:
+        raise UnknownMechanismError(f'"{model}" is neither a name nor a file: a path must end in .py')
+    if model not in names():
+        nearest = difflib.get_close_matches(model, names(), 1)
+        hint = f'; did you mean "{nearest[0]}"?' if nearest else ""
+        raise UnknownMechanismError(f'there is no mechanism "{model}"{hint} (known: {", ".join(names())})')
+    source = HOME / "models" / model / "mechanism.py"
+    return Source(model, source, (out or HOME / "generated") / f"{model}.py", model)
+
+
+def load(source: Source) -> "Mechanism":
+    """Run a mechanism file and return what its `mechanism()` states.
+
+    Raises MechanismFileError where the file does not run or returns something else; errors of
+    the statement itself (DeclarationError, …) pass through.
+    """
+    from derive.mechanism import Mechanism
+
+    namespace: dict[str, object] = {"__name__": source.name, "__file__": str(source.path)}
+    try:
+        exec(compile(source.text, str(source.path), "exec"), namespace)
+        function = namespace.get("mechanism")
+        if not callable(function):
+            raise MechanismFileError(f"{source.path} has no function mechanism(); it must return a derive.Mechanism")
+        stated = function()
+    except DeriveError:
+        raise
+    except Exception as error:
+        raise MechanismFileError(f"{source.path}{_line(error, source.path)}: {type(error).__name__}: {error}") from error
+    if not isinstance(stated, Mechanism):
+        raise MechanismFileError(
+            f"mechanism() in {source.path} returns {type(stated).__name__}; it must return a derive.Mechanism"
+        )
+    if stated.name != source.name:
+        raise MechanismFileError(f'{source.path} states a mechanism "{stated.name}"; it must be called "{source.name}"')
+    return stated
+
+
+def _line(error: Exception, path: Path) -> str:
+    """Where in the mechanism file an exception arose, such as ", line 12"."""
+    if isinstance(error, SyntaxError):
+        return f", line {error.lineno}"
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    return f", line {lines[-1]}" if lines else ""

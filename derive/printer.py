@@ -1,0 +1,51 @@
+"""SymPy expressions as Python text on CasADi symbols."""
+
+import sympy
+from sympy.printing.pycode import AbstractPythonCodePrinter
+
+from derive.errors import UnsupportedExpressionError
+
+FUNCTIONS = {
+    **{name: f"casadi.{name}" for name in "sin cos tan sinh cosh tanh exp log sign atan2".split()},
+    **{name: f"casadi.{name}" for name in "asin acos atan asinh acosh atanh".split()},
+    "Abs": "casadi.fabs",
+}
+
+
+class CasadiPrinter(AbstractPythonCodePrinter):
+    """Prints with `casadi.` and `math.` before each function; rationals stay exact until Python divides."""
+
+    def __init__(self) -> None:
+        super().__init__({"user_functions": FUNCTIONS, "precision": 17, "fully_qualified_modules": False})
+
+    def _print_Pow(self, expr: sympy.Pow, rational: bool = False) -> str:
+        return self._hprint_Pow(expr, rational=rational, sqrt="casadi.sqrt")
+
+    def _print_Pi(self, expr: sympy.Basic) -> str:
+        return "math.pi"
+
+    def _print_Exp1(self, expr: sympy.Basic) -> str:
+        return "math.e"
+
+    def _print_Max(self, expr: sympy.Max) -> str:
+        return self._nest("casadi.fmax", expr)
+
+    def _print_Min(self, expr: sympy.Min) -> str:
+        return self._nest("casadi.fmin", expr)
+
+    def _nest(self, function: str, expr: sympy.Basic) -> str:
+        first, *rest = (self._print(part) for part in expr.args)
+        for part in rest:
+            first = f"{function}({first}, {part})"
+        return first
+
+    def _print_Function(self, expr: sympy.Function) -> str:
+        name = type(expr).__name__
+        if name not in FUNCTIONS:
+            raise UnsupportedExpressionError(
+                f"{expr} cannot be generated; the functions that can: {', '.join(sorted(FUNCTIONS))}, sqrt, Max, Min"
+            )
+        return f"{FUNCTIONS[name]}({', '.join(self._print(part) for part in expr.args)})"
+
+    def emptyPrinter(self, expr: object) -> str:
+        raise UnsupportedExpressionError(f"{expr} ({type(expr).__name__}) cannot be generated")

@@ -1,0 +1,134 @@
+"""Coherent SI units as dimensions, and the dimension of an expression."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+import sympy
+
+from derive.errors import UnitError
+
+BASE = ("kg", "m", "s", "K", "A")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Exponents of kg, m, s, K and A; the radian counts as 1."""
+
+    exponents: tuple[Fraction, ...]
+
+    def __mul__(self, other: "Dimension") -> "Dimension":
+        return Dimension(tuple(a + b for a, b in zip(self.exponents, other.exponents, strict=True)))
+
+    def __pow__(self, power: Fraction | int) -> "Dimension":
+        return Dimension(tuple(a * power for a in self.exponents))
+
+    def __truediv__(self, other: "Dimension") -> "Dimension":
+        return self * other**-1
+
+    def __str__(self) -> str:
+        above = [_factor(base, e) for base, e in zip(BASE, self.exponents, strict=True) if e > 0]
+        below = ["/" + _factor(base, -e) for base, e in zip(BASE, self.exponents, strict=True) if e < 0]
+        return (" ".join(above) or "1") + "".join(below)
+
+
+def _factor(base: str, exponent: Fraction) -> str:
+    return base if exponent == 1 else f"{base}^{exponent}"
+
+
+def _of(*exponents: int) -> Dimension:
+    return Dimension(tuple(Fraction(e) for e in exponents))
+
+
+ONE = _of(0, 0, 0, 0, 0)
+UNITS = {
+    "1": ONE,
+    "rad": ONE,
+    "kg": _of(1, 0, 0, 0, 0),
+    "m": _of(0, 1, 0, 0, 0),
+    "s": _of(0, 0, 1, 0, 0),
+    "K": _of(0, 0, 0, 1, 0),
+    "A": _of(0, 0, 0, 0, 1),
+    "Hz": _of(0, 0, -1, 0, 0),
+    "N": _of(1, 1, -2, 0, 0),
+    "Pa": _of(1, -1, -2, 0, 0),
+    "J": _of(1, 2, -2, 0, 0),
+    "W": _of(1, 2, -3, 0, 0),
+}
+SECOND = UNITS["s"]
+
+
+def parse(text: str) -> Dimension:
+    """Dimension of a unit such as "N m/rad" or "kg m^2", read from left to right.
+
+    Raises UnitError where a factor is no coherent SI unit.
+    """
+    dimension = ONE
+    for sign, factor in re.findall(r"(/?)\s*([^\s/]+)", text) or [("", text)]:
+        name, _, power = factor.partition("^")
+        if name not in UNITS or not re.fullmatch(r"-?\d+|", power) or factor.endswith("^"):
+            raise UnitError(
+                f'the unit "{text}" is not understood at "{factor}"; '
+                f'write coherent SI such as "N m/rad" or "kg m^2" from {", ".join(UNITS)}'
+            )
+        exponent = int(power or 1)
+        dimension *= UNITS[name] ** (-exponent if sign else exponent)
+    return dimension
+
+
+def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.Symbol, Dimension]) -> None:
+    """Raise UnitError unless `expression` is in `unit`; `what` names it in the message."""
+    found = dimension_of(what, expression, known)
+    if expression != 0 and found != parse(unit):
+        raise UnitError(f'{what} must be in "{unit}" ({parse(unit)}) but {_short(expression)} is in {found}')
+
+
+def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
+    """Dimension of an expression by walking its tree; UnitError names terms that cannot be added."""
+    if isinstance(expression, sympy.Symbol):
+        return known[expression]
+    parts = [dimension_of(what, part, known) for part in expression.args]
+    if isinstance(expression, sympy.Mul):
+        product = ONE
+        for part in parts:
+            product *= part
+        return product
+    if isinstance(expression, sympy.Pow):
+        return _power(what, expression, parts)
+    if isinstance(expression, (sympy.Add, sympy.Max, sympy.Min, sympy.Abs, sympy.atan2)):
+        _require_alike(what, expression, parts)
+        return ONE if isinstance(expression, sympy.atan2) else parts[0]
+    for argument, part in zip(expression.args, parts, strict=True):
+        if part != ONE and not isinstance(expression, sympy.sign):
+            raise UnitError(
+                f"{what}: the argument {_short(argument)} of {expression.func.__name__} "
+                f"is in {part}; it must be a pure number or an angle"
+            )
+    return getattr(expression, "dimension", ONE)
+
+
+def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimension:
+    base, exponent = parts
+    if exponent != ONE:
+        raise UnitError(f"{what}: the exponent of {_short(expression)} is in {exponent}; it must be a pure number")
+    if base == ONE:
+        return ONE
+    if not isinstance(expression.exp, sympy.Rational):
+        raise UnitError(f"{what}: {_short(expression)} raises a quantity in {base} to a power that is no fixed fraction")
+    return base ** Fraction(int(expression.exp.p), int(expression.exp.q))
+
+
+def _require_alike(what: str, expression: sympy.Basic, parts: list[Dimension]) -> None:
+    first = parts[0]
+    for argument, part in zip(expression.args, parts, strict=True):
+        if part != first:
+            raise UnitError(
+                f"{what}: {_short(expression.args[0])} is in {first} but {_short(argument)} is in {part}; "
+                "they cannot be added or compared"
+            )
+
+
+def _short(expression: sympy.Basic, limit: int = 80) -> str:
+    text = str(expression)
+    return text if len(text) <= limit else text[: limit - 3] + "..."

@@ -1,0 +1,50 @@
+"""Cam follower driven through an elastic shaft, chapter 4.1."""
+
+from derive import Mechanism, rate
+
+
+def mechanism() -> Mechanism:
+    """Energies (41)–(43), virtual work (44) and relations (45) of the chapter; φ1 = φ + q1."""
+    cam = Mechanism("cam", "Cam follower driven through an elastic shaft (chapter 4.1)")
+    q1, q2, q3 = cam.coordinates(
+        q1=("rad", "twist of the shaft"),
+        q2=("m", "follower against cam"),
+        q3=("m", "output link against follower"),
+    )
+    I0, I1, m2, m3 = cam.parameters(
+        I0=("kg m^2", "motor side of the shaft; at constant speed it has no effect", ">= 0"),
+        I1=("kg m^2", "cam and its side of the shaft", "> 0"),
+        m2=("kg", "follower", "> 0"),
+        m3=("kg", "output link", "> 0"),
+    )
+    k1, k2, k3 = cam.parameters(
+        k1=("N m/rad", "torsion of the shaft", "> 0"),
+        k2=("N/m", "follower, contact and cam bearing", "> 0"),
+        k3=("N/m", "return spring and support of the output link", "> 0"),
+    )
+    c1, c2, c3 = cam.parameters(
+        c1=("N m s/rad", "damping of the shaft", ">= 0"),
+        c2=("N s/m", "damping of the follower", ">= 0"),
+        c3=("N s/m", "damping of the output link", ">= 0"),
+    )
+    U = cam.transmission("U", harmonics=12, unit="m")
+    F = cam.series("F", harmonics=6, unit="N", meaning="load against the output link")
+
+    phi1 = cam.phase + q1
+    y1 = U(phi1)
+    y2 = y1 + q2
+    y3 = y2 + q3
+    cam.kinetic = I0 * rate(cam.phase) ** 2 / 2 + I1 * rate(phi1) ** 2 / 2 + m2 * rate(y2) ** 2 / 2 + m3 * rate(y3) ** 2 / 2
+    cam.potential = k1 * q1**2 / 2 + k2 * q2**2 / 2 + k3 * q3**2 / 2
+    cam.dissipation = c1 * rate(q1) ** 2 / 2 + c2 * rate(q2) ** 2 / 2 + c3 * rate(q3) ** 2 / 2
+    cam.force(-F(cam.phase), along=y3)
+
+    contact_force = -(k2 * q2 + c2 * rate(q2))
+    cam.output("shaft_torque", k1 * q1 + c1 * rate(q1), "N m", "torque in the shaft, positive where the cam leads")
+    cam.output(
+        "contact_force", contact_force, "N", "follower against cam, compression positive",
+        bound=">= 0", beyond="the follower lifts off the cam",
+    )  # fmt: skip
+    cam.output("output_displacement", y3, "m", "position y3 of the output link")
+    cam.trust(q1=0.05)
+    return cam
