@@ -14,8 +14,21 @@ if TYPE_CHECKING:
     from derive.symbols import rate
 
 __all__ = [
-    "Abs", "Max", "Mechanism", "Min", "Rational", "atan2", "cos", "exp", "pi", "rate", "sign", "sin", "sqrt", "tan",
-]  # fmt: skip
+    "Abs",
+    "Max",
+    "Mechanism",
+    "Min",
+    "Rational",
+    "atan2",
+    "cos",
+    "exp",
+    "pi",
+    "rate",
+    "sign",
+    "sin",
+    "sqrt",
+    "tan",
+]
 
 _HOME = {"Mechanism": "derive.mechanism", "rate": "derive.symbols"}
 

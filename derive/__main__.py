@@ -2,12 +2,13 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from derive import freshness, loader
-from derive.errors import DeriveError
+from derive.errors import DeriveError, UsageError
 from derive.loader import Source
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -15,32 +16,36 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def derive(
-    models: Annotated[list[str] | None, typer.Argument(metavar="MODEL...", help="Names, or paths that end in .py.")] = None,
-    every: Annotated[bool, typer.Option("--all", help="All mechanisms that come with the package.")] = False,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the modules are written or checked.")] = None,
-    check: Annotated[bool, typer.Option("--check", help="Compare hashes only; exit 1 where a module is stale.")] = False,
-    full: Annotated[bool, typer.Option("--full", help="With --check: regenerate and show the difference.")] = False,
-    show: Annotated[bool, typer.Option("--show", help="Print the linearised equations as LaTeX; write nothing.")] = False,
+    models: Annotated[
+        list[str] | None, Argument(metavar="MODEL...", help="Names, or paths that end in .py.")
+    ] = None,
+    every: Annotated[bool, Option("--all", help="All mechanisms that come with the package.")] = False,
+    out: Annotated[
+        Path | None, Option(metavar="DIR", help="Where the modules are written or checked.")
+    ] = None,
+    check: Annotated[
+        bool, Option("--check", help="Compare hashes only; exit 1 where a module is stale.")
+    ] = False,
+    full: Annotated[bool, Option("--full", help="With --check: regenerate and show the difference.")] = False,
+    show: Annotated[
+        bool, Option("--show", help="Print the linearised equations as LaTeX; write nothing.")
+    ] = False,
 ) -> None:
     """Derive the equations of motion and generate CasADi code for them."""
-    try:
-        sources = _sources(models or [], every, out)
-        if full and not check or show and check:
-            raise typer.BadParameter("--full goes with --check, and --show with neither")
-        if show:
-            _show(sources)
-        elif check:
-            raise typer.Exit(1 if sum(_is_stale(source, full) for source in sources) else 0)
-        else:
-            _write(sources)
-    except DeriveError as error:
-        typer.echo(f"derive: {error}", err=True)
-        raise typer.Exit(2) from None
+    if (full and not check) or (show and check):
+        raise UsageError("--full goes with --check, and --show with neither")
+    sources = _sources(models or [], every, out)
+    if show:
+        _show(sources)
+    elif check:
+        raise typer.Exit(1 if sum(_is_stale(source, full) for source in sources) else 0)
+    else:
+        _write(sources)
 
 
 def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
     if every == bool(models):
-        raise typer.BadParameter(f"give one or more mechanisms, or --all (known: {', '.join(loader.names())})")
+        raise UsageError(f"give one or more mechanisms, or --all (known: {', '.join(loader.names())})")
     return [loader.find(model, out) for model in (loader.names() if every else models)]
 
 
@@ -84,8 +89,16 @@ def _show(sources: list[Source]) -> None:
 
 
 def main() -> None:
-    """Entry point of the console command."""
-    app(prog_name="derive")
+    """Entry point of the console command: exit 0, 1 where a check fails, 2 with one line on bad input."""
+    mistyped: Any = typer.BadParameter.__bases__[0]  # Typer exports only this subclass of what it raises
+    try:
+        sys.exit(app(prog_name="derive", standalone_mode=False))
+    except DeriveError as error:
+        message = str(error)
+    except mistyped as error:
+        message = error.format_message()
+    print(f"derive: {message}", file=sys.stderr)
+    sys.exit(2)
 
 
 if __name__ == "__main__":

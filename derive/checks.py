@@ -12,7 +12,9 @@ from derive.units import ONE, SECOND, Dimension, parse, require
 def check(mechanism: Mechanism) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError on the first fault."""
     if not mechanism.declared_coordinates:
-        raise DeclarationError(f"{mechanism.name} has no coordinates; declare one or more with coordinates(...)")
+        raise DeclarationError(
+            f"{mechanism.name} has no coordinates; declare one or more with coordinates(...)"
+        )
     stated = _statements(mechanism)
     known = _dimensions(mechanism)
     accelerations = {each.symbol.rate.rate for each in mechanism.declared_coordinates}
@@ -37,7 +39,10 @@ def _statements(mechanism: Mechanism) -> dict[str, tuple[sympy.Expr, str]]:
         stated[f"virtual work of {force} along {along}"] = (force * along, mechanism.energy)
     for each in mechanism.declared_coordinates:
         if each.symbol in mechanism.fundamental_motion:
-            stated[f"fundamental motion of {each.symbol}"] = (mechanism.fundamental_motion[each.symbol], each.unit)
+            stated[f"fundamental motion of {each.symbol}"] = (
+                mechanism.fundamental_motion[each.symbol],
+                each.unit,
+            )
     for output in mechanism.declared_outputs:
         stated[f"output {output.name}"] = (output.expression, output.unit)
     return stated
@@ -54,7 +59,7 @@ def _dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
 
 
 def _require_known(what: str, expression: sympy.Expr, allowed: set[sympy.Symbol]) -> None:
-    unknown = sorted(symbol.name for symbol in expression.free_symbols - allowed)
+    unknown = sorted(str(symbol) for symbol in expression.free_symbols - allowed)
     if unknown:
         raise UnknownSymbolError(
             f"{what} holds {', '.join(unknown)}, which cannot stand there; "
@@ -68,7 +73,11 @@ def _require_use(mechanism: Mechanism, expressions: list[sympy.Expr]) -> None:
         symbols |= set(type(series).coefficients())
     for parameter in mechanism.declared_parameters:
         if parameter.symbol not in symbols:
-            raise UnusedParameterError(f"the parameter {parameter.symbol} is declared but never used; use it or drop it")
+            raise UnusedParameterError(
+                f"the parameter {parameter.symbol} is declared but never used; use it or drop it"
+            )
     for option in mechanism.declared_options:
         if not symbols & set(option.indicators):
-            raise UnusedParameterError(f"the option {option.name} is declared but never used; use it or drop it")
+            raise UnusedParameterError(
+                f"the option {option.name} is declared but never used; use it or drop it"
+            )

@@ -5,6 +5,10 @@ class DeriveError(Exception):
     """Base of everything that `derive` refuses; its text is one line for the user."""
 
 
+class UsageError(DeriveError):
+    """The command's options or arguments do not go together."""
+
+
 class DeclarationError(DeriveError):
     """A name, unit, meaning, bound or option is missing, malformed, reserved or given twice."""
 

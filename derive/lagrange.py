@@ -5,6 +5,8 @@ Q = F ∂y/∂q (chapter Eqs. (46)–(54)). The phase is a coordinate too, but a
 its row gives the drive torque.
 """
 
+from typing import Any
+
 import sympy
 
 from derive.mechanism import Mechanism
@@ -24,7 +26,7 @@ def drive_torque(mechanism: Mechanism) -> sympy.Expr:
     return _row(mechanism, PHASE)
 
 
-def from_fundamental(mechanism: Mechanism, expression: sympy.Expr) -> sympy.Expr:
+def from_fundamental(mechanism: Mechanism, expression: Any) -> Any:
     """The expression with q, q̇, q̈ replaced by q̄ + q and their rates."""
     shift: dict[sympy.Basic, sympy.Expr] = {}
     for symbol, motion in mechanism.fundamental_motion.items():

@@ -6,6 +6,7 @@ import sympy
 
 from derive.errors import SingularMassError
 from derive.mechanism import Mechanism
+from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
 
 
@@ -27,9 +28,21 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     qd = [symbol.rate for symbol in q]
     qdd = [symbol.rate for symbol in qd]
     rest = dict.fromkeys([*q, *qd, *qdd], sympy.S.Zero)
-    M, C, K = (residual.jacobian(by).xreplace(rest) for by in (qdd, qd, q))
+    matrices = [residual.jacobian(by) for by in (qdd, qd, q)] + [-residual]
+    M, C, K, d = (matrix.xreplace(rest).applyfunc(gathered) for matrix in matrices)
     _require_inertia(mechanism, M)
-    return Linearised(M, C, K, -residual.xreplace(rest))
+    return Linearised(M, C, K, d)
+
+
+def gathered(entry: sympy.Expr) -> sympy.Expr:
+    """Sum of terms that each vary differently with phase and speed, so that what cancels is gone."""
+    factors: dict[sympy.Expr, list[sympy.Expr]] = {}
+    for term in sympy.Add.make_args(sympy.expand(entry)):
+        factor, varying = term.as_independent(PeriodicFunction, PHASE, SPEED)
+        factors.setdefault(varying, []).append(factor)
+    return sympy.Add(
+        *(varying * sympy.factor_terms(sympy.Add(*factor)) for varying, factor in factors.items())
+    )
 
 
 def _require_inertia(mechanism: Mechanism, M: sympy.Matrix) -> None:

@@ -52,7 +52,9 @@ def find(model: str, out: Path | None = None) -> Source:
     path = Path(model)
     if model.endswith(".py"):
         if not path.is_file():
-            raise UnknownMechanismError(f"there is no file {model}; give a mechanism's name or the path of its file")
+            raise UnknownMechanismError(
+                f"there is no file {model}; give a mechanism's name or the path of its file"
+            )
         return Source(path.stem, path, (out or path.parent / "generated") / path.name, model)
     if path.name != model or "\\" in model:
         raise UnknownMechanismError(f'"{model}" is neither a name nor a file: a path must end in .py')
@@ -77,18 +79,24 @@ def load(source: Source) -> "Mechanism":
         exec(compile(source.text, str(source.path), "exec"), namespace)
         function = namespace.get("mechanism")
         if not callable(function):
-            raise MechanismFileError(f"{source.path} has no function mechanism(); it must return a derive.Mechanism")
+            raise MechanismFileError(
+                f"{source.path} has no function mechanism(); it must return a derive.Mechanism"
+            )
         stated = function()
     except DeriveError:
         raise
     except Exception as error:
-        raise MechanismFileError(f"{source.path}{_line(error, source.path)}: {type(error).__name__}: {error}") from error
+        raise MechanismFileError(
+            f"{source.path}{_line(error, source.path)}: {type(error).__name__}: {error}"
+        ) from error
     if not isinstance(stated, Mechanism):
         raise MechanismFileError(
             f"mechanism() in {source.path} returns {type(stated).__name__}; it must return a derive.Mechanism"
         )
     if stated.name != source.name:
-        raise MechanismFileError(f'{source.path} states a mechanism "{stated.name}"; it must be called "{source.name}"')
+        raise MechanismFileError(
+            f'{source.path} states a mechanism "{stated.name}"; it must be called "{source.name}"'
+        )
     return stated
 
 
@@ -96,5 +104,7 @@ def _line(error: Exception, path: Path) -> str:
     """Where in the mechanism file an exception arose, such as ", line 12"."""
     if isinstance(error, SyntaxError):
         return f", line {error.lineno}"
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    lines = [
+        frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)
+    ]
     return f", line {lines[-1]}" if lines else ""

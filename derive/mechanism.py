@@ -4,17 +4,18 @@ import keyword
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import sympy
 
 from derive.errors import DeclarationError
 from derive.symbols import PHASE, SPEED, Moving
-from derive.transmission import PeriodicFunction
+from derive.transmission import PeriodicFunction, Series
 from derive.units import parse
 
-RESERVED = frozenset(
-    "phase speed coordinates rates accelerations parameters linearised residual outputs casadi math".split()
-)
+RESERVED = ("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math")
+CLAUSE = r"(integer|[<>]=? *-?[\d.]+(e-?\d+)?)"
+BOUND = rf"({CLAUSE}(, *{CLAUSE})*)?"
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,6 @@ class Output:
     expression: sympy.Expr
     unit: str
     meaning: str
-    bound: str = ""
-    beyond: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,6 +88,7 @@ class Mechanism:
     declared_series: list[type[PeriodicFunction]] = field(default_factory=list, init=False)
     forces: list[tuple[sympy.Expr, sympy.Expr]] = field(default_factory=list, init=False)
     fundamental_motion: dict[Moving, sympy.Expr] = field(default_factory=dict, init=False)
+    limits: list[tuple[str, str, str]] = field(default_factory=list, init=False)
     validity: dict[str, float] = field(default_factory=dict, init=False)
     no_drive_torque: str = field(default="", init=False)
 
@@ -130,8 +130,13 @@ class Mechanism:
         return tuple(self._parameter(f"{name}{i}", (unit, f"{meaning}, order {i}", bound)) for i in indices)
 
     def transmission(
-        self, name: str, harmonics: int, unit: str, meaning: str = "", coefficients: tuple[str, str] = ("a", "b")
-    ) -> type[PeriodicFunction]:
+        self,
+        name: str,
+        harmonics: int,
+        unit: str,
+        meaning: str = "",
+        coefficients: tuple[str, str] = ("a", "b"),
+    ) -> Series:
         """Declare a transmission function U by the Fourier coefficients of its derivative.
 
         U′(φ) = Σ aₖ cos kφ + bₖ sin kφ, chapter Eq. (65); U is the integral of zero mean.
@@ -149,7 +154,7 @@ class Mechanism:
             integrated=True,
         )
 
-    def series(self, name: str, harmonics: int, unit: str, meaning: str, bound: str = "") -> type[PeriodicFunction]:
+    def series(self, name: str, harmonics: int, unit: str, meaning: str, bound: str = "") -> Series:
         """Declare F(x) = F + Σ Faₖ cos kx + Fbₖ sin kx, to be called with any angle x.
 
         Declares the parameters F (the mean, with `bound`), Fa1, … and Fb1, ….
@@ -173,7 +178,7 @@ class Mechanism:
         angles: str,
         mean: bool = True,
         bound: str = "",
-    ) -> type[PeriodicFunction]:
+    ) -> Series:
         """Declare k(x) = k0 + Σ kₙ cos(n x + γₙ), chapter Eq. (73), to be called with any angle x.
 
         Declares k1, … and the angles γ1, … (named by `angles`); with `mean` also k0, with
@@ -193,7 +198,9 @@ class Mechanism:
         """Declare an option; the first value is its default. `Option.choose` picks expressions."""
         self._claim(name)
         if len(values) < 2 or not all(value.isidentifier() for value in values):
-            raise DeclarationError(f"option {name} needs two or more values that are plain words; given: {values}")
+            raise DeclarationError(
+                f"option {name} needs two or more values that are plain words; given: {values}"
+            )
         option = Option(name, tuple(values))
         for indicator in option.indicators:
             self._claim(indicator.name)
@@ -214,18 +221,19 @@ class Mechanism:
             self._require_coordinate(name, "fundamental motion")
             self.fundamental_motion[symbols[name]] = sympy.sympify(motion)
 
-    def output(
-        self, name: str, expression: sympy.Expr, unit: str, meaning: str, bound: str = "", beyond: str = ""
-    ) -> None:
-        """Declare a quantity to be computed beside the coordinates.
-
-        With a `bound` such as ">= 0", `beyond` says what is true where the output leaves it.
-        """
-        self._described(name, (unit, meaning, bound))
+    def output(self, name: str, expression: sympy.Expr, unit: str, meaning: str) -> None:
+        """Declare a quantity to be computed beside the coordinates."""
+        self._described(name, (unit, meaning))
         self._claim(name)
-        if bool(bound) != bool(beyond):
-            raise DeclarationError(f"output {name}: give both `bound` and `beyond` (what is true outside it), or neither")
-        self.declared_outputs.append(Output(name, sympy.sympify(expression), unit, meaning, bound, beyond))
+        self.declared_outputs.append(Output(name, sympy.sympify(expression), unit, meaning))
+
+    def limit(self, output: str, bound: str, beyond: str) -> None:
+        """Bound an output, such as ">= 0", and say in `beyond` what is true where it leaves the bound."""
+        self._described(output, ("1", beyond, bound))
+        names = ["drive_torque", *(each.name for each in self.declared_outputs)]
+        if output not in names:
+            raise DeclarationError(f"limit: {output} is no output; declared: {', '.join(names)}")
+        self.limits.append((output, bound, beyond))
 
     def trust(self, **bounds: float) -> None:
         """Bound |coordinate| within which the linear model is to be believed: `q1=0.05`."""
@@ -239,10 +247,10 @@ class Mechanism:
         """State why the drive torque does not follow from the energies; it is then no output."""
         self.no_drive_torque = reason
 
-    def _series(self, name: str, unit: str, **contents) -> type[PeriodicFunction]:
+    def _series(self, name: str, unit: str, **contents) -> Series:
         if not contents["first"]:
             raise DeclarationError(f"{name} has no harmonics; give one or more")
-        series = type(name, (PeriodicFunction,), {"dimension": parse(unit), **contents})
+        series: Any = type(name, (PeriodicFunction,), {"dimension": parse(unit), **contents})
         self.declared_series.append(series)
         return series
 
@@ -255,21 +263,27 @@ class Mechanism:
 
     def _described(self, name: str, described: tuple[str, ...]) -> tuple[str, str, str]:
         if not isinstance(described, tuple) or not 2 <= len(described) <= 3 or not all(described[:2]):
-            raise DeclarationError(f'{name} needs a unit and a meaning, such as ("N/m", "shaft"); given: {described!r}')
+            raise DeclarationError(
+                f'{name} needs a unit and a meaning, such as ("N/m", "shaft"); given: {described!r}'
+            )
         unit, meaning, bound = (*described, "")[:3]
         parse(unit)
-        if not re.fullmatch(r"|(integer|[<>]=? *-?[\d.]+(e-?\d+)?)(, *(integer|[<>]=? *-?[\d.]+(e-?\d+)?))*", bound):
+        if not re.fullmatch(BOUND, bound):
             raise DeclarationError(
-                f'{name}: the bound "{bound}" is not understood; write "> 0", ">= 0", "< 1", "integer, >= 1" or nothing'
+                f'{name}: the bound "{bound}" is not understood; write it like "> 0", ">= 0", "< 1" or "integer, >= 1"'
             )
         return unit, meaning, bound
 
     def _claim(self, name: str) -> None:
         """Refuse a name that is reserved or taken."""
         if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name) or name in RESERVED:
-            raise DeclarationError(f'"{name}" cannot be a name: it is reserved, or no plain word of letters and digits')
+            raise DeclarationError(
+                f'"{name}" cannot be a name: it is reserved, or no plain word of letters and digits'
+            )
         if name in self.names():
-            raise DeclarationError(f'"{name}" is declared twice (q, qd and qdd are a coordinate and its derivatives)')
+            raise DeclarationError(
+                f'"{name}" is declared twice (q, qd and qdd are a coordinate and its derivatives)'
+            )
 
     def names(self) -> set[str]:
         """Every name that is taken, derivatives of coordinates and option values included."""

@@ -5,11 +5,9 @@ from sympy.printing.pycode import AbstractPythonCodePrinter
 
 from derive.errors import UnsupportedExpressionError
 
-FUNCTIONS = {
-    **{name: f"casadi.{name}" for name in "sin cos tan sinh cosh tanh exp log sign atan2".split()},
-    **{name: f"casadi.{name}" for name in "asin acos atan asinh acosh atanh".split()},
-    "Abs": "casadi.fabs",
-}
+SAME = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sign")
+HYPERBOLIC = ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh")
+FUNCTIONS = {"Abs": "casadi.fabs", **{name: f"casadi.{name}" for name in SAME + HYPERBOLIC}}
 
 
 class CasadiPrinter(AbstractPythonCodePrinter):
@@ -43,7 +41,7 @@ class CasadiPrinter(AbstractPythonCodePrinter):
         name = type(expr).__name__
         if name not in FUNCTIONS:
             raise UnsupportedExpressionError(
-                f"{expr} cannot be generated; the functions that can: {', '.join(sorted(FUNCTIONS))}, sqrt, Max, Min"
+                f"{expr} cannot be generated; known functions: {', '.join(sorted(FUNCTIONS))}, sqrt, Max, Min"
             )
         return f"{FUNCTIONS[name]}({', '.join(self._print(part) for part in expr.args)})"
 

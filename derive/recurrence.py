@@ -1,13 +1,14 @@
 """Calls in generated code that evaluate Fourier series, all orders at one argument together."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import sympy
 
 from derive.printer import CasadiPrinter
 from derive.transmission import PeriodicFunction
 
-FOURIER = '''
+FOURIER = '''\
 def _fourier(angle, mean, cosine, sine, orders):
     """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
 
@@ -21,14 +22,12 @@ def _fourier(angle, mean, cosine, sine, orders):
         even, odd = a * cos_kx + b * sin_kx, b * cos_kx - a * sin_kx
         for i, order in enumerate(orders):
             sums[i] += float(k) ** order * (even, odd, -even, -odd)[order % 4]
-    return sums
-'''
-COMPONENTS = '''
+    return sums'''
+COMPONENTS = '''\
 def _components(amplitudes, angles):
     """Cosine and sine coefficients of a sum of A cos(kx + angle)."""
     pairs = list(zip(amplitudes, angles))
-    return [a * casadi.cos(g) for a, g in pairs], [-a * casadi.sin(g) for a, g in pairs]
-'''
+    return [a * casadi.cos(g) for a, g in pairs], [-a * casadi.sin(g) for a, g in pairs]'''
 
 
 def series_calls(
@@ -38,18 +37,18 @@ def series_calls(
 
     `taken` are names that the symbols must not have; the new ones are added to it.
     """
-    found: set[PeriodicFunction] = set().union(*(matrix.atoms(PeriodicFunction) for matrix in matrices))
+    found: set[Any] = set().union(*(matrix.atoms(PeriodicFunction) for matrix in matrices))
     inner = {inside for each in found for inside in each.args[0].atoms(PeriodicFunction)}
-    together: dict[tuple[type[PeriodicFunction], sympy.Expr], set[int]] = {}
+    together: dict[tuple[type[PeriodicFunction], Any], set[int]] = {}
     for each in found | inner:
-        together.setdefault((type(each), each.args[0]), set()).add(int(each.args[1]))
+        together.setdefault((type(each), each.args[0]), set()).add(each.order)
     lines, values = [], {}
     for series, argument in sorted(together, key=_inner_first):
         orders = sorted(together[series, argument])
         symbols = [_fresh(f"{series.__name__}_{order}", taken) for order in orders]
         values |= {series(argument, order): symbol for order, symbol in zip(orders, symbols, strict=True)}
         call = _call(series, argument.xreplace(values), orders)
-        lines.append(f"{', '.join(symbol.name for symbol in symbols)}, = {call}")
+        lines.append(f"[{', '.join(symbol.name for symbol in symbols)}] = {call}")
     return lines, values
 
 
@@ -79,7 +78,9 @@ def _fresh(name: str, taken: set[str]) -> sympy.Symbol:
 
 def _call(series: type[PeriodicFunction], argument: sympy.Expr, orders: Sequence[int]) -> str:
     first, second = (f"({', '.join(map(str, family))},)" for family in (series.first, series.second))
-    coefficients = f"*_components({first}, {second})" if series.form == "amplitude-phase" else f"{first}, {second}"
+    coefficients = f"*_components(\n        {first},\n        {second},\n    )"
+    if series.form == "cosine-sine":
+        coefficients = f"{first},\n    {second}"
     shifted = [order - 1 if series.integrated else order for order in orders]
     angle = CasadiPrinter().doprint(argument)
-    return f"_fourier({angle}, {series.mean or 0.0}, {coefficients}, {shifted})"
+    return f"_fourier(\n    {angle}, {series.mean or 0.0},\n    {coefficients},\n    {shifted},\n)"

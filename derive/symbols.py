@@ -1,5 +1,7 @@
 """Symbols that move in time, and the total time derivative through them."""
 
+from typing import Any
+
 import sympy
 
 
@@ -10,7 +12,7 @@ class Moving(sympy.Symbol):
         return super().__new__(cls, name, real=True)
 
     @property
-    def rate(self) -> sympy.Symbol:
+    def rate(self) -> Any:
         return Moving(self.name + "d")
 
 
@@ -18,7 +20,7 @@ class Phase(Moving):
     """The phase φ = Ωt of the drive, rad; its rate is the constant speed Ω."""
 
     @property
-    def rate(self) -> sympy.Symbol:
+    def rate(self) -> Any:
         return SPEED
 
 

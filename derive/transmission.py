@@ -5,12 +5,23 @@ function with the next order. No coefficient enters an expression, so that formu
 as short as they are on paper.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar, Protocol
 
 import sympy
 
 from derive.symbols import PHASE
 from derive.units import Dimension
+
+
+class Series(Protocol):
+    """What a mechanism's author sees of a periodic function."""
+
+    mean: Any
+    """Parameter that is the mean of the series, if it has one."""
+
+    def __call__(self, angle: Any, /) -> Any:
+        """The function of an angle, as an expression."""
+        ...
 
 
 class PeriodicFunction(sympy.Function):
@@ -22,7 +33,6 @@ class PeriodicFunction(sympy.Function):
     is_real = True
     dimension: ClassVar[Dimension]
     mean: ClassVar[sympy.Symbol | None] = None
-    """Parameter that is the mean of the series, if it has one."""
     first: ClassVar[tuple[sympy.Symbol, ...]]
     """Cosine coefficients, or amplitudes."""
     second: ClassVar[tuple[sympy.Symbol, ...]]
@@ -32,15 +42,22 @@ class PeriodicFunction(sympy.Function):
     integrated: ClassVar[bool] = False
     """Whether the coefficients are those of the first derivative (chapter Eq. (65))."""
 
+    nargs = (1, 2)
+
     @classmethod
-    def eval(cls, argument: sympy.Expr, order: sympy.Integer | None = None):
-        return cls(argument, 0) if order is None else None
+    def eval(cls, *args: Any) -> Any:
+        return cls(*args, 0) if len(args) == 1 else None
+
+    @property
+    def order(self) -> int:
+        """How often the function is differentiated."""
+        return int(str(self.args[1]))
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:
-        return self.func(self.args[0], self.args[1] + 1)
+        return self.func(self.args[0], self.order + 1)
 
     def _latex(self, printer, exp: str | None = None) -> str:
-        order = int(self.args[1])
+        order = self.order
         primes = "'" * order if order < 4 else f"^{{({order})}}"
         name = sympy.latex(sympy.Symbol(type(self).__name__)) + primes
         if self.args[0] != PHASE:

@@ -111,11 +111,15 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
 def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimension:
     base, exponent = parts
     if exponent != ONE:
-        raise UnitError(f"{what}: the exponent of {_short(expression)} is in {exponent}; it must be a pure number")
+        raise UnitError(
+            f"{what}: the exponent of {_short(expression)} is in {exponent}; it must be a pure number"
+        )
     if base == ONE:
         return ONE
     if not isinstance(expression.exp, sympy.Rational):
-        raise UnitError(f"{what}: {_short(expression)} raises a quantity in {base} to a power that is no fixed fraction")
+        raise UnitError(
+            f"{what}: {_short(expression)} raises a quantity in {base} to a power that is no fixed fraction"
+        )
     return base ** Fraction(int(expression.exp.p), int(expression.exp.q))
 
 

@@ -34,17 +34,17 @@ def mechanism() -> Mechanism:
     y1 = U(phi1)
     y2 = y1 + q2
     y3 = y2 + q3
-    cam.kinetic = I0 * rate(cam.phase) ** 2 / 2 + I1 * rate(phi1) ** 2 / 2 + m2 * rate(y2) ** 2 / 2 + m3 * rate(y3) ** 2 / 2
-    cam.potential = k1 * q1**2 / 2 + k2 * q2**2 / 2 + k3 * q3**2 / 2
-    cam.dissipation = c1 * rate(q1) ** 2 / 2 + c2 * rate(q2) ** 2 / 2 + c3 * rate(q3) ** 2 / 2
+    rotation = I0 * rate(cam.phase) ** 2 + I1 * rate(phi1) ** 2
+    cam.kinetic = (rotation + m2 * rate(y2) ** 2 + m3 * rate(y3) ** 2) / 2
+    cam.potential = (k1 * q1**2 + k2 * q2**2 + k3 * q3**2) / 2
+    cam.dissipation = (c1 * rate(q1) ** 2 + c2 * rate(q2) ** 2 + c3 * rate(q3) ** 2) / 2
     cam.force(-F(cam.phase), along=y3)
 
+    shaft_torque = k1 * q1 + c1 * rate(q1)
     contact_force = -(k2 * q2 + c2 * rate(q2))
-    cam.output("shaft_torque", k1 * q1 + c1 * rate(q1), "N m", "torque in the shaft, positive where the cam leads")
-    cam.output(
-        "contact_force", contact_force, "N", "follower against cam, compression positive",
-        bound=">= 0", beyond="the follower lifts off the cam",
-    )  # fmt: skip
+    cam.output("shaft_torque", shaft_torque, "N m", "torque in the shaft, positive where the cam leads")
+    cam.output("contact_force", contact_force, "N", "follower against cam, compression positive")
+    cam.limit("contact_force", ">= 0", beyond="the follower lifts off the cam")
     cam.output("output_displacement", y3, "m", "position y3 of the output link")
     cam.trust(q1=0.05)
     return cam
