@@ -7,94 +7,31 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import Curve
 from solve.errors import StepsError
+from solve.methods.auto import Auto
 from solve.methods.grid import Grid
-from solve.methods.method import Method
-from solve.methods.period_map import monodromy, periodic_states
+from solve.methods.method import Method, Solution
 from solve.system import PeriodicSystem
 
 _FIRST_STEPS = 32
-_MOST_MEMORY = 2**28
-"""Bytes that the maps of one period may take before refinement stops."""
+_FEW_STEPS = 360
 
 _RESOLVED = 1.0
 """ω_max h up to which a step resolves the fastest mode."""
 
-_ROUNDING = 64 * np.finfo(float).eps
+_ROUNDING = 64 * float(np.finfo(float).eps)
 """Relative error below which two grids can no longer be told from rounding."""
-
-
-@dataclass(frozen=True)
-class Multipliers:
-    """Floquet multipliers: resolved ones, falling in modulus, + imaginary part first; the rest counted."""
-
-    values: Array
-    unresolved: int
-
-    @classmethod
-    def of(cls, Phi: Array) -> "Multipliers":
-        """Eigenvalues of the monodromy matrix; those below eps‖Φ‖ are rounding and not reported."""
-        values = np.linalg.eigvals(Phi).astype(complex)
-        values = values[np.argsort(-np.abs(values), kind="stable")]
-        pairs = np.flatnonzero((values[1:] == values[:-1].conj()) & (np.imag(values[:-1]) < 0))
-        values[pairs], values[pairs + 1] = values[pairs + 1].copy(), values[pairs].copy()
-        kept = np.abs(values) > np.finfo(float).eps * np.linalg.norm(Phi, 2)
-        return cls(values[kept], int((~kept).sum()))
-
-    @property
-    def spectral_radius(self) -> float:
-        return float(np.abs(self.values[0])) if len(self.values) else 0.0
-
-    def difference(self, other: "Multipliers") -> float:
-        """Largest distance between matched multipliers, relative to the spectral radius."""
-        from scipy.optimize import linear_sum_assignment
-
-        ours, theirs = (np.pad(s.values, (0, s.unresolved)) for s in (self, other))
-        scale = max(self.spectral_radius, other.spectral_radius)
-        if scale == 0.0:
-            return 0.0
-        distance = np.abs(ours[:, None] - theirs)
-        return float(distance[linear_sum_assignment(distance)].max() / scale)
-
-
-@dataclass(frozen=True)
-class Solution:
-    """One method on one grid."""
-
-    method: Method
-    grid: Grid
-    Phi: Array
-    multipliers: Multipliers
-    curve: Curve | None
-    condition: float = math.nan
 
 
 @dataclass(frozen=True)
 class Certified:
     """A solution with the errors estimated from a second grid; relative, as `rtol` is."""
 
+    method: Method
     solution: Solution
     orbit_error: float
     multiplier_error: float
     warnings: list[str] = field(default_factory=list)
-
-
-def solved(system: PeriodicSystem, speed: float, method: Method, steps: int, orbit: bool = True) -> Solution:
-    """The monodromy matrix, and with `orbit` the periodic solution, on one grid."""
-    grid = Grid.uniform(steps, system.period, system.breaks)
-    discretisation = method.discretise(system, speed, grid)
-    Phi = monodromy(discretisation.steps)
-    if not np.isfinite(Phi).all():
-        raise StepsError(
-            f"{method.name} with {grid.steps} steps overflows within one period; use more steps or "
-            "the default method"
-        )
-    curve, condition = None, math.nan
-    if orbit:
-        states, condition = periodic_states(discretisation.steps)
-        curve = discretisation.curve(states)
-    return Solution(method, grid, Phi, Multipliers.of(Phi), curve, condition)
 
 
 def certified(
@@ -102,7 +39,9 @@ def certified(
 ) -> Certified:
     """With `steps`: that grid, judged by one twice as fine. Without: doubled until both errors of the
     finer grid are estimated at `rtol` or less, or the precision in reach is achieved."""
-    refinement = _Refinement(system, speed, method, orbit)
+    refinement = _Refinement(system, speed, method.settled(system, speed), orbit)
+    if refinement.method.order == 0:
+        return refinement.approximated(steps, rtol)
     if steps is not None:
         refinement.refuse(steps)
         return refinement.judged(steps, rtol)
@@ -126,7 +65,7 @@ class _Refinement:
 
     @property
     def most(self) -> int:
-        return _MOST_MEMORY // (8 * (2 * self.system.n + 1) ** 2)
+        return self.method.most_steps(self.system.n)
 
     def unresolved_modes(self, steps: int) -> list[str]:
         """The quiet vice: a method that is not L-stable keeps what its steps do not resolve."""
@@ -159,7 +98,15 @@ class _Refinement:
             )
 
     def solved(self, steps: int) -> Solution:
-        return solved(self.system, self.speed, self.method, steps, self.orbit)
+        grid = Grid.uniform(steps, self.system.period, self.system.breaks)
+        return self.method.solution(self.system, self.speed, grid, self.orbit)
+
+    def approximated(self, steps: int | None, rtol: float) -> Certified:
+        """A method that does not converge to the truth, judged by one that does."""
+        chosen = self.solved(steps or _FEW_STEPS)
+        truth = certified(self.system, self.speed, Auto(), None, min(rtol, 1e-8), self.orbit)
+        errors = [max(e, _ROUNDING) for e in self._differences(chosen, truth.solution)]
+        return self._result(chosen, errors, rtol, "is an approximation that")
 
     def judged(self, steps: int, rtol: float) -> Certified:
         chosen = self.solved(steps)
@@ -176,9 +123,10 @@ class _Refinement:
             fine = self.solved(steps)
             differences = self._differences(coarse, fine)
             factors = map(_observed, differences, before, self._orders)
-            errors = [max(e / (f - 1), _ROUNDING) for e, f in zip(differences, factors, strict=True)]
+            errors = [max(float(e / (f - 1)), _ROUNDING) for e, f in zip(differences, factors, strict=True)]
             stalled = all(e <= rtol or e >= e0 < 1e-6 for e, e0 in zip(differences, before, strict=True))
-            if max(errors) <= rtol or stalled or 2 * steps > self.most:
+            reached = errors[0] <= max(rtol, 2 * fine.defect) and errors[1] <= rtol
+            if reached or stalled or 2 * steps > self.most:
                 return self._result(fine, errors, rtol, "at the precision in reach")
             coarse, before = fine, differences
 
@@ -187,15 +135,16 @@ class _Refinement:
         return self.method.curve_order, self.method.order
 
     def _result(self, solution: Solution, errors: list[float], rtol: float, where: str) -> Certified:
+        errors = [errors[0] + solution.defect, errors[1]]
         missed = [
             f"{name} to {e:.1e}" for name, e in zip(("orbit", "multipliers"), errors, strict=True) if e > rtol
         ]
-        warnings = [*self.method.concerns(), *self.unresolved_modes(solution.grid.steps)]
+        warnings = [*self.method.concerns, *solution.notes, *self.unresolved_modes(solution.grid.steps)]
         if missed:
             warnings.append(
                 f"{self.method.name} {where} gives the {' and the '.join(missed)} only, not to rtol {rtol:g}"
             )
-        return Certified(solution, errors[0], errors[1], warnings)
+        return Certified(self.method, solution, errors[0], errors[1], warnings)
 
     def _differences(self, coarse: Solution, fine: Solution) -> tuple[float, float]:
         """Of the orbit, per coordinate max|difference|/max|q|, and of the multipliers."""

@@ -1,6 +1,7 @@
-"""The continuous curve of a solution: one polynomial a step, in the phase."""
+"""The continuous curve of a solution over the phase: polynomials by steps, or a Fourier series."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -20,6 +21,17 @@ _QUINTIC = np.linalg.inv(
         dtype=float,
     )
 )
+
+
+class PeriodicCurve(Protocol):
+    """nodes: phases (m+1,) from 0 to the period."""
+
+    @property
+    def nodes(self) -> Array: ...
+
+    def __call__(self, phase: Array, derivative: int = 0) -> Array:
+        """q or its derivative by the phase, at phases (k,) of any turn: (n, k)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -52,3 +64,23 @@ class Curve:
             factor = np.prod(np.arange(power - derivative + 1, power + 1))
             value = value * theta + factor * self.coefficients[power, step]
         return (value / h[:, None] ** derivative).T
+
+
+@dataclass(frozen=True)
+class FourierCurve:
+    """q(phase) = Re Σ_k coefficients[k] exp(ik 2π phase/period), coefficients (N+1, n) complex."""
+
+    nodes: Array
+    coefficients: Array
+
+    @classmethod
+    def through(cls, nodes: Array, q: Array) -> "FourierCurve":
+        """The trigonometric interpolant of q (m, n) at m uniform nodes, m odd, without the end."""
+        coefficients = 2.0 * np.fft.rfft(q, axis=0) / len(q)
+        coefficients[0] /= 2.0
+        return cls(nodes, coefficients)
+
+    def __call__(self, phase: Array, derivative: int = 0) -> Array:
+        rates = 2j * np.pi / self.nodes[-1] * np.arange(len(self.coefficients))
+        waves = np.exp(np.outer(np.asarray(phase, dtype=float), rates)) * rates**derivative
+        return np.real(waves @ self.coefficients).T

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import Curve
+from solve.curve import PeriodicCurve
 from solve.errors import UnknownNameError
 from solve.floquet import Stability
 from solve.signal import Signal, Statistics, harmonics, statistics
@@ -74,7 +74,7 @@ class Orbit(Stability, Turn):
     """The T-periodic solution of M q̈ + C q̇ + K q = d."""
 
     @property
-    def _curve(self) -> Curve:
+    def _curve(self) -> PeriodicCurve:
         curve = self.certified.solution.curve
         assert curve is not None
         return curve

@@ -38,10 +38,26 @@ class Collocation:
         powers = np.arange(1, len(self.c) + 1)
         return (1.0 / powers) @ np.linalg.inv(np.array(self.c)[:, None] ** (powers - 1))
 
+    @property
+    def stiffly_accurate(self) -> bool:
+        """Whether the step's end is a stage."""
+        return self.c[-1] == 1.0
+
+    @cached_property
+    def _curve_nodes(self) -> tuple[float, ...]:
+        """Fractions at which the curve takes the accelerations. With the step's end among them the
+        integrals of the curve still equal the step where the quadrature is exact for it: s ≥ 3."""
+        return (0.0, *self.c) if self.stiffly_accurate or len(self.c) < 3 else (0.0, *self.c, 1.0)
+
+    @property
+    def curve_order(self) -> int:
+        """Order of the curve between the nodes."""
+        return len(self._curve_nodes) + 2
+
     @cached_property
     def _curve_powers(self) -> Array:
-        """(s+3, s+3): from q, h v and h² times the accelerations at 0, c_1 … c_s to powers of θ."""
-        nodes = np.array([0.0, *self.c])
+        """From q, h v and h² times the accelerations at the curve's nodes to powers of θ."""
+        nodes = np.array(self._curve_nodes)
         k = np.arange(len(nodes))
         acceleration = np.linalg.inv(nodes[:, None] ** k)
         powers = np.zeros((len(nodes) + 2, len(nodes) + 2))
@@ -78,30 +94,44 @@ class Collocation:
         maps[:, range(n), range(n, 2 * n)] += h[:, None]
         return Steps(maps[:, :, :-1], maps[:, :, -1])
 
-    def curve(self, nodes: Array, x: Array, a_start: Array, a: Array) -> Curve:
-        """Curve of degree s+2 from the states x (m+1, 2n), the accelerations at the steps' starts
-        (m, n) and the stage accelerations (m, s, n)."""
+    def curve(self, nodes: Array, x: Array, a_start: Array, a: Array, a_end: Array) -> Curve:
+        """Polynomials through the states x (m+1, 2n) at the steps' starts and the accelerations at
+        their starts (m, n), stages (m, s, n) and ends (m, n)."""
         n = x.shape[1] // 2
         h = np.diff(nodes)[:, None]
-        data = np.stack((x[:-1, :n], h * x[:-1, n:], h**2 * a_start))
-        data = np.concatenate((data, h**2 * np.moveaxis(a, 1, 0)))
+        accelerations = [a_start, *np.moveaxis(a, 1, 0), a_end][: len(self._curve_nodes)]
+        data = np.stack([x[:-1, :n], h * x[:-1, n:], *(h**2 * part for part in accelerations)])
         return Curve(nodes, np.tensordot(self._curve_powers, data, axes=1))
 
 
 def discretise(method: Collocation, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
-    """The method on every step of the grid at once; its last node must be 1."""
-    c = np.array(method.c)
-    phases = grid.stages(c)
+    """The method on every step of the grid at once."""
+    phases = grid.stages(np.array(method.c))
     m, s = phases.shape
     M, C, K, d = (part.reshape(m, s, *part.shape[1:]) for part in system.in_phase(phases.ravel(), speed))
     a = method.stage_accelerations(grid.h, M, C, K, d)
 
     def curve(x: Array) -> Curve:
         stages = np.squeeze(a[..., :-1] @ x[:-1, None, :, None], -1) + a[..., -1]
-        starts = np.roll(stages[:, -1], 1, axis=0)
-        if not grid.smooth:
-            at = np.flatnonzero(grid.at_break)
-            starts[at] = system.acceleration(grid.stages(np.zeros(1))[at, 0], speed, x[at])
-        return method.curve(grid.nodes, x, starts, stages)
+        starts, ends = _end_accelerations(method, system, speed, grid, x, stages[:, -1])
+        return method.curve(grid.nodes, x, starts, stages, ends)
 
     return Discretisation(method.steps(grid.h, a), curve)
+
+
+def _end_accelerations(
+    method: Collocation, system: PeriodicSystem, speed: float, grid: Grid, x: Array, last: Array
+) -> tuple[Array, Array]:
+    """Accelerations (m, n) at the start and the end of every step; `last` are those of the last stages,
+    where a stiffly accurate method has them for nothing."""
+    ends = grid.stages(np.array([0.0, 1.0]))
+    if not method.stiffly_accurate:
+        starts = system.acceleration(ends[:, 0], speed, x[:-1])
+        if grid.smooth:
+            return starts, np.roll(starts, -1, axis=0)
+        return starts, system.acceleration(ends[:, 1], speed, x[1:])
+    starts = np.roll(last, 1, axis=0)
+    if not grid.smooth:
+        behind = np.flatnonzero(grid.at_break)
+        starts[behind] = system.acceleration(ends[behind, 0], speed, x[behind])
+    return starts, last

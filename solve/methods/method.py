@@ -1,37 +1,55 @@
-"""What every one-step method of this package offers to the period map."""
+"""What every method of this package offers: one period of a system solved on one grid."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+
 from solve.arrays import Array
-from solve.curve import Curve
+from solve.curve import Curve, PeriodicCurve
+from solve.errors import StepsError
 from solve.methods.grid import Grid
-from solve.methods.period_map import Steps
+from solve.methods.multipliers import Multipliers
+from solve.methods.period_map import Steps, monodromy, periodic_states
 from solve.system import PeriodicSystem
+
+_MOST_MEMORY = 2**28
+"""Bytes that the maps of one period may take."""
 
 
 @dataclass(frozen=True)
-class Discretisation:
-    """A method on a grid.
+class Solution:
+    """One method on one grid.
 
-    steps: the affine maps of its state. curve: from the states at the nodes (m+1, N) to the
-    continuous curve of q in the phase.
+    Phi: the monodromy matrix (N, N). curve: the periodic solution, if asked for. steps: the maps
+    behind Φ, where the method has them. condition: of the linear system that gave the curve.
+    defect: relative error of the curve that no finer grid would mend. notes: what the method has to say about this solution.
     """
 
-    steps: Steps
-    curve: Callable[[Array], Curve]
+    grid: Grid
+    Phi: Array
+    curve: PeriodicCurve | None = None
+    steps: Steps | None = None
+    condition: float = np.nan
+    defect: float = 0.0
+    notes: list[str] = field(default_factory=list)
+    multipliers: Multipliers = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "multipliers", Multipliers.of(self.Phi))
 
 
 class Method(Protocol):
-    """A one-step method in phase time: M q″ + C q′ + K q = d with derivatives by the phase."""
+    """A method in phase time: M q″ + C q′ + K q = d with derivatives by the phase."""
 
     @property
     def name(self) -> str: ...
 
     @property
     def order(self) -> int:
-        """Order of convergence at the nodes."""
+        """Order of convergence at the nodes, and of the multipliers; 0 for an approximation that does
+        not converge to the truth."""
         ...
 
     @property
@@ -44,13 +62,71 @@ class Method(Protocol):
         """Whether stiff modes that the steps do not resolve are damped out rather than kept."""
         ...
 
-    def least_steps(self, frozen: Array, period: float) -> int:
-        """Steps a period below which the method cannot be stable, from the frozen eigenvalues (k,)
-        of the system by phase; 1 where it has no limit."""
-        ...
-
+    @property
     def concerns(self) -> list[str]:
         """Warnings that the method's own settings deserve."""
         ...
 
-    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation: ...
+    def settled(self, system: PeriodicSystem, speed: float) -> "Method":
+        """The method itself, or the one that it chooses for this system."""
+        ...
+
+    def least_steps(self, frozen: Array, period: float) -> int:
+        """Steps a period below which the method cannot be stable, from the frozen eigenvalues (k, 2n)
+        of the system by phase; 1 where it has no limit."""
+        ...
+
+    def most_steps(self, n: int) -> int:
+        """Steps a period beyond which n coordinates take too much memory or time."""
+        ...
+
+    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
+        """The monodromy matrix, and with `orbit` the periodic solution."""
+        ...
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """A one-step method on a grid.
+
+    steps: the affine maps of its state. curve: from the states at the nodes (m+1, N) to the
+    continuous curve of q in the phase.
+    """
+
+    steps: Steps
+    curve: Callable[[Array], Curve]
+
+
+class OneStep:
+    """A method whose period is a chain of affine maps, given by `discretise`."""
+
+    name: str
+
+    @property
+    def concerns(self) -> list[str]:
+        return []
+
+    def settled(self, system: PeriodicSystem, speed: float) -> Method:
+        return self  # type: ignore[return-value]
+
+    def least_steps(self, frozen: Array, period: float) -> int:
+        return 1
+
+    def most_steps(self, n: int) -> int:
+        return _MOST_MEMORY // (8 * (2 * n + 1) ** 2)
+
+    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
+        raise NotImplementedError
+
+    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
+        discretisation = self.discretise(system, speed, grid)
+        Phi = monodromy(discretisation.steps)
+        if not np.isfinite(Phi).all():
+            raise StepsError(
+                f"{self.name} with {grid.steps} steps overflows within one period; use more steps or "
+                "the default method"
+            )
+        if not orbit:
+            return Solution(grid, Phi, steps=discretisation.steps)
+        states, condition = periodic_states(discretisation.steps)
+        return Solution(grid, Phi, discretisation.curve(states), discretisation.steps, condition)

@@ -13,13 +13,13 @@ from solve.arrays import Array
 from solve.curve import Curve
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.grid import Grid
-from solve.methods.method import Discretisation
+from solve.methods.method import Discretisation, OneStep
 from solve.methods.period_map import Steps
 from solve.system import PeriodicSystem
 
 
 @dataclass(frozen=True)
-class Newmark:
+class Newmark(OneStep):
     """γ = 1/2, β = 1/4: average acceleration; γ = 1/2, β = 1/6: linear acceleration."""
 
     gamma: float = 0.5
@@ -53,6 +53,7 @@ class Newmark:
             return 1
         return int(np.ceil(np.abs(frozen).max() * period * np.sqrt(self.gamma / 2 - self.beta)))
 
+    @property
     def concerns(self) -> list[str]:
         if self.gamma >= 0.5:
             return []

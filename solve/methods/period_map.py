@@ -37,6 +37,25 @@ def monodromy(steps: Steps) -> Array:
     return A[0]
 
 
+def affine_period(steps: Steps) -> Steps:
+    """The map of the whole period, as one step."""
+    while len(steps.b) > 1:
+        steps = _halved(steps)
+    return steps
+
+
+def states_from(steps: Steps, start: Array) -> Array:
+    """States x (m+1, N) at the nodes from the state at the first."""
+    levels = [steps]
+    while len(levels[-1].b) > 1:
+        levels.append(_halved(levels[-1]))
+    x = start[None]
+    for level in reversed(levels[:-1]):
+        x = _refined(level, x)
+    end = steps.A[-1] @ x[-1] + steps.b[-1]
+    return np.concatenate((x, end[None]))
+
+
 def periodic_states(steps: Steps) -> tuple[Array, float]:
     """States x (m+1, N) of the periodic solution at the nodes, and the condition of the closed system.
 

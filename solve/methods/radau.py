@@ -5,16 +5,15 @@ from functools import cached_property
 
 from scipy.special import roots_jacobi
 
-from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.collocation import Collocation, discretise
 from solve.methods.grid import Grid
-from solve.methods.method import Discretisation
+from solve.methods.method import Discretisation, OneStep
 from solve.system import PeriodicSystem
 
 
 @dataclass(frozen=True)
-class Radau:
+class Radau(OneStep):
     """Radau IIA of odd order 3 … 13: collocation at the right Radau points, the step's end included."""
 
     order: int = 9
@@ -30,18 +29,12 @@ class Radau:
 
     @property
     def curve_order(self) -> int:
-        return min(self.order, (self.order + 1) // 2 + 3)
+        return min(self.order, self.collocation.curve_order)
 
     @cached_property
     def collocation(self) -> Collocation:
         inner = (roots_jacobi((self.order - 1) // 2, 1.0, 0.0)[0] + 1.0) / 2.0
         return Collocation((*map(float, inner), 1.0))
-
-    def least_steps(self, frozen: Array, period: float) -> int:
-        return 1
-
-    def concerns(self) -> list[str]:
-        return []
 
     def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
         return discretise(self.collocation, system, speed, grid)

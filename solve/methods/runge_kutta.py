@@ -11,13 +11,13 @@ import numpy as np
 from solve.arrays import Array
 from solve.curve import Curve
 from solve.methods.grid import Grid
-from solve.methods.method import Discretisation
+from solve.methods.method import Discretisation, OneStep
 from solve.methods.period_map import Steps
 from solve.system import PeriodicSystem
 
 
 @dataclass(frozen=True)
-class RungeKutta4:
+class RungeKutta4(OneStep):
     """Explicit: stable only while h |λ| stays inside the region |R(hλ)| ≤ 1, about 2.8."""
 
     name = "rk4"
@@ -41,9 +41,6 @@ class RungeKutta4:
             inside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) <= 1 + 1e-12
             low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         return int(np.ceil((np.abs(decaying) * period / low).max()))
-
-    def concerns(self) -> list[str]:
-        return []
 
     def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
         n = system.n

@@ -1,0 +1,34 @@
+"""The Fourier series analysis of B. Bahgat and K. D. Willmert (Mech. Mach. Theory 11 (1976) 47-71), as
+the thesis 6.4 describes it: kept to show its error."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.methods.fourier import Fourier
+from solve.system import PeriodicSystem
+
+
+@dataclass(frozen=True)
+class BahgatWillmert(Fourier):
+    """Every order of the load is answered as if the matrices were constant, at each phase with the
+    matrices of that phase: q(φ) = Re Σ_k [K + iω_k C - ω_k² M]⁻¹ d_k exp(iω_k φ)."""
+
+    name = "bahgat-willmert"
+    order = 0
+    curve_order = 0
+
+    def collocated(
+        self, system: PeriodicSystem, speed: float, phases: Array, D: Array
+    ) -> tuple[Array, float]:
+        m = len(phases)
+        M, C, K, d = system.in_phase(phases, speed)
+        load = 2.0 * np.fft.rfft(d, axis=0) / m
+        load[0] /= 2.0
+        q = np.zeros((m, system.n))
+        for k, component in enumerate(load):
+            rate = 2j * np.pi / system.period * k
+            driven = component * np.exp(rate * phases)[:, None]
+            q += np.real(np.linalg.solve(K + rate * C + rate**2 * M, driven[..., None])[..., 0])
+        return q, 1.0

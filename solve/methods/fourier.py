@@ -1,0 +1,97 @@
+"""Harmonic balance by collocation on the full periodic matrices (thesis 6.4; W. L. Cleghorn,
+R. G. Fenton, B. Tabarrok, Mech. Mach. Theory 19 (1984) 417-423)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.curve import FourierCurve
+from solve.errors import MatricesError
+from solve.methods.grid import Grid
+from solve.methods.method import OneStep, Solution
+from solve.system import PeriodicSystem
+
+MOST_UNKNOWNS = 2000
+"""Largest order of a dense eigenvalue problem that is still worth waiting for."""
+
+
+@dataclass(frozen=True)
+class Fourier(OneStep):
+    """The orbit as the trigonometric polynomial that satisfies the equation of motion at m uniform
+    phases, m odd; the multipliers from the same collocation of x = exp(λφ) p(φ), p periodic.
+
+    Converges faster than any power of m while m/2 exceeds the highest order that matters. Cost m³.
+    """
+
+    name = "fourier"
+    order = 16
+    curve_order = 16
+    l_stable = False
+
+    def most_steps(self, n: int) -> int:
+        return MOST_UNKNOWNS // (2 * n)
+
+    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
+        if not grid.smooth:
+            raise MatricesError(
+                f"{self.name} needs matrices without jumps, and this system has breaks; use radau or gauss"
+            )
+        odd = Grid.uniform(grid.steps | 1, grid.period)
+        phases = odd.nodes[:-1]
+        D = differentiation(odd)
+        Phi = _monodromy(system.state_rate(phases, speed)[..., :-1], D, grid.period)
+        if not orbit:
+            return Solution(odd, Phi)
+        q, condition = self.collocated(system, speed, phases, D)
+        return Solution(odd, Phi, FourierCurve.through(odd.nodes, q), condition=condition)
+
+    def collocated(
+        self, system: PeriodicSystem, speed: float, phases: Array, D: Array
+    ) -> tuple[Array, float]:
+        """q (m, n) at the phases, and the condition number of the linear system."""
+        m, n = len(phases), system.n
+        M, C, K, d = system.in_phase(phases, speed)
+        A = np.einsum("jab,jk->jakb", M, D @ D) + np.einsum("jab,jk->jakb", C, D)
+        A[range(m), :, range(m), :] += K
+        matrix = A.reshape(m * n, m * n)
+        return np.linalg.solve(matrix, d.ravel()).reshape(m, n), float(np.linalg.cond(matrix, 1))
+
+
+def differentiation(grid: Grid) -> Array:
+    """d/dphase (m, m) of the trigonometric interpolant through m uniform nodes, m odd."""
+    m = grid.steps
+    offset = np.arange(m)[:, None] - np.arange(m)
+    with np.errstate(divide="ignore"):
+        D = np.where(offset == 0, 0.0, 0.5 * (-1.0) ** offset / np.sin(np.pi * offset / m))
+    return D * (2 * np.pi / grid.period)
+
+
+def _monodromy(P: Array, D: Array, period: float) -> Array:
+    """Φ from the eigenpairs (λ, p) of p′ = P p - λ p whose p has its weight at the lowest orders.
+
+    Each multiplier exp(λT) belongs to a family λ + ik of such pairs; truncation spoils those whose
+    p lies at the edge of the orders.
+    """
+    m, N = P.shape[:2]
+    A = -np.einsum("jk,ab->jakb", D, np.eye(N))
+    A[range(m), :, range(m), :] += P
+    exponents, vectors = np.linalg.eig(A.reshape(m * N, m * N))
+    return from_exponents(exponents, vectors.reshape(m, N, -1), period)
+
+
+def from_exponents(exponents: Array, p: Array, period: float) -> Array:
+    """Φ (N, N) from exponents λ (r,) and periodic vectors p (m, N, r) at m uniform phases from 0."""
+    N = p.shape[1]
+    weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
+    orders = np.fft.fftfreq(len(p), 1.0 / len(p))
+    centre = np.abs(orders @ weight) / weight.sum(axis=0)
+    chosen: list[int] = []
+    for candidate in np.argsort(centre + 1e-9 * np.imag(exponents), kind="stable"):
+        basis = p[0][:, [*chosen, candidate]]
+        if np.linalg.matrix_rank(basis / np.linalg.norm(basis, axis=0), tol=1e-10) == len(chosen) + 1:
+            chosen.append(int(candidate))
+        if len(chosen) == N:
+            break
+    X = p[0][:, chosen]
+    return np.real(X * np.exp(exponents[chosen] * period) @ np.linalg.inv(X))

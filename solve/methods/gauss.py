@@ -1,0 +1,40 @@
+"""Gauss methods (J. C. Butcher, Math. Comp. 18 (1964) 50-64): order 2s, keep |ρ| = 1 where it is 1."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.errors import ValueOutOfBoundsError
+from solve.methods.collocation import Collocation, discretise
+from solve.methods.grid import Grid
+from solve.methods.method import Discretisation, OneStep
+from solve.system import PeriodicSystem
+
+
+@dataclass(frozen=True)
+class Gauss(OneStep):
+    """Collocation at the Gauss points of even order 4 … 16. A-stable, but not L-stable: |R(∞)| = 1."""
+
+    order: int = 10
+
+    name = "gauss"
+    l_stable = False
+
+    def __post_init__(self) -> None:
+        if self.order not in range(4, 17, 2):
+            raise ValueOutOfBoundsError(
+                f"order of gauss is {self.order}; allowed: 4, 6, 8, 10, 12, 14, 16; try order 10"
+            )
+
+    @property
+    def curve_order(self) -> int:
+        return min(self.order, self.collocation.curve_order)
+
+    @cached_property
+    def collocation(self) -> Collocation:
+        nodes = np.polynomial.legendre.leggauss(self.order // 2)[0]
+        return Collocation(tuple(map(float, (nodes + 1.0) / 2.0)))
+
+    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
+        return discretise(self.collocation, system, speed, grid)

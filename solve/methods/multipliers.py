@@ -1,0 +1,46 @@
+"""Floquet multipliers from the monodromy matrix."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """values: resolved multipliers (complex), falling in modulus, + imaginary part first; unresolved:
+    how many more there are, all of them below eps‖Φ‖ and so lost in rounding."""
+
+    values: Array
+    unresolved: int
+
+    @classmethod
+    def of(cls, Phi: Array) -> "Multipliers":
+        """Eigenvalues of the monodromy matrix Φ (N, N)."""
+        values = np.linalg.eigvals(Phi).astype(complex)
+        values = values[np.argsort(-np.abs(values), kind="stable")]
+        pairs = np.flatnonzero((values[1:] == values[:-1].conj()) & (np.imag(values[:-1]) < 0))
+        values[pairs], values[pairs + 1] = values[pairs + 1].copy(), values[pairs].copy()
+        kept = np.abs(values) > np.finfo(float).eps * np.linalg.norm(Phi, 2)
+        return cls(values[kept], int((~kept).sum()))
+
+    @property
+    def spectral_radius(self) -> float:
+        return float(np.abs(self.values[0])) if len(self.values) else 0.0
+
+    @property
+    def distance_from_one(self) -> float:
+        """Smallest |ρ - 1|: 0 at resonance and on a stability boundary of kind +1."""
+        return float(np.abs(self.values - 1.0).min(initial=np.inf))
+
+    def difference(self, other: "Multipliers") -> float:
+        """Largest distance between matched multipliers, relative to the spectral radius."""
+        from scipy.optimize import linear_sum_assignment
+
+        ours, theirs = (np.pad(s.values, (0, s.unresolved)) for s in (self, other))
+        scale = max(self.spectral_radius, other.spectral_radius)
+        if scale == 0.0:
+            return 0.0
+        distance = np.abs(ours[:, None] - theirs)
+        return float(distance[linear_sum_assignment(distance)].max() / scale)
