@@ -37,7 +37,7 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
 def gathered(entry: sympy.Expr) -> sympy.Expr:
     """Sum of terms that each vary differently with phase and speed, so that what cancels is gone."""
     factors: dict[sympy.Expr, list[sympy.Expr]] = {}
-    for term in sympy.Add.make_args(sympy.expand(entry)):
+    for term in sympy.Add.make_args(sympy.expand_mul(entry)):
         factor, varying = term.as_independent(PeriodicFunction, PHASE, SPEED)
         factors.setdefault(varying, []).append(factor)
     return sympy.Add(

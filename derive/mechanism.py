@@ -270,7 +270,7 @@ class Mechanism:
         parse(unit)
         if not re.fullmatch(BOUND, bound):
             raise DeclarationError(
-                f'{name}: the bound "{bound}" is not understood; write it like "> 0", ">= 0", "< 1" or "integer, >= 1"'
+                f'{name}: the bound "{bound}" is not understood; give "> 0", ">= 0", "< 1" or "integer, >= 1"'
             )
         return unit, meaning, bound
 

@@ -17,7 +17,11 @@ class CasadiPrinter(AbstractPythonCodePrinter):
         super().__init__({"user_functions": FUNCTIONS, "precision": 17, "fully_qualified_modules": False})
 
     def _print_Pow(self, expr: sympy.Pow, rational: bool = False) -> str:
-        return self._hprint_Pow(expr, rational=rational, sqrt="casadi.sqrt")
+        if expr.exp == sympy.S.Half and not rational:
+            return f"casadi.sqrt({self._print(expr.base)})"
+        if expr.exp == -sympy.S.Half and not rational:
+            return f"1/casadi.sqrt({self._print(expr.base)})"
+        return super()._print_Pow(expr, rational=rational)
 
     def _print_Pi(self, expr: sympy.Basic) -> str:
         return "math.pi"

@@ -1,0 +1,46 @@
+"""Gear pair with tooth errors, chapter 4.2."""
+
+from derive import Mechanism, rate, sqrt
+
+
+def mechanism() -> Mechanism:
+    """Pinion and wheel, Eqs. (66)–(74) of the chapter: uniform rotation plus the elastic share of q.
+
+    The shares make r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and leave the uniform rotation out of q's inertia.
+    """
+    pair = Mechanism("gear_pair", "Gear pair with tooth errors (chapter 4.2)")
+    (q,) = pair.coordinates(q=("m", "dynamic transmission error, along the line of contact"))
+    J1, J2, rb1, rb2 = pair.parameters(
+        J1=("kg m^2", "pinion", "> 0"),
+        J2=("kg m^2", "wheel", "> 0"),
+        rb1=("m", "base radius of the pinion", "> 0"),
+        rb2=("m", "base radius of the wheel", "> 0"),
+    )
+    z1, zeta, q0 = pair.parameters(
+        z1=("1", "number of teeth of the pinion", "integer, >= 1"),
+        zeta=("1", "mean damping ratio (Lehr) of the mesh", ">= 0"),
+        q0=("m", "static tooth deflection under the constant load"),
+    )
+    k = pair.harmonic_series("k", 10, unit="N/m", meaning="mesh stiffness", angles="gamma", bound="> 0")
+    e = pair.harmonic_series("e", 6, unit="m", meaning="tooth error", angles="alpha", mean=False)
+    load = pair.option("load", ("tracking", "constant"))
+
+    m_red = J1 * J2 / (J1 * rb2**2 + J2 * rb1**2)
+    c_z = 2 * zeta * sqrt(k.mean * m_red)
+    k_z, error = k(z1 * pair.phase), e(pair.phase)
+    phi1 = pair.phase + m_red * rb1 / J1 * q
+    phi2 = -rb1 / rb2 * pair.phase + m_red * rb2 / J2 * q
+    pair.kinetic = (J1 * rate(phi1) ** 2 + J2 * rate(phi2) ** 2) / 2
+    pair.potential = k_z * (q + error) ** 2 / 2
+    pair.dissipation = c_z * rate(q + error) ** 2 / 2
+    pair.force(k.mean * (q0 + load.choose(tracking=error, constant=0)), along=q)
+    pair.decline_drive_torque("the loads' work on the uniform rotation of the gears is not in the model")
+
+    mesh_force = k_z * (q + error) + c_z * rate(q + error)
+    wheel_ripple = rate(phi2) + rb1 / rb2 * pair.speed
+    pair.output("transmission_error_rate", rate(q), "m/s", "rate of the dynamic transmission error")
+    pair.output("mesh_force", mesh_force, "N", "force between the teeth, compression positive")
+    pair.limit("mesh_force", ">= 0", beyond="the teeth separate; backlash is not in the model")
+    pair.output("pinion_speed_ripple", rate(phi1 - pair.phase), "rad/s", "pinion's speed against its mean")
+    pair.output("wheel_speed_ripple", wheel_ripple, "rad/s", "wheel's speed against its mean")
+    return pair

@@ -1,0 +1,39 @@
+"""Transport manipulator of a forging press, chapter 4.3."""
+
+from derive import Mechanism, rate
+
+
+def mechanism() -> Mechanism:
+    """The energies behind Eq. (77) of the chapter; the cam turns by φ1 = φ + q1."""
+    press = Mechanism("manipulator", "Transport manipulator of a forging press (chapter 4.3)")
+    q1, q2 = press.coordinates(
+        q1=("rad", "twist of the driving shaft"),
+        q2=("m", "hammer against its cam"),
+    )
+    I0, I1, m2 = press.parameters(
+        I0=("kg m^2", "motor side of the shaft; at constant speed it has no effect", ">= 0"),
+        I1=("kg m^2", "cam and its side of the shaft", "> 0"),
+        m2=("kg", "operating mechanism (hammer)", "> 0"),
+    )
+    k1, k2 = press.parameters(
+        k1=("N m/rad", "torsion of the driving shaft", "> 0"),
+        k2=("N/m", "transmission between cam and hammer", "> 0"),
+    )
+    c1, c2 = press.parameters(
+        c1=("N m s/rad", "damping of the driving shaft", ">= 0"),
+        c2=("N s/m", "damping between cam and hammer", ">= 0"),
+    )
+    (F,) = press.parameters(F=("N", "load against the hammer"))
+    U = press.transmission("U", harmonics=12, unit="m")
+
+    phi1 = press.phase + q1
+    y = U(phi1) + q2
+    press.kinetic = (I0 * rate(press.phase) ** 2 + I1 * rate(phi1) ** 2 + m2 * rate(y) ** 2) / 2
+    press.potential = (k1 * q1**2 + k2 * q2**2) / 2
+    press.dissipation = (c1 * rate(q1) ** 2 + c2 * rate(q2) ** 2) / 2
+    press.force(-F, along=y)
+
+    load_torque = -(k1 * q1 + c1 * rate(q1))
+    press.output("load_torque", load_torque, "N m", "load on the driving shaft, positive where the cam lags")
+    press.output("hammer_displacement", y, "m", "position of the hammer")
+    return press
