@@ -16,9 +16,6 @@ from solve.system import PeriodicSystem
 _FIRST_STEPS = 32
 _FEW_STEPS = 360
 
-_RESOLVED = 1.0
-"""ω_max h up to which a step resolves the fastest mode."""
-
 _ROUNDING = 64 * float(np.finfo(float).eps)
 """Relative error below which two grids can no longer be told from rounding."""
 
@@ -72,12 +69,12 @@ class _Refinement:
         if self.method.l_stable:
             return []
         reach = float(np.abs(self.frozen).max()) * self.system.period
-        if reach <= steps * _RESOLVED:
+        if reach <= steps * self.method.follows:
             return []
         return [
             f"ω_max h = {reach / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
             f"{self.method.name} neither follows nor damps them: the multipliers may be false though the "
-            f"orbit is right; use radau, or at least {math.ceil(reach / _RESOLVED)} steps"
+            f"orbit is right; use radau, or at least {math.ceil(reach / self.method.follows)} steps"
         ]
 
     def refuse(self, steps: int) -> None:

@@ -15,7 +15,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.cases import Case, read_cases
 from solve.errors import MissingValueError, ModelFileError, UnknownNameError, ValueOutOfBoundsError
-from solve.system import Matrices, PeriodicSystem
+from solve.sampling import Sampler
+from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
@@ -38,9 +39,9 @@ class Model(PeriodicSystem):
         self.options = _checked_options(module, options)
         self.parameters = _checked_parameters(module, parameters)
         self._p = np.array([self.parameters[name] for name, *_ in module.PARAMETERS])
-        self._linearised: casadi.Function = module.linearised(**self.options)
-        declared = module.COORDINATES[: self._linearised.size1_out("d")]
-        super().__init__(self._sampled, [name for name, *_ in declared], module.PERIOD)
+        sampler = Sampler(module.linearised(**self.options), self._p)
+        declared = module.COORDINATES[: sampler.n]
+        super().__init__(sampler, [name for name, *_ in declared], module.PERIOD)
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         self.units = {name: unit for name, unit, _ in (*declared, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*declared, *module.OUTPUTS)}
@@ -50,14 +51,6 @@ class Model(PeriodicSystem):
     @cached_property
     def _outputs(self) -> "casadi.Function":
         return self.module.outputs(**self.options)
-
-    def _sampled(self, phase: Array, speed: float) -> Matrices:
-        n, count = len(self.coordinates), len(phase)
-        if count == 0:
-            return np.empty((0, n, n)), np.empty((0, n, n)), np.empty((0, n, n)), np.empty((0, n))
-        M, C, K, d = (part.full() for part in self._linearised(phase[None], speed, self._p))
-        square = [part.reshape(n, count, n).transpose(1, 0, 2) for part in (M, C, K)]
-        return square[0], square[1], square[2], d.T
 
     def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
         values = self._outputs(phase[None], speed, q, qd, qdd, self._p)

@@ -29,6 +29,11 @@ class Fourier(OneStep):
     curve_order = 16
     l_stable = False
 
+    @property
+    def follows(self) -> float:
+        """Two phases a wave of the fastest mode, the limit of sampling."""
+        return np.pi
+
     def most_steps(self, n: int) -> int:
         return MOST_UNKNOWNS // (2 * n)
 

@@ -28,6 +28,11 @@ class Gauss(OneStep):
             )
 
     @property
+    def follows(self) -> float:
+        """A step resolves about as many radians as it has stages, less one for safety."""
+        return self.order / 2 - 1
+
+    @property
     def curve_order(self) -> int:
         return min(self.order, self.collocation.curve_order)
 

@@ -24,7 +24,8 @@ class Solution:
 
     Phi: the monodromy matrix (N, N). curve: the periodic solution, if asked for. steps: the maps
     behind Φ, where the method has them. condition: of the linear system that gave the curve.
-    defect: relative error of the curve that no finer grid would mend. notes: what the method has to say about this solution.
+    defect: relative error of the curve that no finer grid would mend. notes: what the method has to
+    say about this solution.
     """
 
     grid: Grid
@@ -60,6 +61,11 @@ class Method(Protocol):
     @property
     def l_stable(self) -> bool:
         """Whether stiff modes that the steps do not resolve are damped out rather than kept."""
+        ...
+
+    @property
+    def follows(self) -> float:
+        """ω_max h up to which the steps follow the fastest mode."""
         ...
 
     @property
@@ -101,6 +107,10 @@ class OneStep:
     """A method whose period is a chain of affine maps, given by `discretise`."""
 
     name: str
+
+    @property
+    def follows(self) -> float:
+        return 1.0
 
     @property
     def concerns(self) -> list[str]:
