@@ -44,7 +44,7 @@ class Stability:
 
     @property
     def method(self) -> str:
-        return self.certified.solution.method.name
+        return self.certified.method.name
 
     @property
     def steps(self) -> int:
@@ -72,6 +72,11 @@ class Stability:
         return self.certified.solution.multipliers.spectral_radius
 
     @property
+    def distance_from_one(self) -> float:
+        """Smallest |ρ - 1|: 0 at resonance and on a stability boundary of kind +1."""
+        return self.certified.solution.multipliers.distance_from_one
+
+    @property
     def error_estimate(self) -> ErrorEstimate:
         return ErrorEstimate(self.certified.orbit_error, self.certified.multiplier_error)
 
@@ -87,7 +92,7 @@ class Stability:
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        near = np.abs(self.multipliers - 1.0).min(initial=math.inf)
+        near = self.distance_from_one
         warnings = list(self.certified.warnings)
         if near < _NEAR_ONE:
             warnings.append(

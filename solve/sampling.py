@@ -33,9 +33,9 @@ class Sampler:
         self._buffer, self._evaluate = mapped.buffer()
         self._phase, self._speed = np.zeros(_CHUNK), np.zeros(1)
         self._entries = np.zeros((_CHUNK, 3 * self.n**2 + self.n))
-        self._buffer.set_arg(0, self._phase.data)
-        self._buffer.set_arg(1, self._speed.data)
-        self._buffer.set_res(0, self._entries.data)
+        self._buffer.set_arg(0, self._phase.data)  # pyright: ignore[reportCallIssue]
+        self._buffer.set_arg(1, self._speed.data)  # pyright: ignore[reportCallIssue]
+        self._buffer.set_res(0, self._entries.data)  # pyright: ignore[reportCallIssue]
 
     def __call__(self, phase: Array, speed: float) -> tuple[Array, Array, Array, Array]:
         n, m = self.n, len(phase)

@@ -126,6 +126,13 @@ class PeriodicSystem:
         rate = self.state_rate(phase, speed)[:, self.n :]
         return np.squeeze(rate[..., :-1] @ x[..., None], -1) + rate[..., -1]
 
+    def fastest(self, phase: Array, speed: float) -> float:
+        """Largest frozen angular frequency or decay rate, by phase: sqrt of the spectral radius of
+        M⁻¹K, or the spectral radius of M⁻¹C, at the phases (k,)."""
+        M, C, K, _ = self.in_phase(phase, speed)
+        stiffness, damping = (np.abs(np.linalg.eigvals(np.linalg.solve(M, A))).max() for A in (K, C))
+        return float(max(np.sqrt(stiffness), damping))
+
     def frozen_eigenvalues(self, speed: float, count: int = 128) -> Array:
         """Eigenvalues (count, 2n) of P, by phase, with the coefficients frozen at `count` phases."""
         phase = (np.arange(count) + 0.5) * (self.period / count)
