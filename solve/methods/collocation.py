@@ -26,17 +26,22 @@ class Collocation:
     c: tuple[float, ...]
 
     @cached_property
+    def _legendre(self) -> Array:
+        """(s, s+1): Legendre polynomials P_0 … P_s, shifted to [0, 1], at the nodes; with powers of the
+        nodes in their place A would lose three digits at s = 8."""
+        return np.polynomial.legendre.legvander(2 * np.array(self.c) - 1, len(self.c))
+
+    @cached_property
     def A(self) -> Array:
         """Runge–Kutta matrix (s, s): integrals of the Lagrange polynomials from 0 to c_i."""
-        c = np.array(self.c)
-        powers = np.arange(1, len(c) + 1)
-        return (c[:, None] ** powers / powers) @ np.linalg.inv(c[:, None] ** (powers - 1))
+        P, k = self._legendre, np.arange(1, len(self.c))
+        integrals = np.column_stack((np.array(self.c), (P[:, k + 1] - P[:, k - 1]) / (4 * k + 2)))
+        return integrals @ np.linalg.inv(P[:, :-1])
 
     @cached_property
     def b(self) -> Array:
         """Weights (s,): integrals of the Lagrange polynomials from 0 to 1."""
-        powers = np.arange(1, len(self.c) + 1)
-        return (1.0 / powers) @ np.linalg.inv(np.array(self.c)[:, None] ** (powers - 1))
+        return np.linalg.inv(self._legendre[:, :-1])[0]
 
     @property
     def stiffly_accurate(self) -> bool:
@@ -51,8 +56,8 @@ class Collocation:
 
     @property
     def curve_order(self) -> int:
-        """Order of the curve between the nodes."""
-        return len(self._curve_nodes) + 2
+        """Order of the curve between the nodes: that of the stage accelerations, s + 1, and two more."""
+        return len(self.c) + 3
 
     @cached_property
     def _curve_powers(self) -> Array:
