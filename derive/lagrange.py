@@ -9,6 +9,7 @@ from typing import Any
 
 import sympy
 
+from derive.gather import gathered
 from derive.mechanism import Mechanism
 from derive.symbols import PHASE, Moving, rate
 
@@ -45,4 +46,4 @@ def _row(mechanism: Mechanism, q: Moving) -> sympy.Expr:
     row = rate(kinetic.diff(q.rate)) - kinetic.diff(q) + potential.diff(q) + dissipation.diff(q.rate)
     for force, along in mechanism.forces:
         row -= from_fundamental(mechanism, force) * from_fundamental(mechanism, along).diff(q)
-    return row
+    return gathered(row)

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import sympy
 
 from derive.errors import SingularMassError
+from derive.gather import gathered
 from derive.mechanism import Mechanism
-from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
 
 
@@ -32,17 +32,6 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     M, C, K, d = (matrix.xreplace(rest).applyfunc(gathered) for matrix in matrices)
     _require_inertia(mechanism, M)
     return Linearised(M, C, K, d)
-
-
-def gathered(entry: sympy.Expr) -> sympy.Expr:
-    """Sum of terms that each vary differently with phase and speed, so that what cancels is gone."""
-    factors: dict[sympy.Expr, list[sympy.Expr]] = {}
-    for term in sympy.Add.make_args(sympy.expand_mul(entry)):
-        factor, varying = term.as_independent(PeriodicFunction, PHASE, SPEED)
-        factors.setdefault(varying, []).append(factor)
-    return sympy.Add(
-        *(varying * sympy.factor_terms(sympy.Add(*factor)) for varying, factor in factors.items())
-    )
 
 
 def _require_inertia(mechanism: Mechanism, M: sympy.Matrix) -> None:

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "192f08f641a1a199618dc3c5f2c7710aa8538f468aebf4dc911122d9b320778d"
+DERIVE_SHA256 = "d2f88a592ae6bda902c47ece32f0a62fef796f00cda7a02ce33d37b0dd87e63d"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "469344886788b73fd60dde4b58752488cbc62962484736cd4590a29e9dfa7ec9"
+BODY_SHA256 = "f658bb1fbb6d23b10189d002b51d0741e2cc95f7f03ecaed1fae8e7c01f84402"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -74,7 +74,7 @@ LIMITS = (
 )
 VALIDITY = {}
 PERIOD = 2*math.pi
-OPERATIONS = {"linearised": 231, "residual": 234, "outputs": 234}
+OPERATIONS = {"linearised": 231, "residual": 237, "outputs": 234}
 NO_DRIVE_TORQUE = "the loads' work on the uniform rotation of the gears is not in the model"
 
 
@@ -185,11 +185,12 @@ def residual(*, load="tracking"):
         [0],
     )
     x0 = J1*J2/(J1*rb2**2 + J2*rb1**2)
+    x1 = 2*zeta*casadi.sqrt(k0*x0)
     return casadi.Function(
         "residual",
         [phase, speed, coordinates, rates, accelerations, parameters],
         [
-            casadi.SX(qdd*x0 - k0*(e_0*load_tracking + q0) + k_0*(q + e_0) + 2*zeta*casadi.sqrt(k0*x0)*(qd + e_1*speed)),
+            casadi.SX(q*k_0 + qd*x1 + qdd*x0 - e_0*k0*load_tracking + e_0*k_0 + e_1*speed*x1 - k0*q0),
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["r"],
