@@ -3,14 +3,19 @@
 from solve.errors import SolveError
 from solve.floquet import Stability, floquet
 from solve.load import load
+from solve.methods.gauss import Gauss
 from solve.methods.newmark import Newmark
 from solve.methods.radau import Radau
 from solve.methods.runge_kutta import RungeKutta4
 from solve.orbit import Orbit
 from solve.periodic import periodic
+from solve.studies.bands import Band, bands
+from solve.studies.sweep import Sweep, sweep
 from solve.system import PeriodicSystem
 
 __all__ = [
+    "Band",
+    "Gauss",
     "Newmark",
     "Orbit",
     "PeriodicSystem",
@@ -18,7 +23,10 @@ __all__ = [
     "RungeKutta4",
     "SolveError",
     "Stability",
+    "Sweep",
+    "bands",
     "floquet",
     "load",
     "periodic",
+    "sweep",
 ]

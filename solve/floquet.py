@@ -77,6 +77,25 @@ class Stability:
         return self.certified.solution.multipliers.distance_from_one
 
     @property
+    def condition(self) -> float:
+        """Condition number of the linear system that closed the orbit; NaN without an orbit."""
+        return self.certified.solution.condition
+
+    @cached_property
+    def liouville(self) -> float:
+        """log|det Φ| of the method less -∫ tr(M⁻¹C) dt of the system, which Liouville's formula makes
+        equal: 0 but for the modes that the steps do not follow. NaN for a method without steps."""
+        solution = self.certified.solution
+        if solution.steps is None:
+            return math.nan
+        nodes, weights = np.polynomial.legendre.leggauss(3)
+        phases = solution.grid.stages((nodes + 1) / 2)
+        M, C, _, _ = self.system.in_phase(phases.ravel(), self.speed)
+        rates = np.einsum("kii->k", np.linalg.solve(M, C)).reshape(phases.shape)
+        volume = -float(solution.grid.h @ rates @ weights) / 2
+        return float(np.linalg.slogdet(solution.steps.A)[1].sum()) - volume
+
+    @property
     def error_estimate(self) -> ErrorEstimate:
         return ErrorEstimate(self.certified.orbit_error, self.certified.multiplier_error)
 

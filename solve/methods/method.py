@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.curve import Curve, PeriodicCurve
-from solve.errors import StepsError
+from solve.errors import ResonanceError, StepsError
 from solve.methods.grid import Grid
 from solve.methods.multipliers import Multipliers
 from solve.methods.period_map import Steps, monodromy, periodic_states
@@ -139,4 +139,9 @@ class OneStep:
         if not orbit:
             return Solution(grid, Phi, steps=discretisation.steps)
         states, condition = periodic_states(discretisation.steps)
-        return Solution(grid, Phi, discretisation.curve(states), discretisation.steps, condition)
+        if not np.isfinite(condition):
+            raise ResonanceError(
+                "I - Φ is singular: a Floquet multiplier is at +1, so that the forced motion grows without "
+                "bound or is not unique; change the speed or add damping"
+            )
+        return Solution(grid, Phi, discretisation.curve(states), discretisation.steps, float(condition))
