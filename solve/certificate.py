@@ -36,7 +36,7 @@ def certified(
 ) -> Certified:
     """With `steps`: that grid, judged by one twice as fine. Without: doubled until both errors of the
     finer grid are estimated at `rtol` or less, or the precision in reach is achieved."""
-    refinement = _Refinement(system, speed, method.settled(system, speed), orbit)
+    refinement = Refinement(system, speed, method.settled(system, speed), orbit)
     if refinement.method.order == 0:
         return refinement.approximated(steps, rtol)
     if steps is not None:
@@ -46,7 +46,9 @@ def certified(
 
 
 @dataclass
-class _Refinement:
+class Refinement:
+    """What grids of a method can give for a system at a speed."""
+
     system: PeriodicSystem
     speed: float
     method: Method
