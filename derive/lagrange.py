@@ -23,8 +23,19 @@ def residual(mechanism: Mechanism) -> sympy.Matrix:
 
 
 def drive_torque(mechanism: Mechanism) -> sympy.Expr:
-    """Torque of the drive, N m: the row of the phase, with the coordinates held (chapter Eq. (51))."""
-    return _row(mechanism, PHASE)
+    """Torque of the drive, N m, from the row of the phase (chapter Eq. (51)).
+
+    The row of a coordinate that merely adds to the phase, as the twist of a shaft does, is
+    subtracted: it vanishes on every motion, and what remains is the torque in that shaft, without
+    the error that a motion of the linear equations would leave in the inertia terms.
+    """
+    torque = _row(mechanism, PHASE)
+    accelerations = [each.symbol.rate.rate for each in mechanism.declared_coordinates]
+    for row in residual(mechanism):
+        without = gathered(torque - row)
+        if torque.has(*accelerations) and not without.has(*accelerations):
+            return without
+    return torque
 
 
 def from_fundamental(mechanism: Mechanism, expression: Any) -> Any:

@@ -36,4 +36,6 @@ def mechanism() -> Mechanism:
     load_torque = -(k1 * q1 + c1 * rate(q1))
     press.output("load_torque", load_torque, "N m", "load on the driving shaft, positive where the cam lags")
     press.output("hammer_displacement", y, "m", "position of the hammer")
+    # Linear and nonlinear amplitudes differ by up to 3.3 % at 0.115 rad and by 6 % at 0.16 rad.
+    press.trust(q1=0.12)
     return press
