@@ -97,7 +97,8 @@ class Stability:
 
     @property
     def error_estimate(self) -> ErrorEstimate:
-        return ErrorEstimate(self.certified.orbit_error, self.certified.multiplier_error)
+        orbit = self.certified.orbit_error if self.certified.solution.curve is not None else math.nan
+        return ErrorEstimate(orbit, self.certified.multiplier_error)
 
     @cached_property
     def verdict(self) -> str:
