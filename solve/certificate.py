@@ -104,14 +104,14 @@ class Refinement:
         """A method that does not converge to the truth, judged by one that does."""
         chosen = self.solved(steps or _FEW_STEPS)
         truth = certified(self.system, self.speed, Auto(), None, min(rtol, 1e-8), self.orbit)
-        errors = [max(e, _ROUNDING) for e in self._differences(chosen, truth.solution)]
+        errors = [max(e, _ROUNDING) for e in differences(chosen, truth.solution)]
         return self._result(chosen, errors, rtol, "is an approximation that")
 
     def judged(self, steps: int, rtol: float) -> Certified:
         chosen = self.solved(steps)
-        differences = self._differences(chosen, self.solved(2 * steps))
+        found = differences(chosen, self.solved(2 * steps))
         factors = (2.0**order for order in self._orders)
-        errors = [max(e * f / (f - 1), _ROUNDING) for e, f in zip(differences, factors, strict=True)]
+        errors = [max(e * f / (f - 1), _ROUNDING) for e, f in zip(found, factors, strict=True)]
         return self._result(chosen, errors, rtol, f"with {steps} steps")
 
     def refined(self, rtol: float) -> Certified:
@@ -120,14 +120,14 @@ class Refinement:
         while True:
             steps *= 2
             fine = self.solved(steps)
-            differences = self._differences(coarse, fine)
-            factors = map(_observed, differences, before, self._orders)
-            errors = [max(float(e / (f - 1)), _ROUNDING) for e, f in zip(differences, factors, strict=True)]
-            stalled = all(e <= rtol or e >= e0 < 1e-6 for e, e0 in zip(differences, before, strict=True))
+            found = differences(coarse, fine)
+            factors = map(_observed, found, before, self._orders)
+            errors = [max(float(e / (f - 1)), _ROUNDING) for e, f in zip(found, factors, strict=True)]
+            stalled = all(e <= rtol or e >= e0 < 1e-6 for e, e0 in zip(found, before, strict=True))
             reached = errors[0] <= max(rtol, 2 * fine.defect) and errors[1] <= rtol
             if reached or stalled or 2 * steps > self.most:
                 return self._result(fine, errors, rtol, "at the precision in reach")
-            coarse, before = fine, differences
+            coarse, before = fine, found
 
     @property
     def _orders(self) -> tuple[int, int]:
@@ -145,16 +145,17 @@ class Refinement:
             )
         return Certified(self.method, solution, errors[0], errors[1], warnings)
 
-    def _differences(self, coarse: Solution, fine: Solution) -> tuple[float, float]:
-        """Of the orbit, per coordinate max|difference|/max|q|, and of the multipliers."""
-        multipliers = coarse.multipliers.difference(fine.multipliers)
-        if coarse.curve is None or fine.curve is None:
-            return 0.0, multipliers
-        phase = coarse.grid.nodes[:-1, None] + coarse.grid.h[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
-        q, finer = (curve(phase.ravel()) for curve in (coarse.curve, fine.curve))
-        scale = np.abs(finer).max(axis=1)
-        error = np.abs(q - finer).max(axis=1)
-        return float(np.max(error / np.where(scale > 0, scale, 1.0))), multipliers
+
+def differences(coarse: Solution, fine: Solution) -> tuple[float, float]:
+    """Of the orbit, per coordinate max|difference|/max|q|, and of the multipliers."""
+    multipliers = coarse.multipliers.difference(fine.multipliers)
+    if coarse.curve is None or fine.curve is None:
+        return 0.0, multipliers
+    phase = coarse.grid.nodes[:-1, None] + coarse.grid.h[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
+    q, finer = (curve(phase.ravel()) for curve in (coarse.curve, fine.curve))
+    scale = np.abs(finer).max(axis=1)
+    error = np.abs(q - finer).max(axis=1)
+    return float(np.max(error / np.where(scale > 0, scale, 1.0))), multipliers
 
 
 def _observed(difference: float, before: float, order: int) -> float:
