@@ -27,15 +27,14 @@ class Grid:
         """About `steps` steps of equal length; with breaks, equal within each piece between two."""
         if not breaks:
             return cls(np.linspace(0.0, period, steps + 1), np.zeros(steps, dtype=bool))
-        inner = sorted({b % period for b in breaks} - {0.0})
-        ends = np.array([0.0, *inner, period])
+        ends, jump_at_zero = _pieces(period, breaks)
         counts = np.maximum(1, np.round(steps * np.diff(ends) / period).astype(int))
         pieces = [
             np.linspace(a, b, k, endpoint=False) for a, b, k in zip(ends, ends[1:], counts, strict=False)
         ]
         at_break = np.zeros(counts.sum(), dtype=bool)
         at_break[np.concatenate(([0], np.cumsum(counts)[:-1]))] = True
-        at_break[0] = any(b % period == 0.0 for b in breaks)
+        at_break[0] = jump_at_zero
         return cls(np.append(np.concatenate(pieces), period), at_break)
 
     @property
@@ -69,3 +68,16 @@ class Grid:
         low = self.nodes[:-1] + inset * self.at_break
         high = self.nodes[1:] - inset * np.roll(self.at_break, -1)
         return np.clip(phases, low[:, None], high[:, None])
+
+
+def _pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
+    """Ends of the pieces between the jumps, 0 and the period among them, and whether there is a jump at
+    0. Breaks that differ by rounding are one."""
+    same = 0.5 * _INSIDE * period
+    ends, jump_at_zero = [0.0], False
+    for phase in sorted(b % period for b in breaks):
+        if min(phase, period - phase) <= same:
+            jump_at_zero = True
+        elif phase - ends[-1] > same:
+            ends.append(phase)
+    return np.array([*ends, period]), jump_at_zero
