@@ -1,0 +1,36 @@
+"""Methods by name and settings, and what is said of names and settings that do not exist."""
+
+import pytest
+
+from solve import Newmark, Radau
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.methods.choice import METHODS, chosen
+from solve.methods.gauss import Gauss
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_name_gives_its_method(name):
+    method = chosen(name)
+    assert type(method) is METHODS[name]
+    assert method.name == name
+
+
+def test_settings_reach_the_method_and_absent_ones_do_not():
+    assert chosen("newmark", gamma=0.6, beta=None, order=None) == Newmark(gamma=0.6)
+    assert (chosen("radau", order=5), chosen("gauss", order=8)) == (Radau(5), Gauss(8))
+
+
+def test_an_object_is_its_own_choice():
+    rule = Radau(7)
+    assert chosen(rule) is rule
+
+
+@pytest.mark.parametrize(("given", "near"), [("raddau", "radau"), ("rk5", "rk4"), ("Newmark", "newmark")])
+def test_an_unknown_name_is_answered_with_the_nearest(given, near):
+    with pytest.raises(UnknownNameError, match=rf"unknown method '{given}'; did you mean '{near}'"):
+        chosen(given)
+
+
+def test_a_setting_of_another_method_names_its_owner():
+    with pytest.raises(ValueOutOfBoundsError, match="method radau has no gamma; gamma belongs to newmark"):
+        chosen("radau", gamma=0.5)

@@ -1,0 +1,139 @@
+"""Periodic systems that the tests solve; nothing here calls the code under test but PeriodicSystem."""
+
+import numpy as np
+from hypothesis import strategies as st
+
+from solve import PeriodicSystem
+
+CAM = {
+    "I1": 0.12, "m2": 28.0, "m3": 50.0, "F": 100.0,
+    "k1": 8e4, "k2": 8.2e8, "k3": 2.6e8, "c1": 18.5, "c2": 1400.0, "c3": 1200.0,
+}  # fmt: skip
+CAM_LAW = {
+    "1": {1: 0.22165, 3: 0.05560, 5: -0.01706},
+    "2": {1: 0.22206, 3: 0.08539, 5: 0.00518, 7: -0.00373, 9: 0.00345, 11: -0.00182},
+}
+
+seeds = st.integers(min_value=0, max_value=2**32 - 1)
+
+
+def system(matrices, n, **settings):
+    return PeriodicSystem(matrices, [f"q{i}" for i in range(1, n + 1)], **settings)
+
+
+def constant(M, C, K, force):
+    """Constant M, C, K (n, n) under the force d = force(phase), (m, n)."""
+    n = len(M)
+
+    def matrices(phase, speed):
+        return (*(np.broadcast_to(A, (len(phase), n, n)) for A in (M, C, K)), force(phase))
+
+    return system(matrices, n)
+
+
+def series(rng, shape, size, harmonics=3):
+    """A function of the phase: a Fourier series with zero mean and entries of about `size`."""
+    amplitudes = (
+        size
+        * rng.standard_normal((2, harmonics, *shape))
+        / np.arange(1, harmonics + 1).reshape(-1, *(1 for _ in shape))
+    )
+
+    def value(phase):
+        angles = np.outer(phase, np.arange(1, harmonics + 1))
+        return np.tensordot(np.cos(angles), amplitudes[0], 1) + np.tensordot(np.sin(angles), amplitudes[1], 1)
+
+    return value
+
+
+def spd(rng, n, low, high):
+    """A symmetric matrix with eigenvalues between low and high."""
+    Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    return Q @ np.diag(rng.uniform(low, high, n)) @ Q.T
+
+
+def random_matrices(seed, n, modulation=0.15):
+    """M, C, K, d with time derivatives at speed 1: smooth, damped, all of them varying."""
+    rng = np.random.default_rng(seed)
+    means = spd(rng, n, 1.0, 2.0), spd(rng, n, 0.1, 0.5), spd(rng, n, 1.0, 20.0)
+    parts = [series(rng, (n, n), modulation * size / n) for size in (0.5, 0.5, 2.0)]
+    load, mean_load = series(rng, (n,), 1.0), rng.standard_normal(n)
+
+    def matrices(phase, speed):
+        M, C, K = (mean + part(phase) for mean, part in zip(means, parts, strict=True))
+        return (M + np.swapaxes(M, 1, 2)) / 2, C, K, mean_load + load(phase)
+
+    return matrices
+
+
+def random_system(seed, n, **settings):
+    return system(random_matrices(seed, n), n, **settings)
+
+
+def cam_matrices(case="1", **changed):
+    """Chapter Eq. (64) with Tables 1 and 2, by hand."""
+    p, law = CAM | changed, CAM_LAW[case]
+
+    def matrices(phase, speed):
+        U1, U2, U3 = (
+            sum(a * k**r * trig(k * phase) for k, a in law.items())
+            for r, trig in ((0, np.cos), (1, lambda x: -np.sin(x)), (2, lambda x: -np.cos(x)))
+        )
+        m, m3, one, zero = p["m2"] + p["m3"], p["m3"], np.ones_like(phase), np.zeros_like(phase)
+        M = [
+            [p["I1"] + m * U1**2, m * U1, m3 * U1],
+            [m * U1, m * one, m3 * one],
+            [m3 * U1, m3 * one, m3 * one],
+        ]
+        C = [
+            [p["c1"] + 2 * m * speed * U1 * U2, zero, zero],
+            [2 * m * speed * U2, p["c2"] * one, zero],
+            [2 * m3 * speed * U2, zero, p["c3"] * one],
+        ]
+        K = [
+            [p["k1"] + p["F"] * U2 + m * speed**2 * (U1 * U3 + U2**2), zero, zero],
+            [m * speed**2 * U3, p["k2"] * one, zero],
+            [m3 * speed**2 * U3, zero, p["k3"] * one],
+        ]
+        d = [
+            -p["F"] * U1 - m * speed**2 * U1 * U2,
+            -p["F"] - m * speed**2 * U2,
+            -p["F"] - m3 * speed**2 * U2,
+        ]
+        M, C, K = (np.moveaxis(np.array(A), -1, 0) for A in (M, C, K))
+        return M, C, K, np.array(d).T
+
+    return matrices
+
+
+def cam(case="1", **changed):
+    return system(cam_matrices(case, **changed), 3)
+
+
+def canonical_undamped(seed, n):
+    """C = dM/dt and K symmetric: the equations of ½ q̇ᵀM(t)q̇ - ½ qᵀK(t)q, whose flow is symplectic."""
+    rng = np.random.default_rng(seed)
+    M0, K0 = spd(rng, n, 1.0, 2.0), spd(rng, n, 0.5, 8.0)
+    A, B = (rng.uniform(-0.2, 0.2) * spd(rng, n, 0.5, 1.0) for _ in range(2))
+    G, H = (rng.uniform(-1.0, 1.0) * spd(rng, n, 0.5, 1.0) for _ in range(2))
+
+    def matrices(phase, speed):
+        c, s = np.cos(phase)[:, None, None], np.sin(phase)[:, None, None]
+        M, rate = M0 + A * c + B * s, speed * (B * c - A * s)
+        return M, rate, K0 + G * c + H * s, np.ones((len(phase), n))
+
+    return system(matrices, n)
+
+
+def meissner(delta=1.3, epsilon=0.7, zeta=0.05, load=1.0):
+    """Stiffness delta + epsilon over the first 0.4 of the turn, delta - epsilon over the rest; the load
+    is 1 and then `load`. Jumps at 0 and at 0.4 of the turn."""
+    jump = 0.8 * np.pi
+
+    def matrices(phase, speed):
+        first = np.mod(phase, 2 * np.pi) < jump
+        one = np.ones((len(phase), 1, 1))
+        K = np.where(first, delta + epsilon, delta - epsilon)[:, None, None]
+        return one, 2 * zeta * one, K, np.where(first, 1.0, load)[:, None]
+
+    return system(matrices, 1, breaks=(0.0, jump))

@@ -1,0 +1,61 @@
+"""Other ways to the same results, sharing nothing with the code under test."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+
+def rate_matrices(system, phase, speed):
+    """P (m, 2n, 2n) and f (m, 2n) of x′ = P x + f by phase, chapter Eq. (5), at the phases (m,)."""
+    M, C, K, d = system.at(np.asarray(phase), speed)
+    m, n = d.shape
+    inverse = np.linalg.inv(M * speed**2)
+    P = np.zeros((m, 2 * n, 2 * n))
+    P[:, :n, n:] = np.eye(n)
+    P[:, n:] = np.concatenate((-inverse @ K, -speed * inverse @ C), axis=2)
+    return P, np.concatenate((np.zeros((m, n)), (inverse @ d[..., None])[..., 0]), axis=1)
+
+
+class Shooting:
+    """The matrix differential equation of [Φ | x] by DOP853, and the orbit by single shooting."""
+
+    def __init__(self, system, speed, rtol=1e-13):
+        N = 2 * system.n
+
+        def rate(phase, y):
+            P, f = rate_matrices(system, [phase], speed)
+            change = P[0] @ y.reshape(N, N + 1)
+            change[:, -1] += f[0]
+            return change.ravel()
+
+        start = np.eye(N, N + 1).ravel()
+        ends = (0.0, system.period)
+        self._run = solve_ivp(rate, ends, start, "DOP853", dense_output=True, rtol=rtol, atol=1e-14)
+        self._shape = N, N + 1
+        whole = self._run.y[:, -1].reshape(self._shape)
+        self.Phi = whole[:, :-1]
+        self.start = np.linalg.solve(np.eye(N) - self.Phi, whole[:, -1])
+
+    def states(self, phase):
+        """x = (q, dq/dphase) of the periodic solution at the phases (k,): (2n, k)."""
+        maps = self._run.sol(phase).T.reshape(-1, *self._shape)
+        return (maps[:, :, :-1] @ self.start + maps[:, :, -1]).T
+
+    @property
+    def multipliers(self):
+        return np.linalg.eigvals(self.Phi)
+
+
+def relative_error(q, truth):
+    """Per coordinate max|error|/max|truth| over the turn, the largest; arrays (n, k)."""
+    return float((np.abs(q - truth).max(axis=1) / np.abs(truth).max(axis=1)).max())
+
+
+def multiplier_error(values, truth):
+    """Largest distance to the nearest true multiplier, relative to the true spectral radius."""
+    values, truth = np.asarray(values), np.asarray(truth)
+    return float(np.abs(values[:, None] - truth).min(axis=1).max() / np.abs(truth).max())
+
+
+def slope(steps, errors):
+    """Order of convergence: the slope of log error over log step length, by least squares."""
+    return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
