@@ -1,5 +1,10 @@
 """What a complete statement of a mechanism must satisfy before anything is derived from it."""
 
+import difflib
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass
+from typing import Any
+
 import sympy
 
 from derive.errors import DeclarationError, UnknownSymbolError, UnusedParameterError
@@ -8,63 +13,91 @@ from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
 from derive.units import ONE, SECOND, Dimension, parse, require
 
+Dimensions = Mapping[sympy.Symbol, Dimension]
+
+
+@dataclass(frozen=True)
+class _Statement:
+    """An expression that the author gave, the unit that it must have, and symbols that it must not hold."""
+
+    what: str
+    expression: sympy.Expr
+    unit: str
+    barred: Set[Any] = frozenset()
+
 
 def check(mechanism: Mechanism) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError on the first fault."""
     if not mechanism.declared_coordinates:
+        raise DeclarationError(f"{mechanism.name} has no coordinates; declare one with coordinates(...)")
+    if mechanism.energy != "J" and not mechanism.no_drive_torque:
         raise DeclarationError(
-            f"{mechanism.name} has no coordinates; declare one or more with coordinates(...)"
+            f"energies in {mechanism.energy} give no drive torque in N m; "
+            "state so with decline_drive_torque(reason)"
         )
-    stated = _statements(mechanism)
+    if not mechanism.no_drive_torque and "drive_torque" in {each.name for each in mechanism.declared_outputs}:
+        raise DeclarationError(
+            'the output "drive_torque" follows from the energies; '
+            "give yours another name, or call decline_drive_torque(reason)"
+        )
+    statements = list(_statements(mechanism))
     known = _dimensions(mechanism)
-    accelerations = {each.symbol.rate.rate for each in mechanism.declared_coordinates}
-    for what, (expression, unit) in stated.items():
-        allowed = set(known) if what.startswith("output ") else set(known) - accelerations
-        if what.startswith("fundamental motion "):
-            allowed -= {s for each in mechanism.declared_coordinates for s in (each.symbol, each.symbol.rate)}
-        _require_known(what, expression, allowed)
-        require(what, expression, unit, known)
-    _require_use(mechanism, [expression for expression, _ in stated.values()])
+    for each in statements:
+        _require_known(each, known)
+        require(each.what, each.expression, each.unit, known)
+    _require_use(mechanism, [each.expression for each in statements])
 
 
-def _statements(mechanism: Mechanism) -> dict[str, tuple[sympy.Expr, str]]:
-    """Every expression of the statement with the unit that it must have, by its name for messages."""
-    stated = {
-        "kinetic energy": (sympy.sympify(mechanism.kinetic), mechanism.energy),
-        "potential energy": (sympy.sympify(mechanism.potential), mechanism.energy),
-        "dissipation": (sympy.sympify(mechanism.dissipation), mechanism.energy + "/s"),
-        "period": (sympy.sympify(mechanism.period), "rad"),
+def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
+    moving = [each.symbol for each in mechanism.declared_coordinates]
+    accelerations = {q.rate.rate for q in moving}
+    motion = accelerations | {s for q in moving for s in (q, q.rate)}
+    energies = {
+        "kinetic energy": (mechanism.kinetic, mechanism.energy),
+        "potential energy": (mechanism.potential, mechanism.energy),
+        "dissipation": (mechanism.dissipation, mechanism.energy + "/s"),
     }
+    for what, (energy, unit) in energies.items():
+        yield _Statement(what, sympy.sympify(energy), unit, accelerations)
     for force, along in mechanism.forces:
-        stated[f"virtual work of {force} along {along}"] = (force * along, mechanism.energy)
+        what = f"virtual work of {force} along {along}"
+        yield _Statement(what, sympy.Mul(force, along), mechanism.energy, accelerations)
     for each in mechanism.declared_coordinates:
         if each.symbol in mechanism.fundamental_motion:
-            stated[f"fundamental motion of {each.symbol}"] = (
-                mechanism.fundamental_motion[each.symbol],
-                each.unit,
-            )
+            desired = mechanism.fundamental_motion[each.symbol]
+            yield _Statement(f"fundamental motion of {each.symbol}", desired, each.unit, motion)
     for output in mechanism.declared_outputs:
-        stated[f"output {output.name}"] = (output.expression, output.unit)
-    return stated
+        yield _Statement(f"output {output.name}", output.expression, output.unit)
+    yield _Statement("period", sympy.sympify(mechanism.period), "rad", motion | {PHASE, SPEED})
 
 
 def _dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
     known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND}
     for each in mechanism.declared_coordinates:
         unit = parse(each.unit)
-        known |= {each.symbol: unit, each.symbol.rate: unit / SECOND, each.symbol.rate.rate: unit / SECOND**2}
+        known |= {
+            each.symbol: unit,
+            each.symbol.rate: unit / SECOND,
+            each.symbol.rate.rate: unit / SECOND**2,
+        }
     known |= {each.symbol: parse(each.unit) for each in mechanism.declared_parameters}
     known |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}
     return known
 
 
-def _require_known(what: str, expression: sympy.Expr, allowed: set[sympy.Symbol]) -> None:
-    unknown = sorted(str(symbol) for symbol in expression.free_symbols - allowed)
-    if unknown:
-        raise UnknownSymbolError(
-            f"{what} holds {', '.join(unknown)}, which cannot stand there; "
-            f"it may hold {', '.join(sorted(symbol.name for symbol in allowed))}"
-        )
+def _require_known(statement: _Statement, known: Dimensions) -> None:
+    names = [symbol.name for symbol in known]
+    for symbol in sorted(statement.expression.free_symbols - (set(known) - statement.barred), key=str):
+        if symbol in statement.barred:
+            raise UnknownSymbolError(f"{statement.what} holds {symbol}, which cannot stand there")
+        if str(symbol) in names:
+            raise UnknownSymbolError(
+                f"{statement.what} holds a symbol named {symbol} that is not the declared one; "
+                "use the symbols that coordinates(...) and parameters(...) return"
+            )
+        nearest = difflib.get_close_matches(str(symbol), names, 1)
+        hint = f"; did you mean {nearest[0]}?" if nearest else "; declare it with parameters(...)"
+        raise UnknownSymbolError(f"{statement.what} holds {symbol}, which is not declared{hint}")
 
 
 def _require_use(mechanism: Mechanism, expressions: list[sympy.Expr]) -> None:
@@ -73,11 +106,7 @@ def _require_use(mechanism: Mechanism, expressions: list[sympy.Expr]) -> None:
         symbols |= set(type(series).coefficients())
     for parameter in mechanism.declared_parameters:
         if parameter.symbol not in symbols:
-            raise UnusedParameterError(
-                f"the parameter {parameter.symbol} is declared but never used; use it or drop it"
-            )
+            raise UnusedParameterError(f"parameter {parameter.symbol} is never used; use it or drop it")
     for option in mechanism.declared_options:
         if not symbols & set(option.indicators):
-            raise UnusedParameterError(
-                f"the option {option.name} is declared but never used; use it or drop it"
-            )
+            raise UnusedParameterError(f"option {option.name} is never used; use it or drop it")

@@ -1,6 +1,9 @@
 """SymPy expressions as Python text on CasADi symbols."""
 
+from typing import Any
+
 import sympy
+from sympy.core.numbers import Exp1, Pi
 from sympy.printing.pycode import AbstractPythonCodePrinter
 
 from derive.errors import UnsupportedExpressionError
@@ -8,13 +11,36 @@ from derive.errors import UnsupportedExpressionError
 SAME = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sign")
 HYPERBOLIC = ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh")
 FUNCTIONS = {"Abs": "casadi.fabs", **{name: f"casadi.{name}" for name in SAME + HYPERBOLIC}}
+NODES = (
+    sympy.Symbol,
+    sympy.Rational,
+    sympy.Float,
+    sympy.Add,
+    sympy.Mul,
+    sympy.Pow,
+    sympy.Max,
+    sympy.Min,
+    Pi,
+    Exp1,
+)
 
 
 class CasadiPrinter(AbstractPythonCodePrinter):
-    """Prints with `casadi.` and `math.` before each function; rationals stay exact until Python divides."""
+    """Prints with `casadi.` and `math.` before each function; rationals stay exact until Python divides.
+
+    Raises UnsupportedExpressionError where an expression has no counterpart.
+    """
 
     def __init__(self) -> None:
-        super().__init__({"user_functions": FUNCTIONS, "precision": 17, "fully_qualified_modules": False})
+        super().__init__({"precision": 17})
+
+    def doprint(self, expr: Any, assign_to: Any = None) -> str:
+        for node in sympy.preorder_traversal(expr):
+            if not isinstance(node, NODES) and type(node).__name__ not in FUNCTIONS:
+                raise UnsupportedExpressionError(
+                    f"{node} cannot be generated; known functions: {', '.join(FUNCTIONS)}, sqrt, Max, Min"
+                )
+        return str(super().doprint(expr, assign_to))
 
     def _print_Pow(self, expr: sympy.Pow, rational: bool = False) -> str:
         if expr.exp == sympy.S.Half and not rational:
@@ -23,31 +49,24 @@ class CasadiPrinter(AbstractPythonCodePrinter):
             return f"1/casadi.sqrt({self._print(expr.base)})"
         return super()._print_Pow(expr, rational=rational)
 
-    def _print_Pi(self, expr: sympy.Basic) -> str:
+    def _print_Pi(self, expr: Pi) -> str:
         return "math.pi"
 
-    def _print_Exp1(self, expr: sympy.Basic) -> str:
+    def _print_Exp1(self, expr: Exp1) -> str:
         return "math.e"
 
     def _print_Max(self, expr: sympy.Max) -> str:
-        return self._nest("casadi.fmax", expr)
+        return self._nested("casadi.fmax", expr)
 
     def _print_Min(self, expr: sympy.Min) -> str:
-        return self._nest("casadi.fmin", expr)
+        return self._nested("casadi.fmin", expr)
 
-    def _nest(self, function: str, expr: sympy.Basic) -> str:
-        first, *rest = (self._print(part) for part in expr.args)
+    def _nested(self, function: str, expr: sympy.Basic) -> str:
+        """A function of two arguments, applied over and over."""
+        text, *rest = (self._print(part) for part in expr.args)
         for part in rest:
-            first = f"{function}({first}, {part})"
-        return first
+            text = f"{function}({text}, {part})"
+        return text
 
     def _print_Function(self, expr: sympy.Function) -> str:
-        name = type(expr).__name__
-        if name not in FUNCTIONS:
-            raise UnsupportedExpressionError(
-                f"{expr} cannot be generated; known functions: {', '.join(sorted(FUNCTIONS))}, sqrt, Max, Min"
-            )
-        return f"{FUNCTIONS[name]}({', '.join(self._print(part) for part in expr.args)})"
-
-    def emptyPrinter(self, expr: object) -> str:
-        raise UnsupportedExpressionError(f"{expr} ({type(expr).__name__}) cannot be generated")
+        return f"{FUNCTIONS[type(expr).__name__]}({', '.join(self._print(part) for part in expr.args)})"

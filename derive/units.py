@@ -65,11 +65,11 @@ def parse(text: str) -> Dimension:
     Raises UnitError where a factor is no coherent SI unit.
     """
     dimension = ONE
-    for sign, factor in re.findall(r"(/?)\s*([^\s/]+)", text) or [("", text)]:
+    for sign, factor in re.findall(r"\s*(/?)\s*([^\s/]*)", text.strip())[:-1] or [("", text)]:
         name, _, power = factor.partition("^")
         if name not in UNITS or not re.fullmatch(r"-?\d+|", power) or factor.endswith("^"):
             raise UnitError(
-                f'the unit "{text}" is not understood at "{factor}"; '
+                f'the unit "{text}" is not understood at "{sign}{factor}"; '
                 f'write coherent SI such as "N m/rad" or "kg m^2" from {", ".join(UNITS)}'
             )
         exponent = int(power or 1)
@@ -97,8 +97,8 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
     if isinstance(expression, sympy.Pow):
         return _power(what, expression, parts)
     if isinstance(expression, (sympy.Add, sympy.Max, sympy.Min, sympy.Abs, sympy.atan2)):
-        _require_alike(what, expression, parts)
-        return ONE if isinstance(expression, sympy.atan2) else parts[0]
+        common = _common(what, expression, parts)
+        return ONE if isinstance(expression, sympy.atan2) else common
     for argument, part in zip(expression.args, parts, strict=True):
         if part != ONE and not isinstance(expression, sympy.sign):
             raise UnitError(
@@ -123,14 +123,16 @@ def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimensio
     return base ** Fraction(int(expression.exp.p), int(expression.exp.q))
 
 
-def _require_alike(what: str, expression: sympy.Basic, parts: list[Dimension]) -> None:
-    first = parts[0]
-    for argument, part in zip(expression.args, parts, strict=True):
-        if part != first:
+def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimension:
+    """The one dimension of parts that are added or compared; a plain 0 fits any."""
+    pairs = [pair for pair in zip(expression.args, parts, strict=True) if pair[0] != 0]
+    for argument, part in pairs:
+        if part != pairs[0][1]:
             raise UnitError(
-                f"{what}: {_short(expression.args[0])} is in {first} but {_short(argument)} is in {part}; "
+                f"{what}: {_short(pairs[0][0])} is in {pairs[0][1]} but {_short(argument)} is in {part}; "
                 "they cannot be added or compared"
             )
+    return pairs[0][1]
 
 
 def _short(expression: sympy.Basic, limit: int = 80) -> str:

@@ -1,0 +1,23 @@
+"""A generated module without its file: what the tests evaluate."""
+
+from types import ModuleType
+
+import casadi
+import numpy as np
+
+from derive import Mechanism
+from derive.checks import check
+from derive.emit import module_text
+
+
+def module_of(mechanism: Mechanism) -> ModuleType:
+    """The module that would be written for a mechanism, executed."""
+    check(mechanism)
+    module = ModuleType(mechanism.name)
+    exec(module_text(mechanism, "0" * 64, "0" * 64, mechanism.name), module.__dict__)
+    return module
+
+
+def values(function: casadi.Function, *inputs) -> list[np.ndarray]:
+    """All outputs of a CasADi function as arrays."""
+    return [np.array(result) for result in function.call([casadi.DM(each) for each in inputs])]

@@ -1,0 +1,104 @@
+"""Equations of motion against textbook forms."""
+
+import numpy as np
+import pytest
+import sympy
+from modules import module_of, values
+
+from derive import Mechanism, cos, rate, sin
+from derive.lagrange import drive_torque, residual
+from derive.symbols import PHASE, SPEED, Moving
+
+
+def pendulum() -> Mechanism:
+    swing = Mechanism("pendulum", "Plane pendulum")
+    (theta,) = swing.coordinates(theta=("rad", "angle from the vertical"))
+    m, L, c, g = swing.parameters(
+        m=("kg", "bob", "> 0"), L=("m", "length", "> 0"), c=("N m s/rad", "pivot"), g=("m/s^2", "gravity")
+    )
+    swing.kinetic = m * L**2 * rate(theta) ** 2 / 2
+    swing.potential = -m * g * L * cos(theta)
+    swing.dissipation = c * rate(theta) ** 2 / 2
+    return swing
+
+
+def symbols(names: str) -> list[sympy.Symbol]:
+    return [sympy.Symbol(name, real=True) for name in names.split()]
+
+
+def test_pendulum():
+    m, L, c, g = symbols("m L c g")
+    theta, thetad, thetadd = (Moving("theta" + order) for order in ("", "d", "dd"))
+    textbook = m * L**2 * thetadd + c * thetad + m * g * L * sympy.sin(theta)
+    assert sympy.simplify(residual(pendulum())[0] - textbook) == 0
+    assert drive_torque(pendulum()) == 0
+
+
+def test_rate_goes_through_phase_coordinates_and_rates():
+    q, qd, qdd = (Moving("q" + order) for order in ("", "d", "dd"))
+    assert rate(q**2 * sympy.sin(2 * PHASE)) == 2 * q * qd * sympy.sin(
+        2 * PHASE
+    ) + 2 * SPEED * q**2 * sympy.cos(2 * PHASE)
+    assert rate(rate(q * SPEED)) == SPEED * qdd
+    assert rate(3) == 0
+
+
+def bead() -> Mechanism:
+    """A bead on a straight wire that turns about its end with the drive; k to the axis, gravity off."""
+    wire = Mechanism("bead", "Bead on a turning wire")
+    (r,) = wire.coordinates(r=("m", "distance from the axis"))
+    m, k, J, P = wire.parameters(
+        m=("kg", "bead", "> 0"), k=("N/m", "spring"), J=("kg m^2", "wire"), P=("N", "force across the wire")
+    )
+    x, y = r * cos(wire.phase), r * sin(wire.phase)
+    wire.kinetic = m * (rate(x) ** 2 + rate(y) ** 2) / 2 + J * rate(wire.phase) ** 2 / 2
+    wire.potential = k * r**2 / 2
+    wire.force(-P * sin(wire.phase), along=x)
+    wire.force(P * cos(wire.phase), along=y)
+    return wire
+
+
+def test_bead_on_a_turning_wire():
+    """m r̈ − m Ω² r + k r = 0; the drive bears the Coriolis force and the one across: 2 m r ṙ Ω − P r."""
+    m, k, P = symbols("m k P")
+    r, rd, rdd = (Moving("r" + order) for order in ("", "d", "dd"))
+    assert sympy.simplify(residual(bead())[0] - (m * rdd - m * SPEED**2 * r + k * r)) == 0
+    assert sympy.simplify(drive_torque(bead()) - (2 * m * r * rd * SPEED - P * r)) == 0
+
+
+def test_torque_in_a_shaft_is_the_drive_torque():
+    """Chapter Eq. (51): for a rotor on an elastic shaft the drive gives what the shaft passes on."""
+    rotor = Mechanism("rotor", "Rotor on an elastic shaft")
+    (q,) = rotor.coordinates(q=("rad", "twist"))
+    J, k, c, m, e, g = rotor.parameters(
+        J=("kg m^2", "rotor", "> 0"), k=("N m/rad", "shaft"), c=("N m s/rad", "shaft"),
+        m=("kg", "unbalance"), e=("m", "its arm"), g=("m/s^2", "gravity"),
+    )  # fmt: skip
+    rotor.kinetic = (J + m * e**2) * rate(rotor.phase + q) ** 2 / 2
+    rotor.potential = k * q**2 / 2 + m * g * e * sin(rotor.phase + q)
+    rotor.dissipation = c * rate(q) ** 2 / 2
+    assert sympy.expand(drive_torque(rotor) + k * q + c * rate(q)) == 0
+
+
+def test_fundamental_motion_is_substituted_before_everything_else():
+    """A pendulum with θ = A sin φ + θ′ obeys the plain pendulum's equation in θ."""
+    plain, moved = pendulum(), pendulum()
+    theta = Moving("theta")
+    (A,) = moved.parameters(A=("rad", "desired amplitude"))
+    moved.fundamental(theta=A * sin(moved.phase))
+    moved.output("angle", theta, "rad", "angle from the vertical")
+    p, A = [2.0, 0.7, 0.3, 9.81], 0.4
+    phase, speed, deviation, rate_, acceleration = 1.1, 5.0, 0.2, -0.3, 0.9
+    total = [
+        A * np.sin(phase) + deviation,
+        A * speed * np.cos(phase) + rate_,
+        -A * speed**2 * np.sin(phase) + acceleration,
+    ]
+    expected = p[0] * p[1] ** 2 * total[2] + p[2] * total[1] + p[0] * p[3] * p[1] * np.sin(total[0])
+    module = module_of(moved)
+    state = (phase, speed, deviation, rate_, acceleration)
+    assert values(module.residual(), *state, [*p, A])[0] == pytest.approx(expected, rel=1e-13)
+    assert values(module.outputs(), *state, [*p, A])[1] == pytest.approx(total[0], rel=1e-15)
+    assert values(module_of(plain).residual(), phase, speed, *total, p)[0] == pytest.approx(
+        expected, rel=1e-13
+    )

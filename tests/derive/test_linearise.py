@@ -1,0 +1,99 @@
+"""M, C, K, d about fundamental motions that do not vanish, against formulas by hand."""
+
+import numpy as np
+import pytest
+import sympy
+from modules import module_of, values
+
+from derive import Mechanism, cos, rate, sin
+from derive.errors import SingularMassError
+from derive.gather import gathered
+from derive.symbols import SPEED
+
+
+def pendulum_on_an_arm() -> Mechanism:
+    """An arm of length R turns with the drive; the pendulum at its tip is to point along the arm.
+
+    Coordinate: the pendulum's angle in space, whose desired motion is the phase itself.
+    """
+    absorber = Mechanism("absorber", "Pendulum on a turning arm")
+    (theta,) = absorber.coordinates(theta=("rad", "pendulum's angle in space"))
+    m, L, R, g, c = absorber.parameters(
+        m=("kg", "bob", "> 0"), L=("m", "pendulum", "> 0"), R=("m", "arm", "> 0"),
+        g=("m/s^2", "gravity"), c=("N m s/rad", "hinge"),
+    )  # fmt: skip
+    x = R * cos(absorber.phase) + L * cos(theta)
+    y = R * sin(absorber.phase) + L * sin(theta)
+    absorber.kinetic = m * (rate(x) ** 2 + rate(y) ** 2) / 2
+    absorber.potential = m * g * y
+    absorber.dissipation = c * rate(theta - absorber.phase) ** 2 / 2
+    absorber.fundamental(theta=absorber.phase)
+    return absorber
+
+
+def test_pendulum_on_a_turning_arm():
+    """Taken about the arm: m l² θ̈ + c θ̇ + (m R L Ω² − m g L sin φ) θ = −m g L cos φ."""
+    m, L, R, g, c = p = [1.3, 0.4, 0.9, 9.81, 0.02]
+    for phase, speed in [(0.3, 4.0), (2.5, 11.0), (5.9, 0.5)]:
+        M, C, K, d = values(module_of(pendulum_on_an_arm()).linearised(), phase, speed, p)
+        assert pytest.approx(m * L**2, rel=1e-14) == M
+        assert pytest.approx(c, rel=1e-14) == C
+        assert pytest.approx(m * R * L * speed**2 - m * g * L * np.sin(phase), rel=1e-12) == K
+        assert d == pytest.approx(-m * g * L * np.cos(phase), rel=1e-12)
+
+
+def crane() -> Mechanism:
+    """A pendulum whose pivot moves to and fro by A sin φ and which is to swing with B sin φ."""
+    hook = Mechanism("crane", "Pendulum on a moving pivot")
+    (theta,) = hook.coordinates(theta=("rad", "angle from the vertical"))
+    m, L, g, A, B = hook.parameters(
+        m=("kg", "bob", "> 0"), L=("m", "length", "> 0"), g=("m/s^2", "gravity"),
+        A=("m", "motion of the pivot"), B=("rad", "desired swing"),
+    )  # fmt: skip
+    x, y = A * sin(hook.phase) + L * sin(theta), -L * cos(theta)
+    hook.kinetic = m * (rate(x) ** 2 + rate(y) ** 2) / 2
+    hook.potential = m * g * y
+    hook.fundamental(theta=B * sin(hook.phase))
+    return hook
+
+
+def test_pendulum_on_a_moving_pivot():
+    """m l² θ̈ + m L ẍ cos θ + m g L sin θ = 0 with ẍ = −A Ω² sin φ, expanded about θ = B sin φ."""
+    m, L, g, A, B = p = [0.8, 1.7, 9.81, 0.3, 0.6]
+    for phase, speed in [(0.4, 2.0), (1.9, 7.0), (4.4, 0.3)]:
+        desired, pivot = B * np.sin(phase), -A * speed**2 * np.sin(phase)
+        inertia = -m * L**2 * B * speed**2 * np.sin(phase)
+        M, C, K, d = values(module_of(crane()).linearised(), phase, speed, p)
+        assert pytest.approx(m * L**2, rel=1e-14) == M
+        assert pytest.approx(0, abs=1e-15) == C
+        assert pytest.approx(m * g * L * np.cos(desired) - m * L * pivot * np.sin(desired), rel=1e-13) == K
+        moment = m * L * pivot * np.cos(desired) + m * g * L * np.sin(desired)
+        assert d == pytest.approx(-inertia - moment, rel=1e-12)
+
+
+def two_masses() -> tuple[Mechanism, tuple]:
+    pair = Mechanism("pair", "Two masses")
+    q1, q2 = pair.coordinates(q1=("m", "first"), q2=("m", "second"))
+    m, k = pair.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring"))
+    pair.potential = k * (q1**2 + q2**2) / 2
+    return pair, (q1, q2, m)
+
+
+def test_a_coordinate_without_kinetic_energy_is_named():
+    pair, (q1, _, m) = two_masses()
+    pair.kinetic = m * rate(q1) ** 2 / 2
+    with pytest.raises(SingularMassError, match="no inertia to q2: M is singular"):
+        module_of(pair)
+
+
+def test_a_combination_without_kinetic_energy_is_named():
+    pair, (q1, q2, m) = two_masses()
+    pair.kinetic = m * rate(q1 + q2) ** 2 / 2
+    with pytest.raises(SingularMassError, match="no inertia to q1 with q2"):
+        module_of(pair)
+
+
+def test_terms_that_cancel_are_gone():
+    a, b = sympy.symbols("a b", real=True)
+    assert gathered((a + b) * SPEED - a * SPEED) == b * SPEED
+    assert gathered(a * SPEED + b * SPEED) == (a + b) * SPEED

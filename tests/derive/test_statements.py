@@ -1,0 +1,222 @@
+"""What a mechanism's author can get wrong: each has its error and its message."""
+
+import math
+
+import pytest
+import sympy
+
+from derive import Mechanism, cos, rate
+from derive.checks import check
+from derive.errors import (
+    DeclarationError,
+    UnitError,
+    UnknownSymbolError,
+    UnsupportedExpressionError,
+    UnusedParameterError,
+)
+
+
+def oscillator() -> tuple[Mechanism, sympy.Symbol, sympy.Symbol, sympy.Symbol]:
+    one = Mechanism("one", "One mass")
+    (q,) = one.coordinates(q=("m", "displacement"))
+    m, k = one.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring"))
+    one.kinetic = m * rate(q) ** 2 / 2
+    one.potential = k * q**2 / 2
+    return one, q, m, k
+
+
+def test_a_complete_statement_passes():
+    one, *_ = oscillator()
+    check(one)
+
+
+@pytest.mark.parametrize(
+    "described", [("", "mass"), ("kg", ""), ("kg",), "kg", ("kg", "mass", "> 0", "more")]
+)
+def test_unit_and_meaning_are_needed(described):
+    with pytest.raises(DeclarationError, match="m2 needs a unit and a meaning"):
+        oscillator()[0].parameters(m2=described)
+    with pytest.raises(DeclarationError, match="q2 needs a unit and a meaning"):
+        oscillator()[0].coordinates(q2=described)
+
+
+@pytest.mark.parametrize("bound", ["positive", ">", "> x", "0 <", "> 0 < 1", "> 0,", "integers"])
+def test_bounds_that_are_not_understood(bound):
+    with pytest.raises(DeclarationError, match=r"the bound .* is not understood"):
+        oscillator()[0].parameters(m2=("kg", "mass", bound))
+
+
+@pytest.mark.parametrize("bound", ["", "> 0", ">= -1.5", "< 1e-3", "integer", "integer, >= 1", "> 0, < 1"])
+def test_bounds_that_are_understood(bound):
+    one, *_ = oscillator()
+    one.parameters(m2=("kg", "mass", bound))
+    assert one.declared_parameters[-1].bound == bound
+
+
+@pytest.mark.parametrize("name", ["phase", "speed", "parameters", "casadi", "lambda", "_x", "µ"])
+def test_reserved_names(name):
+    with pytest.raises(DeclarationError, match=f'"{name}" cannot be a name'):
+        oscillator()[0].parameters(**{name: ("kg", "mass")})
+
+
+@pytest.mark.parametrize("name", ["m", "q", "qd", "qdd"])
+def test_names_given_twice(name):
+    with pytest.raises(DeclarationError, match=f'"{name}" is declared twice'):
+        oscillator()[0].parameters(**{name: ("kg", "mass")})
+
+
+def test_a_coordinate_whose_rate_is_a_parameter():
+    one, *_ = oscillator()
+    one.parameters(xd=("m", "something"))
+    with pytest.raises(DeclarationError, match='"xd" is declared twice'):
+        one.coordinates(x=("m", "position"))
+
+
+def test_outputs_share_the_names():
+    one, q, *_ = oscillator()
+    with pytest.raises(DeclarationError, match='"k" is declared twice'):
+        one.output("k", q, "m", "displacement")
+    one.output("drive_torque", q, "m", "displacement")
+    with pytest.raises(DeclarationError, match='"drive_torque" follows from the energies'):
+        check(one)
+
+
+def test_an_unknown_symbol_in_an_energy():
+    one, q, *_ = oscillator()
+    one.potential = sympy.Symbol("kk") * q**2
+    with pytest.raises(
+        UnknownSymbolError, match="potential energy holds kk, which is not declared; did you mean k"
+    ):
+        check(one)
+
+
+def test_a_symbol_that_is_only_called_like_the_declared_one():
+    one, q, *_ = oscillator()
+    one.potential = sympy.Symbol("k") * q**2
+    with pytest.raises(UnknownSymbolError, match="a symbol named k that is not the declared one"):
+        check(one)
+
+
+def test_an_acceleration_in_an_energy():
+    one, q, m, _ = oscillator()
+    one.kinetic = m * q * rate(rate(q)) / 2
+    with pytest.raises(UnknownSymbolError, match="kinetic energy holds qdd, which cannot stand there"):
+        check(one)
+
+
+def test_a_fundamental_motion_that_moves_with_the_coordinates():
+    one, q, *_ = oscillator()
+    one.fundamental(q=q * cos(one.phase))
+    with pytest.raises(UnknownSymbolError, match="fundamental motion of q holds q, which cannot stand there"):
+        check(one)
+
+
+def test_a_parameter_without_use():
+    one, *_ = oscillator()
+    one.parameters(spare=("kg", "forgotten"))
+    with pytest.raises(UnusedParameterError, match="parameter spare is never used"):
+        check(one)
+
+
+def test_a_series_without_use():
+    one, *_ = oscillator()
+    one.transmission("U", harmonics=2, unit="m")
+    with pytest.raises(UnusedParameterError, match="parameter a1 is never used"):
+        check(one)
+
+
+def test_an_option_without_use():
+    one, *_ = oscillator()
+    one.option("law", ("soft", "hard"))
+    with pytest.raises(UnusedParameterError, match="option law is never used"):
+        check(one)
+
+
+def test_energies_forces_and_outputs_in_a_wrong_unit():
+    for attribute, what in [
+        ("kinetic", "kinetic energy"),
+        ("potential", "potential"),
+        ("dissipation", "dissipation"),
+    ]:
+        one, q, *_ = oscillator()
+        setattr(one, attribute, q)
+        with pytest.raises(UnitError, match=f"{what}.* must be in .* but q is in m"):
+            check(one)
+    one, q, _, k = oscillator()
+    one.force(k, along=q)
+    with pytest.raises(UnitError, match='virtual work of k along q must be in "J"'):
+        check(one)
+    one, q, *_ = oscillator()
+    one.output("where", q, "N", "force")
+    with pytest.raises(UnitError, match=r'output where must be in "N" \(kg m/s\^2\) but q is in m'):
+        check(one)
+    one, q, _, k = oscillator()
+    one.potential = k * q**2 / 2 + k * q
+    with pytest.raises(
+        UnitError, match=r"potential energy: .* is in .* but .* is in .*; they cannot be added"
+    ):
+        check(one)
+
+
+def test_a_transmission_function_of_a_length():
+    one, q, _, k = oscillator()
+    U = one.transmission("U", harmonics=1, unit="m")
+    one.potential = k * U(q) ** 2
+    with pytest.raises(UnitError, match="the argument q of U is in m"):
+        check(one)
+
+
+def test_a_mechanism_without_coordinates():
+    with pytest.raises(DeclarationError, match="empty has no coordinates"):
+        check(Mechanism("empty", "Nothing"))
+
+
+def test_energies_in_another_unit_have_no_drive_torque():
+    bare = Mechanism("bare", "Equation without units", energy="1/s^2")
+    (q,) = bare.coordinates(q=("1", "number"))
+    bare.kinetic = rate(q) ** 2 / 2
+    with pytest.raises(DeclarationError, match="give no drive torque in N m"):
+        check(bare)
+    bare.decline_drive_torque("it has no units")
+    check(bare)
+
+
+def test_options_need_values_and_an_expression_for_each():
+    one, *_ = oscillator()
+    with pytest.raises(DeclarationError, match="option law needs two or more values"):
+        one.option("law", ("soft",))
+    law = one.option("law", ("soft", "hard"))
+    with pytest.raises(DeclarationError, match="one expression for each of soft, hard; given: soft"):
+        law.choose(soft=1)
+    with pytest.raises(DeclarationError, match='"law_soft" is declared twice'):
+        one.parameters(law_soft=("1", "taken"))
+
+
+def test_names_that_are_no_coordinates_or_outputs():
+    one, *_ = oscillator()
+    for declare in (lambda: one.trust(x=1.0), lambda: one.fundamental(x=one.phase)):
+        with pytest.raises(DeclarationError, match="x is no coordinate; declared: q"):
+            declare()
+    with pytest.raises(DeclarationError, match="limit: x is no output; declared: drive_torque"):
+        one.limit("x", "> 0", beyond="nothing holds")
+
+
+@pytest.mark.parametrize("bound", [0, -1.0, math.inf, math.nan])
+def test_trust_must_be_positive(bound):
+    with pytest.raises(DeclarationError, match=r"trust: q=.* must be a positive number"):
+        oscillator()[0].trust(q=bound)
+
+
+def test_series_need_harmonics():
+    with pytest.raises(DeclarationError, match="U has no harmonics"):
+        oscillator()[0].transmission("U", harmonics=0, unit="m")
+
+
+def test_expressions_that_cannot_be_generated():
+    from modules import module_of
+
+    one, q, _, k = oscillator()
+    (z,) = one.parameters(z=("1", "number"))
+    one.potential = k * q**2 * sympy.zeta(z)
+    with pytest.raises(UnsupportedExpressionError, match=r"zeta\(z\) cannot be generated; known functions"):
+        module_of(one)
