@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from solve.errors import CaseFileError, UnknownNameError
+from solve.errors import CaseFileError, UnitError, UnknownNameError
 from solve.units import conversion
 
 _ENTRY = {"value", "values", "count", "unit", "source"}
@@ -61,26 +61,36 @@ def _parameters(raw: Any, units: Mapping[str, str], path: Path) -> dict[str, flo
     for name, raw_entry in _table(raw, "parameters", path).items():
         entry = _table(raw_entry, name, path)
         _known(entry, _ENTRY, f"key of {name} in {path.name}")
+        unit = _text(entry, "unit", name, path)
+        _text(entry, "source", name, path)
         for member, number in _members(name, entry, path).items():
             if member not in units:
                 raise UnknownNameError(f"parameter in {path.name}", member, units)
-            values[member] = number * conversion(_text(entry, "unit", name, path), units[member])
-        _text(entry, "source", name, path)
+            try:
+                values[member] = number * conversion(unit, units[member])
+            except UnitError as error:
+                raise UnitError(f"{member} in {path.name}: {error}") from None
     return values
 
 
 def _members(name: str, entry: dict[str, Any], path: Path) -> dict[str, float]:
-    if "values" in entry:
-        numbers = entry["values"] if isinstance(entry["values"], list) else [entry["values"]]
-        named = {f"{name}{k}": number for k, number in enumerate(numbers, start=1)}
-    elif "count" in entry:
-        named = {f"{name}{k}": entry.get("value") for k in range(1, int(entry["count"]) + 1)}
+    """One number a parameter: of `value`, of `value` and `count`, or of `values`."""
+    forms = entry.keys() & {"value", "values", "count"}
+    if forms == {"value"}:
+        named = {name: entry["value"]}
+    elif forms == {"value", "count"} and type(entry["count"]) is int and entry["count"] > 0:
+        named = {f"{name}{k}": entry["value"] for k in range(1, entry["count"] + 1)}
+    elif forms == {"values"} and isinstance(entry["values"], list) and entry["values"]:
+        named = {f"{name}{k}": number for k, number in enumerate(entry["values"], start=1)}
     else:
-        named = {name: entry.get("value")}
+        raise CaseFileError(
+            f"{name} in {path.name} has neither one value, nor one value and a count of 1 or more, nor a "
+            "list of values; give one of these"
+        )
     for member, number in named.items():
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             raise CaseFileError(f"{member} in {path.name} is {number!r}; give a finite number as its value")
-    return {member: float(number) for member, number in named.items() if number is not None}
+    return {member: float(number) for member, number in named.items()}
 
 
 def _text(entry: dict[str, Any], key: str, name: str, path: Path) -> str:

@@ -62,21 +62,34 @@ def with_unit(text: str, unit: str) -> float:
 
 @lru_cache
 def conversion(given: str, unit: str) -> float:
-    """Size of the unit `given` in `unit`. Raises UnitError where they are of different kinds."""
+    """Size of the unit `given` in `unit`; a hertz is one turn a second.
+
+    Raises UnitError where they are of different kinds, have different zeros (degC), or where `given`
+    leaves open whether it counts turns or radians (1/min).
+    """
     if given == unit:
         return 1.0
     registry = _registry()
     try:
-        return float(registry.parse_expression(given).to(unit).magnitude)
+        units = registry.parse_units(given)
+        zero, size = (registry.Quantity(x, units).to(unit).magnitude for x in (0.0, 1.0))
     except Exception as error:
         raise UnitError(f"unit '{given}' does not convert to '{unit}' ({type(error).__name__})") from None
+    if zero != 0.0:
+        raise UnitError(f"unit '{given}' has another zero than '{unit}'; give the value in '{unit}'")
+    bare = all(registry.get_dimensionality(name) == {"[time]": 1} for name in units._units)
+    if unit == "rad/s" and bare and size != 1.0:
+        raise UnitError(f"unit '{given}' may count turns or radians; write rpm, Hz or rad/s")
+    return float(size)
 
 
 @lru_cache
 def _registry() -> "pint.UnitRegistry":
     import pint
 
-    return pint.UnitRegistry()
+    registry = pint.UnitRegistry()
+    registry.define("hertz = 2 * pi * radian / second = Hz")
+    return registry
 
 
 def checked_rtol(rtol: float) -> float:
