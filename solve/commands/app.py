@@ -1,0 +1,61 @@
+"""The commands together, and how they fail: one line on standard error, exit status 2."""
+
+import io
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+
+from solve.commands.compare import compare
+from solve.commands.floquet import floquet
+from solve.commands.groups import flattened
+from solve.commands.periodic import periodic
+from solve.errors import SolveError
+
+COMMANDS = (periodic, floquet, compare)
+
+_UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+"""Of the Click that Typer brings along or depends on, whichever it is."""
+
+app = typer.Typer(
+    name="solve",
+    help="Steady-state vibration and stability of systems with periodic coefficients.",
+    epilog='For example: solve periodic cam --case 1 --speed "600 rpm" --plot cam.png',
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+for _command in COMMANDS:
+    app.command(_command.__name__)(flattened(_command))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    try:
+        status = app(list(arguments) or ["--help"], prog_name="solve", standalone_mode=False) or 0
+        sys.stdout.flush()
+        return status
+    except SolveError as error:
+        return _refused(str(error))
+    except _UsageError as error:
+        return _misused(error)
+    except BrokenPipeError:
+        # Whoever read the output has gone; nothing is left to say, the flush at exit included.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+def _misused(error: Any) -> int:
+    command = error.ctx.command_path if error.ctx else "solve"
+    return _refused(f"{error.format_message()} See: {command} --help")
+
+
+def _refused(message: str) -> int:
+    print("solve: " + " ".join(message.split()), file=sys.stderr)
+    return 2

@@ -1,0 +1,169 @@
+"""Flags that several commands share, each group stated once as a dataclass.
+
+A command takes whole groups as its parameters; `flattened` shows their fields to Typer as the
+command's own flags, so that a new command is a short file.
+"""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
+
+from solve.commands.parse import assignments, numbers
+from solve.errors import MissingValueError
+
+if TYPE_CHECKING:
+    from solve.load import Model
+    from solve.methods.method import Method
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The model and its numbers."""
+
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
+    ]
+    case: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Case of the case file; the first by default.")
+    ] = None
+    cases: Annotated[str | None, typer.Option(metavar="FILE", help="Another case file (.toml).")] = None
+    set: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=NUMBER", help="Set a parameter, in SI units; repeatable."),
+    ] = None
+    option: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Choose an option of the model; repeatable."),
+    ] = None
+
+    def loaded(self) -> tuple["Model", str | None]:
+        """The model, and the speed that its case names, if any."""
+        from solve.load import loaded
+
+        options = assignments("--option", self.option or [])
+        return loaded(self.model, self.case, self.cases, options, numbers("--set", self.set or []))
+
+    @property
+    def choices(self) -> list[str]:
+        """What the user set beyond the case."""
+        return [*(self.set or []), *(self.option or [])]
+
+
+@dataclass(frozen=True)
+class Speed:
+    """One speed of rotation."""
+
+    speed: Annotated[
+        str | None,
+        typer.Option(metavar='"600 rpm"', help="Speed with unit: rpm, rad/s or Hz; else the case's."),
+    ] = None
+
+    def omega(self, model: "Model", of_case: str | None) -> float:
+        """Ω in rad/s. Raises MissingValueError where neither the flag nor the case gives it."""
+        from solve.units import speed_in_si
+
+        chosen = self.speed if self.speed is not None else of_case
+        if chosen is None:
+            raise MissingValueError(
+                f"case '{model.case}' of {model.name} names no speed; give one, such as --speed \"600 rpm\""
+            )
+        return speed_in_si(chosen)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What some methods can be told."""
+
+    gamma: Annotated[float | None, typer.Option(metavar="G", help="newmark: γ, 1/2 by default.")] = None
+    beta: Annotated[float | None, typer.Option(metavar="B", help="newmark: β, 1/4 by default.")] = None
+    order: Annotated[int | None, typer.Option(metavar="P", help="Order, of methods that have several.")] = (
+        None
+    )
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """The method and how far it goes."""
+
+    method: Annotated[str, typer.Option(metavar="NAME", help="Method; auto chooses.")] = "auto"
+    steps: Annotated[
+        int | None, typer.Option(metavar="N", help="Steps a period; by default as many as --rtol needs.")
+    ] = None
+    rtol: Annotated[
+        float, typer.Option(metavar="R", help="Relative error of orbit and multipliers to reach.")
+    ] = 1e-8
+
+    def chosen(self, settings: Settings) -> "Method":
+        """The method with its settings."""
+        from solve.methods.choice import chosen
+
+        return chosen(self.method, **vars(settings))
+
+
+@dataclass(frozen=True)
+class Results:
+    """Where the results go."""
+
+    plot: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Draw them: .png, .pdf or .svg by the file's ending.")
+    ] = None
+    save: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Save them: .npz, .csv, .mat or .nc by the file's ending."),
+    ] = None
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False
+
+    def files(self) -> tuple[Path | None, Path | None]:
+        """The files of --plot and --save. Raises FileError before anything is calculated."""
+        picture = data = None
+        if self.plot is not None:
+            from solve.output.files import PICTURES, checked
+
+            picture = checked(self.plot, PICTURES, "picture")
+        if self.save is not None:
+            from solve.output.save import checked_data
+
+            data = checked_data(self.save)
+        return picture, data
+
+
+_GROUPS = (Problem, Speed, Accuracy, Settings, Results)
+
+
+def flattened(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with the fields of its groups as parameters of its own, for Typer to read."""
+    hints = get_type_hints(command, include_extras=True)
+    groups = {name: hint for name, hint in hints.items() if hint in _GROUPS}
+    parameters = []
+    for name, parameter in inspect.signature(command).parameters.items():
+        if name in groups:
+            parameters += _fields(groups[name])
+        else:
+            parameters.append(parameter.replace(annotation=hints[name], kind=parameter.KEYWORD_ONLY))
+
+    def flat(**values: Any) -> None:
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        command(**values)
+
+    flat.__doc__ = command.__doc__
+    flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return flat
+
+
+def _fields(group: type) -> list[inspect.Parameter]:
+    hints = get_type_hints(group, include_extras=True)
+    return [
+        inspect.Parameter(
+            field.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if field.default is MISSING else field.default,
+            annotation=hints[field.name],
+        )
+        for field in fields(group)
+    ]

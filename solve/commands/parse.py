@@ -1,0 +1,49 @@
+"""Texts of the command line as values."""
+
+from collections.abc import Sequence
+
+from solve.errors import ValueOutOfBoundsError
+
+
+def assignments(flag: str, texts: Sequence[str]) -> dict[str, str]:
+    """Values by name from texts NAME=VALUE. Raises ValueOutOfBoundsError for another form.
+
+    >>> assignments("--option", ["load=constant"])
+    {'load': 'constant'}
+    """
+    values: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise ValueOutOfBoundsError(f"{flag} is '{text}'; write {flag} NAME=VALUE, without spaces")
+        if name in values:
+            raise ValueOutOfBoundsError(f"{flag} gives {name} twice; give it once")
+        values[name] = value
+    return values
+
+
+def numbers(flag: str, texts: Sequence[str]) -> dict[str, float]:
+    """Numbers by name from texts NAME=NUMBER.
+
+    >>> numbers("--set", ["k1=8e4"])
+    {'k1': 80000.0}
+    """
+    values = {}
+    for name, text in assignments(flag, texts).items():
+        try:
+            values[name] = float(text)
+        except ValueError:
+            raise ValueOutOfBoundsError(
+                f"{flag} {name}={text}: '{text}' is not a number; write the number alone, in SI units, "
+                f"such as {flag} {name}=1.5e3"
+            ) from None
+    return values
+
+
+def harmonic_count(count: int | None) -> int:
+    """The number of harmonics, 60 by default. Raises ValueOutOfBoundsError outside 1 … 10000."""
+    if count is None:
+        return 60
+    if not 1 <= count <= 10_000:
+        raise ValueOutOfBoundsError(f"--harmonics is {count}; allowed: 1 … 10000, such as 60")
+    return count

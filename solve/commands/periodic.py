@@ -1,0 +1,53 @@
+"""`solve periodic`: the periodic vibration, its spectrum and its stability."""
+
+from typing import Annotated
+
+import typer
+
+from solve.commands.groups import Accuracy, Problem, Results, Settings, Speed
+from solve.commands.parse import harmonic_count
+
+
+def periodic(
+    problem: Problem,
+    speed: Speed,
+    accuracy: Accuracy,
+    settings: Settings,
+    results: Results,
+    harmonics: Annotated[
+        int | None, typer.Option(metavar="N", help="Orders of the spectrum.", show_default="60")
+    ] = None,
+    quasi_static: Annotated[
+        bool, typer.Option("--quasi-static", help="The kinetostatic solution beside the full one.")
+    ] = False,
+    show: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Coordinate or output to draw; repeatable."),
+    ] = None,
+    scale: Annotated[
+        str, typer.Option(metavar="linear|dB", help="Scale of the spectrum in the picture.")
+    ] = "linear",
+) -> None:
+    """Periodic vibration, its spectrum and its stability."""
+    results.files()
+    orders = harmonic_count(harmonics)
+    model, of_case = problem.loaded()
+
+    import solve
+    from solve.commands.deliver import deliver
+    from solve.output import contents, record, report
+    from solve.output.rows import checked_scale, shown
+
+    checked_scale(scale)
+    shown(model, show)
+    orbit = solve.periodic(
+        model, speed.omega(model, of_case), accuracy.chosen(settings), accuracy.steps, accuracy.rtol
+    )
+    deliver(
+        results,
+        orbit.warnings,
+        record=lambda: record.orbit_record(orbit, orders, quasi_static),
+        report=lambda: report.orbit_report(orbit, problem.choices, quasi_static),
+        figure=lambda: orbit.plot(show, quasi_static=quasi_static, scale=scale, harmonics=harmonics),
+        contents=lambda: contents.orbit_contents(orbit),
+    )

@@ -1,0 +1,39 @@
+"""Numbers for people: a unit with the prefix that keeps digits before the point, and few digits."""
+
+import math
+import re
+
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
+_LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
+"""Symbols that take a prefix, and the power of ten of the largest that is usual."""
+
+
+def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
+    """Factor and unit that show quantities up to this magnitude between 1 and 1000 where a prefix can.
+
+    >>> prefixed("N m", 2571665.2)
+    (1e-06, 'MN m')
+    >>> prefixed("m", 7.0e-6)
+    (1000000.0, 'µm')
+    """
+    symbol = re.match(r"[A-Za-z]+(?!\^|[A-Za-z])", unit)
+    if symbol is None or symbol[0] not in _LARGEST or not (math.isfinite(magnitude) and magnitude > 0):
+        return 1.0, unit
+    power = 3 * math.floor(math.log10(magnitude) / 3 + 1e-12)
+    power = min(max(power, min(_PREFIXES)), _LARGEST[symbol[0]])
+    return 10.0**-power, _PREFIXES[power] + unit
+
+
+def fixed(value: float, magnitude: float, digits: int = 7) -> str:
+    """A value with as many decimals as give `digits` significant ones to the magnitude.
+
+    >>> fixed(-1.25, 768.4522)
+    '-1.2500'
+    """
+    if not math.isfinite(value):
+        return "–"
+    if magnitude > 0 and not 1e-3 <= magnitude < 1e6:
+        return f"{value:.{digits - 1}e}" if value else "0"
+    whole = math.floor(math.log10(magnitude)) + 1 if magnitude > 0 else 1
+    text = f"{value:.{min(max(digits - whole, 0), digits)}f}"
+    return text.removeprefix("-") if float(text) == 0.0 else text

@@ -1,0 +1,169 @@
+"""Results as tables for a terminal of 80 columns."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from solve.floquet import Stability
+from solve.load import Model
+from solve.methods.method import Method
+from solve.orbit import Orbit, Turn
+from solve.output.quantities import fixed, prefixed
+from solve.system import PeriodicSystem
+
+_RANKS = ("strongest", "second", "third")
+_MOST_MULTIPLIERS = 8
+_VERDICT_STYLE = {"asymptotically stable": "bold green", "stable": "bold yellow", "unstable": "bold red"}
+
+
+def orbit_report(orbit: Orbit, choices: Sequence[str] = (), quasi_static: bool = False) -> RenderableType:
+    """Everything that `solve periodic` has to say but its warnings."""
+    parts = [_heading(orbit, choices), _extrema("Motion over one period", orbit), _orders(orbit)]
+    if quasi_static:
+        parts.append(_extrema("Quasi-static, without inertia and damping", orbit.quasi_static))
+    return Group(*parts, _multipliers(orbit), _verdict(orbit))
+
+
+def stability_report(result: Stability, choices: Sequence[str] = ()) -> RenderableType:
+    """Everything that `solve floquet` has to say but its warnings."""
+    return Group(_heading(result, choices), _multipliers(result), _verdict(result))
+
+
+def described(method: Method) -> str:
+    """A method's name and settings.
+
+    >>> from solve.methods.newmark import Newmark
+    >>> described(Newmark())
+    'newmark (gamma 0.5, beta 0.25)'
+    """
+    settings = [f"{field.name} {getattr(method, field.name)}" for field in dataclasses.fields(method)]  # type: ignore[arg-type]
+    return f"{method.name} ({', '.join(settings)})" if settings else method.name
+
+
+def table(title: str, *columns: str, left: int = 1) -> Table:
+    """A table of this program: the first `left` columns are text, the others numbers."""
+    made = Table(
+        title="\n" + title,
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 1),
+        collapse_padding=True,
+        pad_edge=False,
+        caption_justify="left",
+    )
+    for index, column in enumerate(columns):
+        made.add_column(column, justify="left" if index < left else "right", no_wrap=True)
+    return made
+
+
+def heading(system: PeriodicSystem, speed: float, choices: Sequence[str]) -> Table:
+    """Which model, at which speed; further rows can be added."""
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column()
+    if isinstance(system, Model):
+        case = f", case {system.case}" if system.case else ""
+        grid.add_row("model", Text(system.name + case, style="bold"))
+        grid.add_row("", Text(system.module.TITLE))
+        options = [f"{name}={value}" for name, value in system.options.items()]
+        chosen = dict.fromkeys([*options, *choices])
+        if chosen:
+            grid.add_row("with", Text(", ".join(chosen)))
+    else:
+        grid.add_row("model", Text(system.name, style="bold"))
+    period = system.period / speed
+    factor, unit = prefixed("s", period)
+    grid.add_row(
+        "speed",
+        f"{speed * 30 / math.pi:.6g} rpm = {speed:.7g} rad/s = {speed / (2 * math.pi):.6g} Hz; "
+        f"period {period * factor:.6g} {unit}",
+    )
+    return grid
+
+
+def _heading(result: Stability, choices: Sequence[str]) -> Table:
+    grid = heading(result.system, result.speed, choices)
+    grid.add_row("method", f"{described(result.certified.method)}, {result.steps} steps a period")
+    orbit, multipliers = result.error_estimate
+    errors = f"multipliers {multipliers:.1e}"
+    if isinstance(result, Orbit):
+        errors = f"orbit {orbit:.1e}, {errors}, residual {result.residual:.1e}"
+    grid.add_row("errors", f"{errors} (relative)")
+    return grid
+
+
+def _names(turn: Turn) -> tuple[str, ...]:
+    return (*turn.system.coordinates, *turn.system.outputs)
+
+
+def _extrema(title: str, turn: Turn) -> Table:
+    made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
+    degrees = 360 / turn.system.period
+    for name in _names(turn):
+        found = turn.statistics(name)
+        factor, unit = prefixed(turn.system.units.get(name, ""), found.max_abs)
+        high, low, mean = (
+            fixed(value * factor, found.max_abs * factor) for value in (found.max, found.min, found.mean)
+        )
+        high_at, low_at = (f"{phase * degrees:.1f}°" for phase in (found.max_phase, found.min_phase))
+        made.add_row(name, unit, high, high_at, low, low_at, mean)
+    return made
+
+
+def _orders(turn: Turn) -> Table:
+    title = "Strongest orders of rotation: amplitude in the unit above, phase angle"
+    made = table(title, "quantity", *_RANKS)
+    rotation = 2 * math.pi / turn.system.period
+    for name in _names(turn):
+        amplitudes, angles = turn.harmonics(name, turn.samples // 8)
+        factor, _ = prefixed(turn.system.units.get(name, ""), turn.statistics(name).max_abs)
+        strongest = 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]
+        sizes = amplitudes[strongest] * factor
+        made.add_row(
+            name,
+            *(
+                f"{k * rotation:g}: {fixed(size, sizes[0], 4)} ∠{math.degrees(angles[k]):4.0f}°"
+                for k, size in zip(strongest, sizes, strict=True)
+            ),
+        )
+    return made
+
+
+def _multipliers(result: Stability) -> Table:
+    made = table("Floquet multipliers ρ", "Re ρ", "Im ρ", "|ρ|", "growth (1/s)", "frequency (Hz)", left=0)
+    pairs = [
+        (rho, exponent)
+        for rho, exponent in zip(result.multipliers, result.exponents, strict=True)
+        if rho.imag >= 0
+    ]
+    for rho, exponent in pairs[:_MOST_MULTIPLIERS]:
+        made.add_row(
+            f"{rho.real:.7g}",
+            f"± {rho.imag:.7g}" if rho.imag else "0",
+            f"{abs(rho):.7g}",
+            f"{exponent.real:.5g}",
+            f"{exponent.imag / (2 * math.pi):.5g}",
+        )
+    smaller = len(pairs) - _MOST_MULTIPLIERS
+    rest = [f"{smaller} smaller"] * (smaller > 0)
+    rest += [f"{result.unresolved} lost in rounding: practically 0"] * (result.unresolved > 0)
+    if rest:
+        made.caption = "and " + ", ".join(rest)
+    return made
+
+
+def _verdict(result: Stability) -> Text:
+    radius = result.spectral_radius
+    return (
+        Text("\n")
+        .append(result.verdict, _VERDICT_STYLE[result.verdict])
+        .append(f": spectral radius {radius:.10g} ± {result.error_estimate.multipliers * radius:.0e}")
+    )

@@ -1,0 +1,1 @@
+"""What several solutions together tell, one study a file."""

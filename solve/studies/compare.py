@@ -1,0 +1,236 @@
+"""Methods side by side on one problem: at equal steps and at equal accuracy."""
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from solve.certificate import Refinement, differences
+from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.floquet import verdict
+from solve.methods.choice import METHODS, chosen
+from solve.methods.method import Method, Solution
+from solve.orbit import Orbit
+from solve.periodic import periodic
+from solve.system import PeriodicSystem
+from solve.units import checked_rtol, speed_in_si
+
+TARGETS = (1e-3, 1e-6)
+"""Relative errors of the orbit at which methods are compared unless the caller names others."""
+
+_REFERENCE_RTOL = 1e-12
+_FIRST_STEPS = 8
+_CLOSE = 1.02
+"""Ratio of steps at which the bisection for the least number stops."""
+
+_PATIENCE = 1.0
+"""Seconds that one solution may take in the search for the least steps."""
+
+_REPEATS = 5
+_ENOUGH = 0.1
+"""Seconds after which a measurement of time is not repeated any more."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method on one number of steps a period: those `asked` for, and those of its grid.
+
+    Errors are relative, against the reference; NaN, as is time (s), where there is no result: `reason`
+    says why. at: "equal steps" or "equal accuracy"; target: the error to reach in the latter.
+    """
+
+    method: str
+    order: int
+    steps: int | None
+    at: str
+    asked: int | None = None
+    orbit_error: float = math.nan
+    multiplier_error: float = math.nan
+    time: float = math.nan
+    verdict: str | None = None
+    target: float | None = None
+    reason: str | None = None
+    warnings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """reference: the converged orbit. rows: the comparison. measured: further points of each method,
+    rising in steps, for a work–precision picture."""
+
+    reference: Orbit
+    rows: list[Row]
+    measured: list[Row]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Doubts about the reference, and targets that it cannot judge."""
+        error = max(self.reference.error_estimate)
+        targets = {row.target for row in self.rows if row.target is not None}
+        blurred = [f"{target:g}" for target in sorted(targets) if target < 10 * error]
+        if not blurred:
+            return []
+        return [
+            f"the reference is known to {error:.0e} only; the target {', '.join(blurred)} is too close to it"
+        ]
+
+
+def compare(
+    system: PeriodicSystem,
+    speed: float | str,
+    methods: Sequence[str | Method] | None = None,
+    steps: Sequence[int] | None = None,
+    targets: Sequence[float] = TARGETS,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Comparison:
+    """Every method (by default all that there are) against a converged reference.
+
+    At equal steps: each number in `steps`, by default four about the number that resolves the fastest
+    mode. At equal accuracy: the least steps whose orbit is right to the target. `progress` is told what
+    is under way. Raises SolveError subclasses for bad input and where no periodic solution exists; a
+    method that fails says so in its row.
+    """
+    omega = speed_in_si(speed)
+    for count in steps or []:
+        if count < 1:
+            raise ValueOutOfBoundsError(f"steps is {count}; allowed: whole numbers of at least 1")
+    goals = sorted((checked_rtol(target) for target in targets), reverse=True)
+    rules = [chosen(method) for method in methods or [name for name in METHODS if name != "auto"]]
+    progress("reference")
+    reference = periodic(system, omega, rtol=_REFERENCE_RTOL)
+    rows, measured = [], []
+    for rule in rules:
+        contestant = _Contestant(reference, rule)
+        progress(contestant.name)
+        rows += [contestant.measured(count, "equal steps") for count in steps or usual_steps(system, omega)]
+        trace = contestant.refined(min(goals))
+        measured += trace
+        rows += [contestant.at_accuracy(goal, trace) for goal in goals]
+    return Comparison(reference, rows, measured)
+
+
+def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
+    """Four numbers of the series 1, 2, 5, 10 … about ω_max T, the steps with ω_max h = 1."""
+    reach = max(np.abs(system.frozen_eigenvalues(speed)).max() * system.period, 100.0)
+    series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
+    first = next(index for index, count in enumerate(series) if count >= 0.4 * reach)
+    return series[first : first + 4]
+
+
+def label(method: Method) -> str:
+    """A method's name, with the settings that are not its own defaults."""
+    usual = type(method)()
+    changed = [
+        f" {name} {value}"
+        for name, value in vars(method).items()
+        if name in getattr(method, "__dataclass_fields__", {}) and value != getattr(usual, name)
+    ]
+    return method.name + "".join(changed)
+
+
+class _Contestant:
+    """One method against the reference."""
+
+    def __init__(self, reference: Orbit, method: Method):
+        system, speed = reference.system, reference.speed
+        self.reference = reference.certified.solution
+        self.method = method.settled(system, speed)
+        self.name = label(self.method)
+        self.refinement = Refinement(system, speed, self.method, orbit=True)
+
+    @cached_property
+    def reach(self) -> float:
+        """ω_max T: about as many steps resolve the fastest mode."""
+        return float(np.abs(self.refinement.frozen).max()) * self.refinement.system.period
+
+    def measured(self, steps: int, at: str, target: float | None = None) -> Row:
+        """Errors and time on a number of steps, or the reason why there are none."""
+        blank = Row(self.name, self.method.order, None, at, asked=steps, target=target)
+        try:
+            solution, seconds = self._timed(steps)
+        except (SolveError, np.linalg.LinAlgError) as refusal:
+            return replace(blank, reason=str(refusal))
+        orbit_error, multiplier_error = differences(solution, self.reference)
+        return replace(
+            blank,
+            steps=solution.grid.steps,
+            orbit_error=orbit_error,
+            multiplier_error=multiplier_error,
+            time=seconds,
+            verdict=verdict(solution.Phi, solution.multipliers.values, 0.0),
+            warnings=[
+                *self.method.concerns,
+                *solution.notes,
+                *self.refinement.unresolved_modes(solution.grid.steps),
+            ],
+        )
+
+    def refined(self, goal: float) -> list[Row]:
+        """Points at doubled steps until the goal is reached, errors fall no more, memory or patience end."""
+        steps = max(_FIRST_STEPS, len(self.refinement.system.breaks), self.refinement.least)
+        trace: list[Row] = []
+        while steps <= self.refinement.most:
+            row = self.measured(steps, "doubled steps")
+            trace.append(row)
+            if row.orbit_error <= goal or 2 * row.time > _PATIENCE or self._stalled(trace):
+                break
+            steps *= 2
+        return trace
+
+    def at_accuracy(self, goal: float, trace: list[Row]) -> Row:
+        """The least steps that reach the goal, by bisection between two points of the trace."""
+        reached = next((k for k, row in enumerate(trace) if row.orbit_error <= goal), None)
+        if reached is None:
+            out = Row(self.name, self.method.order, None, "equal accuracy", target=goal)
+            return replace(out, reason=f"out of reach: {self._obstacle(goal, trace)}")
+        high = trace[reached].steps or 1
+        low = (trace[reached - 1].steps or 1) if reached else high
+        while high > _CLOSE * low and high - low > 1:
+            middle = round(math.sqrt(low * high))
+            low, high = (low, middle) if self._error(middle) <= goal else (middle, high)
+        return self.measured(high, "equal accuracy", goal)
+
+    def _error(self, steps: int) -> float:
+        try:
+            return differences(self._solved(steps), self.reference)[0]
+        except (SolveError, np.linalg.LinAlgError):
+            return math.inf
+
+    def _solved(self, steps: int) -> Solution:
+        self.refinement.refuse(steps)
+        # A method that grows without bound says so by its errors, not by overflow warnings.
+        with np.errstate(all="ignore"):
+            return self.refinement.solved(steps)
+
+    def _timed(self, steps: int) -> tuple[Solution, float]:
+        """The solution and the median of the times that repeated runs take."""
+        times: list[float] = []
+        while True:
+            start = time.perf_counter()
+            solution = self._solved(steps)
+            times.append(time.perf_counter() - start)
+            if len(times) == _REPEATS or sum(times) > _ENOUGH:
+                return solution, statistics.median(times)
+
+    def _stalled(self, trace: list[Row]) -> bool:
+        """Whether three doublings of steps that resolve the fastest mode have gained nothing."""
+        errors = [row.orbit_error for row in trace if (row.steps or 0) > self.reach]
+        return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
+
+    def _obstacle(self, goal: float, trace: list[Row]) -> str:
+        done = [row for row in trace if row.reason is None]
+        if not done:
+            return trace[-1].reason or "" if trace else f"more than {self.refinement.most} steps do not fit"
+        last = done[-1]
+        so_far = f"{last.orbit_error:.1e} with {last.steps} steps"
+        if self.method.order == 0 or self._stalled(trace):
+            return f"{so_far}, and more steps gain nothing"
+        power = 1 / self.method.curve_order
+        needed = f"about {(last.steps or 1) * (last.orbit_error / goal) ** power:.0e} needed"
+        if 2 * last.time > _PATIENCE:
+            return f"{so_far} and {last.time:.1f} s, {needed}"
+        return f"{so_far}, {needed}, {self.refinement.most} fit in memory"
