@@ -3,6 +3,7 @@
 import hashlib
 import importlib.util
 import math
+import re
 import sys
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
@@ -14,7 +15,13 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.cases import Case, read_cases
-from solve.errors import MissingValueError, ModelFileError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import (
+    CaseFileError,
+    MissingValueError,
+    ModelFileError,
+    UnknownNameError,
+    ValueOutOfBoundsError,
+)
 from solve.sampling import Sampler
 from solve.system import PeriodicSystem
 
@@ -27,6 +34,12 @@ ROOT = Path(__file__).resolve().parents[1]
 """Folder of the packages `models` and `generated`: they are found by path, never imported by name."""
 
 Options = Mapping[str, str | int]
+
+_CONTRACT = (
+    *("NAME", "MECHANISM_SHA256", "COORDINATES", "PARAMETERS", "OPTIONS", "OUTPUTS", "LIMITS", "VALIDITY"),
+    *("PERIOD", "linearised", "outputs"),
+)
+"""What every generated module defines and this package reads."""
 
 
 class Model(PeriodicSystem):
@@ -53,6 +66,8 @@ class Model(PeriodicSystem):
         return self.module.outputs(**self.options)
 
     def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+        if not self.outputs:
+            return {}
         values = self._outputs(phase[None], speed, q, qd, qdd, self._p)
         columns = values if isinstance(values, tuple) else (values,)
         return {name: value.full()[0] for name, value in zip(self.outputs, columns, strict=True)}
@@ -134,7 +149,7 @@ def _files(model: str) -> tuple[Path, Path, Path | None]:
 def _refuse_stale(generated: Path, mechanism: Path, model: str) -> None:
     if not generated.is_file():
         raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
-    text = mechanism.read_text(encoding="utf-8").replace("\r\n", "\n")
+    text = mechanism.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
     if hashlib.sha256(text.encode()).hexdigest() != _module(generated).MECHANISM_SHA256:
         raise ModelFileError(
             f"'{model}' has changed since its code was generated; run: python -m derive {model}"
@@ -154,15 +169,24 @@ def _imported(path: Path, _modified: int) -> ModuleType:
     written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         spec.loader.exec_module(module)
+    except Exception as error:
+        raise ModelFileError(
+            f"'{path}' is no generated code ({type(error).__name__}); move it away and run derive again"
+        ) from None
     finally:
         sys.dont_write_bytecode = written
+    missing = [name for name in _CONTRACT if not hasattr(module, name)]
+    if missing:
+        raise ModelFileError(
+            f"'{path}' is no generated code (no {missing[0]}); move it away and run derive again"
+        )
     return module
 
 
 def _chosen_case(path: Path, case: str | None, module: ModuleType, explicit: bool) -> Case:
     if not explicit and not path.is_file():
         if case is not None:
-            raise UnknownNameError(f"case of {module.NAME}", case, [])
+            raise CaseFileError(f"no case file '{path}' for case '{case}'; write one, or name no case")
         return Case("", None, {})
     cases = read_cases(path, {name: unit for name, unit, *_ in module.PARAMETERS})
     if case is None:
@@ -178,9 +202,7 @@ def _checked_options(module: ModuleType, given: Options) -> dict[str, str | int]
     for name, value in given.items():
         if name not in allowed:
             raise UnknownNameError(f"option of {module.NAME}", name, allowed)
-        chosen = (
-            int(value) if isinstance(allowed[name], range) and str(value).lstrip("-").isdigit() else value
-        )
+        chosen = _whole(value) if isinstance(allowed[name], range) else value
         if chosen not in allowed[name]:
             if isinstance(allowed[name], range):
                 bounds = f"a whole number from {allowed[name][0]} to {allowed[name][-1]}"
@@ -190,10 +212,20 @@ def _checked_options(module: ModuleType, given: Options) -> dict[str, str | int]
     return options
 
 
+def _whole(value: str | int) -> str | int:
+    """A whole number that is written as one; anything else as it is."""
+    return int(value) if isinstance(value, str) and re.fullmatch("-?[0-9]+", value) else value
+
+
 def _checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str, float]:
     checked = {}
     for name, unit, meaning, bound in module.PARAMETERS:
-        value = float(given[name])
+        try:
+            value = float(given[name])
+        except (TypeError, ValueError):
+            raise ValueOutOfBoundsError(
+                f"{name} ({meaning}) is {given[name]!r}; give a number in {unit}"
+            ) from None
         clauses = [clause for clause in bound.split(", ") if clause]
         if not math.isfinite(value) or not all(holds(clause, value) for clause in clauses):
             raise ValueOutOfBoundsError(
