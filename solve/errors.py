@@ -14,7 +14,7 @@ class UnknownNameError(SolveError):
     def __init__(self, kind: str, given: str, allowed: Iterable[str]):
         names = sorted(allowed, key=_natural)
         near = difflib.get_close_matches(given, names, n=1, cutoff=0.5)
-        hint = f"did you mean '{near[0]}'?" if near else f"known: {_shortened(names)}"
+        hint = f"did you mean '{near[0]}'?" if near else f"known: {_shortened(names) or 'none'}"
         super().__init__(f"unknown {kind} '{given}'; {hint}")
 
 
