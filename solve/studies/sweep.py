@@ -77,7 +77,9 @@ class Sweep:
         """Response over speed with the spectral radius below (matplotlib Figure)."""
         from solve.output.sweep_plot import sweep_figure
 
-        return sweep_figure(self, names)
+        shown = names or self.system.coordinates
+        responses = {name: self.figures(name) for name in shown}
+        return sweep_figure(self.system, self.speeds, responses, self.spectral_radius)
 
 
 def sweep(

@@ -1,0 +1,150 @@
+"""`solve sweep`: response and stability over many speeds."""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from solve.commands.groups import Accuracy, Problem, Results, Settings
+from solve.commands.speeds import Speeds, progressing
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import RenderableType
+
+    from solve.output.contents import Contents
+    from solve.studies.sweep import Point, Sweep
+
+_MOST_ROWS = 60
+"""Rows of the table; of more speeds every k-th is shown."""
+
+
+def sweep(
+    problem: Problem,
+    speeds: Speeds,
+    accuracy: Accuracy,
+    settings: Settings,
+    results: Results,
+    show: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="Coordinate or output to show; repeatable; coordinates by default."
+        ),
+    ] = None,
+) -> None:
+    """Periodic vibration and stability over many speeds."""
+    results.files()
+    omegas = speeds.omegas()
+    model, _ = problem.loaded()
+
+    import solve
+    from solve.commands.deliver import deliver
+    from solve.output.rows import shown
+
+    names = shown(model, show)
+    with progressing("sweep", len(omegas)) as progress:
+        found = solve.sweep(
+            model, omegas, accuracy.chosen(settings), accuracy.steps, accuracy.rtol, progress=progress
+        )
+    deliver(
+        results,
+        _warnings(found),
+        record=lambda: _record(found),
+        report=lambda: _report(found, names, problem.choices),
+        figure=lambda: found.plot(show),
+        contents=lambda: _contents(found),
+    )
+
+
+def _warnings(found: "Sweep") -> list[str]:
+    """One line a failed point or a kind of warning, with the speeds where it first and last stands."""
+    groups: dict[str, list[float]] = {}
+    for point in found.points:
+        for text in (*point.warnings, *([f"no result: {point.error}"] if point.error else [])):
+            groups.setdefault(text.split(":")[0], []).append(point.speed)
+    return [f"{text} (at {_span(at, len(found.points))})" for text, at in groups.items()]
+
+
+def _span(speeds: list[float], total: int) -> str:
+    first, last = (f"{speed * 30 / math.pi:.6g} rpm" for speed in (min(speeds), max(speeds)))
+    if len(speeds) == 1:
+        return first
+    return f"{len(speeds)} of {total} speeds, from {first} to {last}"
+
+
+def _record(found: "Sweep") -> dict[str, Any]:
+    from solve.output.record import model_record, plain
+
+    points = [_point(found, point) for point in found.points]
+    return plain({**model_record(found.system), "speeds": found.speeds, "points": points})
+
+
+def _point(found: "Sweep", point: "Point") -> dict[str, Any]:
+    if point.error is not None:
+        return {"speed": point.speed, "error": point.error}
+
+    def quantities(names: "Sequence[str]") -> dict[str, Any]:
+        units = found.system.units
+        return {
+            name: {"unit": units.get(name, ""), **vars(point.statistics[name])}
+            for name in names
+            if name in point.statistics
+        }
+
+    return {
+        "speed": point.speed,
+        "coordinates": quantities(found.system.coordinates),
+        "outputs": quantities(found.system.outputs),
+        "spectral_radius": point.spectral_radius,
+        "verdict": point.verdict,
+        "stable": point.stable,
+        "method": point.method,
+        "steps": point.steps,
+        "error_estimate": point.error_estimate._asdict(),
+        "warnings": point.warnings,
+    }
+
+
+def _report(found: "Sweep", names: "Sequence[str]", choices: "Sequence[str]") -> "RenderableType":
+    import numpy as np
+    from rich.console import Group
+
+    from solve.output.quantities import fixed, prefixed
+    from solve.output.report import model_heading, table
+
+    sizes = {name: float(np.nanmax(found.figures(name), initial=0.0)) for name in names}
+    scales = {name: prefixed(found.system.units.get(name, ""), size) for name, size in sizes.items()}
+    columns = [f"max|{name}| ({unit})" if unit else f"max|{name}|" for name, (_, unit) in scales.items()]
+    every = math.ceil(len(found.points) / _MOST_ROWS)
+    title = "Over speed" if every == 1 else f"Over speed: every {every}th of {len(found.points)}"
+    made = table(title, "rpm", *columns, "|ρ|", "stability", left=0)
+    for point in found.points[::every]:
+        row = [
+            fixed(point.statistics[name].max_abs * factor, sizes[name] * factor, 6)
+            if name in point.statistics
+            else "–"
+            for name, (factor, _) in scales.items()
+        ]
+        verdict = "failed" if point.error else point.verdict.removesuffix("ally stable")
+        radius = "–" if point.error else f"{point.spectral_radius:.6g}"
+        made.add_row(f"{point.speed * 30 / math.pi:.7g}", *row, radius, verdict)
+    return Group(model_heading(found.system, choices), made)
+
+
+def _contents(found: "Sweep") -> "Contents":
+    from solve.output.contents import table_contents
+    from solve.output.record import model_record
+
+    system = found.system
+    columns: dict[str, tuple[Any, str, str]] = {"speed": (found.speeds, "rad/s", "speed of rotation")}
+    for name in (*system.coordinates, *system.outputs):
+        for figure in ("max", "min", "max_abs", "mean"):
+            meaning = f"{figure} of {system.meanings.get(name, name)}"
+            columns[f"{name}_{figure}"] = (found.figures(name, figure), system.units.get(name, ""), meaning)
+    points = found.points
+    columns["spectral_radius"] = (found.spectral_radius, "1", "largest modulus of a Floquet multiplier")
+    columns["verdict"] = ([point.verdict for point in points], "", "stability")
+    columns["steps"] = ([point.steps for point in points], "", "a period")
+    columns["error"] = ([point.error or "" for point in points], "", "why there is no result")
+    return table_contents(columns, model_record(system))
