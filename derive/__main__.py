@@ -51,12 +51,11 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
 
 def _text(source: Source) -> str:
     """The generated module as it should be; SymPy is loaded here and not before."""
-    from derive.checks import check
     from derive.emit import module_text
 
     mechanism = loader.load(source)
-    check(mechanism)
-    return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
+    with loader.located(source):
+        return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
 
 
 def _write(sources: list[Source]) -> None:
@@ -67,25 +66,24 @@ def _write(sources: list[Source]) -> None:
 
 def _is_stale(source: Source, full: bool) -> bool:
     """Say on standard output whether a generated module is current; `full` compares every byte."""
-    present = source.target.read_text(encoding="utf-8") if source.target.is_file() else ""
+    present = source.target.read_text("utf-8", errors="replace") if source.target.is_file() else ""
     why = freshness.staleness(present, source.sha256) if present else "it is missing"
     if full:
         difference = freshness.difference(source.target, present, _text(source))
         typer.echo(difference, nl=False)
         why = why or ("it differs from what derive would write" if difference else "")
     if why:
-        typer.echo(f"{source.target} is stale: {why}. Run: python -m derive {source.argument}")
+        typer.echo(f"{source.target} is stale: {why}. Run: python -m derive {source.renewal}")
     return bool(why)
 
 
 def _show(sources: list[Source]) -> None:
-    from derive.checks import check
     from derive.show import equations
 
     for source in sources:
         mechanism = loader.load(source)
-        check(mechanism)
-        typer.echo(equations(mechanism))
+        with loader.located(source):
+            typer.echo(equations(mechanism))
 
 
 def main() -> None:
@@ -97,7 +95,7 @@ def main() -> None:
         message = str(error)
     except mistyped as error:
         message = error.format_message()
-    print(f"derive: {message}", file=sys.stderr)
+    print("derive:", " ".join(message.split()), file=sys.stderr)
     sys.exit(2)
 
 

@@ -2,6 +2,8 @@
 
 import difflib
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +26,12 @@ class Source:
     target: Path
     argument: str
     """What named it on the command line."""
+    out: Path | None = None
+
+    @property
+    def renewal(self) -> str:
+        """Arguments of the command that writes the module again."""
+        return f"{self.argument} --out {self.out}" if self.out else self.argument
 
     @property
     def command(self) -> str:
@@ -55,7 +63,7 @@ def find(model: str, out: Path | None = None) -> Source:
             raise UnknownMechanismError(
                 f"there is no file {model}; give a mechanism's name or the path of its file"
             )
-        return Source(path.stem, path, (out or path.parent / "generated") / path.name, model)
+        return Source(path.stem, path, (out or path.parent / "generated") / path.name, model, out)
     if path.name != model or "\\" in model:
         raise UnknownMechanismError(f'"{model}" is neither a name nor a file: a path must end in .py')
     if model not in names():
@@ -63,32 +71,19 @@ def find(model: str, out: Path | None = None) -> Source:
         hint = f'; did you mean "{nearest[0]}"?' if nearest else ""
         raise UnknownMechanismError(f'there is no mechanism "{model}"{hint} (known: {", ".join(names())})')
     source = HOME / "models" / model / "mechanism.py"
-    return Source(model, source, (out or HOME / "generated") / f"{model}.py", model)
+    return Source(model, source, (out or HOME / "generated") / f"{model}.py", model, out)
 
 
 def load(source: Source) -> "Mechanism":
-    """Run a mechanism file and return what its `mechanism()` states.
+    """Run a mechanism file and return what its `mechanism()` states, checked.
 
-    Raises MechanismFileError where the file does not run or returns something else; errors of
-    the statement itself (DeclarationError, …) pass through.
+    Raises MechanismFileError where the file does not run or returns something else, and the
+    errors of the statement itself (DeclarationError, UnitError, …), each with file and line.
     """
+    from derive.checks import check
     from derive.mechanism import Mechanism
 
-    namespace: dict[str, object] = {"__name__": source.name, "__file__": str(source.path)}
-    try:
-        exec(compile(source.text, str(source.path), "exec"), namespace)
-        function = namespace.get("mechanism")
-        if not callable(function):
-            raise MechanismFileError(
-                f"{source.path} has no function mechanism(); it must return a derive.Mechanism"
-            )
-        stated = function()
-    except DeriveError:
-        raise
-    except Exception as error:
-        raise MechanismFileError(
-            f"{source.path}{_line(error, source.path)}: {type(error).__name__}: {error}"
-        ) from error
+    stated = _run(source)
     if not isinstance(stated, Mechanism):
         raise MechanismFileError(
             f"mechanism() in {source.path} returns {type(stated).__name__}; it must return a derive.Mechanism"
@@ -96,6 +91,36 @@ def load(source: Source) -> "Mechanism":
     if stated.name != source.name:
         raise MechanismFileError(
             f'{source.path} states a mechanism "{stated.name}"; it must be called "{source.name}"'
+        )
+    with located(source):
+        check(stated)
+    return stated
+
+
+@contextmanager
+def located(source: Source) -> Iterator[None]:
+    """Put the mechanism's file before the message of an error that arises within."""
+    try:
+        yield
+    except DeriveError as error:
+        raise type(error)(f"{source.path}: {error}") from error
+
+
+def _run(source: Source) -> object:
+    """What mechanism() returns."""
+    namespace: dict[str, object] = {"__name__": source.name, "__file__": str(source.path)}
+    try:
+        exec(compile(source.text, str(source.path), "exec"), namespace)
+        function = namespace.get("mechanism")
+        stated = function() if callable(function) else None
+    except DeriveError as error:
+        raise type(error)(f"{source.path}{_line(error, source.path)}: {error}") from error
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"
+        raise MechanismFileError(f"{source.path}{_line(error, source.path)}: {what}") from error
+    if not callable(function):
+        raise MechanismFileError(
+            f"{source.path} has no function mechanism(); it must return a derive.Mechanism"
         )
     return stated
 

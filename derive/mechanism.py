@@ -64,7 +64,7 @@ class Option:
         return sympy.Add(*(indicator * expressions[value] for indicator, value in chosen))
 
 
-@dataclass
+@dataclass(slots=True)
 class Mechanism:
     """A mechanism driven at constant speed Ω, stated by its energies.
 

@@ -1,0 +1,272 @@
+"""The command: what it writes, checks, shows and refuses."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from derive import freshness
+from derive.__main__ import main
+
+ROOT = Path(__file__).resolve().parents[2]
+ROTOR = """
+from derive import Mechanism, rate
+
+
+def mechanism():
+    rotor = Mechanism("rotor", "Rotor on an elastic shaft")
+    (q,) = rotor.coordinates(q=("rad", "twist"))
+    J, k = rotor.parameters(J=("kg m^2", "rotor", "> 0"), k=("N m/rad", "shaft", "> 0"))
+    rotor.kinetic = J * rate(rotor.phase + q) ** 2 / 2
+    rotor.potential = k * q**2 / 2
+    return rotor
+"""
+
+
+@pytest.fixture
+def rotor(tmp_path: Path) -> Path:
+    path = tmp_path / "rotor.py"
+    path.write_text(ROTOR, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def derive(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """Run the command in this process: exit status, standard output, standard error."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["derive", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_:
+            main()
+        out, err = capsys.readouterr()
+        return int(exit_.value.code or 0), out, err
+
+    return run
+
+
+def test_a_users_file_is_written_beside_it_and_is_current(derive, rotor):
+    target = rotor.parent / "generated" / "rotor.py"
+    assert derive(rotor) == (0, "", f"wrote {target}\n")
+    assert freshness.MARK in target.read_text(encoding="utf-8")
+    assert sorted(path.name for path in target.parent.iterdir()) == ["rotor.py"]
+    assert derive("--check", rotor) == (0, "", "")
+    assert derive("--check", "--full", rotor) == (0, "", "")
+
+
+def test_out_overrides_the_folder(derive, rotor, tmp_path):
+    elsewhere = tmp_path / "a" / "b"
+    assert derive(rotor, "--out", elsewhere) == (0, "", f"wrote {elsewhere / 'rotor.py'}\n")
+    assert derive("--check", rotor, "--out", elsewhere)[0] == 0
+    status, out, _ = derive("--check", rotor)
+    assert status == 1
+    assert "is stale: it is missing. Run: python -m derive" in out
+
+
+def test_the_generated_text_does_not_depend_on_where_it_is_made(derive, rotor, tmp_path, monkeypatch):
+    derive(rotor)
+    first = (tmp_path / "generated" / "rotor.py").read_bytes()
+    monkeypatch.chdir(tmp_path)
+    derive("rotor.py", "--out", "other")
+    assert (tmp_path / "other" / "rotor.py").read_bytes() == first
+    assert str(tmp_path).encode() not in first
+
+
+def test_check_notices_a_changed_mechanism(derive, rotor):
+    derive(rotor)
+    rotor.write_text(ROTOR.replace("k * q**2 / 2", "k * q**2"), encoding="utf-8")
+    status, out, _ = derive("--check", rotor)
+    assert status == 1
+    assert f"is stale: the mechanism file has changed since. Run: python -m derive {rotor}" in out
+    status, out, _ = derive("--check", "--full", rotor)
+    assert status == 1
+    assert "\n-            casadi.SX(k),\n+            casadi.SX(2*k),\n" in out
+
+
+def test_line_endings_do_not_count(derive, rotor):
+    derive(rotor)
+    rotor.write_bytes(ROTOR.replace("\n", "\r\n").encode())
+    assert derive("--check", rotor)[0] == 0
+
+
+def test_check_notices_an_edited_module_and_full_shows_the_difference(derive, rotor):
+    derive(rotor)
+    target = rotor.parent / "generated" / "rotor.py"
+    target.write_text(target.read_text(encoding="utf-8").replace("casadi.SX(k)", "casadi.SX(k + 1)"), "utf-8")
+    status, out, _ = derive("--check", rotor)
+    assert status == 1
+    assert "is stale: the generated text was edited. Run:" in out
+    status, out, _ = derive("--check", "--full", rotor)
+    assert status == 1
+    assert f"--- {target} (present)\n+++ {target} (derived)\n" in out
+    assert "\n-            casadi.SX(k + 1),\n+            casadi.SX(k),\n" in out
+    assert f"Run: python -m derive {rotor}" in out
+
+
+def test_full_notices_what_no_hash_covers(derive, rotor):
+    derive(rotor)
+    target = rotor.parent / "generated" / "rotor.py"
+    target.write_text(target.read_text(encoding="utf-8").replace("do not edit.", "do not edit. Me"), "utf-8")
+    assert derive("--check", rotor)[0] == 0
+    status, out, _ = derive("--check", "--full", rotor)
+    assert status == 1
+    assert "it differs from what derive would write" in out
+
+
+def test_a_changed_derive_makes_every_module_stale(derive, rotor, monkeypatch):
+    derive(rotor)
+    monkeypatch.setattr(freshness, "derive_sha256", lambda: "0" * 64)
+    status, out, _ = derive("--check", rotor)
+    assert status == 1
+    assert "derive itself has changed since" in out
+
+
+def test_a_foreign_file_stays(derive, rotor):
+    target = rotor.parent / "generated" / "rotor.py"
+    target.parent.mkdir()
+    target.write_text("precious = 1\n", encoding="utf-8")
+    status, out, err = derive(rotor)
+    assert (status, out) == (2, "")
+    assert (
+        err
+        == f"derive: {target} was not generated by derive and stays as it is; move it, or give --out DIR\n"
+    )
+    assert target.read_text(encoding="utf-8") == "precious = 1\n"
+    status, out, _ = derive("--check", rotor)
+    assert status == 1
+    assert "it is no generated module" in out
+
+
+@pytest.mark.parametrize("broken", ["write", "replace"])
+def test_a_write_that_breaks_off_leaves_the_old_module_whole(derive, rotor, monkeypatch, broken):
+    derive(rotor)
+    target = rotor.parent / "generated" / "rotor.py"
+    before = target.read_bytes()
+    rotor.write_text(ROTOR.replace("Rotor on", "Wheel on"), encoding="utf-8")
+    write_text = Path.write_text
+
+    def fails(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    def fails_halfway(path, text, **kwargs):
+        write_text(path, text[: len(text) // 2], **kwargs)
+        fails()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", fails_halfway) if broken == "write" else patch.setattr(
+            os, "replace", fails
+        )
+        status, _, err = derive(rotor)
+    assert status == 2
+    assert err == f"derive: {target} cannot be written: No space left on device; give --out DIR\n"
+    assert target.read_bytes() == before
+    assert [path.name for path in target.parent.iterdir()] == ["rotor.py"]
+
+
+def test_an_unwritable_folder(derive, rotor, tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    status, _, err = derive(rotor, "--out", tmp_path / "file")
+    assert status == 2
+    assert "cannot be written" in err
+    assert err.count("\n") == 1
+
+
+def test_show_prints_latex_and_writes_nothing(derive, rotor):
+    status, out, err = derive("--show", rotor)
+    assert (status, err) == (0, "")
+    assert r"M = \left[\begin{matrix}J\end{matrix}\right]" in out
+    assert not (rotor.parent / "generated").exists()
+
+
+def test_show_of_the_cam_reads_like_the_chapter(derive):
+    _, out, _ = derive("--show", "cam")
+    assert r"I_{1} + \left(m_{2} + m_{3}\right) \left(U'\right)^{2}" in out
+    assert r"c_{1} + 2 \Omega \left(m_{2} + m_{3}\right) U' U''" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "give one or more mechanisms, or --all (known: "),
+        (["cam", "--all"], "give one or more mechanisms, or --all"),
+        (["kam"], 'there is no mechanism "kam"; did you mean "cam"? (known: '),
+        (["xyzzy"], 'there is no mechanism "xyzzy" (known: '),
+        (["models/cam"], '"models/cam" is neither a name nor a file: a path must end in .py'),
+        (["..\\cam"], "a path must end in .py"),
+        (["nowhere/cam.py"], "there is no file nowhere/cam.py"),
+        (["cam", "--full"], "--full goes with --check"),
+        (["cam", "--check", "--show"], "--show with neither"),
+        (["cam", "--frobnicate"], "No such option: --frobnicate"),
+        (["cam", "--out"], "--out"),
+    ],
+)
+def test_bad_arguments(derive, arguments, message):
+    status, out, err = derive(*arguments)
+    assert (status, out) == (2, "")
+    assert err.startswith("derive: ")
+    assert message in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1\n", "has no function mechanism(); it must return a derive.Mechanism"),
+        ("mechanism = 3\n", "has no function mechanism()"),
+        ("def mechanism():\n    return 3\n", "returns int; it must return a derive.Mechanism"),
+        ("def mechanism():\n    return None\n", "returns NoneType"),
+        ("def mechanism():\n\n    return 1 / 0\n", ", line 3: ZeroDivisionError: division by zero"),
+        ("def mechanism(:\n", ", line 1: SyntaxError: "),
+        ("import nothing_of_that_name\n", ", line 1: ModuleNotFoundError: No module named"),
+        ("raise ValueError('two\\nlines')\n", "ValueError: two lines"),
+        ("from derive import nothing\n", "ImportError: cannot import name 'nothing'"),
+        (
+            ROTOR.replace('"rotor", "Rotor', '"other", "Rotor'),
+            'states a mechanism "other"; it must be called "rotor"',
+        ),
+        (ROTOR.replace("J * rate", "k * rate"), "rotor.py: kinetic energy must be in "),
+        (
+            ROTOR.replace("kg m^2", "kg mm^2"),
+            'rotor.py, line 8: the unit "kg mm^2" is not understood at "mm^2"',
+        ),
+        (
+            ROTOR.replace("rotor.potential", "rotor.potentail"),
+            ", line 10: AttributeError: 'Mechanism' object has no attribute 'potentail'",
+        ),
+    ],
+)
+def test_bad_files(derive, rotor, text, message):
+    rotor.write_text(text, encoding="utf-8")
+    status, out, err = derive(rotor)
+    assert (status, out) == (2, "")
+    assert message in err
+    assert err.count("\n") == 1
+    assert not (rotor.parent / "generated").exists()
+
+
+def test_a_file_that_is_no_text(derive, rotor):
+    rotor.write_bytes(b"\xff\xfe\x00")
+    status, _, err = derive(rotor)
+    assert status == 2
+    assert "cannot be read" in err
+
+
+def test_help_and_check_need_no_sympy():
+    """Both answer at once: SymPy is loaded only to derive."""
+    code = (
+        "import sys; from derive.__main__ import app; "
+        "[app(a, standalone_mode=False) for a in (['--help'], ['--check', 'cam'])]; "
+        "sys.exit('sympy' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True).returncode == 0
+
+
+def test_a_folder_called_models_or_derive_where_the_user_stands(rotor, tmp_path):
+    """Mechanisms are found from the package, not from the current folder."""
+    (tmp_path / "models" / "cam").mkdir(parents=True)
+    (tmp_path / "models" / "cam" / "mechanism.py").write_text("raise SystemExit(9)\n", encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "derive", "--check", "cam"]
+    run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")

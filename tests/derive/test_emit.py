@@ -1,0 +1,145 @@
+"""Generated modules: their contract, the same bytes in every run, operation counts that do not grow."""
+
+import importlib.util
+import math
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+import casadi
+import pytest
+from modules import module_of
+
+from derive import Mechanism, loader, rate
+from derive.freshness import derive_sha256, sha256
+
+ROOT = Path(__file__).resolve().parents[2]
+BASELINE = Path(__file__).with_name("operations.toml")
+NAMES = loader.names()
+STATE = ["phase", "speed", "q", "qd", "qdd", "p"]
+
+
+def generated(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "generated" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def choices(module: ModuleType) -> list[dict[str, str]]:
+    """Every single option value, the others at their defaults."""
+    return [{}] + [{name: value} for name, values, _ in module.OPTIONS for value in values]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_generated_module_keeps_the_contract(name):
+    module = generated(name)
+    text = (ROOT / "generated" / f"{name}.py").read_text(encoding="utf-8")
+    assert name == module.NAME
+    assert derive_sha256() == module.DERIVE_SHA256
+    assert loader.find(name).sha256 == module.MECHANISM_SHA256
+    assert sha256(text.split(f'BODY_SHA256 = "{module.BODY_SHA256}"\n')[1]) == module.BODY_SHA256
+    assert f"Renew with: python -m derive {name}\n" in module.__doc__
+    assert module.TITLE in module.__doc__
+    assert all(len(row) == 3 and all(row) for row in (*module.COORDINATES, *module.OUTPUTS))
+    assert all(len(row) == 4 and all(row[:3]) for row in module.PARAMETERS)
+    assert set(module.VALIDITY) <= {row[0] for row in module.COORDINATES}
+    assert {row[0] for row in module.LIMITS} <= {row[0] for row in module.OUTPUTS}
+    assert all(default in values for _, values, default in module.OPTIONS)
+    assert 0 < module.PERIOD <= 2 * math.pi
+    assert list(module.OPERATIONS) == ["linearised", "residual", "outputs"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_generated_function_has_named_inputs_and_outputs(name):
+    module = generated(name)
+    for options in choices(module):
+        linearised, residual = module.linearised(**options), module.residual(**options)
+        outputs = module.outputs(**options)
+        n, count = linearised.size1_out("d"), len(module.PARAMETERS)
+        assert (linearised.name_in(), linearised.name_out()) == (
+            ["phase", "speed", "p"],
+            ["M", "C", "K", "d"],
+        )
+        assert (residual.name_in(), residual.name_out()) == (STATE, ["r"])
+        assert outputs.name_in() == STATE
+        assert outputs.name_out() == [row[0] for row in module.OUTPUTS]
+        assert [linearised.size_out(i) for i in range(4)] == [(n, n)] * 3 + [(n, 1)]
+        assert linearised.size1_in("p") == residual.size1_in("p") == outputs.size1_in("p") == count
+        assert all(linearised.sparsity_out(i).is_dense() for i in range(4))
+        assert residual.size_out("r") == (n, 1)
+        assert all(outputs.size_out(i) == (1, 1) for i in range(outputs.n_out()))
+
+
+def test_an_option_value_that_is_not_allowed():
+    with pytest.raises(ValueError, match="option load is 'heavy'; allowed: tracking, constant"):
+        generated("gear_pair").linearised(load="heavy")
+
+
+def test_the_same_bytes_for_five_hash_seeds(tmp_path):
+    runs = [
+        subprocess.Popen(
+            [sys.executable, "-m", "derive", *NAMES, "--out", str(tmp_path / str(seed))],
+            cwd=ROOT,
+            env=os.environ | {"PYTHONHASHSEED": str(seed)},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for seed in range(5)
+    ]
+    for seed, run in enumerate(runs):
+        _, err = run.communicate()
+        assert run.returncode == 0, err
+        for name in NAMES:
+            made, committed = tmp_path / str(seed) / f"{name}.py", ROOT / "generated" / f"{name}.py"
+            assert made.read_bytes() == committed.read_bytes(), f"{name}, hash seed {seed}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_operation_counts_do_not_grow(name):
+    allowed = tomllib.loads(BASELINE.read_text(encoding="utf-8"))
+    counted = generated(name).OPERATIONS
+    line = f"{name} = {{ {', '.join(f'{key} = {value}' for key, value in counted.items())} }}"
+    remedy = f"if the growth is meant, put this line into {BASELINE.relative_to(ROOT)}: {line}"
+    assert name in allowed, remedy
+    assert all(counted[key] <= allowed[name][key] for key in counted), remedy
+
+
+def test_names_in_generated_code_do_not_collide():
+    """Parameters called like the temporaries of generated code, and a coordinate called like its vector."""
+    odd = Mechanism("odd", 'Odd "names" \\ in a title')
+    (q,) = odd.coordinates(q=("rad", "twist"))
+    p, x0, U_1, r, zip_ = odd.parameters(
+        p=("kg m^2", "inertia", "> 0"),
+        x0=("N m/rad", "stiffness"),
+        U_1=("kg", "mass"),
+        r=("1", "factor"),
+        zip=("1", "factor"),
+    )
+    U = odd.transmission("U", harmonics=1, unit="m")
+    odd.kinetic = (p * rate(odd.phase + q) ** 2 + U_1 * rate(U(odd.phase + q)) ** 2) * r * zip_ / 2
+    odd.potential = x0 * q**2 * r * zip_ / 2
+    module = module_of(odd)
+    values = [2.0, 5.0, 3.0, 1.5, 2.0, 0.4, 0.0]
+    M, _, K, _ = module.linearised()(0.0, 1.0, values)
+    assert float(M) == pytest.approx((2.0 + 3.0 * 0.4**2) * 3)
+    assert float(K) == pytest.approx((5.0 - 3.0 * 0.4**2) * 3)
+    assert module.__doc__.startswith('Odd "names" \\ in a title.')
+
+
+def test_a_mechanism_without_parameters_and_excitation():
+    bare = Mechanism("bare", "Equation without units", energy="1/s^2")
+    (q,) = bare.coordinates(q=("1", "number"))
+    bare.kinetic = rate(q) ** 2 / 2
+    bare.decline_drive_torque("it has no units")
+    module = module_of(bare)
+    M, C, K, d = module.linearised()(0.0, 1.0, casadi.DM.zeros(0, 1))
+    assert [float(each) for each in (M, C, K, d)] == [1, 0, 0, 0]
+    assert module.OUTPUTS == ()
+    assert module.outputs().n_out() == 0
+    assert module.NO_DRIVE_TORQUE == "it has no units"
