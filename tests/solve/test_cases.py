@@ -1,0 +1,94 @@
+"""Case files: what they say, and each way of saying it wrongly."""
+
+import pytest
+
+from solve.cases import Case, read_cases
+from solve.errors import CaseFileError, UnitError, UnknownNameError
+
+UNITS = {"k1": "N/m", "a1": "m", "a2": "m", "a3": "m", "m": "kg"}
+GOOD = """
+[common.parameters]
+m = { value = 2, unit = "kg", source = "Table 1" }
+a = { values = [1, 2.5, 0], unit = "mm", source = "Table 2" }
+
+[case.slow]
+title = "below the first resonance"
+speed = "60 rpm"
+[case.slow.parameters]
+k1 = { value = 3, unit = "kN/m", source = "measured" }
+
+[case.light.parameters]
+m = { value = 500, unit = "g", source = "weighed" }
+a = { value = 4, count = 3, unit = "m", source = "chosen" }
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reading(text):
+        path = tmp_path / "mine.toml"
+        path.write_text(text, encoding="utf-8")
+        return read_cases(path, UNITS)
+
+    return reading
+
+
+def test_cases_in_their_order_with_common_values_and_si_units(read):
+    cases = read(GOOD)
+    assert list(cases) == ["slow", "light"]
+    assert cases["slow"] == Case(
+        "slow", "60 rpm", {"m": 2.0, "a1": 1e-3, "a2": 2.5e-3, "a3": 0.0, "k1": 3000.0}
+    )
+    assert cases["light"] == Case("light", None, {"m": 0.5, "a1": 4.0, "a2": 4.0, "a3": 4.0})
+
+
+def entry(text):
+    return f"[case.1.parameters]\n{text}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("k1 = [", CaseFileError, "is not TOML"),
+        ("", CaseFileError, r"has no \[case.NAME\]; add one"),
+        ("[case]", CaseFileError, r"has no \[case.NAME\]; add one"),
+        ("case = 1", CaseFileError, "case in mine.toml is 1; a table was expected"),
+        ("[cases.1]", UnknownNameError, "unknown key of mine.toml 'cases'; did you mean 'case'"),
+        ("[common]\nk1 = 1", UnknownNameError, r"unknown key of \[common\] in mine.toml 'k1'"),
+        ("[case.1]\ntitel = 'x'", UnknownNameError, r"'titel'; did you mean 'title'"),
+        ("[case.1]\nspeed = 600", CaseFileError, "speed of case '1' is 600; give a text with unit"),
+        ("[case.1]\nparameters = 3", CaseFileError, "parameters in mine.toml is 3; a table was expected"),
+        (entry("k1 = 1"), CaseFileError, "k1 in mine.toml is 1; a table was expected"),
+        (entry("k1 = {vlaue=1, unit='N/m', source='s'}"), UnknownNameError, "'vlaue'; did you mean 'value'"),
+        (entry("k2 = {value=1, unit='N/m', source='s'}"), UnknownNameError, "'k2'; did you mean 'k1'"),
+        (entry("a = {values=[1,2,3,4], unit='m', source='s'}"), UnknownNameError, "'a4'; did you mean 'a3'"),
+        (entry("k1 = {value=1, source='s'}"), CaseFileError, "k1 in mine.toml has no unit"),
+        (entry("k1 = {value=1, unit='N/m'}"), CaseFileError, "k1 in mine.toml has no source"),
+        (entry("k1 = {value=1, unit='N/m', source=' '}"), CaseFileError, "k1 in mine.toml has no source"),
+        (entry("k1 = {value=1, unit='mm', source='s'}"), UnitError, "k1 in mine.toml: unit 'mm' does not"),
+        *(
+            (entry(f"k1 = {{value={v}, unit='N/m', source='s'}}"), CaseFileError, "k1 .* give a finite num")
+            for v in ("nan", "inf", "true", "'1'", "[1]")
+        ),
+        (entry("a = {values=[1, 'x'], unit='m', source='s'}"), CaseFileError, "a2 .* give a finite number"),
+        *(
+            (entry(f"a = {{{numbers}, unit='m', source='s'}}"), CaseFileError, "give one of these")
+            for numbers in (
+                "count=3", "values=[]", "values=1", "value=1, count=0", "value=1, count=2.7",
+                "value=1, count='x'", "value=1, count=true", "value=1, values=[1]", "values=[1], count=1",
+            )
+        ),
+    ],
+)  # fmt: skip
+def test_each_error_is_named(read, text, error, message):
+    with pytest.raises(error, match=message):
+        read(text)
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe"])
+def test_a_file_that_cannot_be_read(tmp_path, content):
+    path = tmp_path / "mine.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(CaseFileError, match=r"mine.toml' cannot be read \(.*\); give another"):
+        read_cases(path, UNITS)

@@ -1,0 +1,262 @@
+"""Models by name and by path: options, parameters, cases, and generated code that is none."""
+
+import hashlib
+import math
+import os
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import (
+    CaseFileError,
+    MissingValueError,
+    ModelFileError,
+    UnknownNameError,
+    ValueOutOfBoundsError,
+)
+from solve.load import loaded, model_names
+from tests.solve.systems import cam_matrices
+
+MECHANISM = "# what this mechanism is\n"
+GENERATED = '''
+import math
+import casadi
+
+MECHANISM_SHA256 = "{sha256}"
+NAME, TITLE = "mine", "A mass on a modulated spring"
+COORDINATES = (("q", "m", "deflection"), ("r", "m", "second mode"))
+PARAMETERS = (
+    ("k", "N/m", "spring", "> 0"), ("z", "1", "teeth", "integer, >= 1"), ("c", "N s/m", "damper", ""),
+)
+OPTIONS = (("load", ("constant", "none"), "constant"), ("modes", range(1, 3), 1))
+OUTPUTS = {outputs}
+LIMITS = (("force", "<= 1.2", "the spring yields"),) if OUTPUTS else ()
+VALIDITY = {{"q": 0.3}}
+PERIOD = math.pi
+
+def linearised(*, load="constant", modes=1):
+    phase, speed, p = casadi.SX.sym("phase"), casadi.SX.sym("speed"), casadi.SX.sym("p", 3)
+    one = casadi.SX.eye(modes)
+    d = (load == "constant") * casadi.SX.ones(modes)
+    K = (p[0] + casadi.cos(2 * phase)) * one
+    return casadi.Function("linearised", [phase, speed, p], [one, p[2] * one, K, d],
+                           ["phase", "speed", "p"], ["M", "C", "K", "d"])
+
+def outputs(*, load="constant", modes=1):
+    names = ["phase", "speed", "q", "qd", "qdd", "p"]
+    sizes = [1, 1, modes, modes, modes, 3]
+    inputs = [casadi.SX.sym(name, size) for name, size in zip(names, sizes)]
+    force = [inputs[-1][0] * inputs[2][0]] if OUTPUTS else []
+    return casadi.Function("outputs", inputs, force, names, [name for name, _, _ in OUTPUTS])
+'''  # fmt: skip
+FORCE = '(("force", "N", "in the spring"),)'
+CASES = """
+[case.soft]
+speed = "3 rad/s"
+[case.soft.parameters]
+k = { value = 5, unit = "N/m", source = "chosen" }
+z = { value = 3, unit = "1", source = "chosen" }
+c = { value = 0.4, unit = "N s/m", source = "chosen" }
+[case.stiff.parameters]
+k = { value = 0.05, unit = "kN/m", source = "chosen" }
+z = { value = 3, unit = "1", source = "chosen" }
+"""
+VALUES = {"k": 5.0, "z": 3, "c": 0.4}
+
+
+class Folder:
+    def __init__(self, path):
+        self.mechanism = path / "mine.py"
+        self.generated = path / "generated" / "mine.py"
+        self.cases = path / "mine.toml"
+        self.generated.parent.mkdir()
+        self.mechanism.write_text(MECHANISM, encoding="utf-8")
+        self._version = 0
+
+    def generate(self, outputs=FORCE, text=None):
+        sha256 = hashlib.sha256(MECHANISM.encode()).hexdigest()
+        self.generated.write_text(text or GENERATED.format(sha256=sha256, outputs=outputs), encoding="utf-8")
+        self._version += 1
+        os.utime(self.generated, (self._version, self._version))
+
+    def load(self, *names, **values):
+        return solve.load(str(self.mechanism), *names, **values)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return Folder(tmp_path)
+
+
+@pytest.fixture
+def ready(folder):
+    folder.generate()
+    folder.cases.write_text(CASES, encoding="utf-8")
+    return folder
+
+
+def test_a_users_model_with_its_cases(ready):
+    model = ready.load()
+    assert (model.name, model.case, model.coordinates) == ("mine", "soft", ("q",))
+    assert model.parameters == VALUES
+    assert (model.period, model.units["q"], model.units["force"]) == (math.pi, "m", "N")
+    assert loaded(str(ready.mechanism), None, None, {}, {})[1] == "3 rad/s"
+    assert ready.load("stiff", c=1).parameters == {"k": 50.0, "z": 3.0, "c": 1.0}
+
+
+def test_matrices_are_those_of_the_generated_functions(ready):
+    phase = np.linspace(-7.0, 7.0, 601)
+    M, C, K, d = ready.load(options={"modes": 2, "load": "none"}, k=7.0).at(phase, 1.0)
+    np.testing.assert_array_equal(M, np.broadcast_to(np.eye(2), (601, 2, 2)))
+    np.testing.assert_allclose(K[:, 1, 1], 7.0 + np.cos(2 * phase), rtol=1e-14)
+    assert not K[:, 0, 1].any()
+    assert (C[:, 0, 0] == 0.4).all()
+    assert not d.any()
+    assert [part.shape for part in ready.load().at(phase[:0], 1.0)] == [(0, 1, 1)] * 3 + [(0, 1)]
+
+
+def test_outputs_validity_and_limits_follow_the_orbit(ready):
+    orbit = solve.periodic(ready.load(), "3 rad/s")
+    np.testing.assert_allclose(orbit.outputs["force"], 5.0 * orbit.q[0], rtol=1e-14)
+    exceeding = solve.periodic(ready.load(k=2.0), 3.0).warnings
+    assert any("linearisation is not to be trusted: max|q| = " in text for text in exceeding)
+    assert any("beyond 0.3" in text for text in exceeding)
+    tight = solve.periodic(ready.load("stiff", c=0.1, k=60.0), 3.0).warnings
+    assert tight == []
+
+
+def test_a_limit_that_is_passed_says_what_is_true_then(ready):
+    warned = solve.periodic(ready.load(), 0.1).warnings
+    assert any(
+        text.startswith("the spring yields: force reaches ") and "bound <= 1.2" in text for text in warned
+    )
+
+
+def test_a_model_without_outputs(folder):
+    folder.generate(outputs="()")
+    orbit = solve.periodic(folder.load(**VALUES), 3.0)
+    assert orbit.outputs == {}
+    assert orbit.steps > 0
+
+
+def test_parameters_may_take_the_place_of_a_case_file(folder):
+    folder.generate()
+    assert folder.load(**VALUES).parameters == VALUES
+    with pytest.raises(MissingValueError, match=r"gives no value for c; .* set it: c=NUMBER"):
+        folder.load(k=5.0, z=3)
+    with pytest.raises(CaseFileError, match=r"no case file '.*mine.toml' for case 'soft'"):
+        folder.load("soft", **VALUES)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"k": -1.0}, r"k \(spring\) is -1 N/m; allowed: > 0"),
+        ({"k": math.nan}, r"k \(spring\) is nan N/m; allowed: > 0"),
+        ({"c": math.inf}, r"c \(damper\) is inf N s/m; allowed: any finite number"),
+        ({"z": 2.5}, r"z \(teeth\) is 2.5 1; allowed: integer, >= 1"),
+        ({"z": 0}, r"z \(teeth\) is 0 1; allowed: integer, >= 1"),
+        ({"k": "soft"}, r"k \(spring\) is 'soft'; give a number in N/m"),
+        ({"k": None}, r"k \(spring\) is None; give a number in N/m"),
+    ],
+)
+def test_parameters_out_of_bounds(ready, values, message):
+    with pytest.raises(ValueOutOfBoundsError, match=message):
+        ready.load(**values)
+
+
+def test_unknown_parameters_and_cases_are_answered_with_the_nearest(ready):
+    with pytest.raises(UnknownNameError, match="unknown parameter of mine 'kk'; did you mean 'k'"):
+        ready.load(kk=1.0)
+    with pytest.raises(UnknownNameError, match="unknown case of mine 'sotf'; did you mean 'soft'"):
+        ready.load("sotf")
+    with pytest.raises(MissingValueError, match="case 'stiff' of mine gives no value for c"):
+        ready.load("stiff")
+
+
+@pytest.mark.parametrize(("option", "chosen"), [({"modes": 2}, 2), ({"modes": "2"}, 2), ({}, 1)])
+def test_options_in_a_range_are_whole_numbers(ready, option, chosen):
+    model = ready.load(options=option)
+    assert model.options["modes"] == chosen
+    assert model.n == chosen
+
+
+@pytest.mark.parametrize("value", [0, 3, "3", "--2", "²", "x", "", "1.0"])
+def test_options_out_of_their_range(ready, value):
+    with pytest.raises(
+        ValueOutOfBoundsError, match=r"option modes of mine is .*; allowed: a whole number from 1 to 2"
+    ):
+        ready.load(options={"modes": value})
+
+
+def test_unknown_options_and_values(ready):
+    with pytest.raises(UnknownNameError, match="unknown option of mine 'laod'; did you mean 'load'"):
+        ready.load(options={"laod": "none"})
+    with pytest.raises(UnknownNameError, match="unknown value of option load 'non'; did you mean 'none'"):
+        ready.load(options={"load": "non"})
+
+
+def test_code_that_was_never_generated_names_the_command(folder):
+    with pytest.raises(
+        ModelFileError, match=r"no generated code for '(.*mine.py)'; run: python -m derive \1"
+    ):
+        folder.load()
+
+
+def test_stale_code_names_the_command_and_line_endings_do_not_matter(ready):
+    ready.mechanism.write_bytes(MECHANISM.replace("\n", "\r\n").encode())
+    assert ready.load().name == "mine"
+    ready.mechanism.write_text(MECHANISM + "# more\n", encoding="utf-8")
+    with pytest.raises(
+        ModelFileError, match=r"has changed since its code was generated; run: python -m derive "
+    ):
+        ready.load()
+
+
+@pytest.mark.parametrize(
+    "text", ["x = 1", "def broken(", "import no_such_module_at_all", "raise SystemError"]
+)
+def test_a_file_that_is_no_generated_code(folder, text):
+    folder.generate(text=text)
+    with pytest.raises(ModelFileError, match=r"generated/mine.py' is no generated code \(.*\); move it away"):
+        folder.load(**VALUES)
+
+
+def test_renewed_code_is_read_anew(ready):
+    assert ready.load().outputs == ("force",)
+    ready.generate(outputs="()")
+    assert ready.load().outputs == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "message"),
+    [
+        ("camm", UnknownNameError, "unknown model 'camm'; did you mean 'cam'"),
+        ("", UnknownNameError, "unknown model ''; known: "),
+        ("..", UnknownNameError, r"unknown model '\.\.'"),
+        ("models/cam", ModelFileError, "a path must end in .py"),
+        ("models\\cam", ModelFileError, "a path must end in .py"),
+        ("no_such_file.py", ModelFileError, "no mechanism file 'no_such_file.py'"),
+    ],
+)
+def test_names_that_are_no_model(name, error, message):
+    with pytest.raises(error, match=message):
+        solve.load(name)
+
+
+def test_models_are_found_wherever_the_user_stands(tmp_path, monkeypatch):
+    (tmp_path / "models").mkdir()
+    (tmp_path / "generated").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert "cam" in model_names()
+    assert solve.load("cam").case == "1"
+
+
+@pytest.mark.parametrize("case", ["1", "2"])
+def test_the_cam_of_the_package_is_the_chapters(case):
+    """Generated matrices of either case against (64) with Tables 1 and 2 by hand."""
+    phase = np.linspace(0.0, 2 * np.pi, 517)
+    by_hand = cam_matrices(case)(phase, 20 * np.pi)
+    for ours, theirs in zip(solve.load("cam", case=case).at(phase, 20 * np.pi), by_hand, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())

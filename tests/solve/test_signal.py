@@ -1,0 +1,88 @@
+"""Extrema, means and harmonics against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from solve.signal import harmonics, statistics
+
+amplitudes = st.floats(0.1, 10.0)
+angles = st.floats(-3.0, 3.0)
+orders = st.integers(1, 40)
+periods = st.floats(0.5, 10.0)
+
+
+@given(st.floats(-5.0, 5.0), amplitudes, angles, orders, periods)
+def test_statistics_of_a_cosine(mean, amplitude, angle, order, period):
+    omega = 2 * np.pi * order / period
+    found = statistics(lambda phase: mean + amplitude * np.cos(omega * phase + angle), period)
+    size = abs(mean) + amplitude
+    assert found.max == pytest.approx(mean + amplitude, abs=1e-13 * size)
+    assert found.min == pytest.approx(mean - amplitude, abs=1e-13 * size)
+    assert found.max_abs == pytest.approx(size, rel=1e-13)
+    assert found.mean == pytest.approx(mean, abs=1e-13 * size)
+    for phase, extreme in ((found.max_phase, 1.0), (found.min_phase, -1.0)):
+        assert 0.0 <= phase < period
+        assert np.cos(omega * phase + angle) == pytest.approx(extreme, abs=1e-12)
+
+
+@given(st.lists(st.tuples(amplitudes, angles), min_size=1, max_size=12), st.floats(-5.0, 5.0), periods)
+def test_harmonics_of_a_sum_of_cosines(parts, mean, period):
+    phases = 2 * np.pi / period
+
+    def signal(phase):
+        return mean + sum(
+            a * np.cos(k * phases * phase + angle) for k, (a, angle) in enumerate(parts, start=1)
+        )
+
+    found, turned = harmonics(signal, period, 15)
+    assert found.shape == turned.shape == (16,)
+    assert found[0] == pytest.approx(mean, abs=1e-12)
+    assert turned[0] == 0.0
+    np.testing.assert_allclose(found[1 : len(parts) + 1], [a for a, _ in parts], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(turned[1 : len(parts) + 1], [angle for _, angle in parts], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(found[len(parts) + 1 :], 0.0, rtol=0, atol=1e-12)
+
+
+def test_a_negative_mean_keeps_its_sign():
+    assert harmonics(lambda phase: np.full_like(phase, -3.0), 1.0, 4)[0].tolist() == [
+        -3.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    ]
+
+
+@given(st.integers(0, 3000))
+def test_any_number_of_harmonics_is_given_even_beyond_the_samples(count):
+    found, _ = harmonics(lambda phase: np.cos(7 * phase), 2 * np.pi, count)
+    assert len(found) == count + 1
+    if count >= 7:
+        assert found[7] == pytest.approx(1.0, abs=1e-12)
+    assert found.sum() == pytest.approx(float(count >= 7), abs=1e-9)
+
+
+def test_an_extremum_between_two_samples_is_that_of_the_curve():
+    """Resonant peak 1/(1 + (φ - φ0)²/w²), narrower than four samples, off the grid."""
+    centre, width = 1.2345678, 4e-3
+
+    def peak(phase):
+        distance = np.mod(phase - centre + np.pi, 2 * np.pi) - np.pi
+        return 1.0 / (1.0 + (distance / width) ** 2)
+
+    found = statistics(peak, 2 * np.pi, samples=2048)
+    assert found.max == pytest.approx(1.0, abs=1e-12)
+    assert found.max_phase == pytest.approx(centre, abs=1e-8)
+
+
+def test_an_extremum_at_the_end_of_the_turn():
+    found = statistics(lambda phase: np.cos(phase + 1e-4), 2 * np.pi)
+    assert found.max == pytest.approx(1.0, abs=1e-14)
+    assert found.max_phase == pytest.approx(2 * np.pi - 1e-4, abs=1e-7)
+
+
+def test_a_constant_has_its_value_everywhere():
+    found = statistics(lambda phase: np.full_like(phase, -2.0), 1.0)
+    assert (found.max, found.min, found.max_abs, found.mean) == (-2.0, -2.0, 2.0, -2.0)
