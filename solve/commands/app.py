@@ -8,13 +8,15 @@ from typing import Any
 
 import typer
 
+from solve.commands.bands import bands
 from solve.commands.compare import compare
 from solve.commands.floquet import floquet
 from solve.commands.groups import flattened
 from solve.commands.periodic import periodic
+from solve.commands.sweep import sweep
 from solve.errors import SolveError
 
-COMMANDS = (periodic, floquet, compare)
+COMMANDS = (periodic, floquet, compare, sweep, bands)
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Of the Click that Typer brings along or depends on, whichever it is."""
@@ -53,7 +55,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _misused(error: Any) -> int:
     command = error.ctx.command_path if error.ctx else "solve"
-    return _refused(f"{error.format_message()} See: {command} --help")
+    return _refused(f"{error.format_message().rstrip('.')}. See: {command} --help")
 
 
 def _refused(message: str) -> int:

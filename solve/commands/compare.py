@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from solve.commands.groups import Problem, Results, Settings, Speed
+from solve.commands.parse import number, whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,11 +28,16 @@ def compare(
         list[str] | None, typer.Option(metavar="NAME", help="Method to compare; repeatable; all by default.")
     ] = None,
     steps: Annotated[
-        list[int] | None, typer.Option(metavar="N", help="Equal number of steps a period; repeatable.")
+        list[int] | None,
+        typer.Option(metavar="N", parser=whole, help="Equal number of steps a period; repeatable."),
     ] = None,
     rtol: Annotated[
         list[float] | None,
-        typer.Option(metavar="R", help="Equal accuracy of the orbit; repeatable.", show_default="1e-3 1e-6"),
+        typer.Option(
+            metavar="R",
+            parser=number,
+            help="Error of the orbit to reach; repeatable; 1e-3 and 1e-6 by default.",
+        ),
     ] = None,
 ) -> None:
     """Methods side by side: error, steps and time."""

@@ -6,13 +6,13 @@ command's own flags, so that a new command is a short file.
 
 import inspect
 from collections.abc import Callable
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from solve.commands.parse import assignments, numbers
+from solve.commands.parse import assignments, number, numbers, whole
 from solve.errors import MissingValueError
 
 if TYPE_CHECKING:
@@ -78,11 +78,15 @@ class Speed:
 class Settings:
     """What some methods can be told."""
 
-    gamma: Annotated[float | None, typer.Option(metavar="G", help="newmark: γ, 1/2 by default.")] = None
-    beta: Annotated[float | None, typer.Option(metavar="B", help="newmark: β, 1/4 by default.")] = None
-    order: Annotated[int | None, typer.Option(metavar="P", help="Order, of methods that have several.")] = (
-        None
-    )
+    gamma: Annotated[
+        float | None, typer.Option(metavar="G", parser=number, help="newmark: γ, 1/2 by default.")
+    ] = None
+    beta: Annotated[
+        float | None, typer.Option(metavar="B", parser=number, help="newmark: β, 1/4 by default.")
+    ] = None
+    order: Annotated[
+        int | None, typer.Option(metavar="P", parser=whole, help="Order, of methods that have several.")
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -91,10 +95,12 @@ class Accuracy:
 
     method: Annotated[str, typer.Option(metavar="NAME", help="Method; auto chooses.")] = "auto"
     steps: Annotated[
-        int | None, typer.Option(metavar="N", help="Steps a period; by default as many as --rtol needs.")
+        int | None,
+        typer.Option(metavar="N", parser=whole, help="Steps a period; by default as many as --rtol needs."),
     ] = None
     rtol: Annotated[
-        float, typer.Option(metavar="R", help="Relative error of orbit and multipliers to reach.")
+        float,
+        typer.Option(metavar="R", parser=number, help="Relative error of orbit and multipliers to reach."),
     ] = 1e-8
 
     def chosen(self, settings: Settings) -> "Method":
@@ -131,13 +137,10 @@ class Results:
         return picture, data
 
 
-_GROUPS = (Problem, Speed, Accuracy, Settings, Results)
-
-
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
     """The command with the fields of its groups as parameters of its own, for Typer to read."""
     hints = get_type_hints(command, include_extras=True)
-    groups = {name: hint for name, hint in hints.items() if hint in _GROUPS}
+    groups = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
     parameters = []
     for name, parameter in inspect.signature(command).parameters.items():
         if name in groups:

@@ -2,10 +2,28 @@
 
 from collections.abc import Sequence
 
+import typer
+
 from solve.errors import ValueOutOfBoundsError
 
 
-def assignments(flag: str, texts: Sequence[str]) -> dict[str, str]:
+def whole(text: str) -> int:
+    """A whole number, for Typer to read a flag with."""
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is not a whole number, such as 60.") from None
+
+
+def number(text: str) -> float:
+    """A number, for Typer to read a flag with."""
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is not a number, such as 1e-6.") from None
+
+
+def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> dict[str, str]:
     """Values by name from texts NAME=VALUE. Raises ValueOutOfBoundsError for another form.
 
     >>> assignments("--option", ["load=constant"])
@@ -15,7 +33,7 @@ def assignments(flag: str, texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
-            raise ValueOutOfBoundsError(f"{flag} is '{text}'; write {flag} NAME=VALUE, without spaces")
+            raise ValueOutOfBoundsError(f"{flag} is '{text}'; write {flag} {form}, without spaces")
         if name in values:
             raise ValueOutOfBoundsError(f"{flag} gives {name} twice; give it once")
         values[name] = value
@@ -29,7 +47,7 @@ def numbers(flag: str, texts: Sequence[str]) -> dict[str, float]:
     {'k1': 80000.0}
     """
     values = {}
-    for name, text in assignments(flag, texts).items():
+    for name, text in assignments(flag, texts, "NAME=NUMBER").items():
         try:
             values[name] = float(text)
         except ValueError:

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from solve.commands.groups import Accuracy, Problem, Results, Settings, Speed
-from solve.commands.parse import harmonic_count
+from solve.commands.parse import harmonic_count, whole
 
 
 def periodic(
@@ -15,7 +15,7 @@ def periodic(
     settings: Settings,
     results: Results,
     harmonics: Annotated[
-        int | None, typer.Option(metavar="N", help="Orders of the spectrum.", show_default="60")
+        int | None, typer.Option(metavar="N", parser=whole, help="Orders of the spectrum; 60 by default.")
     ] = None,
     quasi_static: Annotated[
         bool, typer.Option("--quasi-static", help="The kinetostatic solution beside the full one.")

@@ -21,14 +21,21 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
         raise FileError(f"{kind} file '{path}' is a folder; give the name of a file")
     if not file.parent.is_dir():
         raise FileError(f"{kind} file '{path}': there is no folder '{file.parent}'; make it first")
-    if not os.access(file.parent, os.W_OK) or (file.exists() and not os.access(file, os.W_OK)):
+    try:
+        # Only trying tells for certain: rights, full disks and read-only file systems alike.
+        _part(file).touch(exist_ok=False)
+        _part(file).unlink()
+        writable = not file.exists() or os.access(file, os.W_OK)
+    except OSError:
+        writable = False
+    if not writable:
         raise FileError(f"{kind} file '{path}' cannot be written; give a place where you may write")
     return file
 
 
 def write_whole(file: Path, write: Callable[[Path], None]) -> None:
     """Let `write` fill a temporary file beside it, then rename. Raises FileError, leaving no trace."""
-    part = file.with_name(f".{file.stem}.{os.getpid()}{file.suffix}")
+    part = _part(file)
     try:
         write(part)
         part.replace(file)
@@ -36,3 +43,7 @@ def write_whole(file: Path, write: Callable[[Path], None]) -> None:
         raise FileError(f"'{file}' cannot be written ({error.strerror or error}); nothing was") from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def _part(file: Path) -> Path:
+    return file.with_name(f".{file.stem}.{os.getpid()}{file.suffix}")

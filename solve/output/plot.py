@@ -18,6 +18,7 @@ from solve.orbit import Orbit, Turn
 from solve.output.quantities import prefixed
 from solve.output.rows import checked_scale, shown
 from solve.output.style import BLACK, BLUE, GREY, VERMILION, new_figure, styled
+from solve.system import PeriodicSystem
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
 """Inches, by the number of rows: one page holds them all."""
@@ -77,9 +78,13 @@ def stability_figure(result: Stability) -> Figure:
 
 def titled(result: Stability) -> str:
     """Model, case and speed."""
-    system = result.system
+    return f"{title_of(result.system)}, {result.speed * 30 / math.pi:.6g} rpm"
+
+
+def title_of(system: PeriodicSystem) -> str:
+    """Model and case."""
     case = f", case {system.case}" if isinstance(system, Model) and system.case else ""
-    return f"{system.name.replace('_', ' ')}{case}, {result.speed * 30 / math.pi:.6g} rpm"
+    return f"{system.name.replace('_', ' ')}{case}"
 
 
 def _draw_curve(axes: Axes, orbit: Orbit, name: str, quasi_static: bool) -> None:
@@ -96,11 +101,12 @@ def _draw_curve(axes: Axes, orbit: Orbit, name: str, quasi_static: bool) -> None
         axes.plot(np.degrees(phase), factor * values, **style)
     axes.set_xlim(0.0, math.degrees(period))
     axes.margins(y=0.08)
-    axes.set_ylabel(_labelled(name, unit))
+    axes.set_ylabel(labelled(name, unit))
     axes.set_title(orbit.system.meanings.get(name, ""), loc="left", color=GREY)
 
 
-def _labelled(name: str, unit: str) -> str:
+def labelled(name: str, unit: str) -> str:
+    """A label of few characters a line, the unit in brackets."""
     lines = textwrap.wrap(name.replace("_", " "), 12)
     if unit and len(lines) == 1 and len(lines[0] + unit) < 9:
         return f"{lines[0]} ({unit})"
@@ -132,7 +138,7 @@ def _draw_spectrum(axes: Axes, orbit: Orbit, name: str, k: Array, scale: str) ->
     else:
         heights, foot = amplitudes * factor, 0.0
         axes.set_ylim(0.0, 1.12 * largest * factor or 1.0)
-        axes.set_ylabel(_labelled("amplitude", unit))
+        axes.set_ylabel(labelled("amplitude", unit))
     seen = heights > foot + (0.0 if scale == "dB" else _VISIBLE * largest * factor)
     crowded = len(k) > _CROWDED
     axes.vlines(order[seen], foot, heights[seen], color=BLUE, linewidth=0.6 if crowded else 1.0)

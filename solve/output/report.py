@@ -64,8 +64,8 @@ def table(title: str, *columns: str, left: int = 1) -> Table:
     return made
 
 
-def heading(system: PeriodicSystem, speed: float, choices: Sequence[str]) -> Table:
-    """Which model, at which speed; further rows can be added."""
+def model_heading(system: PeriodicSystem, choices: Sequence[str]) -> Table:
+    """Which model; further rows can be added."""
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column()
@@ -79,6 +79,12 @@ def heading(system: PeriodicSystem, speed: float, choices: Sequence[str]) -> Tab
             grid.add_row("with", Text(", ".join(chosen)))
     else:
         grid.add_row("model", Text(system.name, style="bold"))
+    return grid
+
+
+def heading(system: PeriodicSystem, speed: float, choices: Sequence[str]) -> Table:
+    """Which model, at which speed; further rows can be added."""
+    grid = model_heading(system, choices)
     period = system.period / speed
     factor, unit = prefixed("s", period)
     grid.add_row(
