@@ -140,7 +140,7 @@ class Results:
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
     """The command with the fields of its groups as parameters of its own, for Typer to read."""
     hints = get_type_hints(command, include_extras=True)
-    groups = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
+    groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
     parameters = []
     for name, parameter in inspect.signature(command).parameters.items():
         if name in groups:
