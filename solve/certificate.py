@@ -92,8 +92,8 @@ class Refinement:
             )
         if steps > self.most:
             raise StepsError(
-                f"{steps} steps a period do not fit in memory; allowed: up to {self.most}; use a method of "
-                "higher order"
+                f"{self.method.name} takes at most {self.most} steps a period for {self.system.n} coordinates; "
+                f"given: {steps}; use fewer, or a method of higher order such as radau"
             )
 
     def solved(self, steps: int) -> Solution:
