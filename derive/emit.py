@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import sympy
 
+from derive import lagrange
 from derive.freshness import banner, seal
 from derive.function_text import Generated, function_text
-from derive.lagrange import drive_torque, from_fundamental, residual
 from derive.linearise import linearise
 from derive.mechanism import Mechanism, Output
 from derive.printer import CasadiPrinter
@@ -34,10 +34,10 @@ class Equations:
 
 def derive_equations(mechanism: Mechanism) -> Equations:
     """Equations of a checked mechanism; SingularMassError where a coordinate has no inertia."""
-    r = residual(mechanism)
-    outputs = [] if mechanism.no_drive_torque else [_torque(mechanism)]
+    r = lagrange.residual(mechanism)
+    outputs = [] if mechanism.no_drive_torque else [_torque(mechanism, r)]
     for each in mechanism.declared_outputs:
-        expression = from_fundamental(mechanism, each.expression)
+        expression = lagrange.from_fundamental(mechanism, each.expression)
         outputs.append(Output(each.name, expression, each.unit, each.meaning))
     return Equations(linearise(mechanism, r)._asdict(), r, outputs)
 
@@ -66,9 +66,9 @@ def module_text(mechanism: Mechanism, source_sha256: str, derive_sha256: str, co
     return seal(banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body)
 
 
-def _torque(mechanism: Mechanism) -> Output:
+def _torque(mechanism: Mechanism, residual: sympy.Matrix) -> Output:
     meaning = "torque of the drive that keeps the speed constant"
-    return Output("drive_torque", drive_torque(mechanism), "N m", meaning)
+    return Output("drive_torque", lagrange.drive_torque(mechanism, residual), "N m", meaning)
 
 
 def _constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str, int]) -> str:

@@ -1,5 +1,7 @@
 """One form for sums: terms that vary alike are added up, so that what cancels is gone."""
 
+from collections.abc import Sequence
+
 import sympy
 
 from derive.symbols import SPEED, Moving
@@ -14,3 +16,18 @@ def gathered(entry: sympy.Expr) -> sympy.Expr:
         factors.setdefault(varying, []).append(factor)
     terms = (varying * sympy.factor_terms(sympy.Add(*factor)) for varying, factor in factors.items())
     return sympy.Add(*terms)
+
+
+def shorter(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
+    """The matrices gathered, or as they are where that takes fewer operations.
+
+    Gathering is shorter for transmission functions, and longer where kinematics are written out.
+    """
+    return min([matrix.applyfunc(gathered) for matrix in matrices], list(matrices), key=operations)
+
+
+def operations(matrices: Sequence[sympy.Matrix]) -> int:
+    """Operations of all entries together, common subexpressions counted once."""
+    common, reduced = sympy.cse(matrices, optimizations="basic", order="canonical")
+    entries = [entry for matrix in reduced for entry in matrix]
+    return int(sympy.count_ops([expression for _, expression in common] + entries))

@@ -9,7 +9,7 @@ from typing import Any
 
 import sympy
 
-from derive.gather import gathered
+from derive.gather import gathered, shorter
 from derive.mechanism import Mechanism
 from derive.symbols import PHASE, Moving, rate
 
@@ -19,11 +19,12 @@ def residual(mechanism: Mechanism) -> sympy.Matrix:
 
     Coordinates with a fundamental motion are counted from it: q → q̄(φ) + q before anything else.
     """
-    return sympy.Matrix([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
+    rows = sympy.Matrix([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
+    return shorter([rows])[0]
 
 
-def drive_torque(mechanism: Mechanism) -> sympy.Expr:
-    """Torque of the drive, N m, from the row of the phase (chapter Eq. (51)).
+def drive_torque(mechanism: Mechanism, residual: sympy.Matrix) -> sympy.Expr:
+    """Torque of the drive, N m, from the row of the phase (chapter Eq. (51)) and those of the coordinates.
 
     The row of a coordinate that merely adds to the phase, as the twist of a shaft does, is
     subtracted: it vanishes on every motion, and what remains is the torque in that shaft, without
@@ -31,11 +32,12 @@ def drive_torque(mechanism: Mechanism) -> sympy.Expr:
     """
     torque = _row(mechanism, PHASE)
     accelerations = [each.symbol.rate.rate for each in mechanism.declared_coordinates]
-    for row in residual(mechanism):
+    for row in residual:
         without = gathered(torque - row)
         if torque.has(*accelerations) and not without.has(*accelerations):
             return without
-    return torque
+    whole: Any = shorter([sympy.Matrix([torque])])[0]
+    return whole[0, 0]
 
 
 def from_fundamental(mechanism: Mechanism, expression: Any) -> Any:
@@ -57,4 +59,4 @@ def _row(mechanism: Mechanism, q: Moving) -> sympy.Expr:
     row = rate(kinetic.diff(q.rate)) - kinetic.diff(q) + potential.diff(q) + dissipation.diff(q.rate)
     for force, along in mechanism.forces:
         row -= from_fundamental(mechanism, force) * from_fundamental(mechanism, along).diff(q)
-    return gathered(row)
+    return row

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import sympy
 
 from derive.errors import SingularMassError
-from derive.gather import gathered
+from derive.gather import shorter
 from derive.mechanism import Mechanism
 from derive.transmission import PeriodicFunction
 
@@ -29,7 +29,7 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     qdd = [symbol.rate for symbol in qd]
     rest = dict.fromkeys([*q, *qd, *qdd], sympy.S.Zero)
     matrices = [residual.jacobian(by) for by in (qdd, qd, q)] + [-residual]
-    M, C, K, d = (matrix.xreplace(rest).applyfunc(gathered) for matrix in matrices)
+    M, C, K, d = shorter([matrix.xreplace(rest) for matrix in matrices])
     _require_inertia(mechanism, M)
     return Linearised(M, C, K, d)
 
@@ -39,10 +39,10 @@ def _require_inertia(mechanism: Mechanism, M: sympy.Matrix) -> None:
     unknown = sorted(M.atoms(PeriodicFunction), key=sympy.default_sort_key)
     unknown += sorted(M.free_symbols, key=lambda symbol: symbol.name)
     point = {symbol: sympy.Rational(sympy.prime(i + 5), 7) for i, symbol in enumerate(unknown)}
-    massless = M.xreplace(point).nullspace(simplify=True)
+    massless = M.xreplace(point).evalf(60).nullspace(iszerofunc=lambda entry: abs(entry) < 1e-40)
     if massless:
         names = [each.symbol.name for each in mechanism.declared_coordinates]
-        without = [name for name, share in zip(names, massless[0], strict=True) if share != 0]
+        without = [name for name, share in zip(names, massless[0], strict=True) if abs(share) > 1e-20]
         raise SingularMassError(
             f"the kinetic energy gives no inertia to {' with '.join(without)}: M is singular; "
             "add a mass there, or drop the coordinate"

@@ -22,6 +22,10 @@ def pendulum() -> Mechanism:
     return swing
 
 
+def torque(mechanism: Mechanism) -> sympy.Expr:
+    return drive_torque(mechanism, residual(mechanism))
+
+
 def symbols(names: str) -> list[sympy.Symbol]:
     return [sympy.Symbol(name, real=True) for name in names.split()]
 
@@ -31,7 +35,7 @@ def test_pendulum():
     theta, thetad, thetadd = (Moving("theta" + order) for order in ("", "d", "dd"))
     textbook = m * L**2 * thetadd + c * thetad + m * g * L * sympy.sin(theta)
     assert sympy.simplify(residual(pendulum())[0] - textbook) == 0
-    assert drive_torque(pendulum()) == 0
+    assert torque(pendulum()) == 0
 
 
 def test_rate_goes_through_phase_coordinates_and_rates():
@@ -63,7 +67,7 @@ def test_bead_on_a_turning_wire():
     m, k, P = symbols("m k P")
     r, rd, rdd = (Moving("r" + order) for order in ("", "d", "dd"))
     assert sympy.simplify(residual(bead())[0] - (m * rdd - m * SPEED**2 * r + k * r)) == 0
-    assert sympy.simplify(drive_torque(bead()) - (2 * m * r * rd * SPEED - P * r)) == 0
+    assert sympy.simplify(torque(bead()) - (2 * m * r * rd * SPEED - P * r)) == 0
 
 
 def test_torque_in_a_shaft_is_the_drive_torque():
@@ -77,7 +81,7 @@ def test_torque_in_a_shaft_is_the_drive_torque():
     rotor.kinetic = (J + m * e**2) * rate(rotor.phase + q) ** 2 / 2
     rotor.potential = k * q**2 / 2 + m * g * e * sin(rotor.phase + q)
     rotor.dissipation = c * rate(q) ** 2 / 2
-    assert sympy.expand(drive_torque(rotor) + k * q + c * rate(q)) == 0
+    assert sympy.expand(torque(rotor) + k * q + c * rate(q)) == 0
 
 
 def test_fundamental_motion_is_substituted_before_everything_else():

@@ -1,0 +1,72 @@
+"""The page on a mechanism of one's own: its files are derived as printed."""
+
+import importlib.util
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from derive.__main__ import main
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
+
+
+def block(name: str) -> str:
+    """The code block whose first line names the file."""
+    found = re.search(rf"```\w+\n# {re.escape(name)}\n(.*?)```", PAGE, re.DOTALL)
+    assert found, f"the page has no block for {name}"
+    return found.group(1)
+
+
+@pytest.fixture
+def pump(tmp_path, monkeypatch):
+    """The derived module of the page's example, made by the page's own command."""
+    (tmp_path / "pump.py").write_text(block("pump.py"), encoding="utf-8")
+    assert "python -m derive pump.py\n" in PAGE
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["derive", "pump.py"])
+    with pytest.raises(SystemExit) as exit_:
+        main()
+    assert not exit_.value.code
+    spec = importlib.util.spec_from_file_location("pump", tmp_path / "generated" / "pump.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_statement_takes_about_thirty_lines():
+    lines = [line for line in block("pump.py").splitlines() if line.strip()]
+    assert len(lines) <= 30
+
+
+def test_the_page_derives_the_pump(pump):
+    """M, C, K, d of a crank drive at mid-stroke, where y′ = −r, y″ = r²/√(L² − r²) and y‴ = r."""
+    J, m, r, L, A, k1, k2, c1, c2, P = p = [0.05, 4.5, 0.03, 0.14, 1.2e-3, 25e3, 6e7, 3.0, 900.0, 2e6]
+    speed, load, curve = 20 * np.pi, P * A, r**2 / np.sqrt(L**2 - r**2)
+    M, C, K, d = (part.full() for part in pump.linearised()(np.pi / 2, speed, [*p, 0, 0, 0, 0]))
+    turning = 2 * m * speed * curve
+    push = load + m * speed**2 * curve
+    stiff = k1 + load * curve + m * speed**2 * (curve**2 - r**2)
+    np.testing.assert_allclose(M, [[J + m * r**2, -m * r], [-m * r, m]], rtol=1e-12)
+    np.testing.assert_allclose(C, [[c1 - r * turning, 0], [turning, c2]], rtol=1e-12)
+    np.testing.assert_allclose(K, [[stiff, 0], [m * speed**2 * r, k2]], rtol=1e-12)
+    np.testing.assert_allclose(d[:, 0], [push * r, -push], rtol=1e-12)
+
+
+def test_the_case_file_gives_every_parameter(pump):
+    cases = tomllib.loads(block("pump.toml"))
+    for case in cases["case"].values():
+        entries = cases["common"]["parameters"] | case["parameters"]
+        given = set()
+        for name, entry in entries.items():
+            assert entry["unit"], name
+            assert entry["source"], name
+            given |= (
+                {f"{name}{i}" for i in range(1, len(entry["values"]) + 1)} if "values" in entry else {name}
+            )
+        assert given == {name for name, *_ in pump.PARAMETERS}
