@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.curve import PeriodicCurve
-from solve.errors import UnknownNameError
+from solve.errors import MatricesError, UnknownNameError
 from solve.floquet import Stability
 from solve.signal import Signal, Statistics, harmonics, statistics
 from solve.system import PeriodicSystem
@@ -65,7 +65,13 @@ class QuasiStatic(Turn):
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
         _, _, K, d = self.system.at(phase, self.speed)
-        q = np.linalg.solve(K, d[..., None])[..., 0].T
+        try:
+            q = np.linalg.solve(K, d[..., None])[..., 0].T
+        except np.linalg.LinAlgError:
+            raise MatricesError(
+                "K is singular: without inertia some coordinate has no equilibrium; leave the quasi-static "
+                "solution out, or give every coordinate a stiffness"
+            ) from None
         return q, np.zeros_like(q), np.zeros_like(q)
 
 
