@@ -1,0 +1,29 @@
+"""Commands run inside the process: fast, with their output and exit status."""
+
+from typing import NamedTuple
+
+import pytest
+
+from solve.commands.app import run
+
+
+class Ran(NamedTuple):
+    """Exit status and both streams of a command."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capsys):
+    """Run `solve` with these arguments in an empty folder, before a terminal of 80 columns."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def ran(*arguments: str) -> Ran:
+        status = run(arguments)
+        captured = capsys.readouterr()
+        return Ran(status, captured.out, captured.err)
+
+    return ran

@@ -1,0 +1,177 @@
+"""`solve periodic` and `solve floquet`: what they print."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+KEYS = {
+    "model", "case", "parameters", "options", "speed", "period", "method", "steps", "coordinates", "outputs",
+    "multipliers", "unresolved", "exponents", "spectral_radius", "verdict", "stable", "error_estimate",
+    "residual", "warnings",
+}  # fmt: skip
+QUANTITY = {"unit", "max", "min", "max_abs", "mean", "harmonics", "phases"}
+
+
+def record(ran):
+    assert ran.status == 0, ran.err
+    return json.loads(ran.out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+def test_json_has_the_promised_keys(command):
+    found = record(command("periodic", "manipulator", "--json"))
+    assert found.keys() >= KEYS
+    assert found["error_estimate"].keys() == {"orbit", "multipliers"}
+    assert list(found["coordinates"]) == ["q1", "q2"]
+    assert "load_torque" in found["outputs"]
+    for quantity in (*found["coordinates"].values(), *found["outputs"].values()):
+        assert quantity.keys() >= QUANTITY
+        assert len(quantity["harmonics"]) == len(quantity["phases"]) == 61
+
+
+def test_json_holds_the_manipulator_of_the_chapter(command):
+    found = record(command("periodic", "manipulator", "--json", "--rtol", "1e-9"))
+    assert found["speed"] == pytest.approx(50 * math.pi / 30, rel=1e-14)
+    assert found["period"] == pytest.approx(1.2, rel=1e-14)
+    assert found["coordinates"]["q1"]["max_abs"] == pytest.approx(0.03163246, abs=0.5e-8)
+    assert found["coordinates"]["q2"]["max_abs"] == pytest.approx(1.313046e-3, abs=0.5e-9)
+    assert found["spectral_radius"] == pytest.approx(0.0019966777, rel=1e-6)
+    moduli = [math.hypot(*pair) for pair in found["multipliers"]]
+    assert moduli == sorted(moduli, reverse=True)
+    assert moduli[0] == pytest.approx(found["spectral_radius"], rel=1e-12)
+    assert found["multipliers"][0][1] > 0 > found["multipliers"][1][1]
+    assert len(found["multipliers"]) + found["unresolved"] == 4
+    exponent = complex(*found["exponents"][0])
+    assert np.exp(exponent * found["period"]) == pytest.approx(complex(*found["multipliers"][0]), rel=1e-12)
+    assert found["verdict"] == "asymptotically stable"
+    assert found["stable"] is True
+
+
+def test_harmonics_and_phases_add_up_to_the_extrema(command):
+    found = record(command("periodic", "manipulator", "--json", "--harmonics", "200"))
+    for name, quantity in {**found["coordinates"], **found["outputs"]}.items():
+        amplitudes, phases = np.array(quantity["harmonics"]), np.array(quantity["phases"])
+        assert len(amplitudes) == 201
+        phi = np.linspace(0.0, 2 * math.pi, 20_001)
+        curve = (amplitudes * np.cos(np.outer(phi, np.arange(201)) + phases)).sum(axis=1)
+        for figure, extreme, at in (("max", curve.max(), np.argmax), ("min", curve.min(), np.argmin)):
+            assert extreme == pytest.approx(quantity[figure], abs=2e-6 * quantity["max_abs"]), (name, figure)
+            assert phi[at(curve)] == pytest.approx(quantity[f"{figure}_phase"], abs=2e-3), (name, figure)
+        assert amplitudes[0] == pytest.approx(quantity["mean"], abs=1e-12 * quantity["max_abs"])
+
+
+def test_quasi_static_is_the_solution_without_inertia_of_the_deviations(command):
+    """Chapter (77), second row first uncoupled: K11 q1 = d1, then k2 q2 = d2 - K21 q1, with F = 0."""
+    found = record(command("periodic", "manipulator", "--json", "--quasi-static"))
+    a = {1: 0.22165, 3: 0.05560, 5: -0.01706}
+    k1, k2, m2, omega = 7692.0, 1e6, 136.0, 50 * math.pi / 30
+    phi = np.linspace(0.0, 2 * math.pi, 100_001)
+    u1 = sum(ak * np.cos(k * phi) for k, ak in a.items())
+    u2 = sum(-k * ak * np.sin(k * phi) for k, ak in a.items())
+    u3 = sum(-(k**2) * ak * np.cos(k * phi) for k, ak in a.items())
+    q1 = -m2 * omega**2 * u1 * u2 / (k1 + m2 * omega**2 * (u1 * u3 + u2**2))
+    q2 = -m2 * omega**2 * (u2 + u3 * q1) / k2
+    statics = found["quasi_static"]["coordinates"]
+    assert statics["q1"]["max"] == pytest.approx(q1.max(), rel=1e-7)
+    assert statics["q2"]["min"] == pytest.approx(q2.min(), rel=1e-7)
+    assert "quasi_static" not in record(command("periodic", "manipulator", "--json"))
+
+
+def test_flags_reach_the_model(command):
+    plain = record(command("periodic", "gear_pair", "--json"))
+    assert plain["case"] == "1"
+    assert plain["speed"] == pytest.approx(60 * math.pi, rel=1e-14)
+    assert plain["options"] == {"load": "tracking"}
+    other = record(
+        command(
+            "periodic", "gear_pair", "--json", "--case", "2", "--speed", "25 Hz", "--option", "load=constant",
+            "--set", "zeta=0.03", "--set", "q0=2e-5", "--method", "radau", "--order", "5", "--rtol", "1e-6",
+        )
+    )  # fmt: skip
+    assert other["case"] == "2"
+    assert other["speed"] == pytest.approx(50 * math.pi, rel=1e-14)
+    assert other["options"] == {"load": "constant"}
+    assert other["parameters"]["zeta"] == 0.03
+    assert other["parameters"]["q0"] == 2e-5
+    assert other["parameters"]["e1"] != plain["parameters"]["e1"]
+    assert other["method"] == "radau"
+    assert other["error_estimate"]["orbit"] <= 1e-6
+
+
+def test_a_case_file_of_ones_own(command, tmp_path):
+    known = record(command("periodic", "manipulator", "--json"))
+    units = {"I0": "kg m^2", "I1": "kg m^2", "m2": "kg", "k1": "N m/rad", "k2": "N/m", "F": "N"}
+    units |= {"c1": "N m s/rad", "c2": "N s/m"}
+    lines = ["[case.mine]", 'speed = "40 rpm"', "[case.mine.parameters]"]
+    for name, value in known["parameters"].items():
+        lines.append(f'{name} = {{ value = {value!r}, unit = "{units.get(name, "m")}", source = "copied" }}')
+    (tmp_path / "mine.toml").write_text("\n".join(lines))
+    found = record(command("periodic", "manipulator", "--cases", "mine.toml", "--json"))
+    assert found["case"] == "mine"
+    assert found["parameters"] == known["parameters"]
+    assert found["speed"] == pytest.approx(40 * math.pi / 30, rel=1e-14)
+
+
+def test_floquet_is_periodic_without_the_orbit(command):
+    orbit = record(command("periodic", "manipulator", "--json"))
+    found = record(command("floquet", "manipulator", "--json"))
+    assert found.keys() >= KEYS - {"coordinates", "outputs"}
+    assert not found.keys() & {"coordinates", "outputs"}
+    assert found["error_estimate"]["orbit"] is None
+    assert found["residual"] is None
+    assert_allclose(found["multipliers"], orbit["multipliers"], rtol=0, atol=1e-8 * found["spectral_radius"])
+    assert found["verdict"] == orbit["verdict"]
+
+
+def test_doubts_are_warnings_in_the_result_and_on_standard_error(command):
+    ran = command("periodic", "cam", "--speed", "300 rpm", "--json")
+    found = record(ran)
+    trust = [text for text in found["warnings"] if "max|q1|" in text]
+    assert len(trust) == 1
+    assert "0.05" in trust[0]
+    assert f"warning: {trust[0]}" in ran.err
+    assert not [text for text in found["warnings"] if "not to rtol" in text]
+
+
+def test_a_coarse_newmark_grid_is_warned_of(command):
+    found = record(
+        command("floquet", "cam", "--speed", "100 rpm", "--method", "newmark", "--steps", "1000", "--json")
+    )
+    assert found["spectral_radius"] > 100 * 1.466125e-7, "the case shows nothing: the radius is nearly right"
+    assert any("multipliers may be false" in text for text in found["warnings"])
+
+
+def test_newmark_below_one_half_is_warned_of(command):
+    ran = command("floquet", "manipulator", "--method", "newmark", "--gamma", "0.25", "--beta", "0.166",
+                  "--steps", "20000", "--json")  # fmt: skip
+    assert any("gamma = 0.25 < 1/2" in text for text in record(ran)["warnings"])
+
+
+@pytest.mark.parametrize("model", ["cam", "manipulator", "gear_pair"])
+def test_tables_fit_80_columns(command, model):
+    ran = command("periodic", model, "--speed", "600 rpm", "--quasi-static")
+    assert ran.status == 0
+    lines = ran.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "…" not in ran.out, "a cell is cut"
+    assert "asymptotically stable" in lines[-1]
+
+
+def test_tables_show_the_cam_of_the_chapter(command):
+    rows = [line.split() for line in command("periodic", "cam", "--speed", "600 rpm").out.splitlines()]
+    extrema = {row[0]: row[1:] for row in reversed(rows) if len(row) > 5 and row[1] in ("mrad", "mm")}
+    assert extrema["q1"][:2] == ["mrad", "768.4522"]
+    assert extrema["q1"][3] == "-866.6075"
+    assert extrema["q3"][:2] == ["mm", "4.860678"]
+    assert extrema["q3"][3] == "-4.859140"
+    strongest = next(row for row in rows if row and row[0] == "q3" and row[1].endswith(":"))
+    assert strongest[1] == "59:"
+
+
+def test_what_the_user_chose_is_shown(command):
+    out = command("periodic", "gear_pair", "--option", "load=constant", "--set", "zeta=0.05").out
+    assert "load=constant, zeta=0.05" in out
+    assert "1800 rpm" in out
+    assert "33.3333 ms" in out

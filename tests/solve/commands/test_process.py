@@ -1,0 +1,87 @@
+"""The commands as processes: exit status, streams, and what the folder where the user stands may hold."""
+
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def python(*arguments, cwd, **settings):
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=cwd, capture_output=True, text=True, encoding="utf-8", **settings
+    )
+
+
+def solved(*arguments, cwd=ROOT):
+    return python("-m", "solve", *arguments, cwd=cwd)
+
+
+def test_a_result_leaves_standard_error_clean():
+    ran = solved("floquet", "manipulator", "--json")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert ran.stdout.startswith("{")
+    assert ran.stdout.count("\n") == 1
+
+
+def test_a_refusal_leaves_no_traceback():
+    ran = solved("periodic", "cam", "--speed", "600")
+    assert ran.returncode == 2
+    assert ran.stdout == ""
+    assert ran.stderr == "solve: '600' has no unit; write it like '600 rpm'\n"
+
+
+def test_help_needs_no_heavy_package():
+    code = (
+        "import sys; from solve.commands.app import run; status = run(['periodic', '--help']); "
+        "heavy = {'matplotlib', 'casadi', 'pint', 'xarray', 'rich.console', 'scipy.optimize'}; "
+        "print(sorted(heavy & sys.modules.keys()), file=sys.stderr); sys.exit(status)"
+    )
+    ran = python("-c", code, cwd=ROOT)
+    assert ran.returncode == 0
+    assert "--quasi-static" in ran.stdout
+    assert ran.stderr == "[]\n"
+
+
+def test_pictures_need_no_pyplot(tmp_path):
+    code = (
+        "import sys; from solve.commands.app import run; "
+        f"status = run(['floquet', 'manipulator', '--plot', {str(tmp_path / 'm.png')!r}]); "
+        "sys.exit(status or 10 * ('matplotlib.pyplot' in sys.modules))"
+    )
+    assert python("-c", code, cwd=ROOT).returncode == 0
+    assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    command = f"{sys.executable} -m solve periodic manipulator --json --harmonics 10000 | head -c 10"
+    ran = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True)
+    assert ran.stdout == '{"model": '
+    assert "Traceback" not in ran.stderr
+
+
+def test_tables_survive_a_stream_that_is_not_unicode():
+    import os
+
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    ran = python("-m", "solve", "floquet", "manipulator", cwd=ROOT, env=environment)
+    assert ran.returncode == 0
+    assert "asymptotically stable" in ran.stdout
+
+
+def test_the_installed_command_is_the_module_and_ignores_what_lies_around(tmp_path):
+    installed = shutil.which("solve", path=sysconfig.get_path("scripts"))
+    if installed is None:
+        pytest.skip("the package is not installed, so there is no command `solve`")
+    (tmp_path / "solve.py").write_text("raise SystemExit('the wrong solve')")
+    (tmp_path / "models").mkdir()
+    (tmp_path / "generated").mkdir()
+    arguments = ("floquet", "manipulator", "--json")
+    ran = subprocess.run([installed, *arguments], cwd=tmp_path, capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert ran.stdout == solved(*arguments).stdout
+    assert subprocess.run([installed], cwd=tmp_path, capture_output=True, text=True).stdout == solved().stdout

@@ -1,0 +1,126 @@
+"""Digits that naive shooting loses, multipliers that rounding invents, and resonance."""
+
+import numpy as np
+import pytest
+
+from solve import floquet, periodic
+from solve.errors import ResonanceError
+from tests.solve.systems import constant, system
+from tests.solve.witnesses import Shooting
+
+METHODS = ["auto", "radau", "gauss"]
+
+
+def rotated(K, load):
+    """Undamped, M = I: stiffnesses K of two modes that the coordinates mix."""
+    R = np.array([[0.6, -0.8], [0.8, 0.6]])
+    return constant(np.eye(2), np.zeros((2, 2)), R @ np.diag(K) @ R.T, load), R @ np.diag(K) @ R.T
+
+
+def two_waves(phase):
+    return np.column_stack((np.cos(phase), np.sin(2 * phase)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("decades", [13, 30, 100])
+def test_growth_by_many_decades_keeps_the_periodic_solution(method, decades):
+    growth = decades * np.log(10.0) / (2 * np.pi)
+    given, K = rotated([-(growth**2), 2.0], two_waves)
+    orbit = periodic(given, 1.0, method, rtol=1e-11)
+    D1, D2 = np.linalg.solve(K - np.eye(2), [1.0, 0.0]), np.linalg.solve(K - 4 * np.eye(2), [0.0, 1.0])
+    phase = np.linspace(0.0, 2 * np.pi, 50)
+    truth = np.outer(D1, np.cos(phase)) + np.outer(D2, np.sin(2 * phase))
+    np.testing.assert_allclose(orbit.at(phase), truth, rtol=0, atol=1e-10 * np.abs(truth).max())
+    assert orbit.spectral_radius == pytest.approx(10.0**decades, rel=1e-9 * decades)
+    assert orbit.verdict == "unstable"
+
+
+def test_single_shooting_loses_those_digits():
+    """What the cyclic system is for: (I - Φ) x0 = c, |ρ| = 1e13, misses x0 by more than 1e-6."""
+    growth = 13 * np.log(10.0) / (2 * np.pi)
+    given, K = rotated([-(growth**2), 2.0], two_waves)
+    D1 = np.linalg.solve(K - np.eye(2), [1.0, 0.0])
+    assert np.abs(Shooting(given, 1.0).start[:2] - D1).max() > 1e-6
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_multipliers_of_1e_170_are_counted_and_not_invented(method):
+    """A slow mode beside a double root at -62: exp(-124π) = 1e-169."""
+    given = constant(
+        np.eye(2), np.diag([0.1, 124.0]), np.diag([1.3, 62.0**2]), lambda phase: np.ones((len(phase), 2))
+    )
+    found = floquet(given, 1.0, method, rtol=1e-9)
+    assert (len(found.multipliers), found.unresolved) == (2, 2)
+    np.testing.assert_allclose(np.abs(found.multipliers), np.exp(-0.1 * np.pi), rtol=1e-8)
+
+
+@pytest.mark.parametrize("method", ["radau", "gauss"])
+def test_the_largest_multiplier_is_resolved_however_small(method):
+    """Both multipliers far below 1: exp(2πλ) with λ = -33 and -91; only the larger has a meaning."""
+    roots = np.array([-33.0, -91.0])
+    given = constant(np.eye(1), [[-roots.sum()]], [[roots.prod()]], lambda phase: np.ones((len(phase), 1)))
+    found = floquet(given, 1.0, method, rtol=1e-9)
+    assert found.unresolved == 1
+    assert found.spectral_radius == pytest.approx(np.exp(-66 * np.pi), rel=1e-7)
+    assert found.verdict == "asymptotically stable"
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_resolved_and_unresolved_make_all(n):
+    for damping in (0.01, 1.0, 30.0):
+        given = constant(
+            np.eye(n),
+            damping * np.diag(np.arange(1, n + 1)),
+            np.eye(n),
+            lambda phase: np.ones((len(phase), n)),
+        )
+        found = floquet(given, 1.0, "radau", rtol=1e-6)
+        assert len(found.multipliers) + found.unresolved == 2 * n
+
+
+def oscillator(damping, stiffness):
+    return constant([[1.0]], [[damping]], [[stiffness]], lambda phase: np.cos(phase)[:, None])
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("damping", "stiffness"), [(0.0, 1.0), (0.0, 4.0), (0.0, 0.0), (0.1, 0.0)],
+    ids=["resonance", "second harmonic", "free", "free and damped"],
+)  # fmt: skip
+def test_a_multiplier_at_one_is_refused_for_orbits_and_named_for_floquet(method, damping, stiffness):
+    given = oscillator(damping, stiffness)
+    with pytest.raises(ResonanceError, match=r"a Floquet multiplier is at \+1"):
+        periodic(given, 1.0, method)
+    found = floquet(given, 1.0, method)
+    assert np.abs(found.multipliers - 1).min() < 1e-9
+    assert any("from +1 (resonance or a stability boundary)" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("damping", [1e-6, 1e-5, 1e-4])
+def test_near_resonance_is_warned_of_with_the_distance(damping):
+    """q = sin(φ)/c, and |ρ - 1| = 1 - exp(-πc)."""
+    orbit = periodic(oscillator(damping, 1.0), 1.0)
+    assert orbit.statistics("q1").max == pytest.approx(1 / damping, rel=1e-8)
+    distance = -np.expm1(-np.pi * damping)
+    assert orbit.distance_from_one == pytest.approx(distance, rel=1e-6)
+    assert any(f"a multiplier is only {distance:.1e} from +1" in text for text in orbit.warnings)
+
+
+def test_away_from_resonance_nothing_is_said():
+    assert periodic(oscillator(0.1, 2.0), 1.0).warnings == []
+
+
+def test_resonance_of_a_modulated_system_is_found():
+    """On Mathieu's a_2 curve a solution of period 2π exists (in φ = 2t): I - Φ is singular."""
+    from scipy.special import mathieu_a
+
+    boundary = mathieu_a(2, 0.5)
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = (boundary - np.cos(2 * phase))[:, None, None]
+        return one, 0 * one, stiffness, np.cos(2 * phase)[:, None]
+
+    found = floquet(system(matrices, 1, period=np.pi), 1.0, rtol=1e-11)
+    assert np.abs(found.multipliers - 1).max() < 1e-5
+    assert found.distance_from_one < 1e-5

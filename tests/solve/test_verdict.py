@@ -1,0 +1,115 @@
+"""The three verdicts, defective multipliers on the unit circle among them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import mathieu_a, mathieu_b
+
+from solve import floquet
+from tests.solve.systems import constant, seeds, system
+
+METHODS = ["auto", "radau", "gauss"]
+
+
+def free(M, C, K):
+    M, C, K = (np.asarray(A, dtype=float) for A in (M, C, K))
+    return constant(M, C, K, lambda phase: np.zeros((len(phase), len(M))))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("M", "C", "K", "verdict"),
+    [
+        ([[1]], [[0.1]], [[2]], "asymptotically stable"),
+        ([[1]], [[0]], [[2]], "stable"),
+        ([[1]], [[-0.1]], [[2]], "unstable"),
+        ([[1]], [[0]], [[-2]], "unstable"),
+        ([[1]], [[0]], [[0]], "unstable"),  # q = a + bt: a defective double multiplier at +1
+        ([[1]], [[0.3]], [[0]], "stable"),  # q = a + b exp(-ct): a simple one
+        ([[1]], [[0]], [[1]], "stable"),  # Φ = I: a semisimple double multiplier at +1
+        ([[1]], [[0]], [[0.25]], "stable"),  # Φ = -I: at -1
+        (np.eye(2), np.zeros((2, 2)), 2 * np.eye(2), "stable"),  # a pair twice, semisimple
+        (np.eye(2), np.zeros((2, 2)), np.diag([2, 2 + 1e-7]), "stable"),  # nearly so
+        (np.eye(2), np.zeros((2, 2)), [[2, 1], [0, 2]], "unstable"),  # the same pair, defective
+        (np.eye(2), np.diag([0.1, 0]), np.diag([2, 3]), "stable"),
+        (np.eye(2), np.diag([0.1, -1e-3]), np.diag([2, 3]), "unstable"),
+        (np.eye(3), np.zeros((3, 3)), np.diag([1, 4, 0.3]), "stable"),
+    ],
+)
+def test_verdicts_of_constant_coefficients(method, M, C, K, verdict):
+    assert floquet(free(M, C, K), 1.0, method).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("growth", "verdict"), [(-1e-7, "asymptotically stable"), (1e-7, "unstable"), (1e-12, "stable")]
+)
+def test_one_is_met_within_1e_9(growth, verdict):
+    found = floquet(free([[1]], [[-2 * growth]], [[2]]), 1.0, rtol=1e-10)
+    assert found.verdict == verdict
+    assert found.stable == (verdict != "unstable")
+
+
+def test_a_coarse_grid_cannot_tell_growth_below_its_own_error():
+    slow = free([[1]], [[-2e-4]], [[2]])
+    assert floquet(slow, 1.0, "rk4", steps=12, rtol=0.5).verdict == "stable"
+    assert floquet(slow, 1.0, "rk4", steps=2000, rtol=0.5).verdict == "unstable"
+
+
+def mathieu(delta, epsilon):
+    def matrices(phase, speed):
+        one, zero = np.ones((len(phase), 1, 1)), np.zeros((len(phase), 1, 1))
+        return one, zero, (delta + epsilon * np.cos(2 * phase))[:, None, None], zero[:, 0]
+
+    return system(matrices, 1, period=np.pi)
+
+
+@pytest.mark.parametrize("epsilon", [0.3, 2.0, 8.0])
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_mathieus_tongues(order, epsilon):
+    """Unstable between b_k and a_k (q = ε/2), stable on the other side of either."""
+    low, high = mathieu_b(order, epsilon / 2), mathieu_a(order, epsilon / 2)
+    inside = min(1e-3, (high - low) / 4)
+    assert low < high
+    for delta in (low + inside, (low + high) / 2, high - inside):
+        assert floquet(mathieu(delta, epsilon), 1.0).verdict == "unstable"
+    for delta in (low - 1e-3, high + 1e-3):
+        assert floquet(mathieu(delta, epsilon), 1.0).verdict == "stable"
+
+
+@pytest.mark.parametrize("epsilon", [0.5, 3.0])
+@pytest.mark.parametrize("characteristic", [mathieu_a, mathieu_b])
+@pytest.mark.parametrize("order", [1, 2])
+def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order, epsilon):
+    """One solution is periodic, the other grows with time."""
+    found = floquet(mathieu(characteristic(order, epsilon / 2), epsilon), 1.0, rtol=1e-11)
+    np.testing.assert_allclose(found.multipliers, (-1.0) ** order, rtol=0, atol=1e-5)
+    assert found.verdict == "unstable"
+
+
+@given(seeds, st.integers(1, 3))
+@settings(max_examples=25, deadline=None)
+def test_dissipation_makes_stable_and_taking_it_away_leaves_stable(seed, n):
+    rng = np.random.default_rng(seed)
+    A, B = rng.standard_normal((2, n, n))
+    K, C = A @ A.T + np.eye(n), B @ B.T + 0.1 * np.eye(n)
+    assert floquet(free(np.eye(n), C, K), 1.0).verdict == "asymptotically stable"
+    assert floquet(free(np.eye(n), 0 * C, K), 1.0).verdict == "stable"
+    assert floquet(free(np.eye(n), -C, K), 1.0).verdict == "unstable"
+
+
+def test_the_scale_of_a_stiff_neighbour_hides_no_growth():
+    """q1 drifts as a + bt beside an undamped stiff mode."""
+    for stiffness in (1e2, 1e4, 1e6):
+        assert (
+            floquet(free(np.eye(2), np.zeros((2, 2)), np.diag([0.0, stiffness])), 1.0).verdict == "unstable"
+        )
+
+
+def test_multipliers_fall_in_modulus_the_positive_imaginary_part_first():
+    found = floquet(free(np.eye(3), np.diag([0.3, 0.1, 0.9]), np.diag([2.0, 3.0, 0.01])), 1.0).multipliers
+    assert (np.diff(np.abs(found)) <= 1e-12).all()
+    complex_ones = np.flatnonzero(np.abs(found.imag) > 1e-9)
+    assert len(complex_ones) == 4
+    assert (found.imag[complex_ones[::2]] > 0).all()
+    np.testing.assert_array_equal(found[complex_ones[::2]].conj(), found[complex_ones[1::2]])
