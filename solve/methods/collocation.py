@@ -49,7 +49,7 @@ class Collocation:
         return self.c[-1] == 1.0
 
     @cached_property
-    def _curve_nodes(self) -> tuple[float, ...]:
+    def curve_nodes(self) -> tuple[float, ...]:
         """Fractions at which the curve takes the accelerations. With the step's end among them the
         integrals of the curve still equal the step where the quadrature is exact for it: s ≥ 3."""
         return (0.0, *self.c) if self.stiffly_accurate or len(self.c) < 3 else (0.0, *self.c, 1.0)
@@ -60,9 +60,9 @@ class Collocation:
         return len(self.c) + 3
 
     @cached_property
-    def _curve_powers(self) -> Array:
-        """From q, h v and h² times the accelerations at the curve's nodes to powers of θ."""
-        nodes = np.array(self._curve_nodes)
+    def curve_powers(self) -> Array:
+        """From q, h v and h² times the accelerations at the curve's nodes to powers of θ, (D, 2 + nodes)."""
+        nodes = np.array(self.curve_nodes)
         k = np.arange(len(nodes))
         acceleration = np.linalg.inv(nodes[:, None] ** k)
         powers = np.zeros((len(nodes) + 2, len(nodes) + 2))
@@ -104,9 +104,9 @@ class Collocation:
         their starts (m, n), stages (m, s, n) and ends (m, n)."""
         n = x.shape[1] // 2
         h = np.diff(nodes)[:, None]
-        accelerations = [a_start, *np.moveaxis(a, 1, 0), a_end][: len(self._curve_nodes)]
+        accelerations = [a_start, *np.moveaxis(a, 1, 0), a_end][: len(self.curve_nodes)]
         data = np.stack([x[:-1, :n], h * x[:-1, n:], *(h**2 * part for part in accelerations)])
-        return Curve(nodes, np.tensordot(self._curve_powers, data, axes=1))
+        return Curve(nodes, np.tensordot(self.curve_powers, data, axes=1))
 
 
 def discretise(method: Collocation, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
