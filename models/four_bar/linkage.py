@@ -1,0 +1,263 @@
+"""Rigid planar four-bar linkage: positions, velocities and accelerations (thesis Chapter 3).
+
+The crank OA turns about O, the origin; the follower CB about C at (L4, 0); the coupler AB joins them.
+t1, t2, t3 are the angles of OA, AB, CB from the x axis, so that the loop closes by thesis (3.3):
+
+    L1 exp(i t1) + L2 exp(i t2) = L3 exp(i t3) + L4
+
+Points of the plane, their velocities and accelerations are complex numbers x + iy. Lengths in m,
+angles in rad, time in s; crank angles may be arrays of any shape.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from solve.arrays import Array
+from solve.errors import SolveError, UnknownNameError, ValueOutOfBoundsError
+
+Plane = NDArray[np.complex128]
+"""Points, velocities, accelerations or directions in the plane, x + iy."""
+
+BRANCHES = {"open": 1.0, "crossed": -1.0}
+"""Sign of sin(t3 - t2): open has B to the left of the line from A to C, crossed to the right."""
+
+ADVISED = (math.radians(40), math.radians(140))
+"""Range within which a transmission angle should stay (thesis 3.3)."""
+
+ROUNDING = 1e-12
+"""Part of the sum of the lengths within which two sums of lengths count as equal."""
+
+
+class LinkageError(SolveError):
+    """A linkage that cannot be assembled, or not at the crank angle that is asked for."""
+
+
+class Extremes(NamedTuple):
+    """Least and greatest value over a turn, and the crank angles where they occur."""
+
+    min: float
+    min_position: float
+    max: float
+    max_position: float
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """Lengths of crank, coupler, follower and ground link (m), and the branch of assembly.
+
+    Raises ValueOutOfBoundsError for a length that is not positive, UnknownNameError for a branch that
+    does not exist, LinkageError where the longest link is as long as the others together, so that
+    nothing can move (the zero mobility planes, thesis (3.2)).
+    """
+
+    L1: float
+    L2: float
+    L3: float
+    L4: float
+    branch: str = "open"
+
+    def __post_init__(self) -> None:
+        for name, length in zip(("L1", "L2", "L3", "L4"), self.lengths, strict=True):
+            if not (math.isfinite(length) and length > 0):
+                raise ValueOutOfBoundsError(f"{name} is {length:g} m; allowed: a length > 0")
+        if self.branch not in BRANCHES:
+            raise UnknownNameError("branch", self.branch, BRANCHES)
+        longest = max(self.lengths)
+        others = sum(self.lengths) - longest
+        if longest >= others - self._slack:
+            raise LinkageError(
+                f"the longest link is {longest:g} m, the others together {others:g} m: they cannot be "
+                "assembled and move; shorten the longest or lengthen the others"
+            )
+
+    @property
+    def lengths(self) -> tuple[float, float, float, float]:
+        """L1, L2, L3, L4."""
+        return self.L1, self.L2, self.L3, self.L4
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether the crank can turn all the way round without coupler and follower falling in line."""
+        return not any(self._stops)
+
+    @property
+    def crank_range(self) -> tuple[float, float]:
+        """The least and greatest |t1|, within 0 … π, at which the linkage closes: 0 … π for a full turn.
+        At another end coupler and follower lie in line and the crank turns back."""
+        folded, stretched = self._stops
+        return (
+            _angle_opposite(self.L1, self.L4, abs(self.L2 - self.L3)) if folded else 0.0,
+            _angle_opposite(self.L1, self.L4, self.L2 + self.L3) if stretched else math.pi,
+        )
+
+    @property
+    def _stops(self) -> tuple[bool, bool]:
+        """Whether coupler and follower fall in line, folded at the least |t1|, stretched at the greatest."""
+        L1, L2, L3, L4 = self.lengths
+        fold_gap, stretch_gap = abs(L1 - L4) - abs(L2 - L3), (L2 + L3) - (L1 + L4)
+        return fold_gap <= self._slack, stretch_gap <= self._slack
+
+    @property
+    def _slack(self) -> float:
+        return ROUNDING * sum(self.lengths)
+
+    @property
+    def dead_points(self) -> tuple[float, ...]:
+        """Crank angles, within 0 … 2π, of a crank that turns fully at which crank and coupler lie in
+        line, stretched and folded, and a rocking follower turns back; none where the follower turns
+        too. Raises LinkageError for a crank that does not turn fully."""
+        self.require_full_turn()
+        L1, L2, L3, L4 = self.lengths
+        if min(self.lengths) == L4:
+            return ()
+        stretched = _angle_opposite(L1 + L2, L4, L3)
+        folded = math.pi + _angle_opposite(L2 - L1, L4, L3)
+        side = BRANCHES[self.branch]
+        return (side * stretched) % (2 * math.pi), (side * folded) % (2 * math.pi)
+
+    def require_full_turn(self) -> None:
+        """Raises LinkageError unless the crank turns fully."""
+        if self.turns_fully:
+            return
+        lengths = ", ".join(f"{length:g}" for length in self.lengths)
+        stops = [end for end, stops in zip(self.crank_range, self._stops, strict=True) if stops]
+        angles = " and ".join(f"±{math.degrees(end):.4g}°".replace("±0°", "0°") for end in stops)
+        raise LinkageError(
+            f"the crank cannot turn fully: with L1, L2, L3, L4 = {lengths} m coupler and follower fall in "
+            f"line at t1 = {angles}; a full turn needs |L1 - L4| > |L2 - L3| and L1 + L4 < L2 + L3"
+        )
+
+    def transmission_angle(self, t1: ArrayLike) -> Array:
+        """γ between coupler and follower, 0 … π (thesis (3.9)). Raises LinkageError out of reach."""
+        return np.angle(self._coupler_to_follower(np.asarray(t1, dtype=float)))
+
+    def transmission_extremes(self) -> Extremes:
+        """γ's extremes over a full turn; they lie at t1 = 0 and π (thesis (3.10)). Raises LinkageError
+        for a crank that does not turn fully."""
+        self.require_full_turn()
+        least, greatest = self.transmission_angle([0.0, math.pi])
+        return Extremes(float(least), 0.0, float(greatest), math.pi)
+
+    def mechanical_advantage(self, t1: ArrayLike) -> Array:
+        """T3/T1 = ω1/ω3 = L3 sin γ/(L1 sin β), β from coupler to crank; infinite at dead points.
+
+        T1 drives the crank, T3 is what the follower delivers, without friction and inertia; positive
+        where both turn the same way. Thesis (3.1) prints L4 sin β for L1 sin β.
+        """
+        with np.errstate(divide="ignore"):
+            return 1.0 / self.motion(t1).omega[2]
+
+    def motion(self, t1: ArrayLike, omega1: ArrayLike = 1.0, alpha1: ArrayLike = 0.0) -> "Motion":
+        """Angles, angular velocities and accelerations (thesis (3.11)) at crank angles t1 (rad).
+
+        omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. Raises LinkageError at angles
+        out of reach, and where coupler and follower lie in line: the motion is undetermined there.
+        """
+        t1, omega1, alpha1 = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (t1, omega1, alpha1)))
+        turned = self._coupler_to_follower(t1)
+        if np.any(turned.imag == 0.0):
+            worst = np.degrees(t1[turned.imag == 0.0].flat[0])
+            raise LinkageError(f"at t1 = {worst:.6g}° coupler and follower lie in line; choose another t1")
+        turned = turned.real + 1j * BRANCHES[self.branch] * turned.imag
+        span = self.L4 - self.L1 * np.exp(1j * t1)
+        e2 = span * np.conj(self.L2 - self.L3 * turned)
+        t2, t3 = np.angle(e2), np.angle(e2 * turned)
+        omega2, omega3 = self._velocities(t1, t2, t3, omega1)
+        alpha2, alpha3 = self._accelerations((t1, t2, t3), (omega1, omega2, omega3), alpha1)
+        return Motion(
+            self,
+            np.stack((t1, t2, t3)),
+            np.stack((omega1, omega2, omega3)),
+            np.stack((alpha1, alpha2, alpha3)),
+        )
+
+    def _coupler_to_follower(self, t1: Array) -> Plane:
+        """exp(iγ), γ the angle at B of the triangle ABC."""
+        L2, L3 = self.L2, self.L3
+        d = np.abs(self.L4 - self.L1 * np.exp(1j * t1))
+        stretch, fold = L2 + L3 - d, d - abs(L2 - L3)
+        out = ~(np.minimum(stretch, fold) >= -self._slack)
+        if np.any(out):
+            least, greatest = (math.degrees(angle) for angle in self.crank_range)
+            raise LinkageError(
+                f"the linkage does not close at t1 = {np.degrees(t1[out].flat[0]):.6g}°; "
+                f"allowed: {least:.6g}° <= |t1| <= {greatest:.6g}°"
+            )
+        # Factors instead of 1 - cos²: near 0 and π they keep the digits of the small angle.
+        in_line = np.minimum(stretch, fold) <= self._slack
+        product = stretch * fold * (L2 + L3 + d) * (d + abs(L2 - L3))
+        turned = (L2**2 + L3**2 - d**2) + 1j * np.sqrt(np.where(in_line, 0.0, product))
+        return turned / np.abs(turned)
+
+    def _velocities(self, t1: Array, t2: Array, t3: Array, omega1: Array) -> tuple[Array, Array]:
+        """ω2 and ω3 (thesis (3.11))."""
+        sin32 = np.sin(t3 - t2)
+        return (
+            -omega1 * self.L1 * np.sin(t3 - t1) / (self.L2 * sin32),
+            -omega1 * self.L1 * np.sin(t2 - t1) / (self.L3 * sin32),
+        )
+
+    def _accelerations(self, t: tuple[Array, ...], omega: tuple[Array, ...], alpha1: Array) -> list[Array]:
+        """α2 and α3: thesis (3.11), with the crank's own acceleration added."""
+        t1, t2, t3 = t
+        normal1, normal2, normal3 = (length * w**2 for length, w in zip(self.lengths[:3], omega, strict=True))
+        tangential1 = self.L1 * alpha1
+        along_follower = normal1 * np.cos(t3 - t1) + normal2 * np.cos(t3 - t2) - normal3
+        along_coupler = normal1 * np.cos(t2 - t1) + normal2 - normal3 * np.cos(t3 - t2)
+        sin32 = np.sin(t3 - t2)
+        return [
+            (along_follower - tangential1 * np.sin(t3 - t1)) / (self.L2 * sin32),
+            (along_coupler - tangential1 * np.sin(t2 - t1)) / (self.L3 * sin32),
+        ]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Angles t, angular velocities omega and accelerations alpha of the links 1, 2, 3: arrays (3, …)
+    over the crank angles, link 1 first.
+
+    A point of a link is the complex number X + iY (m) in the link's frame: X along it from its first
+    joint (O of the crank, A of the coupler, C of the follower), Y at +90°. Arrays of points broadcast
+    with the crank angles.
+    """
+
+    linkage: Linkage
+    t: Array
+    omega: Array
+    alpha: Array
+
+    def position(self, link: int, point: complex | Plane = 0.0) -> Plane:
+        """Place x + iy (m) of a link's point; thesis 3.6 for points of the coupler."""
+        first = {1: 0.0, 2: self._crank_pin, 3: self.linkage.L4}[link]
+        return first + point * self.direction(link)
+
+    def velocity(self, link: int, point: complex | Plane = 0.0) -> Plane:
+        """Velocity (m/s) of a link's point."""
+        first = 1j * self.omega[0] * self._crank_pin if link == 2 else 0.0
+        return first + 1j * self.omega[link - 1] * point * self.direction(link)
+
+    def acceleration(self, link: int, point: complex | Plane = 0.0) -> Plane:
+        """Acceleration (m/s²) of a link's point. At B it is thesis (3.13), which prints sin t1 for
+        sin t2 in two places."""
+        first = (1j * self.alpha[0] - self.omega[0] ** 2) * self._crank_pin if link == 2 else 0.0
+        rate = 1j * self.alpha[link - 1] - self.omega[link - 1] ** 2
+        return first + rate * point * self.direction(link)
+
+    def direction(self, link: int) -> Plane:
+        """exp(it) of a link: its x axis."""
+        return np.exp(1j * self.t[link - 1])
+
+    @property
+    def _crank_pin(self) -> Plane:
+        """A seen from O."""
+        return self.linkage.L1 * self.direction(1)
+
+
+def _angle_opposite(a: float, b: float, opposite: float) -> float:
+    """Angle between the sides a and b of a triangle."""
+    cosine = (a**2 + b**2 - opposite**2) / (2 * a * b)
+    return math.acos(min(max(cosine, -1.0), 1.0))

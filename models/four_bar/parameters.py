@@ -1,0 +1,69 @@
+"""The parameters of the four-bar, and their values from a case file."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from solve.cases import read_cases
+from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.load import holds
+
+PARAMETERS = (
+    ("L1", "m", "length of the crank", "> 0"),
+    ("L2", "m", "length of the coupler", "> 0"),
+    ("L3", "m", "length of the follower", "> 0"),
+    ("L4", "m", "length of the ground link", "> 0"),
+    ("A1", "m^2", "cross section of the crank", "> 0"),
+    ("A2", "m^2", "cross section of the coupler", "> 0"),
+    ("A3", "m^2", "cross section of the follower", "> 0"),
+    ("I1", "m^4", "second moment of area of the crank", "> 0"),
+    ("I2", "m^4", "second moment of area of the coupler", "> 0"),
+    ("I3", "m^4", "second moment of area of the follower", "> 0"),
+    ("h1", "m", "thickness of the crank in the plane of motion", "> 0"),
+    ("h2", "m", "thickness of the coupler in the plane of motion", "> 0"),
+    ("h3", "m", "thickness of the follower in the plane of motion", "> 0"),
+    ("E", "Pa", "modulus of elasticity", "> 0"),
+    ("rho", "kg/m^3", "density", "> 0"),
+    ("mA", "kg", "mass of the joint of crank and coupler", ">= 0"),
+    ("mB", "kg", "mass of the joint of coupler and follower", ">= 0"),
+    ("zeta", "1", "damping ratio of every mode", ">= 0"),
+)
+"""Name, unit, meaning and bound of each."""
+
+CASES = Path(__file__).with_name("cases.toml")
+
+
+class Chosen(NamedTuple):
+    """The case's name, the speed that it names (a text with unit) or None, the values in SI units."""
+
+    case: str
+    speed: str | None
+    parameters: dict[str, float]
+
+
+def chosen(case: str | None, cases: Path, overrides: Mapping[str, float]) -> Chosen:
+    """The values of a case, the file's first by default, and what replaces some of them.
+
+    Raises UnknownNameError, CaseFileError, MissingValueError and ValueOutOfBoundsError.
+    """
+    units = {name: unit for name, unit, *_ in PARAMETERS}
+    found = read_cases(cases, units)
+    name = next(iter(found)) if case is None else case
+    if name not in found:
+        raise UnknownNameError(f"case of {cases.name}", name, found)
+    for parameter in overrides:
+        if parameter not in units:
+            raise UnknownNameError("parameter of four_bar", parameter, units)
+    values = {**found[name].parameters, **overrides}
+    missing = [parameter for parameter in units if parameter not in values]
+    if missing:
+        raise MissingValueError(
+            f"case '{name}' gives no value for {', '.join(missing)}; add it to the case file or set it: "
+            f"{missing[0]}=NUMBER"
+        )
+    for parameter, unit, meaning, bound in PARAMETERS:
+        value = values[parameter]
+        if not (math.isfinite(value) and holds(bound, value)):
+            raise ValueOutOfBoundsError(f"{parameter} ({meaning}) is {value:g} {unit}; allowed: {bound}")
+    return Chosen(name, found[name].speed, {parameter: values[parameter] for parameter in units})

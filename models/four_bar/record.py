@@ -1,0 +1,195 @@
+"""What the linkage does over a turn, or at one position, as plain data: the keys of `--json`.
+
+SI units and radians; ratios are those to the crank's speed: ω/ω1, and α/ω1² at constant ω1.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from models.four_bar.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
+from models.four_bar.forces import Body, JointForces, bodies, inertial_power, joint_forces
+from models.four_bar.linkage import ADVISED, Linkage, Plane
+from solve.arrays import Array
+from solve.signal import statistics
+
+JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
+"""The joints, and the force that each carries."""
+
+RATIOS = ("omega", "alpha")
+TURN = 2 * math.pi
+_CURVE_POINTS = 360
+_BALANCE_POINTS = 720
+
+
+def linkage_record(
+    case: str,
+    parameters: Mapping[str, float],
+    linkage: Linkage,
+    speed: float | None,
+    position: float | None,
+    points: Sequence[complex],
+) -> dict[str, Any]:
+    """Everything about a linkage, its crank's speed (rad/s) and angle t1 (rad) where they are given.
+
+    A crank that cannot turn fully has the keys of one position only. Raises LinkageError where neither
+    a full turn nor a position can be reported, or the position is out of reach.
+    """
+    links = bodies(parameters)
+    record: dict[str, Any] = {
+        "model": "four_bar",
+        "case": case,
+        "parameters": dict(parameters),
+        **_kind(linkage),
+        "speed": speed,
+    }
+    if position is None:
+        linkage.require_full_turn()
+    if linkage.turns_fully:
+        record |= _turn(linkage, links, speed, points)
+    if position is not None:
+        record["position"] = _position(linkage, links, speed, position, points)
+    return {**record, "warnings": concerns(linkage)}
+
+
+def _kind(linkage: Linkage) -> dict[str, Any]:
+    """Class, Grashof's condition, solution space, and what the crank can reach."""
+    found = classify(linkage)
+    return {
+        "branch": linkage.branch,
+        "mobility": mobility(),
+        "class": vars(found),
+        "grashof": satisfies_grashof(linkage),
+        "solution_space": dict(
+            zip(("lambda2", "lambda3", "lambda4"), solution_space(linkage), strict=True),
+            base_plane=base_plane(linkage),
+        ),
+        "turns_fully": linkage.turns_fully,
+        "crank_range": linkage.crank_range,
+    }
+
+
+def _turn(
+    linkage: Linkage, links: Sequence[Body], speed: float | None, points: Sequence[complex]
+) -> dict[str, Any]:
+    """Over a full turn at constant speed: transmission angle, follower, mechanical advantage, ratios,
+    coupler curves, and with a speed joint forces, drive torque and energy balance."""
+    gamma = linkage.transmission_extremes()
+    ratios = {
+        f"{field}{link}": _range(
+            lambda t, field=field, link=link: getattr(linkage.motion(t), field)[link - 1]
+        )
+        for field in RATIOS
+        for link in (2, 3)
+    }
+    fastest = statistics(lambda t: np.abs(linkage.motion(t).omega[2]), TURN)
+    record = {
+        "transmission_angle": {**gamma._asdict(), "within_advised": _within(gamma.min, gamma.max)},
+        "follower": {"dead_points": linkage.dead_points, "swing": _swing(linkage)},
+        "mechanical_advantage": {"least": 1.0 / fastest.max, "least_position": fastest.max_phase},
+        "ratios": ratios,
+        "coupler_curves": [_curve(linkage, point) for point in points],
+    }
+    return record if speed is None else {**record, **_force_record(linkage, links, speed)}
+
+
+def _position(
+    linkage: Linkage, links: Sequence[Body], speed: float | None, t1: float, points: Sequence[complex]
+) -> dict[str, Any]:
+    """The same quantities at one crank angle."""
+    motion = linkage.motion(t1)
+    record = {
+        "t": motion.t,
+        "transmission_angle": float(linkage.transmission_angle(t1)),
+        "mechanical_advantage": float(linkage.mechanical_advantage(t1)),
+        "ratios": {
+            f"{field}{link}": float(getattr(motion, field)[link - 1]) for field in RATIOS for link in (2, 3)
+        },
+        "O": _xy(0.0),
+        "A": _xy(motion.position(1, linkage.L1)),
+        "B": _xy(motion.position(3, linkage.L3)),
+        "C": _xy(linkage.L4),
+        "coupler_points": [
+            {"point": _xy(point), "position": _xy(motion.position(2, point))} for point in points
+        ],
+    }
+    if speed is not None:
+        forces = joint_forces(linkage.motion(t1, speed), links)
+        record["joint_forces"] = {joint: _xy(getattr(forces, name)) for joint, name in JOINTS.items()}
+        record["drive_torque"] = float(forces.torque)
+    return record
+
+
+def concerns(linkage: Linkage) -> list[str]:
+    """Warnings: a transmission angle outside the advised range, which is certain where the crank does
+    not turn fully, for coupler and follower are in line at its ends."""
+    if not linkage.turns_fully:
+        return ["the crank cannot turn fully: the transmission angle reaches 0° or 180° where it turns back"]
+    gamma = linkage.transmission_extremes()
+    if _within(gamma.min, gamma.max):
+        return []
+    low, high = (math.degrees(limit) for limit in ADVISED)
+    return [
+        f"the transmission angle goes from {math.degrees(gamma.min):.4g}° to {math.degrees(gamma.max):.4g}°, "
+        f"outside {low:g}°–{high:g}°: forces pass badly from coupler to follower, and small errors of the "
+        "lengths move the follower much"
+    ]
+
+
+def _force_record(linkage: Linkage, links: Sequence[Body], speed: float) -> dict[str, Any]:
+    def forces(t1: Array) -> JointForces:
+        return joint_forces(linkage.motion(t1, speed), links)
+
+    peaks = {
+        joint: statistics(lambda t, name=name: np.abs(getattr(forces(t), name)), TURN)
+        for joint, name in JOINTS.items()
+    }
+    return {
+        "joint_forces": {
+            joint: {"peak": peak.max, "position": peak.max_phase} for joint, peak in peaks.items()
+        },
+        "drive_torque": _range(lambda t: forces(t).torque),
+        "energy_residual": _energy_residual(linkage, links, speed),
+    }
+
+
+def _energy_residual(linkage: Linkage, links: Sequence[Body], speed: float) -> float:
+    """Largest |torque ω1 - dT/dt| over the turn, over the largest |dT/dt|."""
+    motion = linkage.motion(np.arange(_BALANCE_POINTS) * (TURN / _BALANCE_POINTS), speed)
+    rate = inertial_power(motion, links)
+    return float(np.abs(joint_forces(motion, links).torque * speed - rate).max() / np.abs(rate).max())
+
+
+def _range(signal: Callable[[Array], Array]) -> dict[str, float]:
+    found = statistics(signal, TURN)
+    return {
+        "max": found.max,
+        "max_position": found.max_phase,
+        "min": found.min,
+        "min_position": found.min_phase,
+        "mean": found.mean,
+    }
+
+
+def _swing(linkage: Linkage) -> float | None:
+    """Angle between the follower's dead points, or None for a follower that turns fully."""
+    if not linkage.dead_points:
+        return None
+    t3 = linkage.motion(linkage.dead_points).t[2]
+    return float(abs(np.angle(np.exp(1j * (t3[0] - t3[1])))))
+
+
+def _curve(linkage: Linkage, point: complex) -> dict[str, Any]:
+    """Path of a coupler point, at every degree of the crank."""
+    path = linkage.motion(np.arange(_CURVE_POINTS) * (TURN / _CURVE_POINTS)).position(2, point)
+    return {"point": _xy(point), "x": path.real, "y": path.imag}
+
+
+def _xy(value: complex | Plane) -> list[float]:
+    return [float(np.real(value)), float(np.imag(value))]
+
+
+def _within(least: float, greatest: float) -> bool:
+    return ADVISED[0] <= least and greatest <= ADVISED[1]
