@@ -11,7 +11,7 @@ from derive.errors import DeclarationError, UnknownSymbolError, UnusedParameterE
 from derive.mechanism import Mechanism
 from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
-from derive.units import ONE, SECOND, Dimension, parse, require
+from derive.units import ONE, SECOND, Dimension, parse, require, short
 
 Dimensions = Mapping[sympy.Symbol, Dimension]
 
@@ -60,7 +60,7 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
     for what, (energy, unit) in energies.items():
         yield _Statement(what, sympy.sympify(energy), unit, accelerations)
     for force, along in mechanism.forces:
-        what = f"virtual work of {force} along {along}"
+        what = f"virtual work of {short(force)} along {short(along)}"
         yield _Statement(what, sympy.Mul(force, along), mechanism.energy, accelerations)
     for each in mechanism.declared_coordinates:
         if each.symbol in mechanism.fundamental_motion:

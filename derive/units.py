@@ -81,7 +81,7 @@ def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.S
     """Raise UnitError unless `expression` is in `unit`; `what` names it in the message."""
     found = dimension_of(what, expression, known)
     if expression != 0 and found != parse(unit):
-        raise UnitError(f'{what} must be in "{unit}" ({parse(unit)}) but {_short(expression)} is in {found}')
+        raise UnitError(f'{what} must be in "{unit}" ({parse(unit)}) but {short(expression)} is in {found}')
 
 
 def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
@@ -102,7 +102,7 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
     for argument, part in zip(expression.args, parts, strict=True):
         if part != ONE and not isinstance(expression, sympy.sign):
             raise UnitError(
-                f"{what}: the argument {_short(argument)} of {expression.func.__name__} "
+                f"{what}: the argument {short(argument)} of {expression.func.__name__} "
                 f"is in {part}; it must be a pure number or an angle"
             )
     return getattr(expression, "dimension", ONE)
@@ -112,13 +112,13 @@ def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimensio
     base, exponent = parts
     if exponent != ONE:
         raise UnitError(
-            f"{what}: the exponent of {_short(expression)} is in {exponent}; it must be a pure number"
+            f"{what}: the exponent of {short(expression)} is in {exponent}; it must be a pure number"
         )
     if base == ONE:
         return ONE
     if not isinstance(expression.exp, sympy.Rational):
         raise UnitError(
-            f"{what}: {_short(expression)} raises a quantity in {base} to a power that is no fixed fraction"
+            f"{what}: {short(expression)} raises a quantity in {base} to a power that is no fixed fraction"
         )
     return base ** Fraction(int(expression.exp.p), int(expression.exp.q))
 
@@ -129,12 +129,13 @@ def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimen
     for argument, part in pairs:
         if part != pairs[0][1]:
             raise UnitError(
-                f"{what}: {_short(pairs[0][0])} is in {pairs[0][1]} but {_short(argument)} is in {part}; "
+                f"{what}: {short(pairs[0][0])} is in {pairs[0][1]} but {short(argument)} is in {part}; "
                 "they cannot be added or compared"
             )
     return pairs[0][1]
 
 
-def _short(expression: sympy.Basic, limit: int = 80) -> str:
+def short(expression: sympy.Basic, limit: int = 80) -> str:
+    """Text of an expression for a message, cut where it is long."""
     text = str(expression)
     return text if len(text) <= limit else text[: limit - 3] + "..."
