@@ -31,6 +31,9 @@ _VISIBLE = 4e-3
 _CROWDED = 80
 """Orders above which their lines are thin and have no heads."""
 
+_TITLE = 46
+"""Characters that fit above a panel."""
+
 _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
 
@@ -102,7 +105,8 @@ def _draw_curve(axes: Axes, orbit: Orbit, name: str, quasi_static: bool) -> None
     axes.set_xlim(0.0, math.degrees(period))
     axes.margins(y=0.08)
     axes.set_ylabel(labelled(name, unit))
-    axes.set_title(orbit.system.meanings.get(name, ""), loc="left", color=GREY)
+    meaning = textwrap.shorten(orbit.system.meanings.get(name, ""), _TITLE, placeholder=" …")
+    axes.set_title(meaning, loc="left", color=GREY)
 
 
 def labelled(name: str, unit: str) -> str:

@@ -53,7 +53,7 @@ BAD = {
         ("floquet", "cam", *SPEED, "--method", "newmark", "--beta", "0", "--steps", "300"),
         ("newmark with 300 steps", "at least"),
     ),
-    "steps beyond memory": ((*CAM, "--steps", "99999999999"), ("99999999999", "up to")),
+    "steps beyond memory": ((*CAM, "--steps", "99999999999"), ("99999999999", "at most")),
     "rtol zero": ((*CAM, "--rtol", "0"), ("rtol is 0", "1e-8")),
     "rtol no number": ((*CAM, "--rtol", "small"), ("--rtol", "'small'")),
     "rtol NaN": ((*CAM, "--rtol", "nan"), ("rtol is nan",)),
