@@ -54,6 +54,8 @@ class PeriodicSystem:
             raise ValueOutOfBoundsError(
                 f"coordinates are {list(coordinates)}; give each of the n coordinates a name of its own"
             )
+        if not all(math.isfinite(b) for b in breaks):
+            raise ValueOutOfBoundsError(f"breaks are {list(breaks)}; allowed: finite phases")
         self._matrices = matrices
         self.coordinates = tuple(coordinates)
         self.period = float(period)
@@ -70,11 +72,11 @@ class PeriodicSystem:
         which they were taken; a sweep over speeds needs a function instead.
         """
         samples = [np.asarray(part, dtype=float) for part in (M, C, K, d)]
-        counts = {len(part) for part in samples if part.ndim}
-        if len(counts) != 1:
+        counts = {len(part) if part.ndim else 0 for part in samples}
+        if len(counts) != 1 or 0 in counts:
             raise MatricesError(
                 f"samples of M, C, K, d have shapes {[part.shape for part in samples]}; "
-                "give the same number of phases first in each"
+                "give the same number of phases, 1 or more, first in each"
             )
         count = counts.pop()
         spectra = [np.fft.rfft(part, axis=0) / count for part in samples]
@@ -95,8 +97,22 @@ class PeriodicSystem:
         return len(self.coordinates)
 
     def at(self, phase: Array, speed: float) -> Matrices:
-        """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives by time."""
-        M, C, K, d = self._matrices(phase, speed)
+        """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives by time.
+
+        Raises MatricesError where the function gives something else, or NaN or infinite entries.
+        """
+        given = self._matrices(phase, speed)
+        try:
+            M, C, K, d = (np.asarray(part).astype(float, casting="same_kind", copy=False) for part in given)
+        except (TypeError, ValueError) as error:
+            raise MatricesError(f"the matrices are no four real arrays M, C, K, d: {error}") from None
+        for symbol, part in zip("MCKd", (M, C, K, d), strict=True):
+            if not np.isfinite(part).all():
+                first = int(np.argmin(np.isfinite(part).reshape(len(part), -1).all(axis=1)))
+                raise MatricesError(
+                    f"{symbol} has NaN or infinite entries at phase {phase[first % len(phase)]:.6g}; "
+                    "check the parameters and the function that gives the matrices"
+                )
         return M, C, K, d
 
     def in_phase(self, phase: Array, speed: float) -> Matrices:
@@ -139,12 +155,14 @@ class PeriodicSystem:
         return np.linalg.eigvals(self.state_rate(phase, speed)[..., :-1])
 
     def checked(self, speed: float) -> None:
-        """Raise MatricesError unless the matrices have their shapes, are finite and periodic, and M
-        can be inverted."""
-        n, inset = self.n, 1e-12 * self.period if self.breaks else 0.0
-        phase = np.array([inset, 0.281, 0.618, 1.0]) * self.period
-        phase[-1] -= inset
-        parts = dict(zip("MCKd", (np.asarray(part) for part in self.at(phase, speed)), strict=True))
+        """Raise MatricesError unless the matrices have their shapes and are periodic, and M can be
+        inverted."""
+        n, inset = self.n, 1e-12 * self.period
+        jumps_at_zero = any(abs(math.remainder(b, self.period)) <= inset for b in self.breaks)
+        phase = np.array([0.0, 0.281, 0.618, 1.0]) * self.period
+        if self.breaks:
+            phase[[0, -1]] += [inset, -inset]
+        parts = dict(zip("MCKd", self.at(phase, speed), strict=True))
         for symbol, part in parts.items():
             expected = (4, n) if symbol == "d" else (4, n, n)
             if part.shape != expected:
@@ -152,15 +170,8 @@ class PeriodicSystem:
                     f"{symbol} at 4 phases has shape {part.shape}; for {n} coordinates "
                     f"({', '.join(self.coordinates)}) it must be {expected}"
                 )
-            if not np.isfinite(part).all():
-                raise MatricesError(
-                    f"{symbol} has NaN or infinite entries at phase "
-                    f"{phase[~np.isfinite(part.reshape(4, -1)).all(axis=1)][0]:.6g}; "
-                    "check the parameters and the function that gives the matrices"
-                )
             change = np.abs(part[-1] - part[0]).max()
-            wraps = 0.0 not in {b % self.period for b in self.breaks}
-            if wraps and change > _PERIODIC * np.abs(part).max():
+            if not jumps_at_zero and change > _PERIODIC * np.abs(part).max():
                 raise MatricesError(
                     f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by "
                     f"{change:.3g}; give the right period, or the jump at 0 as a break"
