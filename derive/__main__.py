@@ -51,6 +51,10 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
 
 def _text(source: Source) -> str:
     """The generated module as it should be; SymPy is loaded here and not before."""
+    if source.name == loader.BEAM_ELEMENTS:
+        from derive.beam_text import beam_elements_text
+
+        return beam_elements_text(source.sha256, freshness.derive_sha256(), source.command)
     from derive.emit import module_text
 
     mechanism = loader.load(source)

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 HOME = Path(__file__).resolve().parent.parent
 
+BEAM_ELEMENTS = "beam_elements"
+"""The module of element matrices, which structures share; its source is this package's beam.py."""
+
 
 @dataclass(frozen=True)
 class Source:
@@ -51,8 +54,8 @@ class Source:
 
 
 def names() -> list[str]:
-    """Names of the mechanisms that come with the package."""
-    return sorted(path.parent.name for path in (HOME / "models").glob("*/mechanism.py"))
+    """Names of the mechanisms that come with the package, and of the beam elements."""
+    return sorted([*(path.parent.name for path in (HOME / "models").glob("*/mechanism.py")), BEAM_ELEMENTS])
 
 
 def find(model: str, out: Path | None = None) -> Source:
@@ -71,6 +74,8 @@ def find(model: str, out: Path | None = None) -> Source:
         hint = f'; did you mean "{nearest[0]}"?' if nearest else ""
         raise UnknownMechanismError(f'there is no mechanism "{model}"{hint} (known: {", ".join(names())})')
     source = HOME / "models" / model / "mechanism.py"
+    if model == BEAM_ELEMENTS:
+        source = HOME / "derive" / "beam.py"
     return Source(model, source, (out or HOME / "generated") / f"{model}.py", model, out)
 
 
