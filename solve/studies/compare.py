@@ -147,6 +147,11 @@ class _Contestant:
         """ω_max T: about as many steps resolve the fastest mode."""
         return float(np.abs(self.refinement.frozen).max()) * self.refinement.system.period
 
+    @property
+    def least(self) -> int:
+        """Steps below which the method cannot be used."""
+        return max(1, len(self.refinement.system.breaks), self.refinement.least)
+
     def measured(self, steps: int, at: str, target: float | None = None) -> Row:
         """Errors and time on a number of steps, or the reason why there are none."""
         blank = Row(self.name, self.method.order, None, at, asked=steps, target=target)
@@ -158,8 +163,8 @@ class _Contestant:
         return replace(
             blank,
             steps=solution.grid.steps,
-            orbit_error=orbit_error,
-            multiplier_error=multiplier_error,
+            orbit_error=float(orbit_error),
+            multiplier_error=float(multiplier_error),
             time=seconds,
             verdict=verdict(solution.Phi, solution.multipliers.values, 0.0),
             warnings=[
@@ -171,7 +176,7 @@ class _Contestant:
 
     def refined(self, goal: float) -> list[Row]:
         """Points at doubled steps until the goal is reached, errors fall no more, memory or patience end."""
-        steps = max(_FIRST_STEPS, len(self.refinement.system.breaks), self.refinement.least)
+        steps = max(_FIRST_STEPS, self.least)
         trace: list[Row] = []
         while steps <= self.refinement.most:
             row = self.measured(steps, "doubled steps")
@@ -187,10 +192,11 @@ class _Contestant:
         if reached is None:
             out = Row(self.name, self.method.order, None, "equal accuracy", target=goal)
             return replace(out, reason=f"out of reach: {self._obstacle(goal, trace)}")
-        high = trace[reached].steps or 1
-        low = (trace[reached - 1].steps or 1) if reached else high
+        high = trace[reached].asked or 1
+        low = (trace[reached - 1].asked or 1) if reached else self.least - 1
         while high > _CLOSE * low and high - low > 1:
-            middle = round(math.sqrt(low * high))
+            middle = round(math.sqrt(max(low, 1) * high))
+            middle = min(max(middle, low + 1), high - 1)
             low, high = (low, middle) if self._error(middle) <= goal else (middle, high)
         return self.measured(high, "equal accuracy", goal)
 

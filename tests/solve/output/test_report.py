@@ -9,7 +9,7 @@ from rich.console import Console
 import solve
 from solve.output.record import orbit_record, plain, stability_record
 from solve.output.report import described, orbit_report, stability_report
-from tests.solve.output.problems import SPEED, chain, oscillators, orbit
+from tests.solve.output.problems import SPEED, chain, orbit, oscillators
 
 
 def text_of(report, width=80):

@@ -1,0 +1,144 @@
+"""Methods side by side: errors against closed forms, least steps, and reasons where there is no result."""
+
+import math
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.methods.choice import METHODS
+from solve.studies.compare import compare, usual_steps
+
+SPEED = 3.0
+
+
+def oscillator(stiffness=4.0):
+    """q″ + 0.4 q′ + 4 q = cos φ + cos 5φ."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.4 * one, stiffness * one, (np.cos(phase) + np.cos(5 * phase))[:, None]
+
+    return solve.PeriodicSystem(matrices, ["q"])
+
+
+def exact(phase):
+    amplitudes = {k: 1.0 / (4.0 - (k * SPEED) ** 2 + 0.4j * k * SPEED) for k in (1, 5)}
+    return sum(np.real(a * np.exp(1j * k * phase)) for k, a in amplitudes.items())
+
+
+def true_errors(method, steps):
+    """Of orbit and multipliers, against closed forms."""
+    orbit = solve.periodic(oscillator(), SPEED, method, steps=steps)
+    phase = np.linspace(0.0, 2 * math.pi, 4001)
+    truth = exact(phase)
+    roots = np.roots([1.0, 0.4, 4.0])
+    rho = np.exp(roots * 2 * math.pi / SPEED)
+    distance = min(np.abs(orbit.multipliers - order).max() for order in (rho, rho[::-1]))
+    return np.abs(orbit.at(phase)[0] - truth).max() / np.abs(truth).max(), distance / np.abs(rho[0])
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    return compare(oscillator(), SPEED, ["radau", "newmark", "rk4"], steps=[50, 200], targets=[1e-4, 1e-6])
+
+
+def rows(comparison, at, method=None):
+    return [row for row in comparison.rows if row.at == at and method in (None, row.method)]
+
+
+def test_errors_at_equal_steps_are_the_true_ones(comparison):
+    found = rows(comparison, "equal steps")
+    assert [(row.method, row.steps) for row in found] == [
+        (method, steps) for method in ("radau", "newmark", "rk4") for steps in (50, 200)
+    ]
+    for row in found:
+        if row.method == "radau" and row.steps == 200:
+            assert max(row.orbit_error, row.multiplier_error) < 1e-10
+            continue
+        orbit_error, multiplier_error = true_errors(row.method, row.steps)
+        assert row.orbit_error == pytest.approx(orbit_error, rel=0.05), row
+        assert row.multiplier_error == pytest.approx(multiplier_error, rel=0.05, abs=1e-12), row
+        assert row.time > 0
+        assert row.verdict == "asymptotically stable"
+
+
+def test_equal_accuracy_is_reached_with_the_least_steps(comparison):
+    for row in rows(comparison, "equal accuracy"):
+        assert row.orbit_error <= row.target
+        fewer = math.floor(row.steps / 1.04)
+        assert true_errors(row.method, fewer)[0] > row.target, row
+
+
+def test_least_steps_grow_as_the_order_of_the_method_says(comparison):
+    for method, order in (("newmark", 2), ("rk4", 4)):
+        coarse, fine = rows(comparison, "equal accuracy", method)
+        assert math.log(coarse.target / fine.target) / math.log(fine.steps / coarse.steps) == pytest.approx(
+            order, abs=0.15
+        )
+
+
+def test_the_reference_states_its_own_error(comparison):
+    assert max(comparison.reference.error_estimate) < 1e-11
+    assert comparison.warnings == []
+    close = compare(oscillator(), SPEED, ["radau"], steps=[50], targets=[1e-13])
+    assert "1e-13" in close.warnings[0]
+
+
+def test_every_method_of_the_registry_takes_part(monkeypatch):
+    class Renamed(solve.Newmark):
+        name = "newcomer"
+
+    monkeypatch.setitem(METHODS, "newcomer", Renamed)
+    told = []
+    found = compare(oscillator(), SPEED, steps=[40], targets=[0.05], progress=told.append)
+    names = [name for name in METHODS if name != "auto"]
+    assert "newcomer" in names
+    assert told == ["reference", *names]
+    assert [row.method for row in rows(found, "equal steps")] == names
+    assert [row.method for row in rows(found, "equal accuracy")] == names
+    for row in found.rows:
+        assert (row.reason is None) == math.isfinite(row.orbit_error), row
+
+
+def test_settings_that_are_not_the_usual_ones_are_named():
+    found = compare(oscillator(), SPEED, [solve.Newmark(), solve.Newmark(beta=1 / 6)], [40], [0.1])
+    assert [row.method for row in rows(found, "equal steps")] == ["newmark", f"newmark beta {1 / 6}"]
+
+
+def test_a_method_beyond_its_stability_limit_says_what_to_do():
+    stiff = oscillator(stiffness=1e6)
+    row = rows(compare(stiff, SPEED, ["rk4"], steps=[100], targets=[0.5]), "equal steps")[0]
+    assert math.isnan(row.orbit_error)
+    assert row.verdict is None
+    assert "rk4 with 100 steps" in row.reason
+    assert "at least" in row.reason
+
+
+def test_what_more_steps_cannot_reach_is_out_of_reach():
+    found = compare(oscillator(), SPEED, [METHODS["march"](tolerance=0.05)], steps=[100], targets=[1e-6])
+    row = rows(found, "equal accuracy")[0]
+    assert row.steps is None
+    assert math.isnan(row.time)
+    assert "out of reach" in row.reason
+
+
+def test_an_unstable_method_shows_in_its_verdict():
+    row = rows(compare(oscillator(), SPEED, [solve.Newmark(0.0, 0.0)], [6], [0.9]), "equal steps")[0]
+    assert row.verdict == "unstable"
+    assert any("gamma = 0 < 1/2" in text for text in row.warnings)
+
+
+def test_usual_steps_surround_those_that_resolve_the_fastest_mode():
+    assert usual_steps(oscillator(stiffness=1e4), SPEED) == [100, 200, 500, 1000]
+    assert usual_steps(oscillator(stiffness=1e8), 1.0) == [50_000, 100_000, 200_000, 500_000]
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(UnknownNameError, match="newmark"):
+        compare(oscillator(), SPEED, ["newmrak"])
+    with pytest.raises(ValueOutOfBoundsError, match="steps is 0"):
+        compare(oscillator(), SPEED, ["rk4"], steps=[0])
+    with pytest.raises(ValueOutOfBoundsError, match="rtol is 0"):
+        compare(oscillator(), SPEED, ["rk4"], targets=[0.0])
