@@ -50,7 +50,7 @@ class Sampler:
 
 
 class PointSampler:
-    """The same where every phase has its own speed, and values of its own for some of the parameters."""
+    """Matrices where every phase has its own speed, and values of its own for some of the parameters."""
 
     def __init__(self, linearised: "casadi.Function", parameters: Array, free: Sequence[int]):
         """`free`: which of the parameters vary; the others are folded in."""
@@ -58,28 +58,64 @@ class PointSampler:
 
         self.n = linearised.size1_out("d")
         phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")  # pyright: ignore[reportAttributeAccessIssue]
-        values, p = casadi.SX.sym("values", len(free)), casadi.SX(casadi.DM(parameters))  # pyright: ignore[reportAttributeAccessIssue]
-        for position, index in enumerate(free):
-            p[index] = values[position]
+        values, p = _freed(parameters, free)
         entries = _by_rows(linearised.call([phase, speed, p], True, False))
-        folded = casadi.Function("matrices", [phase, speed, values], [entries])
-        self._buffer, self._evaluate = folded.map(_CHUNK, "serial").buffer()
-        self._inputs = np.zeros(_CHUNK), np.zeros(_CHUNK), np.zeros((_CHUNK, len(free)))
-        self._entries = np.zeros((_CHUNK, 3 * self.n**2 + self.n))
-        for index, memory in enumerate(self._inputs):
-            self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
-        self._buffer.set_res(0, self._entries.data)  # pyright: ignore[reportCallIssue]
+        self._evaluate = _Mapped(casadi.Function("matrices", [phase, speed, values], [entries]))
 
     def __call__(self, phase: Array, speed: Array, values: Array) -> Array:
         """M, C, K by rows and d (k, 3n² + n) at phases (k,), speeds (k,) and values (k, v)."""
-        entries = np.empty((len(phase), self._entries.shape[1]))
-        for start in range(0, len(phase), _CHUNK):
-            count = min(_CHUNK, len(phase) - start)
-            for memory, given in zip(self._inputs, (phase, speed, values), strict=True):
-                memory[:count] = given[start : start + count]
+        return self._evaluate(phase[:, None], speed[:, None], values)
+
+
+class OutputSampler:
+    """A generated `outputs` function where every phase has its own speed, state and free parameters."""
+
+    def __init__(self, outputs: "casadi.Function", parameters: Array, free: Sequence[int]):
+        import casadi
+
+        phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")  # pyright: ignore[reportAttributeAccessIssue]
+        state = [casadi.SX.sym(name, outputs.size1_in(name)) for name in ("q", "qd", "qdd")]  # pyright: ignore[reportAttributeAccessIssue]
+        values, p = _freed(parameters, free)
+        found = casadi.vertcat(*outputs.call([phase, speed, *state, p], True, False))
+        self._evaluate = _Mapped(casadi.Function("outputs", [phase, speed, values, *state], [found]))
+
+    def __call__(self, phase: Array, speed: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        """Outputs (k, o) at phases (k,), speeds (k,), values (k, v) and states (k, n)."""
+        return self._evaluate(phase[:, None], speed[:, None], values, q, qd, qdd)
+
+
+class _Mapped:
+    """A CasADi function of columns that writes into NumPy memory, many columns a call."""
+
+    def __init__(self, function: "casadi.Function"):
+        self._buffer, self._evaluate = function.map(_CHUNK, "serial").buffer()
+        self._inputs = [np.zeros((_CHUNK, function.size1_in(i))) for i in range(function.n_in())]
+        self._result = np.zeros((_CHUNK, function.size1_out(0)))
+        for index, memory in enumerate(self._inputs):
+            self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
+        self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
+
+    def __call__(self, *inputs: Array) -> Array:
+        """Results (k, rows) for inputs (k, columns)."""
+        count = len(inputs[0])
+        found = np.empty((count, self._result.shape[1]))
+        for start in range(0, count, _CHUNK):
+            stop = min(start + _CHUNK, count)
+            for memory, given in zip(self._inputs, inputs, strict=True):
+                memory[: stop - start] = given[start:stop]
             self._evaluate()
-            entries[start : start + count] = self._entries[:count]
-        return entries
+            found[start:stop] = self._result[: stop - start]
+        return found
+
+
+def _freed(parameters: Array, free: Sequence[int]) -> tuple["casadi.SX", "casadi.SX"]:
+    """Symbols for the free parameters, and all parameters with these among them."""
+    import casadi
+
+    values, p = casadi.SX.sym("values", len(free)), casadi.SX(casadi.DM(parameters))  # pyright: ignore[reportAttributeAccessIssue]
+    for position, index in enumerate(free):
+        p[index] = values[position]
+    return values, p
 
 
 def _by_rows(matrices: Sequence["casadi.SX"]) -> "casadi.SX":

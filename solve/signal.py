@@ -13,7 +13,8 @@ Signal = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Statistics:
-    """max, min, max_abs and mean of a quantity over the turn, and the phases of max and min."""
+    """max, min, max_abs, mean and root mean square of a quantity over the turn, and the phases of max
+    and min."""
 
     max: float
     min: float
@@ -21,6 +22,7 @@ class Statistics:
     mean: float
     max_phase: float
     min_phase: float
+    rms: float
 
 
 def statistics(signal: Signal, period: float, samples: int = 2048) -> Statistics:
@@ -29,7 +31,8 @@ def statistics(signal: Signal, period: float, samples: int = 2048) -> Statistics
     values = signal(phase)
     high_at, high = _refined(signal, phase[np.argmax(values)], period / samples)
     low_at, low = _refined(lambda p: -signal(p), phase[np.argmin(values)], period / samples)
-    return Statistics(high, -low, max(high, low), float(values.mean()), high_at % period, low_at % period)
+    mean, rms = float(values.mean()), float(np.sqrt(np.mean(values**2)))
+    return Statistics(high, -low, max(high, low), mean, high_at % period, low_at % period, rms)
 
 
 def _refined(signal: Signal, centre: float, width: float) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """Systems that differ by numbers: the speed, and parameters of a model."""
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.load import Model
-from solve.sampling import PointSampler
+from solve.sampling import OutputSampler, PointSampler
 from solve.system import PeriodicSystem
 
 SPEED = "speed"
@@ -28,6 +29,10 @@ class Family(Protocol):
         """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n)."""
         ...
 
+    def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
+        ...
+
 
 class Speeds:
     """One system over its speed."""
@@ -42,6 +47,9 @@ class Speeds:
 
     def entries(self, phase: Array, points: Array) -> Array:
         return np.stack([_flat(self._system, phase, float(speed)) for (speed,) in points])
+
+    def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        return _outputs_one_by_one(self, phase, points, q, qd, qdd)
 
 
 class Variants:
@@ -59,11 +67,11 @@ class Variants:
         self.names = tuple(names)
         self._model, self._speed = model, speed
         self._free = [name for name in names if name != SPEED]
-        self._sampler = PointSampler(
-            model.module.linearised(**model.options),
+        self._fixed = (
             np.array(list(model.parameters.values())),
             [list(model.parameters).index(name) for name in self._free],
         )
+        self._sampler = PointSampler(model.module.linearised(**model.options), *self._fixed)
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         values = dict(zip(self.names, map(float, point), strict=True))
@@ -75,14 +83,31 @@ class Variants:
         return Model(model.module, model.case, model.options, {**model.parameters, **values}), speed
 
     def entries(self, phase: Array, points: Array) -> Array:
-        speed = points[:, self.names.index(SPEED)] if SPEED in self.names else np.full(len(points), self._speed)
-        free = points[:, [self.names.index(name) for name in self._free]]
         P, k, n = len(points), len(phase), self._sampler.n
+        speed, free = self._numbers(points)
         found = self._sampler(np.tile(phase, P), np.repeat(speed, k), np.repeat(free, k, axis=0))
         found = found.reshape(P, k, -1)
         found[:, :, : n**2] *= (speed**2)[:, None, None]
         found[:, :, n**2 : 2 * n**2] *= speed[:, None, None]
         return found
+
+    def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        P, n, k = q.shape
+        speed, free = self._numbers(points)
+        states = (np.swapaxes(part, 1, 2).reshape(P * k, n) for part in (q, qd, qdd))
+        found = self._output_sampler(phase.ravel(), np.repeat(speed, k), np.repeat(free, k, axis=0), *states)
+        return np.swapaxes(found.reshape(P, k, -1), 1, 2)
+
+    @cached_property
+    def _output_sampler(self) -> OutputSampler:
+        return OutputSampler(self._model.module.outputs(**self._model.options), *self._fixed)
+
+    def _numbers(self, points: Array) -> tuple[Array, Array]:
+        """Speeds (P,) and free parameters (P, v)."""
+        free = points[:, [self.names.index(name) for name in self._free]]
+        if SPEED in self.names:
+            return points[:, self.names.index(SPEED)], free
+        return np.full(len(points), self._speed), free
 
 
 class Built:
@@ -104,6 +129,9 @@ class Built:
     def entries(self, phase: Array, points: Array) -> Array:
         return np.stack([_flat(system, phase, speed) for system, speed in map(self.system, points)])
 
+    def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        return _outputs_one_by_one(self, phase, points, q, qd, qdd)
+
 
 def over_speed(system: PeriodicSystem) -> Family:
     """The family of a system's speeds."""
@@ -114,3 +142,12 @@ def _flat(system: PeriodicSystem, phase: Array, speed: float) -> Array:
     return np.concatenate([part.reshape(len(phase), -1) for part in system.in_phase(phase, speed)], axis=1)
 
 
+def _outputs_one_by_one(
+    family: Family, phase: Array, points: Array, q: Array, qd: Array, qdd: Array
+) -> Array:
+    found = []
+    for index, point in enumerate(points):
+        system, speed = family.system(point)
+        values = system.output_values(phase[index], speed, q[index], qd[index], qdd[index])
+        found.append([values[name] for name in system.outputs])
+    return np.array(found).reshape(len(points), -1, phase.shape[1])

@@ -7,7 +7,7 @@ there alone. The phases are found by elimination with complete pivoting on sampl
 checked at further phases.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,13 +37,20 @@ class Tables:
     entry: Array
     n: int
 
-    def entries(self, coefficients: Array) -> Array:
-        """All entries (P, k, 3n² + n) for coefficients (P, R)."""
-        shape = (len(coefficients), self.table.shape[-2])
-        found = np.zeros((3 * self.n**2 + self.n, *shape))
+    def fields(self, coefficients: Array) -> Array:
+        """All entries as fields over points and phases (3n² + n, P, k), for coefficients (P, R)."""
+        found = np.zeros((3 * self.n**2 + self.n, len(coefficients), self.table.shape[-2]))
         for term, entry in enumerate(self.entry):
             found[entry] += coefficients[:, term, None] * self.table[..., term]
-        return np.moveaxis(found, 0, -1)
+        return found
+
+    def entries(self, coefficients: Array) -> Array:
+        """The same as (P, k, 3n² + n)."""
+        return np.moveaxis(self.fields(coefficients), 0, -1)
+
+    def __getitem__(self, points: Array) -> "Tables":
+        """The tables of some of the points, where each has its own."""
+        return self if self.table.ndim == 2 else replace(self, table=self.table[points])
 
 
 class Separation:
@@ -98,9 +105,7 @@ class Separation:
 
 def sampled(family: Family, phase: Array, points: Array, n: int) -> Tables:
     """Tables of a point's own each, where entries do not separate: coefficients of 1."""
-    samples = family.entries(phase, points)
-    entry = np.flatnonzero(samples.any(axis=(0, 1)))
-    return Tables(samples[:, :, entry], entry, n)
+    return Tables(family.entries(phase, points), np.arange(3 * n**2 + n), n)
 
 
 def _spread(points: Array) -> Array:

@@ -17,7 +17,7 @@ from solve.signal import Statistics
 from solve.system import PeriodicSystem
 from solve.units import speed_in_si
 
-NOTHING = Statistics(*6 * (float("nan"),))
+NOTHING = Statistics(*7 * (float("nan"),))
 UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 """Figures and errors of a point that failed."""
 
@@ -62,7 +62,7 @@ class Sweep:
         return np.array([point.spectral_radius for point in self.points])
 
     def figures(self, name: str, figure: str = "max_abs") -> Array:
-        """max, min, max_abs or mean of a coordinate or output a speed; NaN where the point failed.
+        """max, min, max_abs, mean or rms of a coordinate or output a speed; NaN where the point failed.
 
         Raises UnknownNameError.
         """
