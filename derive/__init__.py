@@ -1,7 +1,7 @@
 """From the energies of a mechanism to CasADi code of its equations of motion.
 
-A mechanism file imports what it needs from here: `Mechanism`, `rate` and SymPy's elementary
-functions. SymPy is loaded at the first use, so that the command answers at once.
+A mechanism file imports what it needs from here: `Mechanism`, `Structure`, `rate` and SymPy's
+elementary functions. SymPy is loaded at the first use, so that the command answers at once.
 """
 
 import importlib
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from sympy import Abs, Max, Min, Rational, atan2, cos, exp, pi, sign, sin, sqrt, tan
 
     from derive.mechanism import Mechanism
+    from derive.structure import Section, Structure
     from derive.symbols import rate
 
 __all__ = [
@@ -19,6 +20,8 @@ __all__ = [
     "Mechanism",
     "Min",
     "Rational",
+    "Section",
+    "Structure",
     "atan2",
     "cos",
     "exp",
@@ -30,7 +33,12 @@ __all__ = [
     "tan",
 ]
 
-_HOME = {"Mechanism": "derive.mechanism", "rate": "derive.symbols"}
+_HOME = {
+    "Mechanism": "derive.mechanism",
+    "Section": "derive.structure",
+    "Structure": "derive.structure",
+    "rate": "derive.symbols",
+}
 
 
 def __getattr__(name: str) -> object:

@@ -56,9 +56,13 @@ def _text(source: Source) -> str:
 
         return beam_elements_text(source.sha256, freshness.derive_sha256(), source.command)
     from derive.emit import module_text
+    from derive.structure import Structure
+    from derive.structure_text import structure_text
 
     mechanism = loader.load(source)
     with loader.located(source):
+        if isinstance(mechanism, Structure):
+            return structure_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
         return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
 
 

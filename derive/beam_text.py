@@ -8,13 +8,13 @@ from derive.beam import ELEMENTS, FAMILIES, XI, Element, Family
 from derive.freshness import banner, seal
 
 TITLE = "Beam elements of unit length"
-FACTORS = '''\
+FACTORS = """\
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
 # loads[k] L, for a load per length that varies as ξᵏ; coupling[i][j] ρA L, axial freedom i by bending
 # freedom j; strains 1/L (elongation u′) or 1/L² (curvature v″), where row i of shapes and strains holds
-# the coefficients of 1, ξ, ξ², ….'''
+# the coefficients of 1, ξ, ξ², …."""
 
 
 def beam_elements_text(source_sha256: str, derive_sha256: str, command: str) -> str:

@@ -9,6 +9,7 @@ import sympy
 
 from derive.errors import DeclarationError, UnknownSymbolError, UnusedParameterError
 from derive.mechanism import Mechanism
+from derive.structure import Structure
 from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
 from derive.units import ONE, SECOND, Dimension, parse, require, short
@@ -28,6 +29,21 @@ class _Statement:
 
 def check(mechanism: Mechanism) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError on the first fault."""
+    if isinstance(mechanism, Structure):
+        mechanism.require_complete()
+        statements = [_Statement(*each) for each in mechanism.numbers()]
+    else:
+        _require_equations(mechanism)
+        statements = list(_statements(mechanism))
+    known = _dimensions(mechanism)
+    for each in statements:
+        _require_known(each, known)
+        require(each.what, each.expression, each.unit, known)
+    _require_use(mechanism, [each.expression for each in statements])
+
+
+def _require_equations(mechanism: Mechanism) -> None:
+    """There must be coordinates, and a drive torque that follows from the energies or is declined."""
     if not mechanism.declared_coordinates:
         raise DeclarationError(f"{mechanism.name} has no coordinates; declare one with coordinates(...)")
     if mechanism.energy != "J" and not mechanism.no_drive_torque:
@@ -40,12 +56,6 @@ def check(mechanism: Mechanism) -> None:
             'the output "drive_torque" follows from the energies; '
             "give yours another name, or call decline_drive_torque(reason)"
         )
-    statements = list(_statements(mechanism))
-    known = _dimensions(mechanism)
-    for each in statements:
-        _require_known(each, known)
-        require(each.what, each.expression, each.unit, known)
-    _require_use(mechanism, [each.expression for each in statements])
 
 
 def _statements(mechanism: Mechanism) -> Iterator[_Statement]:

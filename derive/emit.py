@@ -59,10 +59,8 @@ def module_text(mechanism: Mechanism, source_sha256: str, derive_sha256: str, co
     printed = {each.name: function_text(mechanism, each) for each in functions}
     texts = [text for text, _ in printed.values()]
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
-    constants = _constants(
-        mechanism, equations.outputs, {name: count for name, (_, count) in printed.items()}
-    )
-    body = "\n\n\n".join([constants, *tools, *texts]) + "\n"
+    data = constants(mechanism, equations.outputs, {name: count for name, (_, count) in printed.items()})
+    body = "\n\n\n".join([data, *tools, *texts]) + "\n"
     return seal(banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body)
 
 
@@ -71,7 +69,8 @@ def _torque(mechanism: Mechanism, residual: sympy.Matrix) -> Output:
     return Output("drive_torque", lagrange.drive_torque(mechanism, residual), "N m", meaning)
 
 
-def _constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str, int]) -> str:
+def constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str, int]) -> str:
+    """The data of a generated module, but for its hashes."""
     rows = {
         "COORDINATES": [
             (each.symbol.name, each.unit, each.meaning) for each in mechanism.declared_coordinates
@@ -83,10 +82,10 @@ def _constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str
         "OUTPUTS": [(each.name, each.unit, each.meaning) for each in outputs],
         "LIMITS": mechanism.limits,
     }
-    lines = [f"NAME = {_literal(mechanism.name)}", f"TITLE = {_literal(mechanism.title)}"]
+    lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
     for name, tuples in rows.items():
         lines += (
-            [f"{name} = (", *(f"    {_literal(row)}," for row in tuples), ")"] if tuples else [f"{name} = ()"]
+            [f"{name} = (", *(f"    {literal(row)}," for row in tuples), ")"] if tuples else [f"{name} = ()"]
         )
     lines += [
         f"VALIDITY = {json.dumps(mechanism.validity)}",
@@ -94,12 +93,12 @@ def _constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str
         f"OPERATIONS = {json.dumps(operations)}",
     ]
     if mechanism.no_drive_torque:
-        lines.append(f"NO_DRIVE_TORQUE = {_literal(mechanism.no_drive_torque)}")
+        lines.append(f"NO_DRIVE_TORQUE = {literal(mechanism.no_drive_torque)}")
     return "\n".join(lines)
 
 
-def _literal(value: str | tuple) -> str:
+def literal(value: str | tuple) -> str:
     """A text or a tuple as Python, always with double quotes."""
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
-    return "(" + ", ".join(map(_literal, value)) + ("," if len(value) == 1 else "") + ")"
+    return "(" + ", ".join(map(literal, value)) + ("," if len(value) == 1 else "") + ")"

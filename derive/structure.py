@@ -1,0 +1,187 @@
+"""A plane structure of slender beams, stated by its links and joints; it may move with the phase."""
+
+import difflib
+from collections.abc import Iterator, Set
+from dataclasses import dataclass, field
+
+import sympy
+
+from derive.beam import ELEMENTS
+from derive.errors import DeclarationError
+from derive.mechanism import Mechanism
+from derive.symbols import PHASE, SPEED
+
+EXACT = "dynamic"
+"""The element whose shape functions solve the equation of vibration, instead of a polynomial family."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """Modulus of elasticity E (Pa), area A (m²), second moment of area I (m⁴), density rho (kg/m³), and
+    the height in the plane (m) where stresses are of interest."""
+
+    E: sympy.Expr
+    A: sympy.Expr
+    I: sympy.Expr  # noqa: E741 - the field's symbol
+    rho: sympy.Expr
+    height: sympy.Expr | float = 0
+
+
+@dataclass(frozen=True)
+class Link:
+    """A straight uniform beam from joint `start` to joint `end`, `angle` from the x axis."""
+
+    name: str
+    start: str
+    end: str
+    length: sympy.Expr
+    angle: sympy.Expr
+    section: Section
+    inextensible: bool
+
+    @property
+    def properties(self) -> dict[str, tuple[sympy.Expr, str]]:
+        """What the generated module computes for the link: expression and unit by name."""
+        section = self.section
+        return {
+            "angle": (self.angle, "rad"),
+            "length": (self.length, "m"),
+            "EA": (section.E * section.A, "N"),
+            "EI": (section.E * section.I, "N m^2"),
+            "rhoA": (section.rho * section.A, "kg/m"),
+            "height": (sympy.sympify(section.height), "m"),
+        }
+
+
+@dataclass(slots=True)
+class Structure(Mechanism):
+    """Links that are beams in the plane, and the joints between them.
+
+    A joint is a pin unless `weld` or `clamp` says otherwise: its links share its place, and each turns
+    for itself. `damping_ratio` is that of every mode. Energies and coordinates follow from the links
+    and from the elements that the user of the generated module chooses, link by link.
+    """
+
+    damping_ratio: sympy.Expr = sympy.S.Zero
+    declared_links: list[Link] = field(default_factory=list, init=False)
+    declared_masses: list[tuple[str, sympy.Expr]] = field(default_factory=list, init=False)
+    held: list[str] = field(default_factory=list, init=False)
+    clamped: list[tuple[str, str]] = field(default_factory=list, init=False)
+    welded: list[tuple[str, tuple[str, ...]]] = field(default_factory=list, init=False)
+
+    def link(
+        self,
+        name: str,
+        start: str,
+        end: str,
+        length: sympy.Expr,
+        angle: sympy.Expr | float,
+        section: Section,
+        inextensible: bool = False,
+    ) -> None:
+        """Declare a link between two joints; its angle may be a function of the phase, its length not.
+
+        An inextensible link bends only. Raises DeclarationError.
+        """
+        for each in (name, start, end):
+            if not each.isidentifier():
+                raise DeclarationError(
+                    f'"{each}" cannot be the name of a link or joint; give a word such as "crank" or "A"'
+                )
+        if start == end:
+            raise DeclarationError(f'link {name} starts and ends at "{start}"; give two joints')
+        if name in self.links:
+            raise DeclarationError(f"link {name} is declared twice")
+        stated = Link(
+            name, start, end, sympy.sympify(length), sympy.sympify(angle), section, bool(inextensible)
+        )
+        self.declared_links.append(stated)
+
+    @property
+    def links(self) -> dict[str, Link]:
+        """Links by name, in the order of their declaration."""
+        return {each.name: each for each in self.declared_links}
+
+    @property
+    def joints(self) -> list[str]:
+        """Joints in the order in which the links name them."""
+        return list(dict.fromkeys(joint for each in self.declared_links for joint in (each.start, each.end)))
+
+    def support(self, joint: str) -> None:
+        """Hold a joint's place; its links still turn about it."""
+        self._require_joint(joint)
+        self.held.append(joint)
+
+    def clamp(self, joint: str, *links: str) -> None:
+        """Hold a joint's place and the directions of its links, or of those named."""
+        self.support(joint)
+        self.clamped += [(joint, name) for name in self._links_at(joint, links)]
+
+    def weld(self, joint: str, *links: str) -> None:
+        """Let the links of a joint, or those named, turn together there."""
+        self.welded.append((joint, self._links_at(joint, links)))
+
+    def mass(self, joint: str, mass: sympy.Expr) -> None:
+        """Put a point mass (kg) at a joint."""
+        self._require_joint(joint)
+        self.declared_masses.append((joint, sympy.sympify(mass)))
+
+    def mass_at(self, joint: str) -> sympy.Expr:
+        """All point masses of a joint together."""
+        return sympy.Add(*(mass for at, mass in self.declared_masses if at == joint))
+
+    def rotation(self, link: Link, joint: str) -> str:
+        """Name of the freedom by which a link's end turns: shared where welded, "" where clamped."""
+        together = next(
+            (names for at, names in self.welded if at == joint and link.name in names), (link.name,)
+        )
+        return "" if any((joint, name) in self.clamped for name in together) else f"{together[0]}_{joint}"
+
+    @property
+    def moves(self) -> bool:
+        """Whether any link turns with the phase."""
+        return any(PHASE in each.angle.free_symbols for each in self.declared_links)
+
+    def numbers(self) -> Iterator[tuple[str, sympy.Expr, str, Set[sympy.Symbol]]]:
+        """Every expression of the statement: what it is, itself, its unit and what it must not hold."""
+        fixed = {PHASE, SPEED}
+        for link in self.declared_links:
+            for name, (expression, unit) in link.properties.items():
+                barred = {SPEED} if name == "angle" else fixed
+                yield f"{name} of link {link.name}", expression, unit, barred
+        for joint, mass in self.declared_masses:
+            yield f"mass of joint {joint}", mass, "kg", fixed
+        yield "damping ratio", sympy.sympify(self.damping_ratio), "1", fixed
+
+    def require_complete(self) -> None:
+        """Raise DeclarationError for a structure without links or without support, or one that states
+        what follows from its links."""
+        if not self.declared_links:
+            raise DeclarationError(f"{self.name} has no links; declare one with link(...)")
+        stated = (self.kinetic, self.potential, self.dissipation, self.declared_coordinates, self.forces)
+        if any(stated):
+            raise DeclarationError(
+                f"{self.name} is a structure: its coordinates and energies follow from its links; "
+                "state them in a Mechanism instead"
+            )
+        if not self.held:
+            raise DeclarationError(f"{self.name} is held nowhere; use support(joint) or clamp(joint)")
+
+    def _links_at(self, joint: str, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        self._require_joint(joint)
+        there = [each.name for each in self.declared_links if joint in (each.start, each.end)]
+        for name in chosen:
+            if name not in there:
+                raise DeclarationError(f"no link {name} at joint {joint}; there: {', '.join(there)}")
+        return tuple(chosen or there)
+
+    def _require_joint(self, joint: str) -> None:
+        if joint not in self.joints:
+            nearest = difflib.get_close_matches(joint, self.joints, 1)
+            hint = f'; did you mean "{nearest[0]}"?' if nearest else ""
+            raise DeclarationError(
+                f'no link ends at a joint "{joint}"{hint} (joints: {", ".join(self.joints) or "none yet"})'
+            )
+
+
+ELEMENT_NAMES = (*(element.name for element in ELEMENTS), EXACT)

@@ -1,0 +1,22 @@
+"""Square portal frame: three equal bars, welded at the corners and clamped at the feet (thesis 5.4.1)."""
+
+from derive import Section, Structure, pi
+
+
+def mechanism():
+    frame = Structure("portal_frame", "Square portal frame of inextensible bars (thesis 5.4.1)")
+    E, I, rho, A, L = frame.parameters(
+        E=("Pa", "modulus of elasticity", "> 0"),
+        I=("m^4", "second moment of area of each bar", "> 0"),
+        rho=("kg/m^3", "density", "> 0"),
+        A=("m^2", "cross section of each bar", "> 0"),
+        L=("m", "length of each bar", "> 0"),
+    )
+    bar = {"length": L, "section": Section(E, A, I, rho), "inextensible": True}
+    frame.link("left", "foot_left", "corner_left", angle=pi / 2, **bar)
+    frame.link("beam", "corner_left", "corner_right", angle=0, **bar)
+    frame.link("right", "foot_right", "corner_right", angle=pi / 2, **bar)
+    for corner, foot in (("corner_left", "foot_left"), ("corner_right", "foot_right")):
+        frame.weld(corner)
+        frame.clamp(foot)
+    return frame
