@@ -155,8 +155,9 @@ def _draw_spectrum(axes: Axes, orbit: Orbit, name: str, k: Array, scale: str) ->
 def _label_columns(axes: Any, orbit: Orbit, quasi_static: bool) -> None:
     """Phase and order below, time and hertz above."""
     left, right = axes[-1]
-    step = math.degrees(orbit.system.period) / 8
-    left.xaxis.set_major_locator(MultipleLocator(step))
+    turn = math.degrees(orbit.system.period)
+    left.xaxis.set_major_locator(MultipleLocator(45.0 if math.isclose(turn, 360.0) else turn / 6))
+    left.xaxis.set_major_formatter("{x:g}")
     left.set_xlabel("phase (°)")
     right.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     right.set_xlabel("order of rotation")

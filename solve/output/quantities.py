@@ -11,6 +11,8 @@ _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
 def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
     """Factor and unit that show quantities up to this magnitude between 1 and 1000 where a prefix can.
 
+    The unit "1" is not shown.
+
     >>> prefixed("N m", 2571665.2)
     (1e-06, 'MN m')
     >>> prefixed("m", 7.0e-6)
@@ -18,7 +20,7 @@ def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
     """
     symbol = re.match(r"[A-Za-z]+(?!\^|[A-Za-z])", unit)
     if symbol is None or symbol[0] not in _LARGEST or not (math.isfinite(magnitude) and magnitude > 0):
-        return 1.0, unit
+        return 1.0, unit if unit != "1" else ""
     power = 3 * math.floor(math.log10(magnitude) / 3 + 1e-12)
     power = min(max(power, min(_PREFIXES)), _LARGEST[symbol[0]])
     return 10.0**-power, _PREFIXES[power] + unit

@@ -1,6 +1,5 @@
 """Results as tables for a terminal of 80 columns."""
 
-import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -42,8 +41,9 @@ def described(method: Method) -> str:
     >>> described(Newmark())
     'newmark (gamma 0.5, beta 0.25)'
     """
-    settings = [f"{field.name} {getattr(method, field.name)}" for field in dataclasses.fields(method)]  # type: ignore[arg-type]
-    return f"{method.name} ({', '.join(settings)})" if settings else method.name
+    settings = {name: getattr(method, name) for name in getattr(method, "__dataclass_fields__", {})}
+    numbers = [f"{name} {value}" for name, value in settings.items() if isinstance(value, int | float)]
+    return f"{method.name} ({', '.join(numbers)})" if numbers else method.name
 
 
 def table(title: str, *columns: str, left: int = 1) -> Table:
@@ -125,7 +125,7 @@ def _extrema(title: str, turn: Turn) -> Table:
 
 
 def _orders(turn: Turn) -> Table:
-    title = "Strongest orders of rotation: amplitude in the unit above, phase angle"
+    title = "Strongest orders: amplitude in that unit, phase angle"
     made = table(title, "quantity", *_RANKS)
     rotation = 2 * math.pi / turn.system.period
     for name in _names(turn):
@@ -133,13 +133,11 @@ def _orders(turn: Turn) -> Table:
         factor, _ = prefixed(turn.system.units.get(name, ""), turn.statistics(name).max_abs)
         strongest = 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]
         sizes = amplitudes[strongest] * factor
-        made.add_row(
-            name,
-            *(
-                f"{k * rotation:g}: {fixed(size, sizes[0], 4)} ∠{math.degrees(angles[k]):4.0f}°"
-                for k, size in zip(strongest, sizes, strict=True)
-            ),
+        cells = (
+            f"{k * rotation:g}: {fixed(size, size, 4)} ∠{round(math.degrees(angles[k])):4d}°" if size else "–"
+            for k, size in zip(strongest, sizes, strict=True)
         )
+        made.add_row(name, *cells)
     return made
 
 

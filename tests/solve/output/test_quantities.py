@@ -22,7 +22,7 @@ from solve.output.quantities import fixed, prefixed
         ("rad", 0.867, "mrad"),
         ("rad", 20.0, "rad"),
         ("s", 1e-20, "ps"),
-        ("1", 1e-3, "1"),
+        ("1", 1e-3, ""),
         ("m^2", 1e-6, "m^2"),
         ("1/s", 1e-6, "1/s"),
         ("kg m^2", 1e-6, "kg m^2"),

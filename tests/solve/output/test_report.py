@@ -2,11 +2,15 @@
 
 import io
 import json
+import math
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 import solve
+from solve.errors import MatricesError
+from solve.orbit import QuasiStatic
 from solve.output.record import orbit_record, plain, stability_record
 from solve.output.report import described, orbit_report, stability_report
 from tests.solve.output.problems import SPEED, chain, orbit, oscillators
@@ -59,3 +63,40 @@ def test_many_multipliers_are_counted_not_listed():
 )
 def test_methods_are_named_with_their_settings(method, words):
     assert described(method) == words
+
+
+def test_a_system_at_rest_over_half_a_turn_is_reported_and_drawn():
+    """No force: q = 0, whose spectrum is empty. Orders of rotation are even where the period is π."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, (2.0 + np.cos(2 * phase))[:, None, None], 0.0 * one[:, 0]
+
+    rest = solve.periodic(solve.PeriodicSystem(matrices, ["q"], period=math.pi), 1.0)
+    rows = [line.split() for line in text_of(orbit_report(rest)).splitlines()]
+    assert ["q", "–", "–", "–"] in rows
+    for scale in ("linear", "dB"):
+        assert rest.plot(scale=scale).axes[0].get_xlim() == (0.0, 180.0)
+
+
+def test_orders_count_turns_where_the_period_is_half_a_turn():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, 2.0 * one, np.cos(4 * phase)[:, None]
+
+    orbit = solve.periodic(solve.PeriodicSystem(matrices, ["q"], period=math.pi), 1.0)
+    rows = [line.split() for line in text_of(orbit_report(orbit)).splitlines()]
+    amplitude = 1.0 / abs(2.0 - 16.0 + 0.4j)
+    strongest = next(row for row in rows if row and row[0] == "q" and row[1].endswith(":"))
+    assert strongest[1] == "4:"
+    assert float(strongest[2]) == pytest.approx(amplitude, rel=1e-3)
+    assert orbit_record(orbit)["coordinates"]["q"]["harmonics"][2] == pytest.approx(amplitude, rel=1e-7)
+
+
+def test_a_singular_stiffness_has_no_quasi_static_solution():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, one, 0.0 * one, np.cos(phase)[:, None]
+
+    with pytest.raises(MatricesError, match="quasi-static"):
+        QuasiStatic(solve.PeriodicSystem(matrices, ["q"]), SPEED).statistics("q")
