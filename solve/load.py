@@ -1,12 +1,10 @@
 """A periodic system from generated code and a case file."""
 
 import hashlib
-import importlib.util
 import math
 import re
-import sys
-from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -22,6 +20,7 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
+from solve.generated import ROOT, model_module
 from solve.sampling import Sampler
 from solve.system import PeriodicSystem
 
@@ -30,16 +29,7 @@ if TYPE_CHECKING:
 
     from solve.orbit import Turn
 
-ROOT = Path(__file__).resolve().parents[1]
-"""Folder of the packages `models` and `generated`: they are found by path, never imported by name."""
-
-Options = Mapping[str, str | int]
-
-_CONTRACT = (
-    *("NAME", "MECHANISM_SHA256", "COORDINATES", "PARAMETERS", "OPTIONS", "OUTPUTS", "LIMITS", "VALIDITY"),
-    *("PERIOD", "linearised", "outputs"),
-)
-"""What every generated module defines and this package reads."""
+Options = Mapping[str, Any]
 
 
 class Model(PeriodicSystem):
@@ -52,14 +42,18 @@ class Model(PeriodicSystem):
         self.options = _checked_options(module, options)
         self.parameters = _checked_parameters(module, parameters)
         self._p = np.array([self.parameters[name] for name, *_ in module.PARAMETERS])
-        sampler = Sampler(module.linearised(**self.options), self._p)
-        declared = module.COORDINATES[: sampler.n]
-        super().__init__(sampler, [name for name, *_ in declared], module.PERIOD)
+        matrices, declared = self._equations()
+        super().__init__(matrices, [name for name, *_ in declared], module.PERIOD)
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         self.units = {name: unit for name, unit, _ in (*declared, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*declared, *module.OUTPUTS)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
         self.limits = tuple(module.LIMITS)
+
+    def _equations(self) -> tuple[Callable[[Array, float], Sequence[Array]], Sequence[tuple[str, str, str]]]:
+        """The matrices over phase and speed, and name, unit and meaning of the coordinates in use."""
+        sampler = Sampler(self.module.linearised(**self.options), self._p)
+        return sampler, self.module.COORDINATES[: sampler.n]
 
     @cached_property
     def _outputs(self) -> "casadi.Function":
@@ -106,7 +100,7 @@ def loaded(
     generated, case_file, mechanism = _files(model)
     if mechanism is not None:
         _refuse_stale(generated, mechanism, model)
-    module = _module(generated)
+    module = model_module(generated)
     chosen = _chosen_case(Path(cases) if cases else case_file, case, module, explicit=cases is not None)
     known = [name for name, *_ in module.PARAMETERS]
     for name in parameters:
@@ -119,7 +113,16 @@ def loaded(
             f"case '{chosen.name}' of {module.NAME} gives no value for {', '.join(missing[:8])}; "
             f"add it to the case file or set it: {missing[0]}=NUMBER"
         )
-    return Model(module, chosen.name, options, values), chosen.speed
+    return _kind(module)(module, chosen.name, options, values), chosen.speed
+
+
+def _kind(module: ModuleType) -> type[Model]:
+    """The class of the model that a generated module describes."""
+    if not hasattr(module, "LINKS"):
+        return Model
+    from solve.structure.model import StructureModel
+
+    return StructureModel
 
 
 def model_names() -> list[str]:
@@ -150,37 +153,10 @@ def _refuse_stale(generated: Path, mechanism: Path, model: str) -> None:
     if not generated.is_file():
         raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
     text = mechanism.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
-    if hashlib.sha256(text.encode()).hexdigest() != _module(generated).MECHANISM_SHA256:
+    if hashlib.sha256(text.encode()).hexdigest() != model_module(generated).MECHANISM_SHA256:
         raise ModelFileError(
             f"'{model}' has changed since its code was generated; run: python -m derive {model}"
         )
-
-
-def _module(path: Path) -> ModuleType:
-    return _imported(path.resolve(), path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=32)
-def _imported(path: Path, _modified: int) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"_generated_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise ModelFileError(f"'{path.name}' cannot be read as generated code")
-    module = importlib.util.module_from_spec(spec)
-    written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise ModelFileError(
-            f"'{path}' is no generated code ({type(error).__name__}); move it away and run derive again"
-        ) from None
-    finally:
-        sys.dont_write_bytecode = written
-    missing = [name for name in _CONTRACT if not hasattr(module, name)]
-    if missing:
-        raise ModelFileError(
-            f"'{path}' is no generated code (no {missing[0]}); move it away and run derive again"
-        )
-    return module
 
 
 def _chosen_case(path: Path, case: str | None, module: ModuleType, explicit: bool) -> Case:
@@ -196,20 +172,44 @@ def _chosen_case(path: Path, case: str | None, module: ModuleType, explicit: boo
     return cases[case]
 
 
-def _checked_options(module: ModuleType, given: Options) -> dict[str, str | int]:
-    allowed = {name: values for name, values, _ in module.OPTIONS}
-    options: dict[str, str | int] = {name: default for name, _, default in module.OPTIONS}
+def _checked_options(module: ModuleType, given: Options) -> dict[str, Any]:
+    """Every option's value: the given or the default one. One of a structure's links may be a tuple."""
+    link_options = getattr(module, "LINK_OPTIONS", ())
+    allowed = {name: values for name, values, _ in (*module.OPTIONS, *link_options)}
+    options: dict[str, Any] = {name: default for name, _, default in (*module.OPTIONS, *link_options)}
     for name, value in given.items():
         if name not in allowed:
             raise UnknownNameError(f"option of {module.NAME}", name, allowed)
-        chosen = _whole(value) if isinstance(allowed[name], range) else value
-        if chosen not in allowed[name]:
-            if isinstance(allowed[name], range):
-                bounds = f"a whole number from {allowed[name][0]} to {allowed[name][-1]}"
-                raise ValueOutOfBoundsError(f"option {name} of {module.NAME} is {value}; allowed: {bounds}")
-            raise UnknownNameError(f"value of option {name}", str(value), map(str, allowed[name]))
-        options[name] = chosen
+        if name in {each for each, *_ in link_options}:
+            options[name] = _link_by_link(module, name, value, allowed[name])
+        else:
+            options[name] = _checked_option(module, name, value, allowed[name])
     return options
+
+
+def _link_by_link(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
+    """One value for all links, or a tuple of one for each; a text separates them by commas."""
+    parts = (
+        value.split(",") if isinstance(value, str) else value if isinstance(value, list | tuple) else [value]
+    )
+    links = [link for link, *_ in module.LINKS]
+    if len(parts) not in (1, len(links)):
+        raise ValueOutOfBoundsError(
+            f"option {name} of {module.NAME} has {len(parts)} values; give one for all links, or one for "
+            f"each of {','.join(links)}"
+        )
+    chosen = tuple(_checked_option(module, name, part, allowed) for part in parts)
+    return chosen if len(chosen) > 1 else chosen[0]
+
+
+def _checked_option(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
+    chosen = _whole(value.strip()) if isinstance(value, str) and isinstance(allowed, range) else value
+    if isinstance(chosen, bool) or chosen not in allowed:
+        if isinstance(allowed, range):
+            bounds = f"a whole number from {allowed[0]} to {allowed[-1]}"
+            raise ValueOutOfBoundsError(f"option {name} of {module.NAME} is {value}; allowed: {bounds}")
+        raise UnknownNameError(f"value of option {name}", str(value), map(str, allowed))
+    return chosen
 
 
 def _whole(value: str | int) -> str | int:

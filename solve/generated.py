@@ -1,0 +1,57 @@
+"""Generated modules: found by path, run once, never imported by name."""
+
+import importlib.util
+import sys
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+
+from solve.errors import ModelFileError
+
+ROOT = Path(__file__).resolve().parents[1]
+"""Folder of the packages `models` and `generated`."""
+
+_EVERY = (
+    *("NAME", "MECHANISM_SHA256", "COORDINATES", "PARAMETERS", "OPTIONS", "OUTPUTS", "LIMITS", "VALIDITY"),
+    "PERIOD",
+)
+_EQUATIONS = ("linearised", "outputs")
+_STRUCTURE = ("LINKS", "JOINTS", "LINK_OPTIONS", "MOVES", "properties")
+
+
+def model_module(path: Path) -> ModuleType:
+    """The generated module of a model. Raises ModelFileError where the file is something else."""
+    module = _executed(path.resolve(), path.stat().st_mtime_ns)
+    contract = (*_EVERY, *(_STRUCTURE if hasattr(module, "LINKS") else _EQUATIONS))
+    missing = [name for name in contract if not hasattr(module, name)]
+    if missing:
+        raise ModelFileError(
+            f"'{path}' is no generated code (no {missing[0]}); move it away and run derive again"
+        )
+    return module
+
+
+def beam_elements() -> ModuleType:
+    """The generated tables of beam elements."""
+    path = ROOT / "generated" / "beam_elements.py"
+    if not path.is_file():
+        raise ModelFileError("no generated beam elements; run: python -m derive beam_elements")
+    return _executed(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=32)
+def _executed(path: Path, _modified: int) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"_generated_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ModelFileError(f"'{path.name}' cannot be read as generated code")
+    module = importlib.util.module_from_spec(spec)
+    written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise ModelFileError(
+            f"'{path}' is no generated code ({type(error).__name__}); move it away and run derive again"
+        ) from None
+    finally:
+        sys.dont_write_bytecode = written
+    return module

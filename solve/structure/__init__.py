@@ -1,0 +1,1 @@
+"""Plane structures of beams in general: their matrices, exact dynamic stiffness and frequencies."""
