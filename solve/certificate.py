@@ -11,13 +11,14 @@ from solve.errors import StepsError
 from solve.methods.auto import Auto
 from solve.methods.grid import Grid
 from solve.methods.method import Method, Solution
+from solve.methods.multipliers import rounding_error
+from solve.methods.radau import Radau
 from solve.system import PeriodicSystem
 
-_FIRST_STEPS = 32
+FIRST_STEPS = 16
 _FEW_STEPS = 360
 
-_ROUNDING = 64 * float(np.finfo(float).eps)
-"""Relative error below which two grids can no longer be told from rounding."""
+_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -66,18 +67,43 @@ class Refinement:
     def most(self) -> int:
         return self.method.most_steps(self.system.n)
 
+    @cached_property
+    def reach(self) -> float:
+        """ω_max T, the angle that the fastest frozen mode turns in one period."""
+        return float(np.abs(self.frozen).max()) * self.system.period
+
+    def resolved(self, steps: int) -> bool:
+        """Whether the steps follow the fastest mode."""
+        return self.reach <= steps * self.method.follows
+
     def unresolved_modes(self, steps: int) -> list[str]:
         """The quiet vice: a method that is not L-stable keeps what its steps do not resolve."""
-        if self.method.l_stable:
-            return []
-        reach = float(np.abs(self.frozen).max()) * self.system.period
-        if reach <= steps * self.method.follows:
+        if self.method.l_stable or self.resolved(steps):
             return []
         return [
-            f"ω_max h = {reach / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
+            f"ω_max h = {self.reach / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
             f"{self.method.name} neither follows nor damps them: the multipliers may be false though the "
-            f"orbit is right; use radau, or at least {math.ceil(reach / self.method.follows)} steps"
+            f"orbit is right; use radau, or at least {math.ceil(self.reach / self.method.follows)} steps"
         ]
+
+    def hidden_error(self, solution: Solution) -> float:
+        """Error of the multipliers that both of two grids may have, from modes that neither follows.
+
+        An L-stable method loses such modes, which is wrong where they truly live on; any other may turn
+        them into anything, and is judged by one that is L-stable.
+        """
+        if self.resolved(solution.grid.steps):
+            return 0.0
+        if not self.method.l_stable:
+            return solution.multipliers.difference(self.witness.solution.multipliers)
+        lost = float(surviving(self.frozen, self.system.period, solution.grid.steps * self.method.follows))
+        radius = solution.multipliers.spectral_radius
+        return lost / radius if lost < radius else 1.0
+
+    @cached_property
+    def witness(self) -> Certified:
+        """The multipliers by a method that is L-stable."""
+        return certified(self.system, self.speed, Radau(), None, 1e-10, orbit=False)
 
     def refuse(self, steps: int) -> None:
         if steps < max(1, len(self.system.breaks)):
@@ -92,8 +118,8 @@ class Refinement:
             )
         if steps > self.most:
             raise StepsError(
-                f"{self.method.name} takes at most {self.most} steps a period for {self.system.n} coordinates; "
-                f"given: {steps}; use fewer, or a method of higher order such as radau"
+                f"{self.method.name} takes at most {self.most} steps a period for {self.system.n} "
+                f"coordinates; given: {steps}; use fewer, or a method of higher order such as radau"
             )
 
     def solved(self, steps: int) -> Solution:
@@ -104,62 +130,96 @@ class Refinement:
         """A method that does not converge to the truth, judged by one that does."""
         chosen = self.solved(steps or _FEW_STEPS)
         truth = certified(self.system, self.speed, Auto(), None, min(rtol, 1e-8), self.orbit)
-        errors = [max(e, _ROUNDING) for e in differences(chosen, truth.solution)]
+        errors = np.maximum(differences(chosen, truth.solution), rounding(chosen))
         return self._result(chosen, errors, rtol, "is an approximation that")
 
     def judged(self, steps: int, rtol: float) -> Certified:
         chosen = self.solved(steps)
         found = differences(chosen, self.solved(2 * steps))
-        factors = (2.0**order for order in self._orders)
-        errors = [max(e * f / (f - 1), _ROUNDING) for e, f in zip(found, factors, strict=True)]
+        errors = _raised(judged(found, self.orders), rounding(chosen), self.hidden_error(chosen))
         return self._result(chosen, errors, rtol, f"with {steps} steps")
 
     def refined(self, rtol: float) -> Certified:
-        steps = max(_FIRST_STEPS, len(self.system.breaks), math.ceil(1.2 * self.least))
-        coarse, before = self.solved(steps), (math.inf, math.inf)
+        steps = max(FIRST_STEPS, len(self.system.breaks), math.ceil(1.2 * self.least))
+        coarse, before = self.solved(steps), np.full(2, np.inf)
         while True:
             steps *= 2
             fine = self.solved(steps)
             found = differences(coarse, fine)
-            factors = map(_observed, found, before, self._orders)
-            errors = [max(float(e / (f - 1)), _ROUNDING) for e, f in zip(found, factors, strict=True)]
-            stalled = all(e <= rtol or e >= e0 < 1e-6 for e, e0 in zip(found, before, strict=True))
-            reached = errors[0] <= max(rtol, 2 * fine.defect) and errors[1] <= rtol
-            if reached or stalled or 2 * steps > self.most:
-                return self._result(fine, errors, rtol, "at the precision in reach")
+            errors, floors = estimated(found, before, self.orders), rounding(fine)
+            hidden = self.hidden_error(fine)
+            wanted = np.maximum(floors, [max(rtol, 2 * fine.defect), rtol])
+            settled = finished(found, before, errors, wanted) and hidden <= rtol
+            if settled or 2 * steps > self.most:
+                return self._result(fine, _raised(errors, floors, hidden), rtol, "at the precision in reach")
             coarse, before = fine, found
 
     @property
-    def _orders(self) -> tuple[int, int]:
-        return self.method.curve_order, self.method.order
+    def orders(self) -> Array:
+        """Of the continuous curve and of the multipliers."""
+        return np.array([self.method.curve_order, self.method.order])
 
-    def _result(self, solution: Solution, errors: list[float], rtol: float, where: str) -> Certified:
-        errors = [errors[0] + solution.defect, errors[1]]
-        missed = [
-            f"{name} to {e:.1e}" for name, e in zip(("orbit", "multipliers"), errors, strict=True) if e > rtol
-        ]
+    def _result(self, solution: Solution, errors: Array, rtol: float, where: str) -> Certified:
+        orbit, multipliers = float(errors[0]) + solution.defect, float(errors[1])
+        found = (("orbit", orbit), ("multipliers", multipliers))
+        missed = [f"{name} to {error:.1e}" for name, error in found if error > rtol]
         warnings = [*self.method.concerns, *solution.notes, *self.unresolved_modes(solution.grid.steps)]
         if missed:
             warnings.append(
                 f"{self.method.name} {where} gives the {' and the '.join(missed)} only, not to rtol {rtol:g}"
             )
-        return Certified(self.method, solution, errors[0], errors[1], warnings)
+        return Certified(self.method, solution, orbit, multipliers, warnings)
 
 
-def differences(coarse: Solution, fine: Solution) -> tuple[float, float]:
-    """Of the orbit, per coordinate max|difference|/max|q|, and of the multipliers."""
+def differences(coarse: Solution, fine: Solution) -> Array:
+    """Of the orbit, per coordinate max|difference|/max|q|, and of the multipliers: (2,)."""
     multipliers = coarse.multipliers.difference(fine.multipliers)
     if coarse.curve is None or fine.curve is None:
-        return 0.0, multipliers
+        return np.array([0.0, multipliers])
     phase = coarse.grid.nodes[:-1, None] + coarse.grid.h[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
     q, finer = (curve(phase.ravel()) for curve in (coarse.curve, fine.curve))
     scale = np.abs(finer).max(axis=1)
     error = np.abs(q - finer).max(axis=1)
-    return float(np.max(error / np.where(scale > 0, scale, 1.0))), multipliers
+    return np.array([np.max(error / np.where(scale > 0, scale, 1.0)), multipliers])
 
 
-def _observed(difference: float, before: float, order: int) -> float:
-    """Factor by which doubling reduces the error: as seen, between 2 and 2^order."""
-    if difference == 0.0 or not math.isfinite(before):
-        return 2.0
-    return min(max(before / difference, 2.0), 2.0**order)
+def judged(found: Array, orders: Array) -> Array:
+    """Errors (…, 2) of a grid, of orbit and multipliers, from the differences to one twice as fine."""
+    return found / (1 - 0.5**orders)
+
+
+def estimated(found: Array, before: Array, orders: Array) -> Array:
+    """Errors (…, 2) of the finer of two grids from their differences and those of the grids before:
+    doubling reduces them as seen, by a factor between 2 and 2^order."""
+    known = (found > 0) & np.isfinite(before)
+    seen = np.where(known, before, 0.0) / np.where(known, found, 1.0)
+    return found / (np.minimum(np.maximum(seen, 2.0), 2.0**orders) - 1)
+
+
+def finished(found: Array, before: Array, errors: Array, wanted: Array) -> Array:
+    """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more. Differences before are
+    needed: without them how fast the errors fall is unknown."""
+    stalled = (found >= before) & (found < 1e-6)
+    return np.isfinite(before).all(axis=-1) & ((errors <= wanted) | stalled).all(axis=-1)
+
+
+def rounding(solution: Solution) -> Array:
+    """Errors (2,), of orbit and multipliers, that rounding leaves in a problem of this condition."""
+    closing = 0.0 if math.isnan(solution.condition) else 8 * _EPS * solution.condition
+    floors = closing, max(rounding_error(solution.Phi), 8 * solution.rounding)
+    return np.maximum(floors, 64 * _EPS)
+
+
+def _raised(errors: Array, floors: Array, hidden: float) -> Array:
+    """Errors (2,) estimated from two grids, raised by what no two grids show: rounding, and modes that
+    neither follows."""
+    return np.maximum(np.maximum(errors, floors), [0.0, hidden])
+
+
+def surviving(frozen: Array, period: float, limit: float) -> Array:
+    """What a period leaves, at most 1, of the least damped mode with ω T above the limit (…), from frozen
+    eigenvalues (…, k, 2n) at k phases."""
+    size = np.abs(frozen)
+    fast = (size * period > limit) | (size == size.max(axis=-1, keepdims=True))
+    rates = np.where(fast, np.real(frozen), -np.inf).max(axis=-1)
+    return np.exp(np.minimum(rates.mean(axis=-1) * period, 0.0))

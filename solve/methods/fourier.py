@@ -45,11 +45,12 @@ class Fourier(OneStep):
         odd = Grid.uniform(grid.steps | 1, grid.period)
         phases = odd.nodes[:-1]
         D = differentiation(odd)
-        Phi = _monodromy(system.state_rate(phases, speed)[..., :-1], D, grid.period)
+        Phi, rounding = _monodromy(system.state_rate(phases, speed)[..., :-1], D, grid.period)
         if not orbit:
-            return Solution(odd, Phi)
+            return Solution(odd, Phi, rounding=rounding)
         q, condition = self.collocated(system, speed, phases, D)
-        return Solution(odd, Phi, FourierCurve.through(odd.nodes, q), condition=condition)
+        curve = FourierCurve.through(odd.nodes, q)
+        return Solution(odd, Phi, curve, condition=condition, rounding=rounding)
 
     def collocated(
         self, system: PeriodicSystem, speed: float, phases: Array, D: Array
@@ -72,8 +73,9 @@ def differentiation(grid: Grid) -> Array:
     return D * (2 * np.pi / grid.period)
 
 
-def _monodromy(P: Array, D: Array, period: float) -> Array:
-    """Φ from the eigenpairs (λ, p) of p′ = P p - λ p whose p has its weight at the lowest orders.
+def _monodromy(P: Array, D: Array, period: float) -> tuple[Array, float]:
+    """Φ, and its rounding error, from the eigenpairs (λ, p) of p′ = P p - λ p whose p has its weight at
+    the lowest orders.
 
     Each multiplier exp(λT) belongs to a family λ + ik of such pairs; truncation spoils those whose
     p lies at the edge of the orders.
@@ -85,8 +87,9 @@ def _monodromy(P: Array, D: Array, period: float) -> Array:
     return from_exponents(exponents, vectors.reshape(m, N, -1), period)
 
 
-def from_exponents(exponents: Array, p: Array, period: float) -> Array:
-    """Φ (N, N) from exponents λ (r,) and periodic vectors p (m, N, r) at m uniform phases from 0."""
+def from_exponents(exponents: Array, p: Array, period: float) -> tuple[Array, float]:
+    """Φ (N, N) from exponents λ (r,) and periodic vectors p (m, N, r) at m uniform phases from 0, and the
+    relative error eps max|λ| T that eigenvalues of a matrix with such a spectrum have."""
     N = p.shape[1]
     weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
     orders = np.fft.fftfreq(len(p), 1.0 / len(p))
@@ -99,4 +102,5 @@ def from_exponents(exponents: Array, p: Array, period: float) -> Array:
         if len(chosen) == N:
             break
     X = p[0][:, chosen]
-    return np.real(X * np.exp(exponents[chosen] * period) @ np.linalg.inv(X))
+    Phi = np.real(X * np.exp(exponents[chosen] * period) @ np.linalg.inv(X))
+    return Phi, float(np.finfo(float).eps * np.abs(exponents).max() * period)

@@ -31,11 +31,11 @@ class Hill(Fourier):
         exponents, vectors = np.linalg.eig(_hill_matrix(system, speed, N))
         series = vectors.reshape(2 * N + 1, 2 * system.n, -1)
         p = np.fft.ifft(np.fft.ifftshift(series, axes=0), axis=0) * odd.steps
-        Phi = from_exponents(exponents, p, grid.period)
+        Phi, rounding = from_exponents(exponents, p, grid.period)
         if not orbit:
-            return Solution(odd, Phi)
+            return Solution(odd, Phi, rounding=rounding)
         curve, condition = _forced(system, speed, odd, N)
-        return Solution(odd, Phi, curve, condition=condition)
+        return Solution(odd, Phi, curve, condition=condition, rounding=rounding)
 
 
 def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: int = 1) -> float:

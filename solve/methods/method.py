@@ -24,8 +24,9 @@ class Solution:
 
     Phi: the monodromy matrix (N, N). curve: the periodic solution, if asked for. steps: the maps
     behind Φ, where the method has them. condition: of the linear system that gave the curve.
-    defect: relative error of the curve that no finer grid would mend. notes: what the method has to
-    say about this solution.
+    defect: relative error of the curve that no finer grid would mend. rounding: relative error that the
+    way to Φ leaves in the multipliers, beyond that of their condition. notes: what the method has to say
+    about this solution.
     """
 
     grid: Grid
@@ -34,6 +35,7 @@ class Solution:
     steps: Steps | None = None
     condition: float = np.nan
     defect: float = 0.0
+    rounding: float = 0.0
     notes: list[str] = field(default_factory=list)
     multipliers: Multipliers = field(init=False)
 

@@ -35,12 +35,31 @@ class Multipliers:
         return float(np.abs(self.values - 1.0).min(initial=np.inf))
 
     def difference(self, other: "Multipliers") -> float:
-        """Largest distance between matched multipliers, relative to the spectral radius."""
+        """Largest distance to the matched multipliers of `other`, the better ones, relative to their
+        spectral radius; infinite where that is 0 and ours is not."""
         from scipy.optimize import linear_sum_assignment
 
         ours, theirs = (np.pad(s.values, (0, s.unresolved)) for s in (self, other))
-        scale = max(self.spectral_radius, other.spectral_radius)
-        if scale == 0.0:
-            return 0.0
         distance = np.abs(ours[:, None] - theirs)
-        return float(distance[linear_sum_assignment(distance)].max() / scale)
+        largest = float(distance[linear_sum_assignment(distance)].max())
+        if other.spectral_radius == 0.0:
+            return 0.0 if largest == 0.0 else np.inf
+        return largest / other.spectral_radius
+
+
+def rounding_error(Phi: Array) -> float:
+    """Error of the multipliers, relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes: as
+    many times larger as the eigenvalue is ill-conditioned, and its square root in a defective pair."""
+    from scipy.linalg import matrix_balance
+
+    balanced, _ = matrix_balance(Phi)
+    values, right = np.linalg.eig(balanced)
+    radius = np.abs(values).max()
+    if radius == 0.0:
+        return 0.0
+    perturbation = 8 * np.finfo(float).eps * np.linalg.norm(balanced, 2) / radius
+    try:
+        conditions = np.linalg.norm(np.linalg.inv(right), axis=1)
+    except np.linalg.LinAlgError:
+        conditions = np.array([np.inf])
+    return float(min(perturbation * conditions.max(), np.sqrt(perturbation)))

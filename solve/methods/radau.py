@@ -28,6 +28,11 @@ class Radau(OneStep):
             )
 
     @property
+    def follows(self) -> float:
+        """Up to here a mode without damping keeps about half its amplitude, or more, over 500 rad."""
+        return self.order / 2 - 1
+
+    @property
     def curve_order(self) -> int:
         return min(self.order, self.collocation.curve_order)
 
