@@ -1,0 +1,23 @@
+"""Mathieu's equation, thesis 7.2.3 and Appendix E."""
+
+from derive import Abs, Mechanism, cos, pi, rate, sqrt
+
+
+def mechanism() -> Mechanism:
+    """q̈ + 2 zeta sqrt(|delta|) q̇ + (delta + epsilon cos 2φ) q = 0, φ = Ωt, of period π in the phase.
+
+    At 1 rad/s phase and time are the same and this is Mathieu's equation. At another speed Ω the
+    stiffness beats at 2Ω: in the phase it is Mathieu's equation with delta/Ω² and epsilon/Ω².
+    """
+    mathieu = Mechanism("mathieu", "Mathieu's equation (thesis 7.2.3)", energy="1/s^2", period=pi)
+    (q,) = mathieu.coordinates(q=("1", "deflection, for a mass of 1"))
+    delta, epsilon, zeta = mathieu.parameters(
+        delta=("1/s^2", "mean stiffness for a mass of 1"),
+        epsilon=("1/s^2", "amplitude of the stiffness, twice a turn"),
+        zeta=("1", "damping ratio (Lehr) of the mean stiffness", ">= 0"),
+    )
+    mathieu.kinetic = rate(q) ** 2 / 2
+    mathieu.potential = (delta + epsilon * cos(2 * mathieu.phase)) * q**2 / 2
+    mathieu.dissipation = zeta * sqrt(Abs(delta)) * rate(q) ** 2
+    mathieu.decline_drive_torque("an equation without physical units has no torque")
+    return mathieu
