@@ -28,7 +28,7 @@ def periodic(
     ...     return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
     >>> orbit = periodic(PeriodicSystem(oscillator, ["q"]), 1.0)
     >>> round(float(orbit.harmonics("q")[0][1]), 9)
-    0.333148396
+    0.333148302
     """
     omega, rule = speed_in_si(speed), chosen(method)
     system.checked(omega)
