@@ -196,7 +196,7 @@ def estimated(found: Array, before: Array, orders: Array) -> Array:
     return found / (np.minimum(np.maximum(seen, 2.0), 2.0**orders) - 1)
 
 
-def finished(found: Array, before: Array, errors: Array, wanted: Array) -> Array:
+def finished(found: Array, before: Array, errors: Array, wanted: Array) -> Array | np.bool:
     """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more. Differences before are
     needed: without them how fast the errors fall is unknown."""
     stalled = (found >= before) & (found < 1e-6)

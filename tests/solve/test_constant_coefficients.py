@@ -53,7 +53,7 @@ def test_orbit_is_the_frequency_response(seed, n, speed, method):
         [np.linalg.solve(K + 1j * k * speed * C - (k * speed) ** 2 * M, Dk) for k, Dk in enumerate(D)]
     )
     waves = np.exp(1j * np.outer(np.arange(len(D)), PHASES))
-    orbit = periodic(constant(M, C, K, force), speed, method, rtol=1e-11)
+    orbit = periodic(constant(M, C, K, force), speed, method, rtol=1e-12)
     orders = 1j * speed * np.arange(len(D))
     for found, power in zip(orbit.state(PHASES), range(3), strict=True):
         truth = np.real((response * orders[:, None] ** power).T @ waves)
