@@ -8,11 +8,12 @@ from typing import Any
 import sympy
 
 from derive.errors import DeclarationError, UnknownSymbolError, UnusedParameterError
+from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
 from derive.structure import Structure
 from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
-from derive.units import ONE, SECOND, Dimension, parse, require, short
+from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, short
 
 Dimensions = Mapping[sympy.Symbol, Dimension]
 
@@ -23,7 +24,8 @@ class _Statement:
 
     what: str
     expression: sympy.Expr
-    unit: str
+    unit: str | None
+    """None where any will do, as long as it is one."""
     barred: Set[Any] = frozenset()
 
 
@@ -38,7 +40,10 @@ def check(mechanism: Mechanism) -> None:
     known = _dimensions(mechanism)
     for each in statements:
         _require_known(each, known)
-        require(each.what, each.expression, each.unit, known)
+        if each.unit is None:
+            dimension_of(each.what, each.expression, known)
+        else:
+            require(each.what, each.expression, each.unit, known)
     _require_use(mechanism, [each.expression for each in statements])
 
 
@@ -62,36 +67,47 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
     moving = [each.symbol for each in mechanism.declared_coordinates]
     accelerations = {q.rate.rate for q in moving}
     motion = accelerations | {s for q in moving for s in (q, q.rate)}
+    local = mechanism.declared_field.local if mechanism.declared_field else set()
+    points = set(mechanism.declared_field.points) if mechanism.declared_field else set()
     energies = {
         "kinetic energy": (mechanism.kinetic, mechanism.energy),
         "potential energy": (mechanism.potential, mechanism.energy),
         "dissipation": (mechanism.dissipation, mechanism.energy + "/s"),
     }
     for what, (energy, unit) in energies.items():
-        yield _Statement(what, sympy.sympify(energy), unit, accelerations)
+        yield _Statement(what, sympy.sympify(energy), unit, accelerations | local | points)
     for force, along in mechanism.forces:
         what = f"virtual work of {short(force)} along {short(along)}"
-        yield _Statement(what, sympy.Mul(force, along), mechanism.energy, accelerations)
+        yield _Statement(what, sympy.Mul(force, along), mechanism.energy, accelerations | local | points)
     for each in mechanism.declared_coordinates:
         if each.symbol in mechanism.fundamental_motion:
             desired = mechanism.fundamental_motion[each.symbol]
             yield _Statement(f"fundamental motion of {each.symbol}", desired, each.unit, motion)
     for output in mechanism.declared_outputs:
-        yield _Statement(f"output {output.name}", output.expression, output.unit)
+        yield _Statement(f"output {output.name}", output.expression, output.unit, local)
+    for condition in mechanism.conditions:
+        yield _Statement(f"condition {condition.text}", condition.margin, None, motion | {SPEED})
+    for loop in mechanism.declared_loops:
+        for equation in loop.closure:
+            yield _Statement(f"loop of {loop}", equation, None, motion | {PHASE, SPEED})
     yield _Statement("period", sympy.sympify(mechanism.period), "rad", motion | {PHASE, SPEED})
 
 
 def _dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
     known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND}
-    for each in mechanism.declared_coordinates:
-        unit = parse(each.unit)
-        known |= {
-            each.symbol: unit,
-            each.symbol.rate: unit / SECOND,
-            each.symbol.rate.rate: unit / SECOND**2,
-        }
     known |= {each.symbol: parse(each.unit) for each in mechanism.declared_parameters}
     known |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}
+    moving = {each.symbol: parse(each.unit) for each in mechanism.declared_coordinates}
+    if mechanism.declared_field:
+        length = dimension_of("length", mechanism.declared_field.length, known)
+        moving |= mechanism.declared_field.dimensions(length, parse(mechanism.energy))
+        known[mechanism.declared_field.position] = length
+    for symbol, unit in moving.items():
+        known |= {symbol: unit, symbol.rate: unit / SECOND, symbol.rate.rate: unit / SECOND**2}
+    for loop in mechanism.declared_loops:
+        known |= {z: parse(unit) for z, unit in zip(loop.unknowns, loop.units, strict=True)}
+        for given, argument in zip(loop.given, loop.arguments, strict=True):
+            known[given] = dimension_of(f"loop of {loop}", argument, known)
     return known
 
 
@@ -114,9 +130,13 @@ def _require_use(mechanism: Mechanism, expressions: list[sympy.Expr]) -> None:
     symbols = set().union(*(each.free_symbols for each in expressions))
     for series in set().union(*(each.atoms(PeriodicFunction) for each in expressions)):
         symbols |= set(type(series).coefficients())
+    for unknown in set().union(*(each.atoms(LoopFunction) for each in expressions)):
+        symbols |= set(unknown.loop.parameters)
     for parameter in mechanism.declared_parameters:
         if parameter.symbol not in symbols:
             raise UnusedParameterError(f"parameter {parameter.symbol} is never used; use it or drop it")
     for option in mechanism.declared_options:
+        if mechanism.declared_field and option.name == mechanism.declared_field.modes:
+            continue
         if not symbols & set(option.indicators):
             raise UnusedParameterError(f"option {option.name} is never used; use it or drop it")

@@ -1,15 +1,21 @@
 """The text of a generated module: its constants, and functions that build CasADi functions."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import sympy
 
 from derive import lagrange
+from derive.declarations import Output
+from derive.field import Field
+from derive.field_text import definitions, field_functions, field_tools
 from derive.freshness import banner, seal
-from derive.function_text import Generated, function_text
+from derive.function_text import Generated, function_text, options_text
+from derive.galerkin import project
 from derive.linearise import linearise
-from derive.mechanism import Mechanism, Output
+from derive.loop_text import loop_orders, loop_text
+from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
 from derive.recurrence import COMPONENTS, FOURIER
 
@@ -20,53 +26,102 @@ def _choice(option, value):
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
     return [float(value == each) for each in allowed]'''
-TOOLS = {"_fourier(": FOURIER, "_components(": COMPONENTS, "_choice(": CHOICE}
+COUNT = '''\
+def _count(option, value):
+    """The value of an option that is a number."""
+    allowed = next(values for name, values, _ in OPTIONS if name == option)
+    if value not in allowed:
+        raise ValueError(f"option {option} is {value!r}; allowed: {allowed[0]} to {allowed[-1]}")
+    return int(value)'''
+TOOLS = {"_count(": COUNT, "_fourier(": FOURIER, "_components(": COMPONENTS, "_choice(": CHOICE}
+
+
+STATE = ("phase", "speed", "q", "qd", "qdd", "p")
 
 
 @dataclass(frozen=True)
 class Equations:
-    """All that a generated module computes."""
+    """All that a generated module computes.
 
-    linearised: dict[str, sympy.Matrix]
-    residual: sympy.Matrix
+    residual: nothing where `functions` hold it. definitions: text for symbols that stand in the
+    expressions besides the inputs. tools, functions: texts that go before and after the others.
+    """
+
+    linearised: dict[str, Any]
+    residual: sympy.Matrix | None
     outputs: list[Output]
+    definitions: dict[sympy.Symbol, str] = field(default_factory=dict)
+    tools: list[str] = field(default_factory=list)
+    functions: list[str] = field(default_factory=list)
 
 
 def derive_equations(mechanism: Mechanism) -> Equations:
     """Equations of a checked mechanism; SingularMassError where a coordinate has no inertia."""
+    if mechanism.declared_field:
+        return _field_equations(mechanism, mechanism.declared_field)
     r = lagrange.residual(mechanism)
-    outputs = [] if mechanism.no_drive_torque else [_torque(mechanism, r)]
+    outputs = [] if mechanism.no_drive_torque else [_torque(lagrange.drive_torque(mechanism, r))]
     for each in mechanism.declared_outputs:
         expression = lagrange.from_fundamental(mechanism, each.expression)
         outputs.append(Output(each.name, expression, each.unit, each.meaning))
     return Equations(linearise(mechanism, r)._asdict(), r, outputs)
 
 
+def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
+    projection = project(mechanism, deflection)
+    outputs = [] if mechanism.no_drive_torque else [_torque(projection.drive_torque)]
+    for each in mechanism.declared_outputs:
+        expression = each.expression.xreplace(projection.tensions)
+        outputs.append(Output(each.name, expression, each.unit, each.meaning))
+    options = [each.name for each in mechanism.declared_options]
+    functions = field_functions(deflection, options_text(mechanism), options)
+    tools = field_tools(projection)
+    return Equations(projection.linearised, None, outputs, definitions(projection), tools, functions)
+
+
 def module_text(mechanism: Mechanism, source_sha256: str, derive_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
     equations = derive_equations(mechanism)
-    state = ("phase", "speed", "q", "qd", "qdd", "p")
-    outputs = {each.name: each.expression for each in equations.outputs}
-    functions = [
-        Generated(
-            "linearised", "M, C, K, d of M q̈ + C q̇ + K q = d.", ("phase", "speed", "p"), equations.linearised
-        ),
-        Generated(
-            "residual", "Nonlinear r of the equation of motion r = 0.", state, {"r": equations.residual}
-        ),
-        Generated("outputs", "One scalar for each of OUTPUTS.", state, outputs),
-    ]
-    printed = {each.name: function_text(mechanism, each) for each in functions}
-    texts = [text for text, _ in printed.values()]
+    functions = _functions(mechanism, equations)
+    orders = loop_orders([matrix for each in functions for matrix in each.matrices])
+    loops = {loop: loop_text(loop, needed) for loop, needed in orders.items()}
+    printed = {each.name: function_text(mechanism, each, orders) for each in functions}
+    counts = _operations(printed, {loop.name: count for loop, (_, count) in loops.items()})
+    texts = [text for text, _ in (*loops.values(), *printed.values())] + equations.functions
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
-    data = constants(mechanism, equations.outputs, {name: count for name, (_, count) in printed.items()})
-    body = "\n\n\n".join([data, *tools, *texts]) + "\n"
+    data = constants(mechanism, equations.outputs, counts)
+    body = "\n\n\n".join([data, *tools, *equations.tools, *texts]) + "\n"
     return seal(banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body)
 
 
-def _torque(mechanism: Mechanism, residual: sympy.Matrix) -> Output:
-    meaning = "torque of the drive that keeps the speed constant"
-    return Output("drive_torque", lagrange.drive_torque(mechanism, residual), "N m", meaning)
+def _operations(printed: dict[str, tuple[str, int]], loops: dict[str, int]) -> dict[str, int]:
+    """Operations of the functions that are evaluated at every phase, those of their loops included."""
+    counts = {
+        name: printed[name][1] + sum(n for loop, n in loops.items() if f"{loop}(" in printed[name][0])
+        for name in ("linearised", "residual", "outputs")
+        if name in printed
+    }
+    return {"linearised": counts["linearised"], "residual": counts["linearised"], **counts}
+
+
+def _functions(mechanism: Mechanism, equations: Equations) -> list[Generated]:
+    names = equations.definitions
+    doc = "M, C, K, d of M q̈ + C q̇ + K q = d."
+    functions = [Generated("linearised", doc, ("phase", "speed", "p"), equations.linearised, names)]
+    if equations.residual is not None:
+        doc = "Nonlinear r of the equation of motion r = 0."
+        functions.append(Generated("residual", doc, STATE, {"r": equations.residual}))
+    outputs = {each.name: each.expression for each in equations.outputs}
+    functions.append(Generated("outputs", "One scalar for each of OUTPUTS.", STATE, outputs, names))
+    if mechanism.conditions:
+        margins = sympy.Matrix([each.margin for each in mechanism.conditions])
+        doc = "One number for each of CONDITIONS, positive where it holds."
+        functions.append(Generated("conditions", doc, ("phase", "p"), {"margins": margins}))
+    return functions
+
+
+def _torque(expression: Any) -> Output:
+    return Output("drive_torque", expression, "N m", "torque of the drive that keeps the speed constant")
 
 
 def constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str, int]) -> str:
@@ -78,10 +133,15 @@ def constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str,
         "PARAMETERS": [
             (each.symbol.name, each.unit, each.meaning, each.bound) for each in mechanism.declared_parameters
         ],
-        "OPTIONS": [(each.name, each.values, each.values[0]) for each in mechanism.declared_options],
+        "OPTIONS": [(each.name, each.values, each.default) for each in mechanism.declared_options],
         "OUTPUTS": [(each.name, each.unit, each.meaning) for each in outputs],
         "LIMITS": mechanism.limits,
     }
+    if mechanism.conditions:
+        rows["CONDITIONS"] = [(each.text, each.meaning, each.parameters) for each in mechanism.conditions]
+    if mechanism.declared_field:
+        deflection = mechanism.declared_field
+        rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
     lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
     for name, tuples in rows.items():
         lines += (
@@ -97,8 +157,8 @@ def constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str,
     return "\n".join(lines)
 
 
-def literal(value: str | tuple) -> str:
-    """A text or a tuple as Python, always with double quotes."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    return "(" + ", ".join(map(literal, value)) + ("," if len(value) == 1 else "") + ")"
+def literal(value: str | int | range | tuple) -> str:
+    """A value as Python, always with double quotes."""
+    if isinstance(value, tuple):
+        return "(" + ", ".join(map(literal, value)) + ("," if len(value) == 1 else "") + ")"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -3,34 +3,54 @@
 import json
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import sympy
 
+from derive.declarations import Option
+from derive.kinematics import Loop, Order
+from derive.loop_text import loop_calls
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
 from derive.recurrence import operations, series_calls
 
 WIDTH = 106
+NO_LOOPS: Mapping[Loop, list[Order]] = MappingProxyType({})
 VECTORS = {"q": "coordinates", "qd": "rates", "qdd": "accelerations", "p": "parameters"}
 
 
 @dataclass(frozen=True)
 class Generated:
-    """A function of the generated module: its CasADi inputs and its named results."""
+    """A function of the generated module: its CasADi inputs and its named results.
+
+    definitions: text for symbols of the results that the inputs do not hold.
+    """
 
     name: str
     doc: str
     inputs: tuple[str, ...]
     results: Mapping[str, Any]
+    definitions: Mapping[sympy.Symbol, str] = field(default_factory=dict)
+
+    @property
+    def matrices(self) -> list[Any]:
+        return [sympy.Matrix([result]) for result in self.results.values()]
 
 
-def function_text(mechanism: Mechanism, function: Generated) -> tuple[str, int]:
-    """Text of one function, and its operations after common subexpressions are taken out."""
-    results = [sympy.Matrix([result]) for result in function.results.values()]
-    taken = mechanism.names() | {"phase", "speed"}
+def function_text(
+    mechanism: Mechanism, function: Generated, loops: Mapping[Loop, list[Order]] = NO_LOOPS
+) -> tuple[str, int]:
+    """Text of one function, and its operations after common subexpressions are taken out.
+
+    loops: the orders of derivatives that each loop's generated function returns.
+    """
+    taken = mechanism.names() | {"phase", "speed"} | {symbol.name for symbol in function.definitions}
+    solved, positions = loop_calls(function.matrices, loops, taken)
+    results = [matrix.xreplace(positions) for matrix in function.matrices]
     calls, values = series_calls(results, taken)
+    used = set().union(*(matrix.free_symbols for matrix in results))
     free = sympy.numbered_symbols("x", exclude=[sympy.Symbol(name) for name in sorted(taken)])
     common, reduced = sympy.cse(
         [result.xreplace(values) for result in results],
@@ -42,15 +62,22 @@ def function_text(mechanism: Mechanism, function: Generated) -> tuple[str, int]:
     body = [
         f'"""{function.doc}"""',
         *_inputs(mechanism, function.inputs),
+        *(f"{symbol} = {text}" for symbol, text in function.definitions.items() if symbol in used),
+        *solved,
         *calls,
         *(f"{symbol} = {printer.doprint(expression)}" for symbol, expression in common),
         *_return(function, [_matrix(printer, each) for each in reduced]),
     ]
-    options = ", ".join(f'{each.name}="{each.values[0]}"' for each in mechanism.declared_options)
-    signature = f"def {function.name}({'*, ' + options if options else ''}):"
     expressions = [expression for _, expression in common] + [entry for each in reduced for entry in each]
     text = textwrap.indent("\n".join(body), "    ")
-    return f"{signature}\n{text}", int(sympy.count_ops(expressions)) + operations(values)
+    count = int(sympy.count_ops(expressions)) + operations(values)
+    return f"def {function.name}({options_text(mechanism)}):\n{text}", count
+
+
+def options_text(mechanism: Mechanism) -> str:
+    """Options with their defaults, as parameters of a function."""
+    options = [f"{each.name}={json.dumps(each.default)}" for each in mechanism.declared_options]
+    return ", ".join(["*", *options]) if options else ""
 
 
 def _inputs(mechanism: Mechanism, inputs: Sequence[str]) -> list[str]:
@@ -62,16 +89,21 @@ def _inputs(mechanism: Mechanism, inputs: Sequence[str]) -> list[str]:
         "qdd": [q.rate.rate.name for q in moving],
         "p": [each.symbol.name for each in mechanism.declared_parameters],
     }
-    lines = [
-        f'{_listed(indicator.name for indicator in each.indicators)} = _choice("{each.name}", {each.name})'
-        for each in mechanism.declared_options
-    ]
+    lines = [_option_line(each) for each in mechanism.declared_options]
     for name in inputs:
         size = f", {len(names[name])}" if name in names else ""
+        if mechanism.declared_field and name in ("q", "qd", "qdd"):
+            names[name], size = [], f", {mechanism.declared_field.modes}"
         lines.append(f'{VECTORS.get(name, name)} = casadi.SX.sym("{name}"{size})')
         if names.get(name):
             lines.append(f"{_wrapped(names[name])} = casadi.vertsplit({VECTORS[name]})")
     return lines
+
+
+def _option_line(option: Option) -> str:
+    if not option.indicators:
+        return f'{option.name} = _count("{option.name}", {option.name})'
+    return f'{_listed(each.name for each in option.indicators)} = _choice("{option.name}", {option.name})'
 
 
 def _wrapped(names: Sequence[str]) -> str:

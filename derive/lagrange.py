@@ -5,13 +5,22 @@ Q = F ∂y/∂q (chapter Eqs. (46)–(54)). The phase is a coordinate too, but a
 its row gives the drive torque.
 """
 
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import sympy
 
 from derive.gather import gathered, shorter
 from derive.mechanism import Mechanism
 from derive.symbols import PHASE, Moving, rate
+
+
+class Energies(NamedTuple):
+    """T, V and Rayleigh's R, of a mechanism or of a unit of length."""
+
+    kinetic: Any
+    potential: Any
+    dissipation: Any
 
 
 def residual(mechanism: Mechanism) -> sympy.Matrix:
@@ -56,7 +65,12 @@ def _row(mechanism: Mechanism, q: Moving) -> sympy.Expr:
         from_fundamental(mechanism, sympy.sympify(energy))
         for energy in (mechanism.kinetic, mechanism.potential, mechanism.dissipation)
     )
-    row = rate(kinetic.diff(q.rate)) - kinetic.diff(q) + potential.diff(q) + dissipation.diff(q.rate)
-    for force, along in mechanism.forces:
-        row -= from_fundamental(mechanism, force) * from_fundamental(mechanism, along).diff(q)
-    return row
+    forces = [[from_fundamental(mechanism, each) for each in work] for work in mechanism.forces]
+    return equation(Energies(kinetic, potential, dissipation), q, forces)
+
+
+def equation(energies: Energies, q: Moving, forces: Iterable[Sequence[Any]] = ()) -> sympy.Expr:
+    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q + ∂R/∂q̇ − Σ F ∂y/∂q, for forces given as pairs of F and y."""
+    T, V, R = energies
+    work = sympy.Add(*(force * along.diff(q) for force, along in forces))
+    return rate(T.diff(q.rate)) - T.diff(q) + V.diff(q) + R.diff(q.rate) - work

@@ -1,12 +1,15 @@
 """Taylor's expansion to first order about the fundamental motion: M q̈ + C q̇ + K q = d."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import sympy
 
 from derive.errors import SingularMassError
 from derive.gather import shorter
+from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
+from derive.symbols import Moving
 from derive.transmission import PeriodicFunction
 
 
@@ -25,18 +28,23 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     Raises SingularMassError where M is singular whatever the parameters.
     """
     q = [each.symbol for each in mechanism.declared_coordinates]
-    qd = [symbol.rate for symbol in q]
-    qdd = [symbol.rate for symbol in qd]
-    rest = dict.fromkeys([*q, *qd, *qdd], sympy.S.Zero)
-    matrices = [residual.jacobian(by) for by in (qdd, qd, q)] + [-residual]
-    M, C, K, d = shorter([matrix.xreplace(rest) for matrix in matrices])
+    M, C, K, d = shorter(expanded(residual, q))
     _require_inertia(mechanism, M)
     return Linearised(M, C, K, d)
 
 
+def expanded(residual: sympy.Matrix, q: Sequence[Moving]) -> Linearised:
+    """Taylor's first order of rows in any coordinates q, their rates and accelerations."""
+    qd = [symbol.rate for symbol in q]
+    qdd = [symbol.rate for symbol in qd]
+    rest = dict.fromkeys([*q, *qd, *qdd], sympy.S.Zero)
+    matrices = [residual.jacobian(by) for by in (qdd, qd, q)] + [-residual]
+    return Linearised(*(matrix.xreplace(rest) for matrix in matrices))
+
+
 def _require_inertia(mechanism: Mechanism, M: sympy.Matrix) -> None:
     """Look for massless directions at an arbitrary rational point, where no rank is lost by chance."""
-    unknown = sorted(M.atoms(PeriodicFunction), key=sympy.default_sort_key)
+    unknown = sorted(M.atoms(PeriodicFunction, LoopFunction), key=sympy.default_sort_key)
     unknown += sorted(M.free_symbols, key=lambda symbol: symbol.name)
     point = {symbol: sympy.Rational(sympy.prime(i + 5), 7) for i, symbol in enumerate(unknown)}
     massless = M.xreplace(point).evalf(60).nullspace(iszerofunc=lambda entry: abs(entry) < 1e-40)

@@ -2,13 +2,17 @@
 
 import keyword
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import sympy
+from sympy.core.relational import StrictGreaterThan, StrictLessThan
 
+from derive.declarations import Condition, Coordinate, Option, Output, Parameter
 from derive.errors import DeclarationError
+from derive.field import Field
+from derive.kinematics import Loop, four_bar, full_turn
 from derive.symbols import PHASE, SPEED, Moving
 from derive.transmission import PeriodicFunction, Series
 from derive.units import parse
@@ -16,52 +20,6 @@ from derive.units import parse
 RESERVED = ("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math")
 CLAUSE = r"(integer|[<>]=? *-?[\d.]+(e-?\d+)?)"
 BOUND = rf"({CLAUSE}(, *{CLAUSE})*)?"
-
-
-@dataclass(frozen=True)
-class Coordinate:
-    symbol: Moving
-    unit: str
-    meaning: str
-
-
-@dataclass(frozen=True)
-class Parameter:
-    symbol: sympy.Symbol
-    unit: str
-    meaning: str
-    bound: str
-
-
-@dataclass(frozen=True)
-class Output:
-    name: str
-    expression: sympy.Expr
-    unit: str
-    meaning: str
-
-
-@dataclass(frozen=True)
-class Option:
-    """A choice that the user of the generated module makes by name."""
-
-    name: str
-    values: tuple[str, ...]
-
-    @property
-    def indicators(self) -> tuple[sympy.Symbol, ...]:
-        """One symbol a value, 1 where it is chosen and 0 elsewhere."""
-        return tuple(sympy.Symbol(f"{self.name}_{value}", real=True) for value in self.values)
-
-    def choose(self, **expressions: sympy.Expr | float) -> sympy.Expr:
-        """The expression of the chosen value; DeclarationError unless each value has one."""
-        if set(expressions) != set(self.values):
-            raise DeclarationError(
-                f"option {self.name} needs one expression for each of {', '.join(self.values)}; "
-                f"given: {', '.join(expressions) or 'none'}"
-            )
-        chosen = zip(self.indicators, self.values, strict=True)
-        return sympy.Add(*(indicator * expressions[value] for indicator, value in chosen))
 
 
 @dataclass(slots=True)
@@ -90,6 +48,9 @@ class Mechanism:
     fundamental_motion: dict[Moving, sympy.Expr] = field(default_factory=dict, init=False)
     limits: list[tuple[str, str, str]] = field(default_factory=list, init=False)
     validity: dict[str, float] = field(default_factory=dict, init=False)
+    declared_field: Field | None = field(default=None, init=False)
+    declared_loops: list[Loop] = field(default_factory=list, init=False)
+    conditions: list[Condition] = field(default_factory=list, init=False)
     no_drive_torque: str = field(default="", init=False)
 
     @property
@@ -110,8 +71,7 @@ class Mechanism:
         symbols = tuple(Moving(name) for name in declared)
         for symbol, described in zip(symbols, declared.values(), strict=True):
             unit, meaning, _ = self._described(symbol.name, described)
-            for moving in (symbol, symbol.rate, symbol.rate.rate):
-                self._claim(moving.name)
+            self._claim_moving(symbol)
             self.declared_coordinates.append(Coordinate(symbol, unit, meaning))
         return symbols
 
@@ -194,18 +154,135 @@ class Mechanism:
             form="amplitude-phase",
         )
 
-    def option(self, name: str, values: tuple[str, ...]) -> Option:
-        """Declare an option; the first value is its default. `Option.choose` picks expressions."""
+    def option(self, name: str, values: tuple[str, ...] | range, default: str | int | None = None) -> Option:
+        """Declare an option, of words or of a range of numbers; without `default` it is the first value.
+
+        `Option.choose` picks expressions by word.
+        """
         self._claim(name)
-        if len(values) < 2 or not all(value.isidentifier() for value in values):
+        words = isinstance(values, tuple) and all(value.isidentifier() for value in values)
+        if len(values) < 2 or not (words or isinstance(values, range)):
             raise DeclarationError(
-                f"option {name} needs two or more values that are plain words; given: {values}"
+                f"option {name} needs two or more values that are plain words, or a range; given: {values}"
             )
-        option = Option(name, tuple(values))
+        if default is not None and default not in values:
+            raise DeclarationError(f"option {name} has no value {default}; declared: {values}")
+        option = Option(name, values, values[0] if default is None else default)
         for indicator in option.indicators:
             self._claim(indicator.name)
         self.declared_options.append(option)
         return option
+
+    def require(self, condition: Any, meaning: str) -> None:
+        """State an inequality of parameters, and in `meaning` what is wrong where it does not hold."""
+        if condition == sympy.true:
+            return
+        if not isinstance(condition, StrictLessThan | StrictGreaterThan) or not meaning:
+            raise DeclarationError(
+                f"require({condition}, {meaning!r}): give an inequality with < or > between expressions "
+                "of parameters, and what is wrong where it does not hold"
+            )
+        text = re.sub(r"Abs\(([^()]*)\)", r"|\1|", str(condition))
+        greater: Any = condition.gts
+        self.conditions.append(Condition(text, meaning, greater - condition.lts))
+
+    def four_bar(
+        self,
+        coupler_angle: str,
+        follower_angle: str,
+        *,
+        crank: Any,
+        coupler: Any,
+        follower: Any,
+        ground: Any,
+        tilt: Any = 0,
+        angle: Any = PHASE,
+        side: Any = 1,
+    ) -> tuple[Any, Any]:
+        """Directions of coupler and follower of a planar four-bar linkage, from their lengths (m).
+
+        The crank turns by `angle` about the origin, the ground line is inclined by `tilt`. The coupler's
+        direction is from crank pin to joint, the follower's from its pivot to the joint. side: +1 where
+        the joint lies on the left of the line from crank pin to pivot, −1 on its right. Lengths and
+        angle may move. A crank that cannot turn fully is refused when numbers are given.
+        """
+        links = {
+            "angle": angle, "crank": crank, "coupler": coupler, "follower": follower,
+            "ground": ground, "tilt": tilt,
+        }  # fmt: skip
+        for condition in full_turn(crank, coupler, follower, ground):
+            self.require(condition, "the crank cannot turn fully")
+        phi3, phi4 = self._loop(four_bar((coupler_angle, follower_angle), links, side))
+        return phi3, phi4
+
+    def loop(
+        self,
+        unknowns: Mapping[str, str],
+        driven_by: Sequence[Any],
+        closure: Callable[..., Sequence[Any]],
+        start: Callable[..., Sequence[Any]],
+        iterations: int = 8,
+    ) -> tuple[Any, ...]:
+        """Unknowns of any closed loop, by Newton's method from a guess that chooses the assembly.
+
+        unknowns: names and units. driven_by: what moves the loop, such as the phase.
+        closure: expressions of driven_by and unknowns, given in this order, that vanish; as many as
+        unknowns. start: a guess for each unknown from driven_by. Where the loop is not closed after
+        `iterations` steps at some phase, the numbers are refused.
+        """
+        given = tuple(sympy.Dummy(f"given{k}", real=True) for k in range(1, len(driven_by) + 1))
+        symbols = tuple(sympy.Symbol(name, real=True) for name in unknowns)
+        equations, guess = (
+            tuple(map(sympy.sympify, each)) for each in (closure(*given, *symbols), start(*given))
+        )
+        if not len(equations) == len(guess) == len(symbols) > 0 or not given or iterations < 1:
+            raise DeclarationError(
+                f"loop of {', '.join(unknowns) or 'nothing'} has {len(equations)} equations, {len(guess)} "
+                f"guesses, {len(given)} arguments and {iterations} iterations; give an equation and a guess "
+                "for each unknown, and one or more of each"
+            )
+        arguments = tuple(map(sympy.sympify, driven_by))
+        loop = Loop(symbols, tuple(unknowns.values()), given, arguments, equations, guess, iterations)
+        functions = self._loop(loop)
+        meaning = f"the loop of {loop} does not close at every phase"
+        self.conditions += [Condition(f"gap of {loop} < 1e-9", meaning, margin) for margin in loop.margins]
+        return functions
+
+    def field(
+        self,
+        name: str,
+        unit: str,
+        meaning: str,
+        *,
+        length: Any,
+        shape: Callable[[Any, Any], Any],
+        modes: Option,
+        coordinates: str = "q",
+    ) -> Field:
+        """Declare a deflection along an elastic link as a sum of mode functions.
+
+        shape(k, xi): mode function k = 1, 2, … of xi = x/length, a sum of sines and cosines of
+        π(ak + c) xi with whole a. modes: an option of numbers, how many are taken. Declares the
+        coordinates q1, q2, …, the modes' amplitudes. Raises DeclarationError.
+        """
+        if self.declared_field or self.declared_coordinates:
+            raise DeclarationError(f"{name}: a mechanism has one field and no coordinates besides")
+        if not isinstance(modes.values, range) or modes.values[0] < 1:
+            raise DeclarationError(f"{name}: give the number of modes as an option with a range from 1 on")
+        numbers = sympy.symbols("k xi")
+        if sympy.sympify(shape(*numbers)).free_symbols != set(numbers):
+            raise DeclarationError(f"{name}: the shape {shape(*numbers)} must depend on k and xi alone")
+        self._described(name, (unit, meaning))
+        declared = Field(name, unit, meaning, sympy.sympify(length), shape, modes.name)
+        for symbol in declared.symbols:
+            self._claim_moving(symbol)
+        amplitudes = {
+            f"{coordinates}{k}": (unit, f"{meaning}: amplitude of mode {k}")
+            for k in range(1, modes.values[-1] + 1)
+        }
+        self.coordinates(**amplitudes)
+        self.declared_field = declared
+        return declared
 
     def force(self, force: sympy.Expr | float, along: sympy.Expr) -> None:
         """Add the virtual work `force` δ`along` (a force and a displacement, or a torque and an angle)."""
@@ -274,6 +351,16 @@ class Mechanism:
             )
         return unit, meaning, bound
 
+    def _loop(self, loop: Loop) -> tuple[Any, ...]:
+        for unknown in loop.unknowns:
+            self._claim(unknown.name)
+        self.declared_loops.append(loop)
+        return loop.at(loop.arguments)
+
+    def _claim_moving(self, symbol: Moving) -> None:
+        for moving in (symbol, symbol.rate, symbol.rate.rate):
+            self._claim(moving.name)
+
     def _claim(self, name: str) -> None:
         """Refuse a name that is reserved or taken."""
         if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name) or name in RESERVED:
@@ -288,7 +375,9 @@ class Mechanism:
     def names(self) -> set[str]:
         """Every name that is taken, derivatives of coordinates and option values included."""
         moving = [each.symbol for each in self.declared_coordinates]
-        taken = {symbol.name for q in moving for symbol in (q, q.rate, q.rate.rate)}
+        moving += self.declared_field.symbols if self.declared_field else []
+        taken = {unknown.name for loop in self.declared_loops for unknown in loop.unknowns}
+        taken |= {symbol.name for q in moving for symbol in (q, q.rate, q.rate.rate)}
         taken |= {each.symbol.name for each in self.declared_parameters}
         taken |= {each.name for each in self.declared_outputs}
         for option in self.declared_options:

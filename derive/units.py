@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Protocol, runtime_checkable
 
 import sympy
 
@@ -59,6 +60,13 @@ UNITS = {
 SECOND = UNITS["s"]
 
 
+@runtime_checkable
+class Composed(Protocol):
+    """A function whose dimension follows from those of its arguments, which need not be numbers."""
+
+    def dimension_from(self, parts: list[Dimension]) -> Dimension: ...
+
+
 def parse(text: str) -> Dimension:
     """Dimension of a unit such as "N m/rad" or "kg m^2", read from left to right.
 
@@ -99,6 +107,8 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
     if isinstance(expression, (sympy.Add, sympy.Max, sympy.Min, sympy.Abs, sympy.atan2)):
         common = _common(what, expression, parts)
         return ONE if isinstance(expression, sympy.atan2) else common
+    if isinstance(expression, Composed):
+        return expression.dimension_from(parts)
     for argument, part in zip(expression.args, parts, strict=True):
         if part != ONE and not isinstance(expression, sympy.sign):
             raise UnitError(

@@ -1,0 +1,129 @@
+"""The text of generated functions that a field needs: its mode functions, their integrals, the residual."""
+
+from collections.abc import Sequence
+
+import sympy
+
+from derive.field import Field
+from derive.galerkin import Moment, Pair, Projection
+from derive.modal_integrals import XI
+from derive.printer import CasadiPrinter
+
+K = sympy.Symbol("k", integer=True, positive=True)
+PAIRS = '''\
+def _pairs(integral, count):
+    """An integral of two modes for every row i and column j."""
+    numbers = range(1, count + 1)
+    return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])'''
+COLUMN = '''\
+def _column(integral, count):
+    """An integral of one mode for every row j."""
+    return casadi.DM([integral(j) for j in range(1, count + 1)])'''
+AMPLITUDES = ("coordinates", "rates", "accelerations")
+
+
+def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
+    """Text for each symbol of the projected equations, and for each point of the field."""
+    modes = projection.deflection.modes
+    texts: dict[sympy.Symbol, str] = {}
+    for pair in projection.pairs:
+        texts[pair] = f"_pairs(_{pair}, {modes})"
+    for moment in projection.moments:
+        texts[moment] = f"_column(_{moment}, {modes})"
+    for weighted, moment in projection.weighted.items():
+        symbol = weighted
+        for amplitudes in AMPLITUDES:
+            texts[symbol] = f"casadi.dot(_column(_{moment}, {modes}), {amplitudes})"
+            symbol = symbol.rate
+    return texts | _points(projection.deflection)
+
+
+def field_tools(projection: Projection) -> list[str]:
+    """Module functions that the definitions call."""
+    return [
+        _modes(projection.deflection),
+        *([PAIRS] if projection.pairs else []),
+        *([COLUMN] if projection.moments else []),
+        *(_pair(name, pair) for name, pair in projection.pairs.items()),
+        *(_moment(name, moment) for name, moment in projection.moments.items()),
+    ]
+
+
+def field_functions(deflection: Field, given: str, options: Sequence[str]) -> list[str]:
+    """The residual, and the mode functions for those who want the deflection elsewhere.
+
+    given: text of the functions' parameters. options: names of the module's options.
+    """
+    passed = ", ".join(f"{name}={name}" for name in options)
+    modes = deflection.modes
+    residual = f'''\
+def residual({given}):
+    """r of the equation of motion r = 0; linear, as the projected equations are."""
+    matrices = linearised({passed})
+    phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")
+    q, qd, qdd = (casadi.SX.sym(name, matrices.size1_out("d")) for name in ("q", "qd", "qdd"))
+    p = casadi.SX.sym("p", len(PARAMETERS))
+    M, C, K, d = matrices(phase, speed, p)
+    return casadi.Function(
+        "residual",
+        [phase, speed, q, qd, qdd, p],
+        [M @ qdd + C @ qd + K @ q - d],
+        ["phase", "speed", "q", "qd", "qdd", "p"],
+        ["r"],
+    )'''
+    fields = f'''\
+def fields({given}):
+    """Mode functions of each of FIELDS at a fraction xi of its length."""
+    {modes} = _count("{modes}", {modes})
+    xi = casadi.SX.sym("xi")
+    shapes = _{deflection.name}(xi, 0, {modes})
+    return casadi.Function("fields", [xi], [shapes], ["xi"], ["{deflection.name}"])'''
+    return [residual, fields]
+
+
+def _points(deflection: Field) -> dict[sympy.Symbol, str]:
+    texts: dict[sympy.Symbol, str] = {}
+    printer = CasadiPrinter()
+    for point, (local, position) in deflection.points.items():
+        if local in deflection.derivatives:
+            order = deflection.derivatives.index(local)
+            xi = printer.doprint(position / deflection.length)
+            scale = f"/({printer.doprint(deflection.length**order)})" if order else ""
+            symbol = point
+            for amplitudes in AMPLITUDES:
+                shape = f"_{deflection.name}({xi}, {order}, {deflection.modes})"
+                texts[symbol] = f"casadi.dot({shape}, {amplitudes}){scale}"
+                symbol = symbol.rate
+    return texts
+
+
+def _modes(deflection: Field) -> str:
+    shape = deflection.shape(K, XI)
+    rows = [CasadiPrinter().doprint(shape.diff(XI, order)) for order in range(3)]
+    listed = "\n".join(f"            {row}," for row in rows)
+    return f'''\
+def _{deflection.name}(xi, derivative, count):
+    """Mode functions psi_1 to psi_count of {deflection.name} at xi = x/length, differentiated by xi."""
+    return casadi.vertcat(*(
+        (
+{listed}
+        )[derivative]
+        for k in range(1, count + 1)
+    ))'''
+
+
+def _pair(name: sympy.Symbol, pair: Pair) -> str:
+    printer = CasadiPrinter()
+    return f'''\
+def _{name}(i, j):
+    """Integral of xi^{pair.power} psi_i^({pair.first}) psi_j^({pair.second}) over xi from 0 to 1."""
+    if i == j:
+        return {printer.doprint(pair.integral.alike)}
+    return {printer.doprint(pair.integral.apart)}'''
+
+
+def _moment(name: sympy.Symbol, moment: Moment) -> str:
+    return f'''\
+def _{name}(j):
+    """Integral of xi^{moment.power} psi_j^({moment.derivative}) over xi from 0 to 1."""
+    return {CasadiPrinter().doprint(moment.formula)}'''

@@ -1,0 +1,212 @@
+"""Galerkin's projection of a deflection on its mode functions.
+
+At one place of the link, w, w′ and w″ obey Lagrange's equations of the energies a length as if they were
+coordinates; their linearised rows r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, a and b counting
+derivatives by x, make those of the amplitudes: ∫ Σ_a ψ_j^(a) r_a dx = 0. The coefficients are
+polynomials of x, so that constant integrals of mode functions remain.
+
+The shortening u = ½∫w′² is of second order. What the energies say of it acts along the link, and
+∫ F_u δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx: the tension N(x), F_u summed from the end of the
+link on, and the force that closes the loop over the shorter chord. N w′² /2 stiffens geometrically.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import sympy
+
+from derive.errors import DeclarationError, SingularMassError, UnsupportedExpressionError
+from derive.field import Field, FieldIntegral
+from derive.gather import gathered
+from derive.lagrange import Energies, equation
+from derive.linearise import expanded
+from derive.mechanism import Mechanism
+from derive.modal_integrals import ModalIntegral, modal_integral, modal_moment
+from derive.symbols import PHASE, Moving
+
+
+@dataclass(frozen=True)
+class Moment:
+    """∫ ξ^power ψ_j^(derivative) dξ for each j."""
+
+    derivative: int
+    power: int
+    formula: Any
+
+
+@dataclass(frozen=True)
+class Pair:
+    """∫ ξ^power ψ_j^(first) ψ_i^(second) dξ for each row j and column i."""
+
+    first: int
+    second: int
+    power: int
+    integral: ModalIntegral
+
+
+@dataclass
+class Projection:
+    """Matrices and drive torque as sums of coefficients times constants of the mode functions.
+
+    pairs and moments: the symbols that stand for square matrices and for columns. weighted: those
+    that stand for a moment's column times the amplitudes; their rates for that times the rates.
+    """
+
+    deflection: Field
+    most: int
+    pairs: dict[sympy.Symbol, Pair] = field(default_factory=dict)
+    moments: dict[sympy.Symbol, Moment] = field(default_factory=dict)
+    weighted: dict[Moving, sympy.Symbol] = field(default_factory=dict)
+    linearised: dict[str, Any] = field(default_factory=dict)
+    drive_torque: Any = sympy.S.Zero
+    tension: Any = sympy.S.Zero
+    """N, a polynomial of the field's position."""
+
+    @property
+    def tensions(self) -> dict[Any, Any]:
+        """The tension at each point where it is asked for."""
+        x = self.deflection.position
+        return {
+            point: self.tension.xreplace({x: position})
+            for point, (local, position) in self.deflection.points.items()
+            if local == self.deflection.tension
+        }
+
+
+def project(mechanism: Mechanism, deflection: Field) -> Projection:
+    """Linear equations of the amplitudes, drive torque to their first order, and the tension.
+
+    Raises DeclarationError where energies are no sums of integrals, UnsupportedExpressionError
+    where a density is no polynomial of x or a mode function cannot be integrated, and
+    SingularMassError where the deflection has no inertia.
+    """
+    most = len(mechanism.declared_coordinates)
+    projection = Projection(deflection, most)
+    energies = (mechanism.kinetic, mechanism.potential, mechanism.dissipation)
+    parts = [_split(energy, deflection) for energy in energies]
+    whole, density = (Energies(*each) for each in zip(*parts, strict=True))
+    projection.tension = _tension(mechanism, deflection, whole, density)
+    straight = _without([deflection.shortening, deflection.total_shortening])
+    density = Energies(*(each.xreplace(straight) for each in density))
+    _project_rows(projection, density)
+    if not mechanism.no_drive_torque:
+        whole = Energies(*(each.xreplace(straight) for each in whole))
+        forces = [[each.xreplace(straight) for each in work] for work in mechanism.forces]
+        projection.drive_torque = equation(whole, PHASE, forces) + _torque(projection, density)
+    return projection
+
+
+def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
+    """The part that is no integral, and the density of the rest."""
+    energy = sympy.sympify(energy)
+    marks = {each: sympy.Dummy() for each in energy.atoms(FieldIntegral)}
+    marked = energy.xreplace(marks)
+    density = sympy.Add(*(marked.diff(mark) * each.density for each, mark in marks.items()))
+    if density.has(*marks.values(), FieldIntegral):
+        raise DeclarationError(
+            f"energies must be sums of integrals over {deflection.name}, none within another"
+        )
+    return marked.xreplace(dict.fromkeys(marks.values(), sympy.S.Zero)), density
+
+
+def _tension(mechanism: Mechanism, deflection: Field, whole: Energies, density: Energies) -> Any:
+    """N(x): what the straight link transmits, from the rows of the shortening at x and at the end."""
+    x, length, chord = deflection.position, deflection.length, deflection.total_shortening
+    straight = _without(deflection.symbols)
+    at_end = equation(whole, chord, mechanism.forces).xreplace(straight)
+    spread = _powers(equation(density, chord).xreplace(straight), x)
+    along = _powers(equation(density, deflection.shortening).xreplace(straight), x)
+    terms = [at_end]
+    terms += [factor * length ** (k + 1) / (k + 1) for k, factor in spread.items()]
+    terms += [factor * (length ** (k + 1) - x ** (k + 1)) / (k + 1) for k, factor in along.items()]
+    return gathered(sympy.Add(*terms))
+
+
+def _project_rows(projection: Projection, density: Energies) -> None:
+    deflection = projection.deflection
+    rows = sympy.Matrix([equation(density, local) for local in deflection.derivatives])
+    M, C, K, d = expanded(rows, deflection.derivatives)
+    K[1, 1] += projection.tension
+    matrices: dict[str, Any] = {"M": M, "C": C, "K": K}
+    for name, local in matrices.items():
+        projection.linearised[name] = sympy.Add(
+            *(_paired(projection, local[a, b], a, b) for a in range(3) for b in range(3))
+        )
+    projection.linearised["d"] = sympy.Add(*(_columned(projection, d[a], a) for a in range(3)))
+    if projection.linearised["M"] == 0:
+        raise SingularMassError(f"the kinetic energy gives no inertia to {deflection.name}; add its mass")
+
+
+def _paired(projection: Projection, coefficient: Any, a: int, b: int) -> Any:
+    """∫ coefficient ψ_j^(a) ψ_i^(b) dx as coefficients times symbols of `pairs`."""
+    deflection, terms = projection.deflection, []
+    for power, factor in _powers(coefficient, deflection.position).items():
+        integral = modal_integral(deflection.shape, a, b, power, projection.most)
+        if not integral.vanishes:
+            symbol = sympy.Symbol(f"{deflection.name}_{a}{b}_{power}", real=True)
+            projection.pairs[symbol] = Pair(a, b, power, integral)
+            terms.append(symbol * factor * deflection.length ** (1 + power - a - b))
+    return sympy.Add(*terms)
+
+
+def _columned(projection: Projection, coefficient: Any, a: int) -> Any:
+    """∫ coefficient ψ_j^(a) dx as coefficients times symbols of `moments`."""
+    deflection, terms = projection.deflection, []
+    for power, factor in _powers(coefficient, deflection.position).items():
+        formula = modal_moment(deflection.shape, a, power, projection.most)
+        if formula != 0:
+            symbol = sympy.Symbol(f"{deflection.name}_{a}_{power}", real=True)
+            projection.moments[symbol] = Moment(a, power, formula)
+            terms.append(symbol * factor * deflection.length ** (1 + power - a))
+    return sympy.Add(*terms)
+
+
+def _torque(projection: Projection, density: Energies) -> Any:
+    """Row of the phase, integrated over the link, to first order of the amplitudes."""
+    deflection = projection.deflection
+    first = Energies(*(_first_order(each, deflection.derivatives) for each in density))
+    M, C, K, d = (
+        row.row(0) for row in expanded(sympy.Matrix([equation(first, PHASE)]), deflection.derivatives)
+    )
+    powers = _powers(-d[0], deflection.position)
+    terms = [factor * deflection.length ** (k + 1) / (k + 1) for k, factor in powers.items()]
+    for times, row in enumerate((K, C, M)):
+        for a in range(3):
+            column = _columned(projection, row[a], a)
+            moments = sorted(column.free_symbols & set(projection.moments), key=str)
+            terms.append(column.xreplace({each: _weighted(projection, each, times) for each in moments}))
+    return sympy.Add(*terms)
+
+
+def _weighted(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
+    """The symbol of a moment's column times the amplitudes, differentiated by time."""
+    symbol = Moving(f"{moment.name}_q")
+    projection.weighted[symbol] = moment
+    for _ in range(times):
+        symbol = symbol.rate
+    return symbol
+
+
+def _first_order(expression: Any, moving: tuple[Moving, ...]) -> Any:
+    """Taylor's expansion to first order of coordinates and rates."""
+    symbols = [*moving, *(each.rate for each in moving)]
+    rest = dict.fromkeys(symbols, sympy.S.Zero)
+    return sympy.Add(expression.xreplace(rest), *(s * expression.diff(s).xreplace(rest) for s in symbols))
+
+
+def _without(moving: list[Any]) -> Mapping[sympy.Basic, Any]:
+    return dict.fromkeys((s for each in moving for s in (each, each.rate, each.rate.rate)), sympy.S.Zero)
+
+
+def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
+    """Coefficients of a polynomial of x by their powers."""
+    factors: dict[int, list[Any]] = {}
+    for term in sympy.Add.make_args(sympy.expand(expression)):
+        factor, varying = term.as_independent(x, as_Add=False)
+        base, power = varying.as_base_exp() if varying.has(x) else (x, sympy.S.Zero)
+        if base != x or not power.is_Integer or power < 0:
+            raise UnsupportedExpressionError(f"energies must be polynomials of {x}; found {varying}")
+        factors.setdefault(int(power), []).append(factor)
+    sums = {power: gathered(sympy.Add(*terms)) for power, terms in sorted(factors.items())}
+    return {power: factor for power, factor in sums.items() if factor != 0}

@@ -1,0 +1,80 @@
+"""Flexible coupler of a four-bar linkage, the paper's Section 3."""
+
+from derive import Abs, Mechanism, cos, pi, rate, sin, sqrt
+
+
+def mechanism() -> Mechanism:
+    """An elastic coupler between crank pin A and joint B of an otherwise rigid linkage.
+
+    x runs along the chord AB, w is positive at +90° from it; the coupler does not stretch. Velocities
+    are taken along and across the chord. No axial force is stated: it follows from what the energies
+    say of the shortening u that the deflection brings about.
+    """
+    linkage = Mechanism("coupler", "Flexible coupler of a four-bar linkage (paper, Section 3)")
+    l1, l2, l3, l4 = linkage.parameters(
+        l1=("m", "ground line, from the crank's pivot to the follower's", "> 0"),
+        l2=("m", "crank", "> 0"),
+        l3=("m", "coupler", "> 0"),
+        l4=("m", "follower", "> 0"),
+    )
+    s4, m4, E, A, I = linkage.parameters(  # noqa: E741 - the field's symbol
+        s4=("m", "follower's centre of mass from its pivot", ">= 0"),
+        m4=("kg", "follower", ">= 0"),
+        E=("Pa", "coupler's modulus of elasticity", "> 0"),
+        A=("m^2", "coupler's cross-section", "> 0"),
+        I=("m^4", "coupler's second moment of area", "> 0"),
+    )
+    rho, cx, cy, JC = linkage.parameters(
+        rho=("kg/m^3", "coupler's density", "> 0"),
+        cx=("N s/m^2", "drag a length on the coupler's motion along it", ">= 0"),
+        cy=("N s/m^2", "drag a length on the coupler's motion across it", ">= 0"),
+        JC=("kg m^2", "follower about its pivot", ">= 0"),
+    )
+    alpha, alpha4, theta, g, Me = linkage.parameters(
+        alpha=("s", "material damping: stress is E (strain + alpha strain rate)", ">= 0"),
+        alpha4=("rad", "direction of the follower's centre of mass, from its line to the joint"),
+        theta=("rad", "inclination of the ground line"),
+        g=("m/s^2", "gravity, downwards"),
+        Me=("N m", "external moment on the follower, against its angle"),
+    )
+    modes = linkage.option("modes", range(1, 21), default=3)
+    branch = linkage.option("branch", ("open", "crossed"))
+
+    def sine(k, xi):
+        return sin(k * pi * xi)
+
+    beam = linkage.field("w", "m", "deflection of the coupler", length=l3, shape=sine, modes=modes)
+    x, w, u = beam.position, beam.deflection, beam.shortening
+    chord, side = l3 - beam.total_shortening, branch.choose(open=1, crossed=-1)
+    phi3, phi4 = linkage.four_bar(
+        "phi3", "phi4", crank=l2, coupler=chord, follower=l4, ground=l1, tilt=theta, side=side
+    )
+    rim, lead = l2 * linkage.speed, linkage.phase - phi3
+    along = -rim * sin(lead) - rate(u) - w * rate(phi3)
+    across = rim * cos(lead) + (x - u) * rate(phi3) + rate(w)
+    height = l2 * sin(linkage.phase) + (x - u) * sin(phi3) + w * cos(phi3)
+    spin = rate(phi3 + beam.slope)
+
+    mu, EI = rho * A, E * I
+    kinetic = mu * (along**2 + across**2) + rho * I * spin**2
+    potential = EI * beam.curvature**2 / 2 + mu * g * height
+    dissipation = cx * along**2 + cy * across**2 + alpha * EI * rate(beam.curvature) ** 2
+    linkage.kinetic = beam.integral(kinetic) / 2 + JC * rate(phi4) ** 2 / 2
+    linkage.potential = beam.integral(potential) + m4 * g * s4 * sin(phi4 + alpha4)
+    linkage.dissipation = beam.integral(dissipation) / 2
+    linkage.force(-Me, along=phi4)
+
+    middle = beam.at(w, l3 / 2)
+    moment = beam.at(EI * beam.curvature, l3 / 2)
+    force = beam.at(beam.tension, 0)
+    stress = beam.at(beam.tension, l3 / 2) / A - moment / I * sqrt(12 * I / A) / 2
+    linkage.output("midpoint_deflection", middle, "m", "deflection at midspan")
+    linkage.output("axial_force", force, "N", "at the crank pin, tension positive")
+    linkage.output("bending_moment", moment, "N m", "E I w'' at midspan")
+    surface = "at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"
+    linkage.output("stress", stress, "Pa", surface)
+    linkage.output("deflection_ratio", Abs(middle) / l3, "1", "deflection at midspan over l3")
+    linkage.output("euler_ratio", Abs(force) * l3**2 / (pi**2 * EI), "1", "axial force over Euler's load")
+    linkage.limit("deflection_ratio", "<= 0.02", beyond="the deflection is not small against the length")
+    linkage.limit("euler_ratio", "<= 0.5", beyond="the axial force comes near to buckling the coupler")
+    return linkage
