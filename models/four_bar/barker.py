@@ -15,7 +15,7 @@ other, and the product is positive. On a plane the linkage has a change point.
 import math
 from dataclasses import dataclass
 
-from models.four_bar.linkage import ROUNDING, Linkage
+from models.four_bar.linkage import Linkage
 
 
 @dataclass(frozen=True)
@@ -113,9 +113,8 @@ def mobility(links: int = 4, single: int = 4, double: int = 0) -> int:
 
 def _signs(linkage: Linkage) -> tuple[int, int, int]:
     L1, L2, L3, L4 = linkage.lengths
-    slack = ROUNDING * (L1 + L2 + L3 + L4)
     u2, u3, u4 = (
-        0 if abs(u) <= slack else int(math.copysign(1, u))
+        0 if abs(u) <= linkage.slack else int(math.copysign(1, u))
         for u in (L1 + L2 - L3 - L4, L1 + L3 - L2 - L4, L1 + L4 - L2 - L3)
     )
     return u2, u3, u4

@@ -28,9 +28,6 @@ BRANCHES = {"open": 1.0, "crossed": -1.0}
 ADVISED = (math.radians(40), math.radians(140))
 """Range within which a transmission angle should stay (thesis 3.3)."""
 
-ROUNDING = 1e-12
-"""Part of the sum of the lengths within which two sums of lengths count as equal."""
-
 
 class LinkageError(SolveError):
     """A linkage that cannot be assembled, or not at the crank angle that is asked for."""
@@ -68,7 +65,7 @@ class Linkage:
             raise UnknownNameError("branch", self.branch, BRANCHES)
         longest = max(self.lengths)
         others = sum(self.lengths) - longest
-        if longest >= others - self._slack:
+        if longest >= others - self.slack:
             raise LinkageError(
                 f"the longest link is {longest:g} m, the others together {others:g} m: they cannot be "
                 "assembled and move; shorten the longest or lengthen the others"
@@ -99,11 +96,12 @@ class Linkage:
         """Whether coupler and follower fall in line, folded at the least |t1|, stretched at the greatest."""
         L1, L2, L3, L4 = self.lengths
         fold_gap, stretch_gap = abs(L1 - L4) - abs(L2 - L3), (L2 + L3) - (L1 + L4)
-        return fold_gap <= self._slack, stretch_gap <= self._slack
+        return fold_gap <= self.slack, stretch_gap <= self.slack
 
     @property
-    def _slack(self) -> float:
-        return ROUNDING * sum(self.lengths)
+    def slack(self) -> float:
+        """Difference (m) up to which two sums of the lengths count as equal."""
+        return 1e-12 * sum(self.lengths)
 
     @property
     def dead_points(self) -> tuple[float, ...]:
@@ -180,7 +178,7 @@ class Linkage:
         L2, L3 = self.L2, self.L3
         d = np.abs(self.L4 - self.L1 * np.exp(1j * t1))
         stretch, fold = L2 + L3 - d, d - abs(L2 - L3)
-        out = ~(np.minimum(stretch, fold) >= -self._slack)
+        out = ~(np.minimum(stretch, fold) >= -self.slack)
         if np.any(out):
             least, greatest = (math.degrees(angle) for angle in self.crank_range)
             raise LinkageError(
@@ -188,7 +186,7 @@ class Linkage:
                 f"allowed: {least:.6g}° <= |t1| <= {greatest:.6g}°"
             )
         # Factors instead of 1 - cos²: near 0 and π they keep the digits of the small angle.
-        in_line = np.minimum(stretch, fold) <= self._slack
+        in_line = np.minimum(stretch, fold) <= self.slack
         product = stretch * fold * (L2 + L3 + d) * (d + abs(L2 - L3))
         turned = (L2**2 + L3**2 - d**2) + 1j * np.sqrt(np.where(in_line, 0.0, product))
         return turned / np.abs(turned)

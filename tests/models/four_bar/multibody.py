@@ -1,0 +1,77 @@
+"""A witness that shares no code with the package: three free bodies in absolute coordinates.
+
+Their joints and the drive are constraints g(q, time) = 0 that CasADi differentiates. Velocities,
+accelerations and multipliers follow from g' = 0, M q'' + g_qᵀ λ = Q and g'' = 0; the multipliers are
+the joint forces and the drive torque.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Witness:
+    """q, qd, qdd: x, y (m) of the mass centre and angle (rad) of each body (3, 3), and derivatives by
+    time; forces F01, F12, F23, F03 (4, 2) in N; torque in N m."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    forces: np.ndarray
+    torque: float
+
+
+def witness(lengths, bodies, crank, load, start) -> Witness:
+    """lengths L1 … L4; bodies (mass, centre X, centre Y, J); crank (t1, omega1, alpha1); load: torque
+    that opposes the follower; start: angles of the links from which Newton's iteration sets out."""
+    constraints, matrices = _functions()
+    p = np.concatenate([lengths, np.ravel(bodies), crank, [load]])
+    q = np.concatenate([[0.0, 0.0, angle] for angle in start])
+    for _ in range(30):
+        g, J = (x.full() for x in constraints(q, p))
+        q = q - np.linalg.solve(J, g)[:, 0]
+    assert np.abs(constraints(q, p)[0].full()).max() < 1e-13, "Newton's iteration has not converged"
+    J, g_t, *_ = (x.full() for x in matrices(q, np.zeros(9), p))
+    qd = np.linalg.solve(J, -g_t)
+    J, _, M, Q, rest = (x.full() for x in matrices(q, qd, p))
+    system = np.block([[M, J.T], [J, np.zeros((9, 9))]])
+    solved = np.linalg.solve(system, np.concatenate([Q, -rest]))[:, 0]
+    qdd, multipliers = solved[:9], solved[9:]
+    # Minus the multiplier acts on the body that its constraint counts positive.
+    forces = multipliers[:8].reshape(4, 2) * np.array([-1.0, 1.0, 1.0, -1.0])[:, None]
+    return Witness(*(x.reshape(3, 3) for x in (q, qd, qdd)), forces, -multipliers[8])
+
+
+@lru_cache
+def _functions() -> tuple[ca.Function, ca.Function]:
+    """g and g_q; g_q, g_t, M, Q and what g'' has besides g_q q''."""
+    q, qd, time = ca.SX.sym("q", 9), ca.SX.sym("qd", 9), ca.SX.sym("time")
+    lengths, bodies = ca.SX.sym("L", 4), ca.SX.sym("body", 4, 3)
+    crank, load = ca.SX.sym("crank", 3), ca.SX.sym("load")
+    p = ca.vertcat(lengths, ca.vec(bodies), crank, load)
+
+    def place(k: int, x: ca.SX | float) -> ca.SX:
+        """Where the point (x, 0) of a link's frame is."""
+        X, Y, angle = x - bodies[1, k], -bodies[2, k], q[3 * k + 2]
+        turned = ca.vertcat(ca.cos(angle) * X - ca.sin(angle) * Y, ca.sin(angle) * X + ca.cos(angle) * Y)
+        return q[3 * k : 3 * k + 2] + turned
+
+    g = ca.vertcat(
+        place(0, 0.0),
+        place(0, lengths[0]) - place(1, 0.0),
+        place(1, lengths[1]) - place(2, lengths[2]),
+        place(2, 0.0) - ca.vertcat(lengths[3], 0),
+        q[2] - (crank[0] + crank[1] * time + crank[2] * time**2 / 2),
+    )
+    J, g_t = ca.jacobian(g, q), ca.jacobian(g, time)
+    rest = ca.jtimes(ca.mtimes(J, qd), q, qd) + ca.jacobian(g_t, time)
+    M = ca.diag(ca.vertcat(*(bodies[row, k] for k in range(3) for row in (0, 0, 3))))
+    Q = ca.vertcat(ca.SX.zeros(8), -load)
+    now = [ca.substitute(x, time, 0) for x in (g, J, g_t, M, Q, rest)]
+    return (
+        ca.Function("constraints", [q, p], now[:2]),
+        ca.Function("matrices", [q, qd, p], now[1:]),
+    )

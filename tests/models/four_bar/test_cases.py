@@ -1,0 +1,68 @@
+"""The case file and the parameters' checks."""
+
+import math
+
+import pytest
+
+from models.four_bar.parameters import CASES, PARAMETERS, chosen
+from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+
+TABLE_41 = {
+    "L1": 0.170, "L2": 0.328, "L3": 0.525, "L4": 0.547,
+    "A1": 157.5e-6, "A2": 85.5e-6, "A3": 78.75e-6,
+    "I1": 520.47e-12, "I2": 83.34e-12, "I3": 65.12e-12,
+    "h1": 6.35e-3, "h2": 3.42e-3, "h3": 3.15e-3,
+    "E": 210e9, "rho": 7850.0, "mA": 0.174, "mB": 0.174, "zeta": 0.02,
+}  # fmt: skip
+"""Thesis Table 4.1, the thicknesses of Table 3.2, ζ = 2 %."""
+
+
+def test_table_41_is_the_default():
+    found = chosen(None, CASES, {})
+    assert found.case == "table41"
+    assert found.speed is None
+    assert found.parameters == pytest.approx(TABLE_41, rel=1e-14)
+
+
+def test_table_32_has_sections_of_its_widths_and_thicknesses():
+    values = chosen("table32", CASES, {}).parameters
+    for k, (width, thickness) in enumerate(((24.8, 6.35), (25, 3.42), (25, 3.15)), start=1):
+        assert values[f"A{k}"] == pytest.approx(width * thickness * 1e-6, rel=1e-9)
+        assert values[f"I{k}"] == pytest.approx(width * thickness**3 / 12 * 1e-12, rel=1e-6)
+        assert values[f"h{k}"] == pytest.approx(thickness * 1e-3)
+    assert values["mA"] == values["mB"] == 0.0
+
+
+def test_the_printed_second_moment_of_the_crank_is_not_that_of_its_section():
+    """Thesis Table 4.1 prints 520.47e-12 m⁴ where Table 3.2 gives 529.17e-12; the others agree."""
+    printed, derived = (chosen(case, CASES, {}).parameters for case in ("table41", "table32"))
+    assert printed["I1"] / derived["I1"] == pytest.approx(0.98357, abs=1e-5)
+    assert printed["I2"] / derived["I2"] == pytest.approx(1.0, abs=1e-4)
+    assert printed["I3"] / derived["I3"] == pytest.approx(1.0, abs=1e-4)
+
+
+def test_values_can_be_replaced():
+    assert chosen(None, CASES, {"L2": 0.4}).parameters["L2"] == 0.4
+
+
+@pytest.mark.parametrize("name", [name for name, *_ in PARAMETERS])
+def test_values_out_of_bounds_are_refused(name):
+    for wrong in (-1.0, math.nan, math.inf):
+        with pytest.raises(ValueOutOfBoundsError, match=rf"{name} \(.*\) is .*allowed: >"):
+            chosen(None, CASES, {name: wrong})
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(UnknownNameError, match=r"unknown case of cases\.toml 'table14'"):
+        chosen("table14", CASES, {})
+    with pytest.raises(UnknownNameError, match="unknown parameter of four_bar 'roh'; did you mean 'rho'"):
+        chosen(None, CASES, {"roh": 1.0})
+
+
+def test_a_missing_value_is_refused(tmp_path):
+    text = CASES.read_text(encoding="utf-8")
+    file = tmp_path / "mine.toml"
+    file.write_text("\n".join(line for line in text.splitlines() if not line.startswith("rho")))
+    with pytest.raises(MissingValueError, match=r"no value for rho; .*: rho=NUMBER"):
+        chosen(None, file, {})
+    assert chosen(None, file, {"rho": 2700.0}).parameters["rho"] == 2700.0
