@@ -42,6 +42,14 @@ class MatricesError(SolveError):
     """Matrices of wrong shape, with NaN or infinity, not periodic, or with a singular M."""
 
 
+class StructureError(SolveError):
+    """Links that do not meet where they should, or that leave a structure nothing to vibrate with."""
+
+
+class NoMotionError(SolveError):
+    """A model that stands still, asked for what only motion has."""
+
+
 class StepsError(SolveError):
     """A number of steps that the method cannot use: too few, or beyond its stability limit."""
 

@@ -1,0 +1,128 @@
+"""A structure of beams with its elements chosen: the constant tables of its matrices."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.structure import dynamic_stiffness as exact
+from solve.structure.assembly import Table, point_masses, spread
+from solve.structure.elements import AXIAL, EXACT
+from solve.structure.freedoms import Freedoms, Link
+
+
+@dataclass(frozen=True)
+class Properties:
+    """length (m), EA (N), EI (N m²), rhoA (kg/m), height (m) of the links, mass (kg) of the joints, and
+    the damping ratio of every mode."""
+
+    length: Array
+    EA: Array
+    EI: Array
+    rhoA: Array
+    height: Array
+    mass: Array
+    damping_ratio: float
+
+
+@dataclass(frozen=True)
+class Member:
+    """A link with its elements: how many, how long each (m), EA (N), EI (N m²), rhoA (kg/m)."""
+
+    link: Link
+    count: int
+    L: float
+    EA: float
+    EI: float
+    rhoA: float
+
+    def bending_number(self, omega: Array) -> Array:
+        """λL of an element at ω (rad/s): thesis (5.4)."""
+        return self.L * (self.rhoA / self.EI) ** 0.25 * np.sqrt(omega)
+
+    def axial_number(self, omega: Array) -> Array:
+        """βL of an element at ω (rad/s): thesis (5.9)."""
+        return self.L * np.sqrt(self.rhoA / self.EA) * omega
+
+    def exact_weights(self, omega: Array) -> Array:
+        """EI F1 … EI F6, EA F7, EA F8 at ω (b,): (b, 8)."""
+        bending = exact.bending(self.bending_number(omega)) * self.EI / self.L**exact.BENDING_POWERS
+        axial = np.zeros((len(omega), 2))
+        if not self.link.inextensible:
+            axial = exact.axial(self.axial_number(omega)) * self.EA / self.L
+        return np.concatenate((bending, axial), axis=1)
+
+    def interior_count(self, omega: Array) -> Array:
+        """Frequencies below ω (b,) of the elements with their ends clamped: J0 of thesis (5.21)."""
+        axial = None if self.link.inextensible else self.axial_number(omega)
+        return self.count * exact.interior_count(self.bending_number(omega), axial)
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Freedoms, properties, and angle(phase): angles (m, links) of the links at phases (m,).
+
+    Every matrix is a Table whose rows belong to 1 and to c, s, c², cs of each link; what an exact link
+    adds has 1, c, s, c², cs for each of its eight functions of frequency.
+    """
+
+    freedoms: Freedoms
+    properties: Properties
+    angle: Callable[[Array], Array]
+
+    @cached_property
+    def members(self) -> list[Member]:
+        """The links with their elements."""
+        p, freedoms = self.properties, self.freedoms
+        lengths = p.length / np.array(freedoms.counts)
+        columns = (freedoms.links, freedoms.counts, lengths, p.EA, p.EI, p.rhoA)
+        return [Member(*each) for each in zip(*columns, strict=True)]
+
+    @property
+    def exact_links(self) -> list[int]:
+        """Numbers of the links whose elements are exact."""
+        return [number for number, kind in enumerate(self.freedoms.kinds) if kind == EXACT]
+
+    @cached_property
+    def mass(self) -> Table:
+        """M of the finite elements and the point masses, and of exact links that do not stretch their
+        axial inertia."""
+        local = [self._mass(number) for number in range(len(self.members))]
+        return self._whole(local, point_masses(self.freedoms, self.properties.mass))
+
+    @cached_property
+    def stiffness(self) -> Table:
+        """K of the finite elements."""
+        local = [self._stiffness(number) for number in range(len(self.members))]
+        return self._whole(local, np.zeros((self.freedoms.n, self.freedoms.n)))
+
+    @cached_property
+    def exact(self) -> Table:
+        """D of the exact links: 1, c, s, c², cs of F1 … F8 of each."""
+        tables = [np.zeros((0, self.freedoms.n, self.freedoms.n))]
+        for number in self.exact_links:
+            tables += [spread(self.freedoms, number, local) for local in exact.patterns()]
+        return Table(np.concatenate(tables))
+
+    def _mass(self, number: int) -> Array:
+        member, element = self.members[number], self.freedoms.elements[number]
+        mass = element.mass(member.L, member.rhoA)
+        if number in self.exact_links:
+            axial = np.array([each.direction == AXIAL for each in element.freedoms])
+            mass = mass * np.outer(axial, axial) * member.link.inextensible
+        return mass
+
+    def _stiffness(self, number: int) -> Array:
+        """Without elongation where the link does not stretch: its nodes are tied instead."""
+        member, element = self.members[number], self.freedoms.elements[number]
+        if number in self.exact_links:
+            return np.zeros((len(element.freedoms), len(element.freedoms)))
+        EA = 0.0 if member.link.inextensible else member.EA
+        return element.stiffness(member.L, EA, member.EI)
+
+    def _whole(self, local: Sequence[Array], constant: Array) -> Table:
+        tables = [spread(self.freedoms, number, each) for number, each in enumerate(local)]
+        still = constant + sum(table[0] for table in tables)
+        return Table(np.concatenate((still[None], *(table[1:] for table in tables))))

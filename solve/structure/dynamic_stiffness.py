@@ -1,0 +1,126 @@
+"""Exact dynamic stiffness of a slender beam (thesis Chapter 5, Appendix B with its misprints set right).
+
+With l = λL, λ⁴ = ρAω²/EI, and b = βL, β² = ρω²/E, the end forces of a beam that vibrates at ω are D times
+its end displacements; D = K − ω²M holds for M = −∂D/∂ω². Everything here is free of dimension and takes
+arrays of any shape.
+"""
+
+import math
+
+import numpy as np
+
+from solve.arrays import Array
+
+_BENDING = (
+    {(1, 3): 1},
+    {(1, 1): 1, (3, 3): 1},
+    {(0, 3): 1, (1, 2): -1},
+    {(0, 1): -1, (2, 3): 1},
+    {(0, 2): 1},
+    {(0, 0): 1, (2, 2): 1},
+)
+"""Where F1 … F6 stand among v1, θ1, v2, θ2, and with which sign: the upper triangle of thesis (5.18)."""
+
+_AXIAL = ({(0, 0): 1, (1, 1): 1}, {(0, 1): 1})
+"""Where F7 and F8 stand among u1, u2."""
+
+BENDING_POWERS = np.array([1, 1, 2, 2, 3, 3])
+"""F1 … F6 are the functions below over L to these powers."""
+
+_LARGEST = 300.0
+"""Argument of sinh and cosh at most: the ratios have long reached their limits, and nothing overflows."""
+
+_SMALLEST = 0.05
+"""Below this λL the mass functions of bending are those of it: they differ by less than 4e-8 there, and
+their formula would lose more to rounding."""
+
+
+def patterns() -> Array:
+    """Where EI F1 … EI F6, EA F7, EA F8 stand in D, for u1, u2, v1, θ1, v2, θ2: (8, 6, 6)."""
+    tables = np.zeros((8, 6, 6))
+    for table, entries, first in zip(tables, (*_BENDING, *_AXIAL), (2,) * 6 + (0,) * 2, strict=True):
+        for (i, j), sign in entries.items():
+            table[first + i, first + j] = table[first + j, first + i] = sign
+    return tables
+
+
+def bending(l: Array) -> Array:  # noqa: E741 - λL
+    """f1 … f6 along a new last axis: F1 = f1/L, F2 = f2/L, F3 = f3/L², …, F6 = f6/L³ (B.1–B.6, B.9).
+
+    At l = 0 they are 2, 4, 6, −6, −12, 12: the static stiffness of a beam.
+    """
+    l = np.maximum(np.asarray(l, dtype=float), 1e-30)  # noqa: E741
+    hyperbolic = np.minimum(l, _LARGEST)
+    S, C, s, c = np.sinh(hyperbolic), np.cosh(hyperbolic), np.sin(l), np.cos(l)
+    delta = clamped(l)
+    small = _sinh_less_sin(hyperbolic, s)
+    twist = 2 * s * np.sinh(hyperbolic / 2) ** 2 + 2 * S * np.sin(l / 2) ** 2 - small
+    f = (
+        -l * small,
+        -l * twist,
+        -(l**2) * 2 * (np.sinh(hyperbolic / 2) ** 2 + np.sin(l / 2) ** 2),
+        l**2 * S * s,
+        l**3 * (S + s),
+        -(l**3) * (C * s + S * c),
+    )
+    return np.stack(f, axis=-1) / delta[..., None]
+
+
+def axial(b: Array) -> Array:
+    """f7, f8 along a new last axis: EA F7 = (EA/L) f7 (B.7, B.8); 1 and −1 at b = 0."""
+    b = np.maximum(np.asarray(b, dtype=float), 1e-30)
+    return np.stack((b / np.tan(b), -b / np.sin(b)), axis=-1)
+
+
+def bending_mass(l: Array) -> Array:  # noqa: E741
+    """g1 … g6 = −∂f/∂(l⁴): M has ρA L² g1, …, ρA L g6 in the places of F1 … F6 (B.10–B.15)."""
+    l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
+    f1, f2, f3, f4, f5, f6 = np.moveaxis(bending(l), -1, 0)
+    g = (
+        f1 * f2 - f1 - f3,
+        f1**2 - f2,
+        -(f1 * f4 + 2 * f3),
+        -(f1 * f3 + 2 * f4),
+        f3 * f4 - 3 * f5,
+        f3**2 - 3 * f6,
+    )
+    return np.stack(g, axis=-1) / (4 * l**4)[..., None]
+
+
+def axial_mass(b: Array) -> Array:
+    """g7, g8 = −∂f/∂(b²): M has ρA L g7 and ρA L g8 (B.16, B.17)."""
+    b = np.maximum(np.asarray(b, dtype=float), 1e-30)
+    sine = np.sin(b)
+    g = (_less_sine(2 * b) / 2, 2 * b * np.sin(b / 2) ** 2 - _less_sine(b))
+    return np.stack(g, axis=-1) / (2 * b * sine**2)[..., None]
+
+
+def clamped(l: Array) -> Array:  # noqa: E741
+    """δ = cosh l cos l − 1, zero at the frequencies of the beam clamped at both ends."""
+    half, hyperbolic = l / 2, np.minimum(l, _LARGEST) / 2
+    s, S = np.sin(half), np.sinh(hyperbolic)
+    return 2 * _sinh_less_sin(hyperbolic, s) * (S + s) - 4 * (S * s) ** 2
+
+
+def interior_count(l: Array, b: Array | None = None) -> Array:  # noqa: E741
+    """J0: frequencies of the beam clamped at both ends below the one that l, and b for its axial
+    vibration, stand for. Wittrick and Williams; thesis (5.21)."""
+    order = np.floor(l / math.pi)
+    flexural = order - (1 + (-1) ** order * np.sign(clamped(l))) / 2
+    return (flexural if b is None else flexural + np.floor(b / math.pi)).astype(int)
+
+
+def _less_sine(x: Array) -> Array:
+    """x − sin x to full relative precision."""
+    series = np.zeros_like(x)
+    for order in (17, 15, 13, 11, 9, 7, 5, 3):
+        series = 1 / math.factorial(order) - series * x**2
+    return np.where(x < 1.0, series * x**3, x - np.sin(x))
+
+
+def _sinh_less_sin(x: Array, sine: Array) -> Array:
+    """sinh x − sin x to full relative precision; `sine` is sin x."""
+    series = np.zeros_like(x)
+    for order in (19, 15, 11, 7, 3):
+        series = series * x**4 + 2 / math.factorial(order)
+    return np.where(x < 1.0, series * x**3, np.sinh(x) - sine)
