@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
     from solve.orbit import Turn
 
+_PHASES = 720
+"""Phases of a period at which conditions on the parameters are looked at."""
+
 Options = Mapping[str, Any]
 
 
@@ -42,6 +45,7 @@ class Model(PeriodicSystem):
         self.options = _checked_options(module, options)
         self.parameters = _checked_parameters(module, parameters)
         self._p = np.array([self.parameters[name] for name, *_ in module.PARAMETERS])
+        self._require_conditions()
         matrices, declared = self._equations()
         super().__init__(matrices, [name for name, *_ in declared], module.PERIOD)
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
@@ -54,6 +58,36 @@ class Model(PeriodicSystem):
         """The matrices over phase and speed, and name, unit and meaning of the coordinates in use."""
         sampler = Sampler(self.module.linearised(**self.options), self._p)
         return sampler, self.module.COORDINATES[: sampler.n]
+
+    def _require_conditions(self) -> None:
+        """Refuse parameters that contradict each other, such as lengths of a linkage that cannot turn."""
+        conditions = getattr(self.module, "CONDITIONS", ())
+        if not conditions:
+            return
+        phase = (np.arange(_PHASES) + 0.5) * (self.module.PERIOD / _PHASES)
+        margins = self.module.conditions(**self.options)(phase[None], self._p).full()
+        units = {name: unit for name, unit, *_ in self.module.PARAMETERS}
+        for (condition, meaning, names), margin in zip(conditions, margins, strict=True):
+            if not (margin > 0).all():
+                given = ", ".join(f"{name} = {self.parameters[name]:g} {units[name]}" for name in names)
+                raise ValueOutOfBoundsError(
+                    f"{meaning}: {condition} does not hold for {given}; choose numbers for which it does"
+                )
+
+    def field(self, name: str, position: Array | float) -> Array:
+        """Mode functions of a deflection at fractions (k,) of its link's length: (k, n).
+
+        Times the coordinates it is the deflection there: `model.field("w", [0.25, 0.5]) @ orbit.q`.
+        Raises UnknownNameError and ValueOutOfBoundsError.
+        """
+        known = [field for field, *_ in getattr(self.module, "FIELDS", ())]
+        if name not in known:
+            raise UnknownNameError(f"field of {self.name}", name, known)
+        fraction = np.asarray(position, dtype=float)
+        if not ((fraction >= 0) & (fraction <= 1)).all():
+            raise ValueOutOfBoundsError(f"position is {position}; allowed: fractions of the length, 0 to 1")
+        shapes = self.module.fields(**self.options).map(fraction.size)(fraction.reshape(1, -1))
+        return shapes.full().T.reshape(*fraction.shape, self.n)
 
     @cached_property
     def _outputs(self) -> "casadi.Function":
@@ -79,7 +113,8 @@ class Model(PeriodicSystem):
             range_ = turn.statistics(name)
             extreme = range_.min if bound.startswith(">") else range_.max
             if not holds(bound, extreme):
-                found.append(f"{meaning}: {name} reaches {extreme:.3g} {self.units[name]}, bound {bound}")
+                reached = f"{extreme:.3g} {self.units[name]}".removesuffix(" 1")
+                found.append(f"{meaning}: {name} reaches {reached}, bound {bound}")
         return found
 
 
