@@ -152,7 +152,8 @@ class Linkage:
     def motion(self, t1: ArrayLike, omega1: ArrayLike = 1.0, alpha1: ArrayLike = 0.0) -> "Motion":
         """Angles, angular velocities and accelerations (thesis (3.11)) at crank angles t1 (rad).
 
-        omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. Raises LinkageError at angles
+        omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. The angles come from the
+        triangle ABC instead of thesis (3.5) to (3.8), where (3.7) prints -K1 cos t2 for +K1 cos t2. Raises LinkageError at angles
         out of reach, and where coupler and follower lie in line: the motion is undetermined there.
         """
         t1, omega1, alpha1 = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (t1, omega1, alpha1)))
