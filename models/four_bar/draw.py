@@ -19,7 +19,7 @@ from solve.output.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, 
 
 _POSITIONS = 12
 _SAMPLES = 721
-_SHOWN = math.radians(60)
+_SHOWN = math.radians(120)
 """Crank angle of the position that is drawn in full where none is asked for."""
 
 _PATHS = (VERMILION, PURPLE, ORANGE, GREEN)
@@ -188,4 +188,12 @@ def _legend_on_top(axes: Axes) -> None:
     """One row inside the frame, above all curves."""
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.22 * (high - low))
-    axes.legend(ncols=4, loc="upper center", handlelength=1.6, columnspacing=1.2)
+    axes.legend(
+        ncols=4,
+        loc="upper center",
+        handlelength=1.6,
+        columnspacing=1.2,
+        frameon=True,
+        edgecolor="none",
+        framealpha=0.9,
+    )

@@ -153,8 +153,9 @@ class Linkage:
         """Angles, angular velocities and accelerations (thesis (3.11)) at crank angles t1 (rad).
 
         omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. The angles come from the
-        triangle ABC instead of thesis (3.5) to (3.8), where (3.7) prints -K1 cos t2 for +K1 cos t2. Raises LinkageError at angles
-        out of reach, and where coupler and follower lie in line: the motion is undetermined there.
+        triangle ABC instead of thesis (3.5) to (3.8), where (3.7) prints -K1 cos t2 for +K1 cos t2.
+        Raises LinkageError at angles out of reach, and where coupler and follower lie in line: the
+        motion is undetermined there.
         """
         t1, omega1, alpha1 = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (t1, omega1, alpha1)))
         turned = self._coupler_to_follower(t1)
