@@ -59,14 +59,9 @@ class Option:
 
 @dataclass(frozen=True)
 class Condition:
-    """What a mechanism's parameters must satisfy at every phase: `margin` > 0."""
+    """What a mechanism's parameters, by name, must satisfy at every phase: `margin` > 0."""
 
     text: str
     meaning: str
     margin: Any
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters that it concerns."""
-        symbols = self.margin.free_symbols - self.margin.atoms(Moving)
-        return tuple(sorted(symbol.name for symbol in symbols))
+    parameters: tuple[str, ...]

@@ -184,7 +184,7 @@ class Mechanism:
             )
         text = re.sub(r"Abs\(([^()]*)\)", r"|\1|", str(condition))
         greater: Any = condition.gts
-        self.conditions.append(Condition(text, meaning, greater - condition.lts))
+        self._condition(text, meaning, greater - condition.lts, condition.free_symbols)
 
     def four_bar(
         self,
@@ -245,7 +245,8 @@ class Mechanism:
         loop = Loop(symbols, tuple(unknowns.values()), given, arguments, equations, guess, iterations)
         functions = self._loop(loop)
         meaning = f"the loop of {loop} does not close at every phase"
-        self.conditions += [Condition(f"gap of {loop} < 1e-9", meaning, margin) for margin in loop.margins]
+        for margin in loop.margins:
+            self._condition(f"gap of {loop} < 1e-9", meaning, margin, set(loop.parameters))
         return functions
 
     def field(
@@ -356,6 +357,10 @@ class Mechanism:
             self._claim(unknown.name)
         self.declared_loops.append(loop)
         return loop.at(loop.arguments)
+
+    def _condition(self, text: str, meaning: str, margin: Any, symbols: set[Any]) -> None:
+        concerned = [each.symbol.name for each in self.declared_parameters if each.symbol in symbols]
+        self.conditions.append(Condition(text, meaning, margin, tuple(concerned)))
 
     def _claim_moving(self, symbol: Moving) -> None:
         for moving in (symbol, symbol.rate, symbol.rate.rate):
