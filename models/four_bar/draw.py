@@ -22,6 +22,7 @@ _SAMPLES = 721
 _SHOWN = math.radians(120)
 """Crank angle of the position that is drawn in full where none is asked for."""
 
+_COLUMN = 3
 _PATHS = (VERMILION, PURPLE, ORANGE, GREEN)
 _LINKS = ((1, BLACK), (2, BLUE), (3, GREEN))
 
@@ -99,7 +100,18 @@ def _write_summary(axes: Axes, pictured: Axes, linkage: Linkage, shown: float) -
     axes.axis("off")
     axes.text(0.0, 1.0, "\n".join(lines), va="top", linespacing=1.5, transform=axes.transAxes)
     handles, labels = pictured.get_legend_handles_labels()
-    axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(-0.03, 0.0), borderaxespad=0.0)
+    axes.legend(
+        handles,
+        labels,
+        title="paths of coupler points",
+        alignment="left",
+        ncols=1 + (len(handles) > _COLUMN),
+        loc="lower left",
+        bbox_to_anchor=(-0.03, 0.0),
+        borderaxespad=0.0,
+        handlelength=1.4,
+        columnspacing=1.0,
+    )
 
 
 def _skeleton(motion: Motion) -> Plane:
@@ -114,7 +126,7 @@ def _draw_paths(axes: Axes, turn: Motion, points: Sequence[complex]) -> None:
         axes.plot(path.real, path.imag, color=GREY, linewidth=0.7)
     for k, point in enumerate(points):
         path = turn.position(2, point)
-        label = f"path of coupler point\n({point.real:g}, {point.imag:g}) m"
+        label = f"({point.real:g}, {point.imag:g}) m"
         axes.plot(path.real, path.imag, color=_PATHS[k % len(_PATHS)], linewidth=1.8, label=label, zorder=3)
 
 
@@ -187,7 +199,7 @@ def _draw_forces(axes: Sequence[Axes], motion: Motion, bodies: Sequence[Body]) -
 def _legend_on_top(axes: Axes) -> None:
     """One row inside the frame, above all curves."""
     low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.22 * (high - low))
+    axes.set_ylim(low, high + 0.34 * (high - low))
     axes.legend(
         ncols=4,
         loc="upper center",
