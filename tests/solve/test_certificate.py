@@ -1,0 +1,147 @@
+"""Error estimates against the truth: at most ten times too small, not absurdly large, and no false peace."""
+
+import numpy as np
+import pytest
+
+from solve import Newmark, Radau, floquet, periodic
+from solve.errors import StepsError
+from solve.methods.gauss import Gauss
+from tests.solve.systems import cam, constant, random_system
+from tests.solve.witnesses import Shooting, multiplier_error, relative_error
+
+PHASES = np.linspace(0.0, 2 * np.pi, 801)
+FLOOR = 1e-12
+"""Errors below which the witness itself is not to be believed."""
+BY_TOLERANCE = [
+    ("auto", (1e-3, 1e-6, 1e-10)),
+    (Radau(3), (1e-3, 1e-6)),
+    (Radau(5), (1e-3, 1e-8)),
+    ("radau", (1e-3, 1e-10)),
+    ("gauss", (1e-3, 1e-10)),
+    ("rk4", (1e-3, 1e-8)),
+    ("newmark", (1e-2, 1e-4)),
+    (Newmark(0.6, 0.3), (1e-2,)),
+    ("hsu", (1e-2, 1e-4)),
+]
+BY_STEPS = [
+    (Radau(3), 40), (Radau(5), 24), ("radau", 12), (Gauss(4), 40), ("gauss", 10), ("rk4", 60), ("hsu", 60),
+    ("newmark", 100), (Newmark(0.75, 0.5), 400),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def witnessed():
+    systems = [random_system(seed, 1 + seed % 4) for seed in range(8)]
+    return [(system, Shooting(system, 1.0)) for system in systems]
+
+
+def honest(error, estimate):
+    assert error <= 10 * estimate + FLOOR, f"true error {error:.2e}, estimated {estimate:.2e}"
+    if error > FLOOR:
+        assert estimate <= 1000 * error, f"true error {error:.2e}, estimated {estimate:.2e}"
+
+
+def judge(orbit, q, multipliers):
+    honest(relative_error(orbit.at(PHASES), q), orbit.error_estimate.orbit)
+    honest(multiplier_error(orbit.multipliers, multipliers), orbit.error_estimate.multipliers)
+
+
+@pytest.mark.parametrize(("method", "tolerances"), BY_TOLERANCE, ids=[str(m) for m, _ in BY_TOLERANCE])
+def test_tolerances_are_kept_and_estimates_are_honest(method, tolerances, witnessed):
+    for system, truth in witnessed:
+        q = truth.states(PHASES)[: system.n]
+        for rtol in tolerances:
+            orbit = periodic(system, 1.0, method, rtol=rtol)
+            assert max(orbit.error_estimate) <= rtol
+            judge(orbit, q, truth.multipliers)
+
+
+@pytest.mark.parametrize(("method", "steps"), BY_STEPS, ids=[f"{m}, {n} steps" for m, n in BY_STEPS])
+def test_a_grid_that_is_given_is_judged_honestly(method, steps, witnessed):
+    for system, truth in witnessed:
+        orbit = periodic(system, 1.0, method, steps=steps, rtol=0.5)
+        assert orbit.steps == steps
+        judge(orbit, truth.states(PHASES)[: system.n], truth.multipliers)
+
+
+@pytest.mark.parametrize("case", ["1", "2"])
+@pytest.mark.parametrize("rpm", [100, 200, 300, 600, 1500])
+def test_estimates_for_the_stiff_cam(case, rpm):
+    """Witness: Gauss of order 12, another method than any that is judged."""
+    system, speed = cam(case), f"{rpm} rpm"
+    truth = periodic(system, speed, Gauss(12), rtol=1e-11)
+    q = truth.at(PHASES)
+    for method, rtol in (("radau", 1e-3), ("radau", 1e-6), ("radau", 1e-9), ("auto", 1e-6), ("rk4", 1e-3)):
+        orbit = periodic(system, speed, method, rtol=rtol)
+        assert max(orbit.error_estimate) <= rtol
+        judge(orbit, q, truth.multipliers)
+
+
+def test_an_estimate_above_the_tolerance_is_warned_of():
+    orbit = periodic(random_system(1, 2), 1.0, "newmark", steps=40, rtol=1e-6)
+    text = next(text for text in orbit.warnings if "not to rtol" in text)
+    assert text.startswith("newmark with 40 steps gives the orbit to ")
+    assert (
+        f"{orbit.error_estimate.orbit:.1e} and the multipliers to {orbit.error_estimate.multipliers:.1e}"
+        in text
+    )
+    assert periodic(random_system(1, 2), 1.0, "newmark", steps=40, rtol=0.9).warnings == []
+
+
+def test_a_precision_out_of_reach_is_warned_of_with_the_one_achieved():
+    orbit = periodic(cam(), "600 rpm", rtol=1e-14)
+    assert 1e-14 < orbit.error_estimate.orbit < 1e-11
+    assert any("at the precision in reach gives the orbit to" in text for text in orbit.warnings)
+
+
+def stiff(growth):
+    """A slow damped mode beside one that turns 1000 times as fast and decays or grows slowly."""
+    K = np.diag([1.0, 1e6])
+    return constant(np.eye(2), np.diag([0.5, -2 * growth]), K, lambda phase: np.ones((len(phase), 2)))
+
+
+@pytest.mark.parametrize("method", ["auto", "radau", "gauss"])
+@pytest.mark.parametrize(
+    ("growth", "verdict"), [(5e-3, "unstable"), (-5e-4, "asymptotically stable"), (0.0, "stable")]
+)
+def test_a_stiff_mode_that_lives_on_is_not_lost(method, growth, verdict):
+    """L-stable methods damp what they do not resolve; the true |ρ| is exp(2π growth)."""
+    found = floquet(stiff(growth), 1.0, method, rtol=1e-6)
+    assert found.spectral_radius == pytest.approx(np.exp(2 * np.pi * growth), rel=1e-5)
+    assert found.verdict == verdict
+
+
+def test_too_few_steps_for_a_stiff_mode_that_lives_on_are_warned_of():
+    for method in ("radau", "gauss", "newmark"):
+        found = floquet(stiff(5e-3), 1.0, method, steps=64, rtol=1e-3)
+        assert found.error_estimate.multipliers > 1e-2
+        assert found.warnings
+
+
+@pytest.mark.parametrize("method", ["newmark", "gauss", "rk4", "hsu"])
+def test_unresolved_stiff_modes_of_methods_that_keep_them_are_flagged(method):
+    """At 100 rpm the cam's fastest mode turns 16 000 rad a turn of the shaft."""
+    steps = {"rk4": 6000}.get(method, 400)
+    found = floquet(cam(), "100 rpm", method, steps=steps, rtol=0.5)
+    assert any("leave stiff modes unresolved" in text and "use radau" in text for text in found.warnings)
+    assert not any("unresolved" in text for text in floquet(cam(), "100 rpm", "radau", rtol=1e-6).warnings)
+
+
+@pytest.mark.parametrize("steps", [0, -3])
+def test_steps_that_are_none(steps):
+    with pytest.raises(StepsError, match=rf"steps is {steps}; allowed: whole numbers of at least 1; leave"):
+        periodic(random_system(1, 2), 1.0, steps=steps)
+
+
+def test_steps_that_do_not_fit_in_memory():
+    with pytest.raises(
+        StepsError, match=r"at most \d+ steps .* given: 1000000000; use fewer, or a method of higher"
+    ):
+        periodic(random_system(1, 2), 1.0, "newmark", steps=10**9)
+
+
+def test_floquet_alone_states_no_error_of_an_orbit():
+    found = floquet(random_system(1, 2), 1.0)
+    assert np.isnan(found.error_estimate.orbit)
+    orbit = periodic(random_system(1, 2), 1.0)
+    np.testing.assert_allclose(found.multipliers, orbit.multipliers, rtol=1e-10)
