@@ -86,9 +86,12 @@ def _is_stale(source: Source, full: bool) -> bool:
 
 
 def _show(sources: list[Source]) -> None:
-    from derive.show import equations
+    from derive.show import elements, equations
 
     for source in sources:
+        if source.name == loader.BEAM_ELEMENTS:
+            typer.echo(elements())
+            continue
         mechanism = loader.load(source)
         with loader.located(source):
             typer.echo(equations(mechanism))

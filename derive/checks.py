@@ -37,6 +37,7 @@ def check(mechanism: Mechanism) -> None:
     else:
         _require_equations(mechanism)
         statements = list(_statements(mechanism))
+    statements += _kinematic_statements(mechanism)
     known = _dimensions(mechanism)
     for each in statements:
         _require_known(each, known)
@@ -85,6 +86,11 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
             yield _Statement(f"fundamental motion of {each.symbol}", desired, each.unit, motion)
     for output in mechanism.declared_outputs:
         yield _Statement(f"output {output.name}", output.expression, output.unit, local)
+
+
+def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:
+    moving = [each.symbol for each in mechanism.declared_coordinates]
+    motion = {s for q in moving for s in (q, q.rate, q.rate.rate)}
     for condition in mechanism.conditions:
         yield _Statement(f"condition {condition.text}", condition.margin, None, motion | {SPEED})
     for loop in mechanism.declared_loops:

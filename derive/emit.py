@@ -82,26 +82,30 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
 def module_text(mechanism: Mechanism, source_sha256: str, derive_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
     equations = derive_equations(mechanism)
-    functions = _functions(mechanism, equations)
-    orders = loop_orders([matrix for each in functions for matrix in each.matrices])
-    loops = {loop: loop_text(loop, needed) for loop, needed in orders.items()}
-    printed = {each.name: function_text(mechanism, each, orders) for each in functions}
-    counts = _operations(printed, {loop.name: count for loop, (_, count) in loops.items()})
-    texts = [text for text, _ in (*loops.values(), *printed.values())] + equations.functions
+    texts, counts = functions_text(mechanism, _functions(mechanism, equations))
+    texts += equations.functions
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
-    data = constants(mechanism, equations.outputs, counts)
+    data = constants(mechanism, equations.outputs, _operations(counts))
     body = "\n\n\n".join([data, *tools, *equations.tools, *texts]) + "\n"
     return seal(banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body)
 
 
-def _operations(printed: dict[str, tuple[str, int]], loops: dict[str, int]) -> dict[str, int]:
-    """Operations of the functions that are evaluated at every phase, those of their loops included."""
+def functions_text(mechanism: Mechanism, functions: list[Generated]) -> tuple[list[str], dict[str, int]]:
+    """Texts of the functions, after those of the loops that they solve, and the operations of each."""
+    orders = loop_orders([matrix for each in functions for matrix in each.matrices])
+    loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
+    printed = {each.name: function_text(mechanism, each, orders) for each in functions}
     counts = {
-        name: printed[name][1] + sum(n for loop, n in loops.items() if f"{loop}(" in printed[name][0])
-        for name in ("linearised", "residual", "outputs")
-        if name in printed
+        name: count + sum(n for loop, (_, n) in loops.items() if f"{loop}(" in text)
+        for name, (text, count) in printed.items()
     }
-    return {"linearised": counts["linearised"], "residual": counts["linearised"], **counts}
+    return [text for text, _ in (*loops.values(), *printed.values())], counts
+
+
+def _operations(counts: dict[str, int]) -> dict[str, int]:
+    """Operations of the functions that are evaluated at every phase."""
+    evaluated = {name: counts[name] for name in ("linearised", "residual", "outputs") if name in counts}
+    return {"linearised": counts["linearised"], "residual": counts["linearised"], **evaluated}
 
 
 def _functions(mechanism: Mechanism, equations: Equations) -> list[Generated]:
@@ -113,11 +117,16 @@ def _functions(mechanism: Mechanism, equations: Equations) -> list[Generated]:
         functions.append(Generated("residual", doc, STATE, {"r": equations.residual}))
     outputs = {each.name: each.expression for each in equations.outputs}
     functions.append(Generated("outputs", "One scalar for each of OUTPUTS.", STATE, outputs, names))
-    if mechanism.conditions:
-        margins = sympy.Matrix([each.margin for each in mechanism.conditions])
-        doc = "One number for each of CONDITIONS, positive where it holds."
-        functions.append(Generated("conditions", doc, ("phase", "p"), {"margins": margins}))
-    return functions
+    return functions + condition_functions(mechanism)
+
+
+def condition_functions(mechanism: Mechanism) -> list[Generated]:
+    """The function of the conditions, if there are any."""
+    if not mechanism.conditions:
+        return []
+    margins = sympy.Matrix([each.margin for each in mechanism.conditions])
+    doc = "One number for each of CONDITIONS, positive where it holds."
+    return [Generated("conditions", doc, ("phase", "p"), {"margins": margins})]
 
 
 def _torque(expression: Any) -> Output:

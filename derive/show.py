@@ -2,14 +2,19 @@
 
 import sympy
 
+from derive.beam import FAMILIES
 from derive.galerkin import Projection, project
 from derive.lagrange import residual
 from derive.linearise import linearise
 from derive.mechanism import Mechanism
+from derive.structure import Structure
 
 
 def equations(mechanism: Mechanism) -> str:
-    """M, C, K, d of M q̈ + C q̇ + K q = d, series at the phase with primes only."""
+    """M, C, K, d of M q̈ + C q̇ + K q = d, series at the phase with primes only; of a structure its
+    links' properties."""
+    if isinstance(mechanism, Structure):
+        return _links(mechanism)
     vector = sympy.latex(sympy.Matrix([each.symbol for each in mechanism.declared_coordinates]))
     lines = [
         f"% {mechanism.title}",
@@ -38,3 +43,22 @@ def _integrals(projection: Projection) -> dict[sympy.Symbol, str]:
         for symbol, moment in projection.moments.items()
     }
     return pairs | columns
+
+
+def _links(structure: Structure) -> str:
+    lines = [f"% {structure.title}"]
+    for link in structure.declared_links:
+        lines.append(
+            f"% link {link.name}, from {link.start} to {link.end}: angle, length, EA, EI, rhoA, height"
+        )
+        lines += [sympy.latex(expression) for expression, _ in link.properties.values()]
+    return "\n".join(lines)
+
+
+def elements() -> str:
+    """Mass and stiffness matrices of the beam elements' families, for unit length."""
+    lines = []
+    for family in FAMILIES:
+        lines.append(f"% {family.name}: mass over rho A L, stiffness for unit length")
+        lines += [f"M = {sympy.latex(family.mass)}", f"K = {sympy.latex(family.stiffness)}"]
+    return "\n".join(lines)

@@ -48,7 +48,7 @@ class Link:
             "length": (self.length, "m"),
             "EA": (section.E * section.A, "N"),
             "EI": (section.E * section.I, "N m^2"),
-            "rhoA": (section.rho * section.A, "kg/m"),
+            "mu": (section.rho * section.A, "kg/m"),
             "height": (sympy.sympify(section.height), "m"),
         }
 

@@ -3,29 +3,29 @@ function of the properties that the numerical assembly needs."""
 
 import sympy
 
-from derive.emit import CHOICE, constants, literal
+from derive.emit import TOOLS, condition_functions, constants, functions_text, literal
 from derive.freshness import banner, seal
-from derive.function_text import Generated, function_text
+from derive.function_text import Generated
 from derive.structure import ELEMENT_NAMES, Structure
 
 MOST_ELEMENTS = 100
 
-DATA = '''\
+DATA = """\
 # A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held.'''
+# shared where welded), whether it is inextensible. A joint: name, whether its place is held."""
 DOCUMENTATION = """\
-Columns of links (angle from x, length, EA, EI, rhoA per length, height), of joints (mass),
+Columns of links (angle from x, length, EA, EI, mass mu per length, height), of joints (mass),
 and the damping ratio of every mode."""
 
 
 def structure_text(structure: Structure, source_sha256: str, derive_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
-    text, operations = function_text(structure, _properties(structure))
+    texts, counts = functions_text(structure, [_properties(structure), *condition_functions(structure)])
     parts = [
-        constants(structure, [], {"properties": operations}),
+        constants(structure, [], {"properties": counts["properties"]}),
         _data(structure),
-        *([CHOICE] if structure.declared_options else []),
-        text,
+        *(tool for call, tool in TOOLS.items() if any(call in text for text in texts)),
+        *texts,
     ]
     head = banner(structure.title, command)
     body = "\n\n\n".join(parts) + "\n"
@@ -54,27 +54,22 @@ def _data(structure: Structure) -> str:
     ]
     joints = [(joint, joint in structure.held) for joint in structure.joints]
     options = [
-        f'    ("elements", range(1, {MOST_ELEMENTS + 1}), 1),',
-        f'    ("element", {literal(ELEMENT_NAMES)}, "{ELEMENT_NAMES[0]}"),',
+        ("elements", range(1, MOST_ELEMENTS + 1), 1),
+        ("element", ELEMENT_NAMES, ELEMENT_NAMES[0]),
     ]
     return "\n".join(
         [
             DATA,
             "LINKS = (",
-            *(f"    {_row(link)}," for link in links),
+            *(f"    {literal(link)}," for link in links),
             ")",
             "JOINTS = (",
-            *(f"    {_row(joint)}," for joint in joints),
+            *(f"    {literal(joint)}," for joint in joints),
             ")",
             "# Options for all links or link by link.",
             "LINK_OPTIONS = (",
-            *options,
+            *(f"    {literal(option)}," for option in options),
             ")",
             f"MOVES = {structure.moves}",
         ]
     )
-
-
-def _row(entries: tuple) -> str:
-    texts = [literal(entry) if isinstance(entry, str) else str(entry) for entry in entries]
-    return f"({', '.join(texts)})"

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "fedbf6b3befa2a29d6ccb5b6d2aca96fa9c9e3c093d2b9efdbb5ae4e5f9c3860"
-DERIVE_SHA256 = "dda8f41c098ea15cb28907ad39095abc5edd25c77495e76825417cef3f401f5d"
+MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
+DERIVE_SHA256 = "7cf1f18563c8b15a837b9a8d1a45e1c3579ca6a6ea74d59e3e32f19804974800"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "6ca235b3ef28945c54f25d743dfd064738f8fba55ff7af3d8ec253196139f871"
+BODY_SHA256 = "70143e8daa485b3ef1b88a04432c5fb4ff5b4f91fd165fc245d4d120f145f8c2"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -53,7 +53,7 @@ MOVES = False
 
 
 def properties():
-    """Columns of links (angle from x, length, EA, EI, rhoA per length, height), of joints (mass),
+    """Columns of links (angle from x, length, EA, EI, mass mu per length, height), of joints (mass),
     and the damping ratio of every mode."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 5)
@@ -105,5 +105,5 @@ def properties():
             casadi.SX(0),
         ],
         ["phase", "p"],
-        ["angle", "length", "EA", "EI", "rhoA", "height", "mass", "damping_ratio"],
+        ["angle", "length", "EA", "EI", "mu", "height", "mass", "damping_ratio"],
     )

@@ -59,13 +59,18 @@ class Model(PeriodicSystem):
         sampler = Sampler(self.module.linearised(**self.options), self._p)
         return sampler, self.module.COORDINATES[: sampler.n]
 
+    @property
+    def _own_options(self) -> dict[str, Any]:
+        """Options that the generated functions take; a structure's elements concern its assembly."""
+        return {name: self.options[name] for name, *_ in self.module.OPTIONS}
+
     def _require_conditions(self) -> None:
         """Refuse parameters that contradict each other, such as lengths of a linkage that cannot turn."""
         conditions = getattr(self.module, "CONDITIONS", ())
         if not conditions:
             return
         phase = (np.arange(_PHASES) + 0.5) * (self.module.PERIOD / _PHASES)
-        margins = self.module.conditions(**self.options)(phase[None], self._p).full()
+        margins = self.module.conditions(**self._own_options)(phase[None], self._p).full()
         units = {name: unit for name, unit, *_ in self.module.PARAMETERS}
         for (condition, meaning, names), margin in zip(conditions, margins, strict=True):
             if not (margin > 0).all():

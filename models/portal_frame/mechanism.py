@@ -5,7 +5,7 @@ from derive import Section, Structure, pi
 
 def mechanism():
     frame = Structure("portal_frame", "Square portal frame of inextensible bars (thesis 5.4.1)")
-    E, I, rho, A, L = frame.parameters(
+    E, I, rho, A, L = frame.parameters(  # noqa: E741 - the field's symbol
         E=("Pa", "modulus of elasticity", "> 0"),
         I=("m^4", "second moment of area of each bar", "> 0"),
         rho=("kg/m^3", "density", "> 0"),

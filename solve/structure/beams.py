@@ -15,13 +15,13 @@ from solve.structure.freedoms import Freedoms, Link
 
 @dataclass(frozen=True)
 class Properties:
-    """length (m), EA (N), EI (N m²), rhoA (kg/m), height (m) of the links, mass (kg) of the joints, and
+    """length (m), EA (N), EI (N m²), mu (kg/m), height (m) of the links, mass (kg) of the joints, and
     the damping ratio of every mode."""
 
     length: Array
     EA: Array
     EI: Array
-    rhoA: Array
+    mu: Array
     height: Array
     mass: Array
     damping_ratio: float
@@ -29,22 +29,22 @@ class Properties:
 
 @dataclass(frozen=True)
 class Member:
-    """A link with its elements: how many, how long each (m), EA (N), EI (N m²), rhoA (kg/m)."""
+    """A link with its elements: how many, how long each (m), EA (N), EI (N m²), mu (kg/m)."""
 
     link: Link
     count: int
     L: float
     EA: float
     EI: float
-    rhoA: float
+    mu: float
 
     def bending_number(self, omega: Array) -> Array:
         """λL of an element at ω (rad/s): thesis (5.4)."""
-        return self.L * (self.rhoA / self.EI) ** 0.25 * np.sqrt(omega)
+        return self.L * (self.mu / self.EI) ** 0.25 * np.sqrt(omega)
 
     def axial_number(self, omega: Array) -> Array:
         """βL of an element at ω (rad/s): thesis (5.9)."""
-        return self.L * np.sqrt(self.rhoA / self.EA) * omega
+        return self.L * np.sqrt(self.mu / self.EA) * omega
 
     def exact_weights(self, omega: Array) -> Array:
         """EI F1 … EI F6, EA F7, EA F8 at ω (b,): (b, 8)."""
@@ -77,7 +77,7 @@ class Beams:
         """The links with their elements."""
         p, freedoms = self.properties, self.freedoms
         lengths = p.length / np.array(freedoms.counts)
-        columns = (freedoms.links, freedoms.counts, lengths, p.EA, p.EI, p.rhoA)
+        columns = (freedoms.links, freedoms.counts, lengths, p.EA, p.EI, p.mu)
         return [Member(*each) for each in zip(*columns, strict=True)]
 
     @property
@@ -108,7 +108,7 @@ class Beams:
 
     def _mass(self, number: int) -> Array:
         member, element = self.members[number], self.freedoms.elements[number]
-        mass = element.mass(member.L, member.rhoA)
+        mass = element.mass(member.L, member.mu)
         if number in self.exact_links:
             axial = np.array([each.direction == AXIAL for each in element.freedoms])
             mass = mass * np.outer(axial, axial) * member.link.inextensible

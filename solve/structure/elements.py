@@ -39,9 +39,9 @@ class Element:
     unit_bending: Array
     coefficients: Array
 
-    def mass(self, L: float, rhoA: float) -> Array:
+    def mass(self, L: float, mu: float) -> Array:
         """Mass matrix for derivatives by x (kg, kg m, …): thesis (4.22)."""
-        return rhoA * L * self._scaled(self.unit_mass, L)
+        return mu * L * self._scaled(self.unit_mass, L)
 
     def stiffness(self, L: float, EA: float, EI: float) -> Array:
         """Stiffness matrix for derivatives by x (N/m, N, …): thesis (4.11)."""

@@ -1,7 +1,6 @@
 """A structure of beams from a generated module: a model whose matrices are assembled, not printed."""
 
 from collections.abc import Callable, Sequence
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ class StructureModel(Model):
         chosen = freedoms(
             module.LINKS, module.JOINTS, self._of_each_link("element"), self._of_each_link("elements")
         )
-        self._properties = module.properties(**{name: self.options[name] for name, *_ in module.OPTIONS})
+        self._properties = module.properties(**self._own_options)
         self.beams = Beams(chosen, self._numbers(), self._angle)
         if module.MOVES:
             self.at_positions(np.linspace(0.0, module.PERIOD, 36, endpoint=False))

@@ -1,6 +1,7 @@
 """A structure of beams frozen at several positions: its matrices there, all at once."""
 
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -142,7 +143,7 @@ class Positions:
         """For each pair of neighbouring nodes of a link a row (m, N): by how much it stretches."""
         nodes = self.beams.freedoms.nodes[number]
         direction = np.stack((np.cos(self.angle[:, number]), np.sin(self.angle[:, number])), axis=1)
-        return [self._stretch(one, other, direction) for one, other in zip(nodes, nodes[1:], strict=False)]
+        return [self._stretch(one, other, direction) for one, other in pairwise(nodes)]
 
     def _stretch(self, one: Node, other: Node, direction: Array) -> Array:
         row = np.zeros((len(self.phase), self.beams.freedoms.n))

@@ -56,8 +56,8 @@ def crossing(positions: Positions, scale: Array, omega: Array, index: Array, ord
     place = order - positions.interior_count(omega) - 1
     n = eigenvalues.shape[1]
     value = np.take_along_axis(eigenvalues, np.clip(place, 0, n - 1)[:, None], axis=1)[:, 0]
-    value = np.where(place < 0, -np.inf, np.where(place >= n, np.inf, value))
-    return np.where(np.isinf(value), np.sign(value), value / (1 + np.abs(value)))
+    bounded = value / (1 + np.abs(value))
+    return np.where(place < 0, -1.0, np.where(place >= n, 1.0, bounded))
 
 
 def _above(positions: Positions, count: int) -> Array:
