@@ -106,10 +106,12 @@ class Refinement:
         return certified(self.system, self.speed, Radau(), None, 1e-10, orbit=False)
 
     def refuse(self, steps: int) -> None:
-        if steps < max(1, len(self.system.breaks)):
+        fewest = max(1, len(self.system.breaks))
+        whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
+        if not whole or steps < fewest:
             raise StepsError(
-                f"steps is {steps}; allowed: whole numbers of at least "
-                f"{max(1, len(self.system.breaks))}; leave --steps out to have it chosen"
+                f"steps is {steps!r}; allowed: whole numbers of at least {fewest}; leave --steps out to have "
+                "it chosen"
             )
         if steps < self.least:
             raise StepsError(
@@ -131,13 +133,13 @@ class Refinement:
         chosen = self.solved(steps or _FEW_STEPS)
         truth = certified(self.system, self.speed, Auto(), None, min(rtol, 1e-8), self.orbit)
         errors = np.maximum(differences(chosen, truth.solution), rounding(chosen))
-        return self._result(chosen, errors, rtol, "is an approximation that")
+        return self.result(chosen, errors, rtol, "is an approximation that")
 
     def judged(self, steps: int, rtol: float) -> Certified:
         chosen = self.solved(steps)
         found = differences(chosen, self.solved(2 * steps))
         errors = _raised(judged(found, self.orders), rounding(chosen), self.hidden_error(chosen))
-        return self._result(chosen, errors, rtol, f"with {steps} steps")
+        return self.result(chosen, errors, rtol, f"with {steps} steps")
 
     def refined(self, rtol: float) -> Certified:
         steps = max(FIRST_STEPS, len(self.system.breaks), math.ceil(1.2 * self.least))
@@ -151,7 +153,7 @@ class Refinement:
             wanted = np.maximum(floors, [max(rtol, 2 * fine.defect), rtol])
             settled = finished(found, before, errors, wanted) and hidden <= rtol
             if settled or 2 * steps > self.most:
-                return self._result(fine, _raised(errors, floors, hidden), rtol, "at the precision in reach")
+                return self.result(fine, _raised(errors, floors, hidden), rtol, "at the precision in reach")
             coarse, before = fine, found
 
     @property
@@ -159,7 +161,8 @@ class Refinement:
         """Of the continuous curve and of the multipliers."""
         return np.array([self.method.curve_order, self.method.order])
 
-    def _result(self, solution: Solution, errors: Array, rtol: float, where: str) -> Certified:
+    def result(self, solution: Solution, errors: Array, rtol: float, where: str) -> Certified:
+        """The solution with its errors (2,) and what is doubtful about it; `where` it was found, in words."""
         orbit, multipliers = float(errors[0]) + solution.defect, float(errors[1])
         found = (("orbit", orbit), ("multipliers", multipliers))
         missed = [f"{name} to {error:.1e}" for name, error in found if error > rtol]
@@ -172,13 +175,18 @@ class Refinement:
 
 
 def differences(coarse: Solution, fine: Solution) -> Array:
-    """Of the orbit, per coordinate max|difference|/max|q|, and of the multipliers: (2,)."""
+    """Of the orbit, per coordinate max|difference|/max|q|, and of the multipliers: (2,).
+
+    A coordinate that rests but for rounding (the mass that a tuned absorber quiets) has no size of its
+    own to compare with; it is measured by the largest.
+    """
     multipliers = coarse.multipliers.difference(fine.multipliers)
     if coarse.curve is None or fine.curve is None:
         return np.array([0.0, multipliers])
     phase = coarse.grid.nodes[:-1, None] + coarse.grid.h[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
     q, finer = (curve(phase.ravel()) for curve in (coarse.curve, fine.curve))
     scale = np.abs(finer).max(axis=1)
+    scale = np.where(scale > rounding(fine)[0] * scale.max(), scale, scale.max())
     error = np.abs(q - finer).max(axis=1)
     return np.array([np.max(error / np.where(scale > 0, scale, 1.0)), multipliers])
 

@@ -17,7 +17,7 @@ from solve.units import checked_rtol, speed_in_si
 UNIT_CIRCLE = 1e-9
 """Distance from 1 within which a modulus counts as 1, unless its error estimate is larger."""
 
-_NEAR_ONE = 1e-3
+NEAR_ONE = 1e-3
 """Distance of a multiplier from +1 below which the height of a response deserves a warning."""
 
 
@@ -114,7 +114,7 @@ class Stability:
         """What is doubtful about this result, a sentence each."""
         near = self.distance_from_one
         warnings = list(self.certified.warnings)
-        if near < _NEAR_ONE:
+        if near < NEAR_ONE:
             warnings.append(
                 f"a multiplier is only {near:.1e} from +1 (resonance or a stability boundary): "
                 "the height of the response means little here"

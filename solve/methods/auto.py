@@ -12,6 +12,9 @@ from solve.system import PeriodicSystem
 RESOLVABLE = 512
 """ω_max T up to which a grid of moderate size follows even the fastest mode, so that Gauss is safe."""
 
+PHASES = 32
+"""At which the coefficients are frozen to see how fast their modes are."""
+
 
 @dataclass(frozen=True)
 class Auto(OneStep):
@@ -24,5 +27,5 @@ class Auto(OneStep):
     l_stable = True
 
     def settled(self, system: PeriodicSystem, speed: float) -> Method:
-        phase = (np.arange(32) + 0.5) * (system.period / 32)
+        phase = (np.arange(PHASES) + 0.5) * (system.period / PHASES)
         return Gauss() if system.fastest(phase, speed) * system.period <= RESOLVABLE else Radau()

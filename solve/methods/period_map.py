@@ -135,10 +135,15 @@ def _cyclic(blocks: Steps) -> tuple[Array, Array]:
 
 def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
     """x of (G + H) x = r (..., N, 1), and the condition number of G + H measured against (G, H)."""
-    closed = G + H
-    least = np.linalg.svd(closed, compute_uv=False)[..., -1]
+    condition = closed_condition(G, H)
+    singular = ~(condition < 1 / _SINGULAR)
+    x = np.linalg.solve(np.where(singular[..., None, None], np.eye(G.shape[-1]), G + H), r)
+    return np.where(singular[..., None, None], np.nan, x), np.where(singular, np.inf, condition)
+
+
+def closed_condition(G: Array, H: Array) -> Array:
+    """Condition number (...) of G + H measured against (G, H)."""
+    least = np.linalg.svd(G + H, compute_uv=False)[..., -1]
     scale = np.linalg.norm(np.concatenate((G, H), axis=-2), 2, axis=(-2, -1))
-    singular = ~(least > _SINGULAR * scale)
-    x = np.linalg.solve(np.where(singular[..., None, None], np.eye(G.shape[-1]), closed), r)
-    with np.errstate(divide="ignore"):
-        return np.where(singular[..., None, None], np.nan, x), np.where(singular, np.inf, scale / least)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return scale / least
