@@ -28,7 +28,7 @@ class Curves:
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
         """q or a derivative by the phase at `a_step` phases from the start of every step on:
         (P, n, m · a_step)."""
-        P, n, m, D = self.coefficients.shape
+        P, n, m = self.coefficients.shape[:3]
         theta = np.arange(a_step) / a_step
         values = self.coefficients[..., derivative:] @ self._powers(theta, derivative)
         return values.reshape(P, n, m * a_step)

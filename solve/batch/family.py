@@ -37,7 +37,7 @@ class Family(Protocol):
 class Speeds:
     """One system over its speed."""
 
-    names = (SPEED,)
+    names: tuple[str, ...] = (SPEED,)
 
     def __init__(self, system: PeriodicSystem):
         self._system = system

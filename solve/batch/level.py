@@ -1,15 +1,19 @@
 """One grid for many points: collocation with the points beside the steps, in NumPy."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.curves import Curves
+from solve.batch.spectra import Spectra, rounding_errors
 from solve.batch.tables import Tables
 from solve.methods.collocation import Collocation
-from solve.methods.period_map import Steps, monodromy, periodic_states
+from solve.methods.period_map import Steps, closed_condition, monodromy, periodic_states
+
+_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -26,12 +30,49 @@ class GridTables:
 
 @dataclass(frozen=True)
 class Level:
-    """Monodromy matrices Phi (P, N, N) and, if asked for, periodic solutions on one grid. sound (P,):
-    where the result is finite and the closed system regular."""
+    """Monodromy matrices Phi (P, N, N) and, if asked for, periodic solutions on one grid.
+
+    sound (P,): where the result is finite and the closed system regular. condition (P,): of the closed
+    system (G + H) x = r, or a bound of it where closed (P, 2, N, N), G and H, allows to say more; NaN
+    without an orbit.
+    """
 
     Phi: Array
     curves: Curves | None
     sound: Array
+    condition: Array
+    closed: Array | None = None
+
+    def __getitem__(self, points: Array) -> "Level":
+        return Level(
+            self.Phi[points],
+            None if self.curves is None else self.curves[points],
+            self.sound[points],
+            self.condition[points],
+            None if self.closed is None else self.closed[points],
+        )
+
+    @cached_property
+    def spectra(self) -> Spectra:
+        """Multipliers; zero where the result is not sound."""
+        return Spectra.of(np.where(self.sound[:, None, None], self.Phi, 0.0))
+
+    def rounding(self, wanted: Array) -> Array:
+        """Errors (P, 2) of orbit and multipliers that rounding leaves, as `certificate.rounding` says of
+        one solution; that of the orbit may be bounded where it is below the `wanted` errors (P, 2)."""
+        found = np.column_stack((8 * _EPS * np.nan_to_num(self.condition), rounding_errors(self.Phi)))
+        open_ = (found[:, 0] > np.maximum(wanted[:, 0], 64 * _EPS)) & (self.closed is not None)
+        if open_.any() and self.closed is not None:
+            found[open_, 0] = 8 * _EPS * closed_condition(*np.moveaxis(self.closed[open_], 1, 0))
+        return np.maximum(found, 64 * _EPS)
+
+    @property
+    def most_rounding(self) -> Array:
+        """What `rounding` cannot exceed, (P, 2)."""
+        radius = self.spectra.radius
+        norm = np.sqrt((self.Phi**2).sum(axis=(1, 2)))
+        multipliers = np.sqrt(8 * _EPS * norm / np.where(radius > 0, radius, np.inf))
+        return np.maximum(np.column_stack((8 * _EPS * np.nan_to_num(self.condition), multipliers)), 64 * _EPS)
 
 
 class Engine(Protocol):
@@ -65,16 +106,17 @@ class NumpyEngine:
             steps = method.steps(h, a)
             steps = Steps(steps.A.reshape(P, m, 2 * n, 2 * n), steps.b.reshape(P, m, 2 * n))
             Phi = monodromy(steps)
-            sound = np.isfinite(Phi).all(axis=(1, 2))
+            sound: Array = np.isfinite(Phi).all(axis=(1, 2))
             if not orbit:
-                return Level(Phi, None, sound)
+                return Level(Phi, None, sound, np.full(P, np.nan))
             x, condition = periodic_states(Steps(steps.A[sound], steps.b[sound]))
             curves = Curves(np.full((P, n, m, len(method.curve_powers)), np.nan), tables.period)
             curves.coefficients[sound] = _powers(
                 tables, coefficients[sound], x, a.reshape(P, m, s, n, -1)[sound]
             )
-        sound[sound] = np.isfinite(condition)
-        return Level(Phi, curves, sound)
+        every = np.full(P, np.inf)
+        every[sound] = condition
+        return Level(Phi, curves, np.isfinite(every), every)
 
 
 def _matrices(entries: Array, n: int) -> tuple[Array, Array, Array, Array]:

@@ -8,6 +8,9 @@ import numpy as np
 from solve.arrays import Array
 from solve.floquet import UNIT_CIRCLE, verdict
 
+_SWEEPS = 3
+"""Of balancing."""
+
 VERDICTS = ("asymptotically stable", "stable", "unstable")
 
 
@@ -52,7 +55,8 @@ class Spectra:
         return np.where(known, np.abs(self.values - 1.0), np.inf).min(axis=1)
 
     def difference(self, other: "Spectra") -> Array:
-        """Largest distance (P,) between matched multipliers, relative to the spectral radius."""
+        """Largest distance (P,) to the matched multipliers of `other`, the better ones, relative to their
+        spectral radius; infinite where that is 0 and ours is not."""
         distance = np.abs(self.values[:, :, None] - other.values[:, None, :])
         nearest = distance.argmin(axis=2)
         largest = distance.min(axis=2).max(axis=1)
@@ -60,8 +64,9 @@ class Spectra:
         shared = (np.sort(nearest, axis=1) != np.arange(nearest.shape[1])).any(axis=1)
         for point in np.flatnonzero(shared):
             largest[point] = _assigned(distance[point])
-        scale = np.maximum(self.radius, other.radius)
-        return np.where(scale > 0, largest / np.where(scale > 0, scale, 1.0), 0.0)
+        scale = other.radius
+        nothing = np.where(largest == 0, 0.0, np.inf)
+        return np.where(scale > 0, largest / np.where(scale > 0, scale, 1.0), nothing)
 
 
 def verdicts(Phi: Array, spectra: Spectra, error: Array) -> Array:
@@ -79,12 +84,52 @@ def verdicts(Phi: Array, spectra: Spectra, error: Array) -> Array:
     return found
 
 
+def rounding_errors(Phi: Array) -> Array:
+    """Errors of the multipliers (P,), relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ
+    makes, as `methods.multipliers.rounding_error` says of a single Φ."""
+    balanced = _balanced(Phi)
+    if Phi.shape[-1] == 2:
+        values = _pair(balanced)
+        # Schur's form [[ρ1, t], [0, ρ2]] gives both eigenvalues the condition sqrt(1 + t²/|ρ1 - ρ2|²).
+        square = (balanced**2).sum(axis=(1, 2))
+        excess = square - (np.abs(values) ** 2).sum(axis=1)
+        excess[excess < 8 * np.finfo(float).eps * square] = 0.0
+        gap = np.abs(values[:, 0] - values[:, 1]) ** 2
+        conditions = np.sqrt(1 + np.where(excess > 0, excess / np.where(gap > 0, gap, 1e-300), 0.0))
+    else:
+        values, right = np.linalg.eig(balanced)
+        defective = np.linalg.det(right) == 0
+        right[defective] = np.eye(Phi.shape[-1])
+        conditions = np.linalg.norm(np.linalg.inv(right), axis=2).max(axis=1)
+        conditions[defective] = np.inf
+    radius = np.abs(values).max(axis=1)
+    norm = np.linalg.norm(balanced, 2, axis=(1, 2))
+    perturbation = 8 * np.finfo(float).eps * norm / np.where(radius > 0, radius, 1.0)
+    return np.where(radius > 0, np.minimum(perturbation * conditions, np.sqrt(perturbation)), 0.0)
+
+
+def _balanced(Phi: Array) -> Array:
+    """The matrices with rows and columns scaled by powers of two, so that their norms are alike."""
+    balanced, N = Phi.copy(), Phi.shape[-1]
+    others = ~np.eye(N, dtype=bool)
+    for _ in range(_SWEEPS):
+        for i in range(N):
+            column = np.sqrt((balanced[:, others[i], i] ** 2).sum(axis=1))
+            row = np.sqrt((balanced[:, i, others[i]] ** 2).sum(axis=1))
+            known = (column > 0) & (row > 0)
+            ratio = np.where(known, row, 1.0) / np.where(known, column, 1.0)
+            factor = 2.0 ** np.round(np.log2(ratio) / 2)
+            balanced[:, :, i] *= factor[:, None]
+            balanced[:, i, :] /= factor[:, None]
+    return balanced
+
+
 def _pair(Phi: Array) -> Array:
     """Eigenvalues (P, 2) of 2 × 2 matrices, without the cancellation of the textbook's formula."""
     half = (Phi[:, 0, 0] + Phi[:, 1, 1]) / 2
     discriminant = ((Phi[:, 0, 0] - Phi[:, 1, 1]) / 2) ** 2 + Phi[:, 0, 1] * Phi[:, 1, 0]
     root = np.sqrt(discriminant.astype(complex))
-    larger = np.where(discriminant >= 0, half + np.copysign(root.real, half), half + root)
+    larger = np.where(discriminant >= 0, half + np.copysign(np.real(root), half), half + root)
     determinant = Phi[:, 0, 0] * Phi[:, 1, 1] - Phi[:, 0, 1] * Phi[:, 1, 0]
     real = np.where(larger != 0, determinant / np.where(larger != 0, larger, 1.0), 0.0)
     return np.stack((larger, np.where(discriminant >= 0, real, larger.conj())), axis=1)
@@ -93,7 +138,7 @@ def _pair(Phi: Array) -> Array:
 def _put_positive_first(values: Array) -> None:
     """Swap neighbours that are a conjugate pair with the - imaginary part first, in place."""
     for k in range(values.shape[1] - 1):
-        swap = (values[:, k + 1] == values[:, k].conj()) & (values[:, k].imag < 0)
+        swap = (values[:, k + 1] == values[:, k].conj()) & (np.imag(values[:, k]) < 0)
         values[swap, k : k + 2] = values[swap, k : k + 2][:, ::-1]
 
 

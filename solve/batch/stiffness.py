@@ -36,6 +36,19 @@ class Stiffness:
         C, K = self._ratios(every)
         return _contracts(np.abs(C) / r + np.abs(K) / r**2)
 
+    def eigenvalues(self, every: int = 1) -> Array:
+        """Frozen eigenvalues (P, k, 2n), at every so many-th of the phases."""
+        n, (M, C, K) = self._n, np.moveaxis(self._fields[..., ::every], (1, 2), (3, 4))
+        rate = np.zeros((*M.shape[:2], 2 * n, 2 * n))
+        rate[..., range(n), range(n, 2 * n)] = 1.0
+        rate[..., n:, :] = np.linalg.solve(M, np.concatenate((-K, -C), axis=-1))
+        return np.linalg.eigvals(rate)
+
+    def __getitem__(self, points: Array) -> "Stiffness":
+        return Stiffness(
+            self._fields[:, :, :, points].reshape(-1, len(points), self._fields.shape[4]), self._n
+        )
+
     def _slow(self, points: Array, rate: float) -> Array:
         """Whether the points are sure not to be faster than the rate."""
         C, K = self._ratios(points)

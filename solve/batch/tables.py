@@ -7,7 +7,9 @@ there alone. The phases are found by elimination with complete pivoting on sampl
 checked at further phases.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -23,6 +25,9 @@ _NEGLIGIBLE = 4e-15
 
 _FITS = 1e-12
 """Relative error at the check phases up to which a point is represented."""
+
+_MOST_KEPT = 2**22
+"""Bytes of tables up to which they are kept."""
 
 _CHECKS = np.array([0.1357, 0.7311])
 """Where points are checked, in periods."""
@@ -48,16 +53,13 @@ class Tables:
         """The same as (P, k, 3n² + n)."""
         return np.moveaxis(self.fields(coefficients), 0, -1)
 
-    def __getitem__(self, points: Array) -> "Tables":
-        """The tables of some of the points, where each has its own."""
-        return self if self.table.ndim == 2 else replace(self, table=self.table[points])
-
 
 class Separation:
     """The terms of a family's entries, from samples at some of the points."""
 
     def __init__(self, family: Family, points: Array, period: float, n: int):
         self.family, self.period, self.n = family, period, n
+        self._kept: dict[Hashable, Tables] = {}
         self._points = _spread(points)
         self._phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
         samples = family.entries(self._phases, self._points)
@@ -92,6 +94,15 @@ class Separation:
             table[:, group] = samples[self._row[group], :, self.entry[group[0]]].T @ inverse.T
         return Tables(table, self.entry, self.n)
 
+    def cached(self, key: Hashable, phase: Array) -> Tables:
+        """The same, kept for the next time that the key is given."""
+        if key not in self._kept:
+            made = self.tables(phase)
+            if made.table.nbytes > _MOST_KEPT:
+                return made
+            self._kept[key] = made
+        return self._kept[key]
+
     def coefficients(self, points: Array) -> tuple[Array, Array]:
         """Coefficients (P, R), and whether each point is represented (P,)."""
         checks = _CHECKS * self.period
@@ -103,9 +114,41 @@ class Separation:
         return coefficients, fits.all(axis=1) & np.isfinite(samples).all(axis=(1, 2))
 
 
-def sampled(family: Family, phase: Array, points: Array, n: int) -> Tables:
-    """Tables of a point's own each, where entries do not separate: coefficients of 1."""
-    return Tables(family.entries(phase, points), np.arange(3 * n**2 + n), n)
+class Chunk(Protocol):
+    """Some points of a family, and their entries at any phases."""
+
+    points: Array
+    n: int
+    period: float
+
+    def tables(self, key: Hashable, phase: Array, positions: Array) -> tuple[Tables, Array]:
+        """Tables at the phases and coefficients of the points at the positions (p,); equal keys stand for
+        equal phases."""
+        ...
+
+
+class Separated:
+    """Points whose entries separate."""
+
+    def __init__(self, separation: Separation, points: Array, coefficients: Array):
+        self.points, self.n, self.period = points, separation.n, separation.period
+        self._separation, self._coefficients = separation, coefficients
+
+    def tables(self, key: Hashable, phase: Array, positions: Array) -> tuple[Tables, Array]:
+        return self._separation.cached(key, phase), self._coefficients[positions]
+
+
+class Sampled:
+    """Points that are sampled at every phase, each for itself."""
+
+    def __init__(self, family: Family, points: Array, n: int, period: float):
+        self.points, self.n, self.period = points, n, period
+        self._family = family
+
+    def tables(self, key: Hashable, phase: Array, positions: Array) -> tuple[Tables, Array]:
+        entry = np.arange(3 * self.n**2 + self.n)
+        table = self._family.entries(phase, self.points[positions])
+        return Tables(table, entry, self.n), np.ones((len(positions), len(entry)))
 
 
 def _spread(points: Array) -> Array:

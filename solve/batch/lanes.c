@@ -1,0 +1,441 @@
+/* Collocation over one period for many points at once, LANES of them side by side in vector registers.
+
+   Compiled for one size: N coordinates, S stages, NODES accelerations behind the curve of a step, STIFF
+   where the step's end is a stage, ORBIT where the periodic solution is wanted beside its stability.
+   The mathematics is that of methods/collocation.py and methods/period_map.py; every array of a group of
+   points has the lane as its last index. */
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LANES 8
+#define NX (2 * N)                 /* state: q, dq/dphase */
+#define W (NX + ORBIT)             /* columns of an affine map: the state, and 1 */
+#define ROWS (S * N)
+#define COLS (ROWS + W)
+#define ENTRIES (3 * N * N + N)
+#define D (2 + NODES)              /* powers of theta in a step */
+#define CYCLIC (3 * NX + 1)        /* columns of a joined row: x_k, x_0, x_k+1, right side */
+#define PANEL 4                    /* columns eliminated before the rest is updated */
+#define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
+
+typedef double lane __attribute__((vector_size(8 * LANES)));
+typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
+typedef long long mask __attribute__((vector_size(8 * LANES)));
+
+typedef struct {
+    long groups, steps;
+    double h;
+    int terms;                     /* R */
+    int own;                       /* whether every lane has tables of its own */
+    const int *entry;              /* (R), rising: where a term belongs */
+    const double *stages;          /* (steps S, R), own: (groups, steps S, R, LANES) */
+    const double *nodes;           /* (steps, R), own: (groups, steps, R, LANES); unless STIFF */
+    const double *coefficients;    /* (groups, R, LANES) */
+    const double *A, *A2, *b, *bA, *c, *powers;
+    double *Phi;                   /* (groups, NX, NX, LANES) */
+    double *closed;                /* (groups, 2, NX, NX, LANES): G and H of G x_0 + H x_0 = r */
+    double *bound;                 /* (groups, LANES): at least the condition of G + H */
+    double *curves;                /* (groups LANES, N, steps, D) */
+} problem;
+
+static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
+
+static inline lane larger(lane a, lane b) {
+    mask m = a > b;
+    return (lane)(((mask)a & m) | ((mask)b & ~m));
+}
+
+static inline lane root(lane x) {
+    lane r;
+    for (int l = 0; l < LANES; l++) r[l] = sqrt(x[l]);
+    return r;
+}
+
+static inline int any(mask m) {
+    long long found = 0;
+    for (int l = 0; l < LANES; l++) found |= m[l];
+    return found != 0;
+}
+
+/* Omega^2 M, Omega C, K by rows and d at one phase. */
+static void matrices(const problem *p, long group, const double *tables, long phase, long phases, lane *e) {
+    const loose *c = (const loose *)(p->coefficients + group * p->terms * LANES);
+    int last = -1;
+    if (p->own) {
+        const loose *t = (const loose *)tables + (group * phases + phase) * p->terms;
+        for (int r = 0; r < p->terms; r++) e[p->entry[r]] = t[r];
+        return;
+    }
+    const double *t = tables + phase * p->terms;
+    for (int r = 0; r < p->terms; r++) {
+        lane term = c[r] * t[r];
+        e[p->entry[r]] = p->entry[r] == last ? e[p->entry[r]] + term : term;
+        last = p->entry[r];
+    }
+}
+
+/* The stage system of one step beside its right sides, rows (ROWS, COLS). */
+static void build(const problem *p, long group, long step, lane *e, lane *rows) {
+    const double h = p->h;
+    for (int i = 0; i < S; i++) {
+        matrices(p, group, p->stages, step * S + i, p->steps * S, e);
+        const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
+        for (int a = 0; a < N; a++) {
+            lane *row = rows + (i * N + a) * COLS;
+            for (int j = 0; j < S; j++) {
+                const double damped = h * p->A[i * S + j], stiff = h * h * p->A2[i * S + j];
+                for (int b = 0; b < N; b++) row[j * N + b] = damped * C[a * N + b] + stiff * K[a * N + b];
+            }
+            for (int b = 0; b < N; b++) {
+                row[i * N + b] += M[a * N + b];
+                row[ROWS + b] = -K[a * N + b];
+                row[ROWS + N + b] = -C[a * N + b] - h * p->c[i] * K[a * N + b];
+            }
+            if (ORBIT) row[ROWS + NX] = d[a];
+        }
+    }
+}
+
+static void exchange(lane *x, lane *y, int count) {
+    for (int j = 0; j < count; j++) {
+        lane t = x[j];
+        x[j] = y[j];
+        y[j] = t;
+    }
+}
+
+/* The row with the largest sum of moduli over the lanes, which all of them then use. */
+static int pivot(const lane *rows, int k) {
+    double best = -1.0;
+    int found = k;
+    for (int i = k; i < ROWS; i++) {
+        lane a = absolute(rows[i * COLS + k]);
+        double sum = 0.0;
+        for (int l = 0; l < LANES; l++) sum += a[l];
+        if (sum > best) best = sum, found = i;
+    }
+    return found;
+}
+
+/* rows[i][j] -= sum of rows[i][k] rows[k][j], k of one panel, for two rows i at once. */
+static inline void update(lane *restrict rows, int from, int width, int i, int both) {
+    lane *x = rows + i * COLS, *y = x + (both ? COLS : 0);
+    lane l[PANEL], r[PANEL];
+    for (int k = 0; k < width; k++) l[k] = x[from + k], r[k] = y[from + k];
+    for (int j = from + width; j < COLS; j++) {
+        lane s = x[j], t = y[j];
+        for (int k = 0; k < width; k++) {
+            const lane u = rows[(from + k) * COLS + j];
+            s -= l[k] * u;
+            t -= r[k] * u;
+        }
+        x[j] = s;
+        if (both) y[j] = t;
+    }
+}
+
+/* Reduce the rows to upper triangular form, panel by panel. With `careful` rows are exchanged; without,
+   tells in which lanes they should have been. */
+static mask eliminate(lane *rows, int careful) {
+    mask excess = {0};
+    for (int from = 0; from < ROWS; from += PANEL) {
+        const int width = ROWS - from < PANEL ? ROWS - from : PANEL;
+        for (int k = from; k < from + width; k++) {
+            if (careful) {
+                const int best = pivot(rows, k);
+                if (best != k) exchange(rows + k * COLS, rows + best * COLS, COLS);
+            }
+            const lane inverse = 1.0 / rows[k * COLS + k];
+            for (int i = k + 1; i < ROWS; i++) {
+                lane *row = rows + i * COLS;
+                const lane l = row[k] * inverse;
+                row[k] = l;
+                excess |= absolute(l) > EXCESS;
+                for (int j = k + 1; j < from + width; j++) row[j] -= l * rows[k * COLS + j];
+            }
+        }
+        /* The panel's own rows behind its columns, then all rows below. */
+        for (int k = from; k < from + width; k++)
+            for (int i = k + 1; i < from + width; i++)
+                for (int j = from + width; j < COLS; j++) rows[i * COLS + j] -= rows[i * COLS + k] * rows[k * COLS + j];
+        int i = from + width;
+        for (; i + 1 < ROWS; i += 2) update(rows, from, width, i, 1);
+        if (i < ROWS) update(rows, from, width, i, 0);
+    }
+    return excess;
+}
+
+/* The right sides become the solutions. */
+static void substitute(lane *rows) {
+    for (int k = ROWS - 1; k >= 0; k--) {
+        lane *x = rows + k * COLS;
+        const lane inverse = 1.0 / x[k];
+        for (int j = 0; j < W; j++) {
+            lane s = x[ROWS + j];
+            for (int i = k + 1; i < ROWS; i++) s -= x[i] * rows[i * COLS + ROWS + j];
+            x[ROWS + j] = s * inverse;
+        }
+    }
+}
+
+/* x over the step, (NX, W), from the stage accelerations (ROWS of COLS, the last W of each). */
+static void step_map(const problem *p, const lane *rows, lane *map) {
+    const double h = p->h;
+    for (int a = 0; a < N; a++)
+        for (int j = 0; j < W; j++) {
+            lane q = {0}, v = {0};
+            for (int i = 0; i < S; i++) {
+                const lane x = rows[(i * N + a) * COLS + ROWS + j];
+                q += p->bA[i] * x;
+                v += p->b[i] * x;
+            }
+            map[a * W + j] = h * h * q;
+            map[(N + a) * W + j] = h * v;
+        }
+    for (int a = 0; a < N; a++) {
+        map[a * W + a] += 1.0;
+        map[a * W + N + a] += h;
+        map[(N + a) * W + N + a] += 1.0;
+    }
+}
+
+/* to = map after `from`: (NX, W) affine maps. */
+static void follow(const lane *restrict map, const lane *restrict from, lane *restrict to) {
+    for (int i = 0; i < NX; i++)
+        for (int j = 0; j < W; j++) {
+            lane s = {0};
+            if (ORBIT && j == NX) s = map[i * W + NX];
+            for (int k = 0; k < NX; k++) s += map[i * W + k] * from[k * W + j];
+            to[i * W + j] = s;
+        }
+}
+
+static void identity(lane *map) {
+    memset(map, 0, NX * W * sizeof(lane));
+    for (int i = 0; i < NX; i++) map[i * W + i] += 1.0;
+}
+
+/* Householder's reflections of rows (count, columns) that make the first `width` columns triangular. */
+static void reflect(lane *z, int count, int width, int columns) {
+    for (int k = 0; k < width; k++) {
+        lane square = {0};
+        for (int i = k; i < count; i++) square += z[i * columns + k] * z[i * columns + k];
+        const lane head = z[k * columns + k];
+        const lane norm = root(square);
+        const mask negative = head < 0.0;
+        const lane diagonal = (lane)((mask)norm ^ (((mask)(-norm) ^ (mask)norm) & ~negative));
+        const lane first = head - diagonal;                      /* never cancels */
+        const lane product = norm * absolute(first);             /* half of |v|^2 */
+        const mask nothing = product == 0.0;
+        const lane factor = (lane)((mask)(1.0 / product) & ~nothing);
+        z[k * columns + k] = first;
+        for (int j = k + 1; j < columns; j++) {
+            lane dot = {0};
+            for (int i = k; i < count; i++) dot += z[i * columns + k] * z[i * columns + j];
+            dot *= factor;
+            for (int i = k; i < count; i++) z[i * columns + j] -= dot * z[i * columns + k];
+        }
+        z[k * columns + k] = diagonal;
+    }
+}
+
+/* Starts (blocks, NX) of the blocks of the closed chain, by structured orthogonal factorisation. */
+static void close_chain(const problem *p, long group, long blocks, const lane *maps, lane *saved, lane *z, lane *x) {
+    lane G[NX * NX], H[NX * NX], r[NX], scale = {0};
+    memset(H, 0, sizeof H);
+    for (int i = 0; i < NX; i++) {
+        for (int j = 0; j < NX; j++) G[i * NX + j] = maps[i * W + j];
+        H[i * NX + i] -= 1.0;
+        r[i] = -maps[i * W + NX];
+    }
+    for (long k = 1; k < blocks; k++) {
+        const lane *map = maps + k * NX * W;
+        memset(z, 0, 2 * NX * CYCLIC * sizeof(lane));
+        for (int i = 0; i < NX; i++) {
+            lane *top = z + i * CYCLIC, *bottom = z + (NX + i) * CYCLIC;
+            for (int j = 0; j < NX; j++) {
+                top[j] = H[i * NX + j];
+                top[NX + j] = G[i * NX + j];
+                bottom[j] = map[i * W + j];
+            }
+            top[3 * NX] = r[i];
+            bottom[2 * NX + i] -= 1.0;
+            bottom[3 * NX] = -map[i * W + NX];
+        }
+        reflect(z, 2 * NX, NX, CYCLIC);
+        memcpy(saved + k * NX * CYCLIC, z, NX * CYCLIC * sizeof(lane));
+        for (int i = 0; i < NX; i++) {
+            const lane *bottom = z + (NX + i) * CYCLIC;
+            for (int j = 0; j < NX; j++) {
+                G[i * NX + j] = bottom[NX + j];
+                H[i * NX + j] = bottom[2 * NX + j];
+            }
+            r[i] = bottom[3 * NX];
+        }
+    }
+    const int columns = 2 * NX + 1;                              /* G + H | r | 1 */
+    memset(z, 0, NX * columns * sizeof(lane));
+    for (int i = 0; i < NX; i++) {
+        for (int j = 0; j < NX; j++) {
+            const lane g = G[i * NX + j], h = H[i * NX + j];
+            scale += g * g + h * h;
+            z[i * columns + j] = g + h;
+            ((loose *)p->closed)[(group * 2 * NX + i) * NX + j] = g;
+            ((loose *)p->closed)[(group * 2 * NX + NX + i) * NX + j] = h;
+        }
+        z[i * columns + NX] = r[i];
+        z[i * columns + NX + 1 + i] += 1.0;
+    }
+    reflect(z, NX, NX, columns);
+    lane inverse = {0};
+    for (int j = NX; j < columns; j++)
+        for (int i = NX - 1; i >= 0; i--) {
+            lane s = z[i * columns + j];
+            for (int k = i + 1; k < NX; k++) s -= z[i * columns + k] * z[k * columns + j];
+            s /= z[i * columns + i];
+            z[i * columns + j] = s;
+            if (j > NX) inverse += s * s;
+        }
+    ((loose *)p->bound)[group] = root(scale * inverse);
+    for (int i = 0; i < NX; i++) x[i] = z[i * columns + NX];
+    for (long k = blocks - 1; k > 0; k--) {
+        const lane *s = saved + k * NX * CYCLIC, *end = x + (k + 1 < blocks ? (k + 1) * NX : 0);
+        for (int i = NX - 1; i >= 0; i--) {
+            lane t = s[i * CYCLIC + 3 * NX];
+            for (int j = 0; j < NX; j++) t -= s[i * CYCLIC + NX + j] * x[j] + s[i * CYCLIC + 2 * NX + j] * end[j];
+            for (int j = i + 1; j < NX; j++) t -= s[i * CYCLIC + j] * x[k * NX + j];
+            x[k * NX + i] = t / s[i * CYCLIC + i];
+        }
+    }
+}
+
+/* Acceleration (N) that the equation of motion gives to a state at a node. */
+static void acceleration(const problem *p, long group, long step, const lane *x, lane *e, lane *a) {
+    matrices(p, group, p->nodes, step, p->steps, e);
+    lane *M = e;
+    const lane *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
+    for (int i = 0; i < N; i++) {
+        a[i] = d[i];
+        for (int j = 0; j < N; j++) a[i] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
+    }
+    for (int k = 0; k < N; k++)
+        for (int i = k + 1; i < N; i++) {
+            const lane l = M[i * N + k] / M[k * N + k];
+            for (int j = k + 1; j < N; j++) M[i * N + j] -= l * M[k * N + j];
+            a[i] -= l * a[k];
+        }
+    for (int i = N - 1; i >= 0; i--) {
+        for (int j = i + 1; j < N; j++) a[i] -= M[i * N + j] * a[j];
+        a[i] /= M[i * N + i];
+    }
+}
+
+/* States (steps + 1, NX) and stage accelerations (steps, ROWS) from the starts of the blocks. */
+static void trace(const problem *p, long length, const lane *starts, const lane *stages, lane *x, lane *a) {
+    const double h = p->h;
+    for (long k = 0; k < p->steps; k++) {
+        if (k % length == 0) memcpy(x + k * NX, starts + k / length * NX, NX * sizeof(lane));
+        const lane *from = x + k * NX, *map = stages + k * ROWS * W;
+        lane *to = x + (k + 1) * NX, *found = a + k * ROWS;
+        for (int i = 0; i < ROWS; i++) {
+            lane s = map[i * W + NX];
+            for (int j = 0; j < NX; j++) s += map[i * W + j] * from[j];
+            found[i] = s;
+        }
+        for (int i = 0; i < N; i++) {
+            lane q = {0}, v = {0};
+            for (int j = 0; j < S; j++) {
+                q += p->bA[j] * found[j * N + i];
+                v += p->b[j] * found[j * N + i];
+            }
+            to[i] = from[i] + h * from[N + i] + h * h * q;
+            to[N + i] = from[N + i] + h * v;
+        }
+    }
+    memcpy(x + p->steps * NX, x, NX * sizeof(lane));
+}
+
+/* Powers of theta in every step, from states and accelerations. */
+static void draw(const problem *p, long group, const lane *x, const lane *a, const lane *starts) {
+    const double h = p->h;
+    for (long k = 0; k < p->steps; k++)
+        for (int i = 0; i < N; i++) {
+            lane data[NODES], power[D];
+            data[0] = h * h * (STIFF ? a[(k ? k - 1 : p->steps - 1) * ROWS + (S - 1) * N + i] : starts[k * N + i]);
+            for (int j = 0; j < S; j++) data[1 + j] = h * h * a[k * ROWS + j * N + i];
+            if (NODES > S + 1) data[NODES - 1] = h * h * starts[(k + 1) % p->steps * N + i];
+            power[0] = x[k * NX + i];
+            power[1] = h * x[k * NX + N + i];
+            for (int d = 2; d < D; d++) {
+                power[d] = (lane){0};
+                for (int j = 0; j < NODES; j++) power[d] += p->powers[d * D + 2 + j] * data[j];
+            }
+            for (int l = 0; l < LANES; l++) {
+                double *to = p->curves + (((group * LANES + l) * N + i) * p->steps + k) * D;
+                for (int d = 0; d < D; d++) to[d] = power[d][l];
+            }
+        }
+}
+
+/* Solve the groups one after another; 1 where memory is missing, else 0. */
+int level(const problem *p) {
+    const long blocks_wanted = p->steps < 32 ? p->steps : 32;
+    const long length = (p->steps + blocks_wanted - 1) / blocks_wanted;
+    const long blocks = (p->steps + length - 1) / length;
+    const size_t widest = 2 * NX * CYCLIC > NX * (2 * NX + 1) ? 2 * NX * CYCLIC : NX * (2 * NX + 1);
+    size_t size = ENTRIES + (size_t)ROWS * COLS + 3 * NX * W + blocks * NX * W;
+    if (ORBIT)
+        size += widest + blocks * (NX * CYCLIC + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + N) + NX;
+    lane *memory = aligned_alloc(sizeof(lane), size * sizeof(lane));
+    if (!memory) return 1;
+    lane *e = memory, *rows = e + ENTRIES, *map = rows + ROWS * COLS, *sum = map + NX * W, *next = sum + NX * W;
+    lane *maps = next + NX * W;
+    lane *z = maps + blocks * NX * W, *saved = z + widest, *x0 = saved + blocks * NX * CYCLIC;
+    lane *stages = x0 + blocks * NX, *a = stages + p->steps * ROWS * W, *x = a + p->steps * ROWS;
+    lane *starts = x + (p->steps + 1) * NX;
+    memset(e, 0, ENTRIES * sizeof(lane));
+    for (long group = 0; group < p->groups; group++) {
+        int careful = 0;
+        for (long block = 0; block < blocks; block++) {
+            identity(sum);
+            for (long k = block * length; k < (block + 1) * length && k < p->steps; k++) {
+                build(p, group, k, e, rows);
+                if (any(eliminate(rows, careful)) && !careful) {
+                    careful = 1;
+                    build(p, group, k, e, rows);
+                    eliminate(rows, careful);
+                }
+                substitute(rows);
+                if (ORBIT)
+                    for (int i = 0; i < ROWS; i++)
+                        memcpy(stages + (k * ROWS + i) * W, rows + i * COLS + ROWS, W * sizeof(lane));
+                step_map(p, rows, map);
+                follow(map, sum, next);
+                lane *t = sum;
+                sum = next;
+                next = t;
+            }
+            memcpy(maps + block * NX * W, sum, NX * W * sizeof(lane));
+        }
+        identity(sum);
+        for (long block = 0; block < blocks; block++) {
+            follow(maps + block * NX * W, sum, next);
+            lane *t = sum;
+            sum = next;
+            next = t;
+        }
+        for (int i = 0; i < NX; i++)
+            for (int j = 0; j < NX; j++) ((loose *)p->Phi)[(group * NX + i) * NX + j] = sum[i * W + j];
+        if (ORBIT) {
+            close_chain(p, group, blocks, maps, saved, z, x0);
+            trace(p, length, x0, stages, x, a);
+            if (!STIFF)
+                for (long k = 0; k < p->steps; k++) acceleration(p, group, k, x + k * NX, e, starts + k * N);
+            draw(p, group, x, a, starts);
+        }
+    }
+    free(memory);
+    return 0;
+}
