@@ -35,9 +35,12 @@ METHODS: dict[str, type] = {
 def chosen(method: str | Method, **settings: Any) -> Method:
     """The method of a name, with its settings (those that are None left out); a method object as it is.
 
-    Raises UnknownNameError, and ValueOutOfBoundsError for a setting that the method does not have.
+    Raises UnknownNameError, and ValueOutOfBoundsError for what is no method or a setting that the method
+    does not have.
     """
     if not isinstance(method, str):
+        if isinstance(method, type) or not hasattr(method, "solution"):
+            raise ValueOutOfBoundsError(f"method is {method!r}; give a name or an object such as Radau()")
         return method
     if method not in METHODS:
         raise UnknownNameError("method", method, METHODS)
