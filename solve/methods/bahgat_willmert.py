@@ -19,9 +19,7 @@ class BahgatWillmert(Fourier):
     order = 0
     curve_order = 0
 
-    def collocated(
-        self, system: PeriodicSystem, speed: float, phases: Array, D: Array
-    ) -> tuple[Array, float]:
+    def collocated(self, system: PeriodicSystem, speed: float, phases: Array) -> tuple[Array, float]:
         m = len(phases)
         M, C, K, d = system.in_phase(phases, speed)
         load = 2.0 * np.fft.rfft(d, axis=0) / m

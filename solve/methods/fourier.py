@@ -48,20 +48,33 @@ class Fourier(OneStep):
         Phi, rounding = _monodromy(system.state_rate(phases, speed)[..., :-1], D, grid.period)
         if not orbit:
             return Solution(odd, Phi, rounding=rounding)
-        q, condition = self.collocated(system, speed, phases, D)
+        q, condition = self.collocated(system, speed, phases)
         curve = FourierCurve.through(odd.nodes, q)
         return Solution(odd, Phi, curve, condition=condition, rounding=rounding)
 
-    def collocated(
-        self, system: PeriodicSystem, speed: float, phases: Array, D: Array
-    ) -> tuple[Array, float]:
-        """q (m, n) at the phases, and the condition number of the linear system."""
+    def collocated(self, system: PeriodicSystem, speed: float, phases: Array) -> tuple[Array, float]:
+        """q (m, n) at the phases, and the condition number of the linear system.
+
+        Solved for u = q - q″, in units in which the coordinates have inertias alike: the harmonics of q
+        alone would make the condition grow with m².
+        """
         m, n = len(phases), system.n
         M, C, K, d = system.in_phase(phases, speed)
-        A = np.einsum("jab,jk->jakb", M, D @ D) + np.einsum("jab,jk->jakb", C, D)
-        A[range(m), :, range(m), :] += K
-        matrix = A.reshape(m * n, m * n)
-        return np.linalg.solve(matrix, d.ravel()).reshape(m, n), float(np.linalg.cond(matrix, 1))
+        rates = 2j * np.pi / system.period * np.fft.fftfreq(m, 1.0 / m)
+        smooth = 1.0 / (1.0 - rates**2)
+        parts = zip((M, C, K), (rates**2 * smooth, rates * smooth, smooth), strict=True)
+        A = sum(np.einsum("jab,jk->jakb", part, _circulant(symbol)) for part, symbol in parts)
+        unit = 1.0 / np.sqrt(np.abs(np.einsum("jaa->ja", M)).mean(axis=0))
+        matrix = (unit[:, None, None] * A * unit).reshape(m * n, m * n)
+        u = np.linalg.solve(matrix, (d * unit).ravel()).reshape(m, n)
+        q = np.real(np.fft.ifft(smooth[:, None] * np.fft.fft(u, axis=0), axis=0)) * unit
+        return q, float(np.linalg.cond(matrix, 1))
+
+
+def _circulant(symbol: Array) -> Array:
+    """The real matrix (m, m) that multiplies the harmonics of m samples by the symbol (m,)."""
+    m = len(symbol)
+    return np.real(np.fft.ifft(symbol))[np.arange(m)[:, None] - np.arange(m)]
 
 
 def differentiation(grid: Grid) -> Array:
@@ -90,17 +103,15 @@ def _monodromy(P: Array, D: Array, period: float) -> tuple[Array, float]:
 def from_exponents(exponents: Array, p: Array, period: float) -> tuple[Array, float]:
     """Φ (N, N) from exponents λ (r,) and periodic vectors p (m, N, r) at m uniform phases from 0, and the
     relative error eps max|λ| T that eigenvalues of a matrix with such a spectrum have."""
+    from scipy.linalg import qr
+
     N = p.shape[1]
     weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
     orders = np.fft.fftfreq(len(p), 1.0 / len(p))
-    centre = np.abs(orders @ weight) / weight.sum(axis=0)
-    chosen: list[int] = []
-    for candidate in np.argsort(centre + 1e-9 * np.imag(exponents), kind="stable"):
-        basis = p[0][:, [*chosen, candidate]]
-        if np.linalg.matrix_rank(basis / np.linalg.norm(basis, axis=0), tol=1e-10) == len(chosen) + 1:
-            chosen.append(int(candidate))
-        if len(chosen) == N:
-            break
+    distance = np.abs(orders) @ weight / weight.sum(axis=0)
+    # Of a family all p(0) are alike; pivots take its most central one, and then another family's.
+    central = p[0] / np.linalg.norm(p[0], axis=0) * 10.0**-distance
+    chosen = qr(central, mode="r", pivoting=True)[1][:N]
     X = p[0][:, chosen]
     Phi = np.real(X * np.exp(exponents[chosen] * period) @ np.linalg.inv(X))
     return Phi, float(np.finfo(float).eps * np.abs(exponents).max() * period)

@@ -74,9 +74,17 @@ def _forced(system: PeriodicSystem, speed: float, grid: Grid, N: int) -> tuple[F
         for part in range(4)
     )
     index = 2 * N + orders[:, None] - orders
-    blocks = K[index] + C[index] * rates[:, None, None] + M[index] * rates[:, None, None] ** 2
+    smooth = 1.0 / (1.0 - rates**2)[:, None, None]
+    blocks = (
+        K[index] * smooth
+        + C[index] * (rates[:, None, None] * smooth)
+        + M[index] * (rates[:, None, None] ** 2 * smooth)
+    )
+    unit = 1.0 / np.sqrt(np.abs(np.diag(M[2 * N])))
+    blocks = unit[:, None] * blocks * unit
     matrix = np.swapaxes(blocks, 1, 2).reshape(len(orders) * n, len(orders) * n)
-    q = np.linalg.solve(matrix, d[N : 3 * N + 1].ravel()).reshape(-1, n)[N:]
+    u = np.linalg.solve(matrix, (d[N : 3 * N + 1] * unit).ravel()).reshape(-1, n)
+    q = (u * unit * smooth[:, 0])[N:]
     q[1:] *= 2.0
     return FourierCurve(grid.nodes, q), float(np.linalg.cond(matrix, 1))
 
