@@ -127,9 +127,9 @@ def test_unresolved_stiff_modes_of_methods_that_keep_them_are_flagged(method):
     assert not any("unresolved" in text for text in floquet(cam(), "100 rpm", "radau", rtol=1e-6).warnings)
 
 
-@pytest.mark.parametrize("steps", [0, -3])
+@pytest.mark.parametrize("steps", [0, -3, 1.5, "8", True, np.nan])
 def test_steps_that_are_none(steps):
-    with pytest.raises(StepsError, match=rf"steps is {steps}; allowed: whole numbers of at least 1; leave"):
+    with pytest.raises(StepsError, match=rf"steps is {steps!r}; allowed: whole numbers of at least 1; leave"):
         periodic(random_system(1, 2), 1.0, steps=steps)
 
 
@@ -145,3 +145,16 @@ def test_floquet_alone_states_no_error_of_an_orbit():
     assert np.isnan(found.error_estimate.orbit)
     orbit = periodic(random_system(1, 2), 1.0)
     np.testing.assert_allclose(found.multipliers, orbit.multipliers, rtol=1e-10)
+
+
+def test_the_mass_that_a_tuned_absorber_quiets_costs_no_endless_refinement():
+    """q1 = 0 but for rounding: the absorber at its own frequency takes the whole force, q2 = -cos φ."""
+    K = np.array([[3.0, -1.0], [-1.0, 1.0]])
+    tuned = constant(
+        np.eye(2), np.zeros((2, 2)), K, lambda phase: np.column_stack((np.cos(phase), np.zeros(len(phase))))
+    )
+    orbit = periodic(tuned, 1.0)
+    assert orbit.steps <= 128
+    assert orbit.warnings == []
+    assert orbit.statistics("q1").max_abs < 1e-12
+    np.testing.assert_allclose(orbit.at(PHASES)[1], -np.cos(PHASES), rtol=0, atol=1e-12)

@@ -34,3 +34,11 @@ def test_an_unknown_name_is_answered_with_the_nearest(given, near):
 def test_a_setting_of_another_method_names_its_owner():
     with pytest.raises(ValueOutOfBoundsError, match="method radau has no gamma; gamma belongs to newmark"):
         chosen("radau", gamma=0.5)
+
+
+@pytest.mark.parametrize("given", [3, None, Radau, object()])
+def test_what_is_no_method_is_refused(given):
+    with pytest.raises(
+        ValueOutOfBoundsError, match=r"method is .*; give a name or an object such as Radau\(\)"
+    ):
+        chosen(given)
