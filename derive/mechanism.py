@@ -175,7 +175,9 @@ class Mechanism:
 
     def require(self, condition: Any, meaning: str) -> None:
         """State an inequality of parameters, and in `meaning` what is wrong where it does not hold."""
-        if condition == sympy.true:
+        if condition in (sympy.true, sympy.false):
+            if not condition:
+                raise DeclarationError(f"{self.name}: {meaning}")
             return
         if not isinstance(condition, StrictLessThan | StrictGreaterThan) or not meaning:
             raise DeclarationError(

@@ -1,0 +1,272 @@
+"""Closed loops: assemblies and derivatives against complex numbers, spectra, and CasADi's root finder."""
+
+import casadi
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from modules import module_of
+
+from derive import Mechanism, cos, rate, sin, sqrt
+from derive.checks import check
+from derive.errors import DeclarationError, UnitError, UnknownSymbolError
+
+COUNT = 256
+PHASES = 2 * np.pi * np.arange(COUNT) / COUNT
+HARMONIC = np.fft.fftfreq(COUNT, 1 / COUNT)
+SIDES = {"open": 1, "crossed": -1}
+CRANK_ROCKER = [1.0, 0.25, 0.8, 0.7, 0.3]
+DOUBLE_CRANK = [0.2, 0.5, 0.45, 0.6, -0.4]
+DOUBLE_ROCKER_NEARLY = [1.0, 0.3, 0.65, 0.85, 1.1]
+LINKAGES = [CRANK_ROCKER, DOUBLE_CRANK, DOUBLE_ROCKER_NEARLY]
+
+
+def four_bar(newton: bool = False) -> Mechanism:
+    """A disc on the follower's shaft, and the linkage's angles with three derivatives of each as outputs."""
+    linkage = Mechanism("linkage", "Four-bar linkage")
+    (q,) = linkage.coordinates(q=("rad", "twist of the crank's shaft"))
+    a, b, c, d, tilt = linkage.parameters(
+        a=("m", "ground line", "> 0"), b=("m", "crank", "> 0"), c=("m", "coupler", "> 0"),
+        d=("m", "follower", "> 0"), tilt=("rad", "inclination of the ground line"),
+    )  # fmt: skip
+    J, k = linkage.parameters(J=("kg m^2", "follower", "> 0"), k=("N m/rad", "shaft", "> 0"))
+    branch = linkage.option("branch", ("open", "crossed"))
+    angle, side = linkage.phase + q, branch.choose(**SIDES)
+    if newton:
+        phi3, phi4 = linkage.loop(
+            {"phi3": "rad", "phi4": "rad"},
+            driven_by=(angle,),
+            closure=lambda x, phi3, phi4: (
+                b * cos(x) + c * cos(phi3) - a * cos(tilt) - d * cos(phi4),
+                b * sin(x) + c * sin(phi3) - a * sin(tilt) - d * sin(phi4),
+            ),
+            start=lambda x: (tilt + side * 1.1, tilt + side * 2.0),
+        )
+    else:
+        phi3, phi4 = linkage.four_bar(
+            "phi3", "phi4", ground=a, crank=b, coupler=c, follower=d, tilt=tilt, angle=angle, side=side
+        )
+    linkage.kinetic = J * rate(phi4) ** 2 / 2
+    linkage.potential = k * q**2 / 2
+    for name, expression in (("coupler_angle", phi3), ("follower_angle", phi4)):
+        for order in range(4):
+            derivative = expression.diff(linkage.phase, order)
+            linkage.output(f"{name}_{order}", derivative, "rad", f"derivative {order} by the crank's angle")
+    return linkage
+
+
+CLOSED, NEWTON = (module_of(four_bar(newton)) for newton in (False, True))
+
+
+def angles(module, lengths, branch="open"):
+    """φ3 and its three derivatives, then φ4 and its, at PHASES: (8, COUNT)."""
+    at_rest = np.zeros(1)
+    p = np.array([*lengths, 1.0, 1.0])
+    values = module.outputs(branch=branch)(PHASES[None], 1.0, at_rest, at_rest, at_rest, p)
+    return np.array([np.array(value)[0] for value in values[1:]])
+
+
+def spectral_derivatives(angle, orders=3):
+    """Of exp(i angle), a periodic function even where the angle turns fully, by FFT."""
+    spectrum = np.fft.fft(np.exp(1j * angle))
+    return [np.fft.ifft((1j * HARMONIC) ** order * spectrum) for order in range(1, orders + 1)]
+
+
+@st.composite
+def turning_linkages(draw):
+    """Lengths with room to turn: a margin of 0.05 m in both inequalities."""
+    short, longer = draw(st.floats(0.1, 1.0)), draw(st.floats(0.1, 1.0))
+    a, b = draw(st.permutations([short, short + longer]))
+    together = a + b + 0.05 + draw(st.floats(0, 2.0))
+    difference = (abs(a - b) - 0.05) * draw(st.floats(-1, 1))
+    return [a, b, (together + difference) / 2, (together - difference) / 2, draw(st.floats(-3.0, 3.0))]
+
+
+@pytest.mark.parametrize("branch", SIDES)
+@settings(max_examples=100, deadline=None)
+@given(lengths=turning_linkages())
+def test_the_loop_closes_on_its_side(lengths, branch):
+    a, b, c, d, tilt = lengths
+    values = angles(CLOSED, lengths, branch)
+    pin, pivot = b * np.exp(1j * PHASES), a * np.exp(1j * tilt)
+    joint = pin + c * np.exp(1j * values[0])
+    assert abs(joint - pivot - d * np.exp(1j * values[4])).max() < 1e-13
+    left_of_diagonal = np.imag((joint - pin) / (pivot - pin))
+    assert (SIDES[branch] * left_of_diagonal > 0).all()
+
+
+@pytest.mark.parametrize("lengths", LINKAGES)
+@pytest.mark.parametrize("branch", SIDES)
+def test_three_derivatives_equal_those_of_the_spectrum(lengths, branch):
+    values = angles(CLOSED, lengths, branch)
+    for angle, first, second, third in (values[:4], values[4:]):
+        unit = np.exp(1j * angle)
+        derivatives = [
+            1j * first * unit,
+            (1j * second - first**2) * unit,
+            (1j * third - 3 * first * second - 1j * first**3) * unit,
+        ]
+        for given_, spectral in zip(derivatives, spectral_derivatives(angle), strict=True):
+            assert abs(given_ - spectral).max() < 1e-8 * abs(spectral).max()
+
+
+@pytest.mark.parametrize("branch", SIDES)
+def test_newton_gives_the_closed_form_and_its_derivatives(branch):
+    np.testing.assert_allclose(
+        angles(NEWTON, CRANK_ROCKER, branch), angles(CLOSED, CRANK_ROCKER, branch), rtol=0, atol=1e-11
+    )
+
+
+def test_the_root_finder_of_casadi_agrees():
+    a, b, c, d, tilt = CRANK_ROCKER
+    x, z = casadi.SX.sym("x"), casadi.SX.sym("z", 2)
+    gap = casadi.vertcat(
+        b * casadi.cos(x) + c * casadi.cos(z[0]) - a * np.cos(tilt) - d * casadi.cos(z[1]),
+        b * casadi.sin(x) + c * casadi.sin(z[0]) - a * np.sin(tilt) - d * casadi.sin(z[1]),
+    )
+    finder = casadi.rootfinder("finder", "newton", casadi.Function("gap", [z, x], [gap]))
+    found = np.hstack([np.array(finder([tilt + 1.1, tilt + 2.0], phase)) for phase in PHASES])
+    np.testing.assert_allclose(angles(NEWTON, CRANK_ROCKER)[[0, 4]], found, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("branch", SIDES)
+def test_a_linkage_behind_an_elastic_shaft_is_linearised_through_the_loop(branch):
+    """φ4 depends on the phase plus the twist; M, C, K, d are those of the differentiated residual."""
+    module, p = CLOSED, np.array([*CRANK_ROCKER, 2.0, 300.0])
+    residual = module.residual(branch=branch)
+    phase, speed, q, qd, qdd = (casadi.SX.sym(name) for name in ("phase", "speed", "q", "qd", "qdd"))
+    r = residual(phase, speed, q, qd, qdd, p)
+    rows = [*(casadi.jacobian(r, x) for x in (qdd, qd, q)), -r]
+    rest = casadi.substitute(rows, [q, qd, qdd], [casadi.DM(0)] * 3)
+    differentiated = casadi.Function("differentiated", [phase, speed], rest)
+    for first, second in zip(
+        module.linearised(branch=branch)(PHASES[None], 7.0, p), differentiated(PHASES[None], 7.0), strict=True
+    ):
+        first, second = np.array(first), np.array(second)
+        assert abs(first - second).max() < 1e-12 * abs(second).max()
+
+
+def test_a_slider_crank_of_ones_own():
+    """The slider's position in closed form: s = r cos φ + sqrt(L² − (e − r sin φ)²)."""
+    press = Mechanism("press", "Slider-crank")
+    (q,) = press.coordinates(q=("m", "spring on the slider"))
+    r, L, e, m, k = press.parameters(
+        r=("m", "crank", "> 0"), L=("m", "rod", "> 0"), e=("m", "offset"),
+        m=("kg", "slider", "> 0"), k=("N/m", "spring", "> 0"),
+    )  # fmt: skip
+    s, _ = press.loop(
+        {"s": "m", "beta": "rad"},
+        driven_by=(press.phase,),
+        closure=lambda x, s, beta: (r * cos(x) + L * cos(beta) - s, r * sin(x) + L * sin(beta) - e),
+        start=lambda x: (r * cos(x) + L, 0),
+    )
+    press.kinetic = m * rate(s + q) ** 2 / 2
+    press.potential = k * q**2 / 2
+    written_out = r * cos(press.phase) + sqrt(L**2 - (e - r * sin(press.phase)) ** 2)
+    press.output("found", rate(rate(s)), "m/s^2", "by Newton's method")
+    press.output("known", rate(rate(written_out)), "m/s^2", "in closed form")
+    module, zero = module_of(press), np.zeros(1)
+    _, found, known = module.outputs()(PHASES[None], 20.0, zero, zero, zero, [0.1, 0.3, 0.03, 1.0, 1.0])
+    np.testing.assert_allclose(np.array(found), np.array(known), rtol=0, atol=1e-11)
+
+
+def margins(module, lengths, **options):
+    count = len(module.PARAMETERS) - len(lengths)
+    return np.array(module.conditions(**options)(PHASES[None], [*lengths, *[1.0] * count]))
+
+
+@pytest.mark.parametrize(
+    ("lengths", "turns"),
+    [
+        (CRANK_ROCKER, [True, True]),
+        ([1.0, 0.9, 0.8, 0.8, 0.0], [False, True]),
+        ([1.0, 0.8, 1.5, 0.6, 0.0], [True, False]),
+        ([1.0, 1.0, 1.0, 1.0, 0.0], [False, False]),
+    ],
+)
+def test_conditions_of_a_full_turn(lengths, turns):
+    expected = [
+        ("a + b < c + d", "the crank cannot turn fully", ("a", "b", "c", "d")),
+        ("|a - b| > |c - d|", "the crank cannot turn fully", ("a", "b", "c", "d")),
+    ]
+    assert list(CLOSED.CONDITIONS) == expected
+    assert [bool(holds) for holds in (margins(CLOSED, lengths) > 0).all(axis=1)] == turns
+
+
+def test_conditions_of_a_loop_of_ones_own():
+    """Newton's method leaves a gap at those phases at which the loop cannot be closed, and only there."""
+    (text, meaning, names), second = NEWTON.CONDITIONS
+    assert (text, meaning) == (
+        "gap of phi3, phi4 < 1e-9",
+        "the loop of phi3, phi4 does not close at every phase",
+    )
+    assert names == second[2] == ("a", "b", "c", "d", "tilt")
+    assert (margins(NEWTON, CRANK_ROCKER) > 0).all()
+    locked = [1.0, 0.9, 0.8, 0.8, 0.0]
+    closed = (margins(NEWTON, locked) > 0).all(axis=0)
+    reachable = abs(locked[0] - locked[1] * np.exp(1j * PHASES)) < locked[2] + locked[3]
+    assert not closed[~reachable].any()
+    assert 0 < reachable.sum() < COUNT
+
+
+def test_a_linkage_of_numbers_that_cannot_turn_is_refused_at_once():
+    linkage = Mechanism("linkage", "Four-bar linkage")
+    with pytest.raises(DeclarationError, match="the crank cannot turn fully"):
+        linkage.four_bar("phi3", "phi4", ground=1, crank=2, coupler=1, follower=1)
+
+
+def test_a_condition_must_be_an_inequality():
+    one = Mechanism("one", "One mass")
+    m, k = one.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring"))
+    with pytest.raises(DeclarationError, match="give an inequality with < or >"):
+        one.require(m, "too light")
+    one.coordinates(q=("m", "displacement"))
+    one.require(m < k, "too light")
+    one.decline_drive_torque("nothing turns")
+    with pytest.raises(UnitError, match="condition m < k"):
+        check(one)
+
+
+def loop_of(closure, start=lambda x: (0, 0), driven_by=None):
+    one = Mechanism("one", "One mass")
+    (q,) = one.coordinates(q=("m", "displacement"))
+    r, m = one.parameters(r=("m", "crank"), m=("kg", "mass", "> 0"))
+    s, _ = one.loop(
+        {"s": "m", "beta": "rad"},
+        (one.phase,) if driven_by is None else driven_by,
+        lambda *given: closure(r, *given),
+        start,
+    )
+    one.kinetic = m * rate(s + q) ** 2 / 2
+    return one
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"closure": lambda r, x, s, beta: (s - r * cos(beta),)},
+        {"closure": lambda r, x, s, beta: (s, beta), "start": lambda x: (0,)},
+        {"closure": lambda r, s, beta: (s, beta), "start": lambda: (0, 0), "driven_by": ()},
+    ],
+)
+def test_a_loop_needs_an_equation_and_a_guess_for_each_unknown(wrong):
+    with pytest.raises(DeclarationError, match="give an equation and a guess for each unknown"):
+        loop_of(**wrong)
+
+
+def test_units_in_a_loop():
+    with pytest.raises(UnitError, match="loop of s, beta"):
+        check(loop_of(lambda r, x, s, beta: (s - r * cos(x), beta - r)))
+
+
+def test_unknown_symbols_in_a_loop():
+    stray = sympy.Symbol("stray", real=True)
+    with pytest.raises(UnknownSymbolError, match="loop of s, beta holds stray"):
+        check(loop_of(lambda r, x, s, beta: (s - r * cos(x), beta - stray)))
+
+
+def test_names_of_unknowns_are_taken():
+    one = loop_of(lambda r, x, s, beta: (s - r * cos(x), beta - x))
+    with pytest.raises(DeclarationError, match='"beta" is declared twice'):
+        one.parameters(beta=("rad", "angle"))
