@@ -54,6 +54,10 @@ class Model(PeriodicSystem):
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
         self.limits = tuple(module.LIMITS)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
+        return _rebuilt, (type(self), self.module.__file__, self.case, self.options, self.parameters)
+
     def _equations(self) -> tuple[Callable[[Array, float], Sequence[Array]], Sequence[tuple[str, str, str]]]:
         """The matrices over phase and speed, and name, unit and meaning of the coordinates in use."""
         sampler = Sampler(self.module.linearised(**self.options), self._p)
@@ -163,6 +167,12 @@ def _kind(module: ModuleType) -> type[Model]:
     from solve.structure.model import StructureModel
 
     return StructureModel
+
+
+def _rebuilt(
+    kind: type[Model], path: str, case: str, options: Options, parameters: Mapping[str, float]
+) -> Model:
+    return kind(model_module(Path(path)), case, options, parameters)
 
 
 def model_names() -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.doubts import frozen
-from solve.batch.family import Family
+from solve.batch.family import SPEED, Family
 from solve.batch.level import Engine
 from solve.batch.refinement import BATCHED, Found, Refinement, Unsound
 from solve.batch.tables import Chunk, Sampled, Separated, Separation
@@ -32,6 +32,8 @@ class Batch:
     ):
         self.family, self.points, self.method = family, points, method
         self.steps, self.rtol, self.orbit, self.engine = steps, rtol, orbit, engine
+        at = family.names.index(SPEED) if SPEED in family.names else None
+        self.speeds = points[:, at] if at is not None else np.full(len(points), family.system(points[0])[1])
         self._separation: Separation | None = None
 
     def solved(self, index: Array) -> Iterator[tuple[Array, Found | Unsound]]:

@@ -9,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.compiler import compiled
 from solve.batch.curves import Curves
-from solve.batch.level import GridTables, Level
+from solve.batch.level import GridTables, Level, finite
 from solve.batch.tables import Tables
 from solve.methods.collocation import Collocation
 
@@ -74,7 +74,7 @@ class LaneEngine:
         if _library(n, method, orbit).level(ctypes.byref(problem)):
             raise MemoryError(f"no memory for {m} steps of {n} coordinates")
         Phi = _by_points(Phi, points)
-        sound: Array = np.isfinite(Phi).all(axis=(1, 2))
+        sound = finite(Phi)
         if not orbit:
             return Level(Phi, None, sound, np.full(points, np.nan))
         bound = _by_points(bound, points)

@@ -78,6 +78,8 @@ class Level:
 class Engine(Protocol):
     """Something that solves many points on one grid."""
 
+    name: str
+
     def bytes_a_step(self, method: Collocation, n: int) -> int:
         """Memory that a step of a point takes."""
         ...
@@ -106,7 +108,7 @@ class NumpyEngine:
             steps = method.steps(h, a)
             steps = Steps(steps.A.reshape(P, m, 2 * n, 2 * n), steps.b.reshape(P, m, 2 * n))
             Phi = monodromy(steps)
-            sound: Array = np.isfinite(Phi).all(axis=(1, 2))
+            sound = finite(Phi)
             if not orbit:
                 return Level(Phi, None, sound, np.full(P, np.nan))
             x, condition = periodic_states(Steps(steps.A[sound], steps.b[sound]))
@@ -142,3 +144,8 @@ def _powers(tables: GridTables, coefficients: Array, x: Array, a: Array) -> Arra
     data = [x[:, :-1, :n], h * x[:, :-1, n:], *(h**2 * part for part in accelerations)]
     data = np.stack(data[: method.curve_powers.shape[1]], axis=-1)
     return np.swapaxes(data, 1, 2) @ method.curve_powers.T
+
+
+def finite(Phi: Array) -> Array:
+    """Which matrices (P, N, N) are finite throughout (P,)."""
+    return np.asarray(np.isfinite(Phi).all(axis=(1, 2)))

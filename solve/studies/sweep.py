@@ -1,21 +1,28 @@
 """The periodic solution over many speeds, a row of figures a speed."""
 
-from collections.abc import Callable, Mapping, Sequence
+import copy
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import SolveError, UnknownNameError
+from solve.batch.batch import Batch
+from solve.batch.engines import chosen_engine
+from solve.batch.family import over_speed
+from solve.batch.figures import FIGURES
+from solve.batch.results import CHUNK, FAILED, Results, Wish, gathered
+from solve.batch.spectra import VERDICTS
+from solve.errors import UnknownNameError
 from solve.floquet import ErrorEstimate
+from solve.methods.choice import chosen
 from solve.methods.method import Method
-from solve.periodic import periodic
 from solve.signal import Statistics
 from solve.system import PeriodicSystem
-from solve.units import speed_in_si
+from solve.units import checked_rtol, speed_in_si
 
 NOTHING = Statistics(*7 * (float("nan"),))
 UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
@@ -26,7 +33,8 @@ UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 class Point:
     """One speed of a sweep: what is kept of its orbit, or the reason why there is none.
 
-    statistics: of coordinates and outputs by name. error: the reason; figures are then NaN.
+    statistics: of coordinates and outputs by name. multipliers: resolved ones, falling in modulus.
+    error: the reason; figures are then NaN.
     """
 
     speed: float
@@ -38,6 +46,7 @@ class Point:
     error_estimate: ErrorEstimate = UNKNOWN
     warnings: Sequence[str] = ()
     error: str | None = None
+    multipliers: Sequence[complex] = ()
 
     @property
     def stable(self) -> bool | None:
@@ -46,32 +55,50 @@ class Point:
 
 @dataclass(frozen=True)
 class Sweep:
-    """points: one a speed, in the order given."""
+    """The results of many speeds (rad/s), in the order given. engine: what solved them; notes: what is
+    doubtful about that."""
 
     system: PeriodicSystem
-    points: Sequence[Point]
+    speeds: Array
+    results: Results
+    engine: str = ""
+    notes: Sequence[str] = ()
 
     @property
-    def speeds(self) -> Array:
-        """Speeds in rad/s."""
-        return np.array([point.speed for point in self.points])
+    def points(self) -> Sequence[Point]:
+        """One a speed, made when it is looked at."""
+        return _Points(self.speeds, self.results)
 
     @property
     def spectral_radius(self) -> Array:
         """Largest |ρ| a speed; NaN where the point failed."""
-        return np.array([point.spectral_radius for point in self.points])
+        return self.results.spectral_radius
+
+    @property
+    def multipliers(self) -> Array:
+        """(P, 2n), falling in modulus; zero where unresolved, NaN where the point failed."""
+        return self.results.multipliers
 
     def figures(self, name: str, figure: str = "max_abs") -> Array:
         """max, min, max_abs, mean or rms of a coordinate or output a speed; NaN where the point failed.
 
         Raises UnknownNameError.
         """
-        known = (*self.system.coordinates, *self.system.outputs)
+        if name not in self.results.wish.names:
+            raise UnknownNameError("coordinate or output", name, self.results.wish.names)
+        if figure not in FIGURES:
+            raise UnknownNameError("figure", figure, FIGURES)
+        return self.results.figures[:, self.results.wish.names.index(name), FIGURES.index(figure)]
+
+    def spectrum(self, name: str) -> Array:
+        """Amplitudes (P, harmonics + 1) of a quantity whose spectrum the sweep was asked for.
+
+        Raises UnknownNameError.
+        """
+        known = self.results.wish.spectra
         if name not in known:
-            raise UnknownNameError("coordinate or output", name, known)
-        if figure not in Statistics.__dataclass_fields__:
-            raise UnknownNameError("figure", figure, Statistics.__dataclass_fields__)
-        return np.array([getattr(point.statistics.get(name, NOTHING), figure) for point in self.points])
+            raise UnknownNameError("spectrum", name, known)
+        return self.results.amplitudes[:, known.index(name)]
 
     def plot(self, names: Sequence[str] | None = None) -> Any:
         """Response over speed with the spectral radius below (matplotlib Figure)."""
@@ -82,6 +109,46 @@ class Sweep:
         return sweep_figure(self.system, self.speeds, responses, self.spectral_radius)
 
 
+@dataclass(frozen=True)
+class _Points(Sequence[Point]):
+    speeds: Array
+    results: Results
+
+    def __len__(self) -> int:
+        return len(self.speeds)
+
+    def __iter__(self) -> Iterator[Point]:
+        return map(self._point, range(len(self)))
+
+    @overload
+    def __getitem__(self, at: int) -> Point: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> list[Point]: ...
+
+    def __getitem__(self, at: int | slice) -> Point | list[Point]:
+        chosen = range(len(self))[at]
+        return self._point(chosen) if isinstance(chosen, int) else list(map(self._point, chosen))
+
+    def _point(self, at: int) -> Point:
+        results, speed = self.results, float(self.speeds[at])
+        if results.verdicts[at] == FAILED:
+            return Point(speed, error=results.failures[at])
+        figures = (Statistics(*row.tolist()) for row in results.figures[at])
+        multipliers = results.multipliers[at]
+        return Point(
+            speed,
+            dict(zip(results.wish.names, figures, strict=True)),
+            float(results.spectral_radius[at]),
+            VERDICTS[results.verdicts[at]],
+            str(results.methods[at]),
+            int(results.steps[at]),
+            ErrorEstimate(*results.errors[at].tolist()),
+            results.warnings.get(at, ()),
+            multipliers=multipliers[multipliers != 0].tolist(),
+        )
+
+
 def sweep(
     system: PeriodicSystem,
     speeds: Sequence[float | str] | Array,
@@ -90,39 +157,66 @@ def sweep(
     rtol: float = 1e-8,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
+    quantities: Sequence[str] | None = None,
+    spectra: Sequence[str] = (),
+    harmonics: int = 60,
+    engine: str = "auto",
 ) -> Sweep:
     """`periodic` at every speed (rad/s, or texts with unit), keeping the figures of each.
 
-    A speed at which no periodic solution is found gives NaN and the reason; the sweep goes on. With an
-    executor the speeds are handed to it; progress is told the number of points done. Raises SolveError
-    subclasses for what no speed could mend.
+    quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
+    are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
+    which no periodic solution is found gives NaN and the reason; the sweep goes on. With an executor
+    parts of the sweep are handed to it; progress is told the number of points done. engine: "compiled",
+    "numpy", or "auto" for the first where there is a C compiler. Raises SolveError subclasses for what no
+    speed could mend.
     """
-    omegas = [speed_in_si(speed) for speed in speeds]
-    solve_point = partial(_point, system, method=method, steps=steps, rtol=rtol)
-    results = executor.map(solve_point, omegas) if executor else map(solve_point, omegas)
-    points = []
-    for done, point in enumerate(results, start=1):
-        points.append(point)
+    omegas = np.array([speed_in_si(speed) for speed in speeds])
+    known = (*system.coordinates, *system.outputs)
+    for name in (*(quantities or ()), *spectra):
+        if name not in known:
+            raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
+    names = tuple(known if quantities is None else dict.fromkeys(quantities))
+    wish = Wish(names, tuple(spectra), harmonics if spectra else 0)
+    used, notes = chosen_engine(engine)
+    results = Results.blank(len(omegas), system.n, wish)
+    part = partial(
+        _part, method=chosen(method), steps=steps, rtol=checked_rtol(rtol), wish=wish, engine=engine
+    )
+    if executor is None:
+        results.insert(np.arange(len(omegas)), part(system, omegas, progress=progress))
+    else:
+        _spread(results, partial(part, system), omegas, executor, progress)
+    return Sweep(system, omegas, results, used.name, notes)
+
+
+def _spread(
+    results: Results,
+    part: Callable[[Array], Results],
+    omegas: Array,
+    executor: Executor,
+    progress: Callable[[int], None] | None,
+) -> None:
+    index = np.array_split(np.arange(len(omegas)), max(1, -(-len(omegas) // CHUNK)))
+    done = 0
+    for at, found in zip(index, executor.map(part, (omegas[at] for at in index)), strict=True):
+        results.insert(at, found)
+        done += len(at)
         if progress:
             progress(done)
-    return Sweep(system, points)
 
 
-def _point(
-    system: PeriodicSystem, speed: float, method: str | Method, steps: int | None, rtol: float
-) -> Point:
-    try:
-        orbit = periodic(system, speed, method, steps, rtol)
-        statistics = {name: orbit.statistics(name) for name in (*system.coordinates, *system.outputs)}
-    except SolveError as failure:
-        return Point(speed, error=str(failure))
-    return Point(
-        speed,
-        statistics,
-        orbit.spectral_radius,
-        orbit.verdict,
-        orbit.method,
-        orbit.steps,
-        orbit.error_estimate,
-        orbit.warnings,
-    )
+def _part(
+    system: PeriodicSystem,
+    omegas: Array,
+    method: Method,
+    steps: int | None,
+    rtol: float,
+    wish: Wish,
+    engine: str,
+    progress: Callable[[int], None] | None = None,
+) -> Results:
+    # A copy: samplers of a model serve one thread.
+    family = over_speed(copy.copy(system))
+    batch = Batch(family, omegas[:, None], method, steps, rtol, True, chosen_engine(engine)[0])
+    return gathered(batch, wish, progress)
