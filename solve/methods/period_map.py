@@ -58,10 +58,24 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
     """States x (..., m+1, N) of the periodic solution at the nodes, and the condition number (...) of
     the closed system: infinite, with NaN for states, where it is singular, a multiplier at +1."""
     levels = _levels(steps, BLOCKS)
-    x, condition = _cyclic(levels[-1])
+    A, b = levels[-1].A, levels[-1].b
+    unit = _units(A)
+    x, condition = _cyclic(Steps(A * unit / unit[:, None], b / unit))
+    x = x * unit
     for level in reversed(levels[:-1]):
         x = _refined(level, x)
     return np.concatenate((x, x[..., :1, :]), axis=-2), condition
+
+
+def _units(A: Array) -> Array:
+    """Units (N,) of the states, powers of 2, in which the maps are balanced: orthogonal elimination treats
+    all states alike, so that a metre beside a milliradian would cost the small one its digits."""
+    from scipy.linalg import matrix_balance
+
+    size = np.abs(A).sum(axis=-3)
+    size = size / np.maximum(size.sum(axis=(-2, -1), keepdims=True), np.finfo(float).tiny)
+    mean = size.reshape(-1, *size.shape[-2:]).mean(axis=0)
+    return matrix_balance(mean, permute=False, separate=True)[1][0]
 
 
 def _applied(A: Array, x: Array) -> Array:
