@@ -100,7 +100,7 @@ def test_orbit_closes_and_repeats(seed, n, method):
     np.testing.assert_allclose(approach, orbit.q[:, 0], rtol=0, atol=1e-7 * np.abs(orbit.q).max())
 
 
-@given(seeds, sizes, st.floats(-8.0, 8.0), st.floats(-1.0, 1.0), METHODS)
+@given(seeds, sizes, st.floats(-8.0, 8.0), st.floats(-4.0, 4.0), METHODS)
 @few
 def test_units_of_force_and_of_coordinates_are_free(seed, n, force, length, method):
     """Rows times 10^force, and each coordinate in a unit of its own, 10^(length i)."""

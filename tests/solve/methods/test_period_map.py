@@ -110,3 +110,21 @@ def test_points_of_a_sweep_are_solved_as_each_alone(m):
         np.testing.assert_allclose(products[point], monodromy(alone), rtol=0, atol=1e-14)
         np.testing.assert_allclose(ends[point], affine_period(alone).b, rtol=0, atol=1e-13)
         assert condition[point] == pytest.approx(its_condition, rel=1e-10)
+
+
+def test_steps_that_leave_nothing_of_the_state():
+    states, condition = periodic_states(Steps(np.zeros((40, 2, 2)), np.ones((40, 2))))
+    np.testing.assert_array_equal(states, np.ones((41, 2)))
+    assert np.isfinite(condition)
+
+
+@given(seeds, st.integers(33, 200), st.floats(-12.0, 12.0))
+@settings(max_examples=40, deadline=None)
+def test_states_in_any_units_keep_their_digits(seed, m, decades):
+    """The second state in a unit 10^decades times as large: each state is as exact as it was."""
+    steps = chain(seed, m, 2)
+    units = np.array([1.0, 10.0**decades])
+    plain, condition = periodic_states(steps)
+    scaled, scaled_condition = periodic_states(Steps(steps.A * units / units[:, None], steps.b / units))
+    np.testing.assert_allclose(scaled * units, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
+    assert scaled_condition < 10 * condition
