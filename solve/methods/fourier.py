@@ -111,7 +111,7 @@ def from_exponents(exponents: Array, p: Array, period: float) -> tuple[Array, fl
     distance = np.abs(orders) @ weight / weight.sum(axis=0)
     # Of a family all p(0) are alike; pivots take its most central one, and then another family's.
     central = p[0] / np.linalg.norm(p[0], axis=0) * 10.0**-distance
-    chosen = qr(central, mode="r", pivoting=True)[1][:N]
+    chosen = qr(central, mode="r", pivoting=True)[-1][:N]
     X = p[0][:, chosen]
     Phi = np.real(X * np.exp(exponents[chosen] * period) @ np.linalg.inv(X))
     return Phi, float(np.finfo(float).eps * np.abs(exponents).max() * period)

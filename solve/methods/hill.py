@@ -1,8 +1,9 @@
 """Hill's infinite determinant, truncated: multipliers and stability boundaries (G. W. Hill, Acta Math.
 8 (1886) 1-36; V. V. Bolotin, 1964; thesis 7.2.1)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,6 +14,11 @@ from solve.methods.fourier import Fourier, from_exponents
 from solve.methods.grid import Grid
 from solve.methods.method import Solution
 from solve.system import PeriodicSystem
+
+_FIRST_ORDERS, _MOST_ORDERS = 8, 128
+
+Problem = Callable[[float], tuple[PeriodicSystem, float]]
+"""From a value of a parameter to the system and the speed in rad/s."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +47,120 @@ class Hill(Fourier):
 def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: int = 1) -> float:
     """Hill's determinant with 2·orders + 1 orders at ρ = multiplier (+1 or -1): real, 0 on a stability
     boundary of that kind, its modulus raised to the power 1/size so that it neither over- nor
-    underflows. Zeros over any parameter are stability boundaries.
+    underflows. `boundaries` finds its zeros over any parameter.
 
     Raises ValueOutOfBoundsError for another multiplier.
     """
+    sign, logarithm, size = _sign_and_logarithm(system, speed, orders, multiplier)
+    return sign * float(np.exp(logarithm / size))
+
+
+def _sign_and_logarithm(
+    system: PeriodicSystem, speed: float, orders: int, multiplier: int
+) -> tuple[float, float, int]:
+    """Of Hill's determinant at ρ = multiplier, and its size."""
     if multiplier not in (1, -1):
         raise ValueOutOfBoundsError(f"multiplier is {multiplier}; allowed: 1 (period T) or -1 (period 2T)")
     matrix = _hill_matrix(system, speed, orders, 0.0 if multiplier == 1 else 0.5)
     sign, logarithm = np.linalg.slogdet(matrix)
-    return float(np.real(sign) * np.exp(logarithm / len(matrix)))
+    return float(np.real(sign)), float(logarithm), len(matrix)
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """A stability boundary: the parameter's value, the multiplier there (+1 or -1), and the error of the
+    value, estimated from half as many orders."""
+
+    value: float
+    multiplier: int
+    error: float
+
+
+def boundaries(
+    problem: Problem,
+    values: Sequence[float],
+    multiplier: int = 1,
+    rtol: float = 1e-10,
+) -> list[Boundary]:
+    """Where a Floquet multiplier passes through +1 or -1 as a parameter varies (thesis 7.2.1).
+
+    problem: from a value of the parameter to the system and the speed in rad/s. values: rising ones to
+    search between; two boundaries between neighbours are found only if the determinant comes close to
+    zero there. Orders are doubled until every boundary changes by no more than `rtol` of the range.
+    Boundaries where a complex pair leaves the unit circle are of another kind and not found.
+    Raises ValueOutOfBoundsError for fewer than two values, values that do not rise or another multiplier.
+
+    >>> import numpy as np
+    >>> def mathieu(delta):
+    ...     def matrices(phase, speed):
+    ...         one, zero = np.ones((len(phase), 1, 1)), np.zeros((len(phase), 1, 1))
+    ...         return one, zero, (delta + np.cos(2 * phase))[:, None, None], zero[:, 0]
+    ...     return PeriodicSystem(matrices, ["q"], period=np.pi), 1.0
+    >>> [round(found.value, 8) for found in boundaries(mathieu, np.linspace(0, 3, 31), multiplier=-1)]
+    [0.47065435, 1.46676684]
+    """
+    grid = np.asarray(values, dtype=float)
+    if len(grid) < 2 or not (np.diff(grid) > 0).all():
+        raise ValueOutOfBoundsError(f"values are {list(values)[:6]}; give two or more that rise")
+    tolerance = rtol * float(grid[-1] - grid[0])
+    orders, before = _FIRST_ORDERS, np.empty(0)
+    while True:
+        found = _Search(problem, multiplier, orders, tolerance).zeros(list(map(float, grid)))
+        alike = orders > _FIRST_ORDERS and len(found) == len(before)
+        errors = np.maximum(np.abs(found - before), tolerance / 4) if alike else np.full(len(found), np.inf)
+        if (alike and (errors <= tolerance).all()) or orders == _MOST_ORDERS:
+            pairs = zip(found.tolist(), errors.tolist(), strict=True)
+            return [Boundary(value, multiplier, error) for value, error in pairs]
+        orders, before = 2 * orders, found
+
+
+class _Search:
+    """Hill's determinant over a parameter, remembered where it was evaluated."""
+
+    def __init__(self, problem: Problem, multiplier: int, orders: int, tolerance: float):
+        self._problem, self._multiplier, self._orders = problem, multiplier, orders
+        self._tolerance = tolerance
+        self._known: dict[float, tuple[float, float]] = {}
+
+    def zeros(self, values: list[float]) -> Array:
+        """Zeros between the values, close pairs of them too."""
+        from scipy.optimize import brentq
+
+        for triple in zip(values, values[1:], values[2:], strict=False):
+            self._look_between(*triple)
+        for value in values:
+            self._at(value)
+        ends = sorted(self._known)
+        zeros = [value for value in ends if self._at(value)[0] == 0.0]
+        for left, right in pairwise(ends):
+            if self._at(left)[0] * self._at(right)[0] < 0:
+                scale = max(self._at(left)[1], self._at(right)[1])
+                zeros.append(brentq(self._scaled, left, right, (scale,), self._tolerance / 16))  # type: ignore[arg-type]
+        return np.sort(np.array(zeros))
+
+    def _look_between(self, left: float, middle: float, right: float) -> None:
+        """Evaluate the determinant where it comes closest to zero, if that is at the middle value."""
+        from scipy.optimize import minimize_scalar
+
+        signs, logarithms = zip(*map(self._at, (left, middle, right)), strict=True)
+        if abs(sum(signs)) == 3 and logarithms[1] == min(logarithms):
+            closest = minimize_scalar(
+                lambda value: signs[1] * self._scaled(value, logarithms[1]),
+                bounds=(left, right),
+                method="bounded",
+                options={"xatol": self._tolerance},
+            )
+            self._at(float(closest.x))
+
+    def _at(self, value: float) -> tuple[float, float]:
+        if value not in self._known:
+            found = _sign_and_logarithm(*self._problem(value), self._orders, self._multiplier)
+            self._known[value] = found[:2]
+        return self._known[value]
+
+    def _scaled(self, value: float, scale: float) -> float:
+        sign, logarithm = _sign_and_logarithm(*self._problem(value), self._orders, self._multiplier)[:2]
+        return sign * float(np.exp(logarithm - scale))
 
 
 def _hill_matrix(system: PeriodicSystem, speed: float, N: int, shift: float = 0.0) -> Array:
