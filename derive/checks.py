@@ -91,11 +91,11 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
 def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:
     moving = [each.symbol for each in mechanism.declared_coordinates]
     motion = {s for q in moving for s in (q, q.rate, q.rate.rate)}
-    for condition in mechanism.conditions:
-        yield _Statement(f"condition {condition.text}", condition.margin, None, motion | {SPEED})
     for loop in mechanism.declared_loops:
         for equation in loop.closure:
             yield _Statement(f"loop of {loop}", equation, None, motion | {PHASE, SPEED})
+    for condition in mechanism.conditions:
+        yield _Statement(f"condition {condition.text}", condition.margin, None, motion | {SPEED})
     yield _Statement("period", sympy.sympify(mechanism.period), "rad", motion | {PHASE, SPEED})
 
 

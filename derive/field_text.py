@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import sympy
 
 from derive.field import Field
-from derive.galerkin import Moment, Pair, Projection
+from derive.galerkin import ZERO_COLUMN, ZERO_MATRIX, Moment, Pair, Projection
 from derive.modal_integrals import XI
 from derive.printer import CasadiPrinter
 
@@ -25,7 +25,10 @@ AMPLITUDES = ("coordinates", "rates", "accelerations")
 def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
     """Text for each symbol of the projected equations, and for each point of the field."""
     modes = projection.deflection.modes
-    texts: dict[sympy.Symbol, str] = {}
+    texts = {
+        ZERO_MATRIX: f"casadi.DM.zeros({modes}, {modes})",
+        ZERO_COLUMN: f"casadi.DM.zeros({modes})",
+    }
     for pair in projection.pairs:
         texts[pair] = f"_pairs(_{pair}, {modes})"
     for moment in projection.moments:

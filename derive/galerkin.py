@@ -25,6 +25,9 @@ from derive.mechanism import Mechanism
 from derive.modal_integrals import ModalIntegral, modal_integral, modal_moment
 from derive.symbols import PHASE, Moving
 
+ZERO_MATRIX, ZERO_COLUMN = sympy.symbols("zero_matrix zero_column", real=True)
+"""Stand for zeros of the size that the number of modes gives."""
+
 
 @dataclass(frozen=True)
 class Moment:
@@ -94,7 +97,16 @@ def project(mechanism: Mechanism, deflection: Field) -> Projection:
         whole = Energies(*(each.xreplace(straight) for each in whole))
         forces = [[each.xreplace(straight) for each in work] for work in mechanism.forces]
         projection.drive_torque = equation(whole, PHASE, forces) + _torque(projection, density)
+    _require_free_names(mechanism, projection)
     return projection
+
+
+def _require_free_names(mechanism: Mechanism, projection: Projection) -> None:
+    for symbol in (*projection.pairs, *projection.moments, *projection.weighted):
+        if symbol.name in mechanism.names():
+            raise DeclarationError(
+                f'"{symbol.name}" is the name of an integral of mode functions; use another name'
+            )
 
 
 def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
@@ -136,6 +148,9 @@ def _project_rows(projection: Projection, density: Energies) -> None:
     projection.linearised["d"] = sympy.Add(*(_columned(projection, d[a], a) for a in range(3)))
     if projection.linearised["M"] == 0:
         raise SingularMassError(f"the kinetic energy gives no inertia to {deflection.name}; add its mass")
+    for name, zeros in (("C", ZERO_MATRIX), ("K", ZERO_MATRIX), ("d", ZERO_COLUMN)):
+        if projection.linearised[name] == 0:
+            projection.linearised[name] = zeros
 
 
 def _paired(projection: Projection, coefficient: Any, a: int, b: int) -> Any:

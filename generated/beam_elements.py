@@ -6,7 +6,7 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "1873a6d6156902ae4e6589f248f81782542eb716979e905a78abd8b8ea2b7ae1"
-DERIVE_SHA256 = "7cf1f18563c8b15a837b9a8d1a45e1c3579ca6a6ea74d59e3e32f19804974800"
+DERIVE_SHA256 = "ae61a9eafedd0bfc8c33647601d0b02d9dd5c0dd0ad1bcd875b74ce5b63f1cd3"
 SYMPY_VERSION = "1.14.0"
 BODY_SHA256 = "08214016695c19ad867a812f77068bc6837ffaa8332ed149a90d25869d65836f"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
