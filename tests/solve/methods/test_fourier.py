@@ -1,0 +1,144 @@
+"""Harmonic balance by collocation, and what Bahgat and Willmert's variant of it leaves out."""
+
+import numpy as np
+import pytest
+
+from solve import Radau, floquet, periodic
+from solve.errors import MatricesError
+from solve.methods.fourier import differentiation
+from solve.methods.grid import Grid
+from tests.solve.certificates.population import member
+from tests.solve.systems import constant, meissner, random_matrices, random_system, system
+from tests.solve.witnesses import Shooting, multiplier_error, relative_error
+
+PHASES = np.linspace(0.0, 2 * np.pi, 401)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_orbit_and_multipliers_equal_dop853(seed):
+    given = random_system(seed, 1 + seed)
+    truth = Shooting(given, 1.0)
+    orbit = periodic(given, 1.0, "fourier", rtol=1e-9)
+    assert relative_error(orbit.at(PHASES), truth.states(PHASES)[: given.n]) < 1e-9
+    assert multiplier_error(orbit.multipliers, truth.multipliers) < 1e-9
+
+
+def peaked():
+    """Matrices of all orders, which fall as 0.38^k: analytic, but not a polynomial in cos and sin."""
+
+    def matrices(phase, speed):
+        peak = (1.0 / (1.25 - np.cos(phase)))[:, None, None]
+        one = np.ones_like(peak)
+        return one, 0.3 * one, 2.0 + 0.2 * peak, peak[:, 0]
+
+    return system(matrices, 1)
+
+
+@pytest.mark.parametrize("method", ["fourier", "hill"])
+def test_errors_fall_faster_than_any_power(method):
+    """Geometrically: log error falls in proportion to the steps, so that its slope over log steps steepens
+    from grid to grid."""
+    truth = periodic(peaked(), 1.0, Radau(13), rtol=1e-13)
+    steps = np.array([11, 21, 31, 41])
+    found = [periodic(peaked(), 1.0, method, steps=int(m), rtol=0.9) for m in steps]
+    for errors in (
+        [relative_error(orbit.at(PHASES), truth.at(PHASES)) for orbit in found],
+        [multiplier_error(orbit.multipliers, truth.multipliers) for orbit in found],
+    ):
+        slopes = -np.diff(np.log(errors)) / np.diff(np.log(steps))
+        assert (np.diff(slopes) > 0).all(), slopes
+        assert slopes[-1] > 12
+        rates = -np.diff(np.log(errors)) / np.diff(steps)
+        assert rates.max() < 1.5 * rates.min(), rates
+
+
+def test_forty_one_points_suffice_where_no_mode_rings():
+    given = random_system(4, 2)
+    truth = periodic(given, 1.0, Radau(13), rtol=1e-13)
+    found = periodic(given, 1.0, "fourier", steps=41, rtol=0.5)
+    assert relative_error(found.at(PHASES), truth.at(PHASES)) < 1e-13
+
+
+def test_even_steps_become_odd():
+    assert periodic(random_system(4, 2), 1.0, "fourier", steps=40, rtol=0.5).steps == 41
+
+
+@pytest.mark.parametrize("method", ["fourier", "hill"])
+def test_the_condition_is_that_of_the_problem_and_not_of_the_orders(method):
+    coarse, fine = (periodic(random_system(4, 2), 1.0, method, steps=m, rtol=0.9) for m in (31, 81))
+    assert fine.condition < 2 * coarse.condition < 1e4
+
+
+@pytest.mark.parametrize(("index", "steps"), [(495, 203), (347, 17), (499, 33)])
+def test_vectors_at_the_edge_of_the_orders_give_no_multipliers(index, steps):
+    """Undamped systems with a mode of 75 to 109 times the speed: once the orders reach it, vectors with
+    weight at both of their ends must not pass for central ones; before, nothing must break."""
+    given = member(index)
+    truth = floquet(given.system, given.speed, Radau(13), rtol=1e-11)
+    found = floquet(given.system, given.speed, "fourier", steps=steps, rtol=0.9)
+    error = multiplier_error(found.multipliers, truth.multipliers)
+    assert error <= 10 * found.error_estimate.multipliers
+    if steps == 203:
+        assert error < 1e-10
+
+
+def test_differentiation_is_exact_for_the_orders_it_holds():
+    grid = Grid.uniform(9, 3.0)
+    rate = 2 * np.pi / 3.0
+    for k in range(5):
+        wave = np.cos(k * rate * grid.nodes[:-1] + 0.3)
+        slope = -k * rate * np.sin(k * rate * grid.nodes[:-1] + 0.3)
+        np.testing.assert_allclose(differentiation(grid) @ wave, slope, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["fourier", "bahgat-willmert"])
+def test_jumps_are_refused_with_the_remedy(method):
+    with pytest.raises(MatricesError, match=rf"{method} needs matrices without jumps, .* use radau or gauss"):
+        periodic(meissner(), 1.0, method)
+
+
+def at_speed(speed, damping=1.0):
+    """A system whose matrices depend on the phase alone."""
+    matrices = random_matrices(6, 2)
+
+    def of_phase(phase, _):
+        M, C, K, d = matrices(phase, 1.0)
+        return M, damping * C, K, d
+
+    return system(of_phase, 2), speed
+
+
+def variants_error(speed):
+    """Of Bahgat and Willmert's orbit against the true one, and as it states it."""
+    given, omega = at_speed(speed)
+    truth = periodic(given, omega, "radau", rtol=1e-9)
+    found = periodic(given, omega, "bahgat-willmert", steps=61, rtol=0.9)
+    return relative_error(found.at(PHASES), truth.at(PHASES)), found.error_estimate.orbit
+
+
+def test_bahgat_and_willmerts_variant_is_exact_for_constant_matrices_only():
+    load = random_matrices(6, 2)
+    plain = constant(np.eye(2), 0.1 * np.eye(2), np.diag([2.0, 3.0]), lambda phase: load(phase, 1.0)[3])
+    truth = periodic(plain, 1.0, "fourier", rtol=1e-10)
+    found = periodic(plain, 1.0, "bahgat-willmert", steps=61)
+    assert relative_error(found.at(PHASES), truth.at(PHASES)) < 1e-12
+
+
+def test_bahgat_and_willmerts_variant_is_right_when_slow_and_wrong_when_fast():
+    """Its error against harmonic balance on the full matrices grows with the speed: in proportion to it
+    while the motion is quasi-static, to the size of the motion itself when it is not (thesis 6.4). Both
+    are stated."""
+    errors = {}
+    for speed in (0.005, 0.01, 0.1, 1.0):
+        errors[speed], stated = variants_error(speed)
+        assert errors[speed] == pytest.approx(stated, rel=0.05)
+    print(f"Bahgat-Willmert against harmonic balance: {errors}")
+    assert errors[0.01] / errors[0.005] == pytest.approx(2.0, abs=0.1)
+    assert errors[0.005] < 0.01
+    assert errors[1.0] > 0.1
+
+
+def test_bahgat_and_willmerts_variant_says_that_it_is_an_approximation():
+    given, omega = at_speed(1.0)
+    warned = periodic(given, omega, "bahgat-willmert", steps=61).warnings
+    assert any("bahgat-willmert is an approximation that gives the orbit to" in text for text in warned)

@@ -1,0 +1,137 @@
+"""Hill's determinant: stability boundaries over any parameter, multipliers, orbits."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import mathieu_a, mathieu_b
+
+from solve import floquet, periodic
+from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.methods.gauss import Gauss
+from solve.methods.hill import boundaries, determinant
+from tests.solve.systems import constant, meissner, random_system, system
+from tests.solve.witnesses import Shooting, multiplier_error, relative_error
+
+EPSILONS = [-10.0, -3.0, 0.5, 3.0, 10.0]
+ORDERS = range(7)
+
+
+def mathieu(delta, epsilon, damping=0.0):
+    """q″ + damping q′ + (delta + epsilon cos 2t) q = 0."""
+
+    def matrices(phase, speed):
+        one, zero = np.ones((len(phase), 1, 1)), np.zeros((len(phase), 1))
+        return one, damping * one, (delta + epsilon * np.cos(2 * phase))[:, None, None], zero
+
+    return system(matrices, 1, period=np.pi)
+
+
+def characteristic(epsilon, multiplier):
+    """SciPy's a_k and b_k with solutions of period π (k even) or 2π (k odd); the sign of ε only swaps
+    odd ones."""
+    first = 0 if multiplier == 1 else 1
+    q = abs(epsilon) / 2
+    values = [mathieu_a(k, q) for k in ORDERS[first::2]] + [mathieu_b(k, q) for k in ORDERS[first::2] if k]
+    return np.sort(values)
+
+
+@pytest.mark.parametrize("multiplier", [1, -1])
+@pytest.mark.parametrize("epsilon", EPSILONS)
+def test_boundaries_of_mathieus_equation(epsilon, multiplier):
+    truth = characteristic(epsilon, multiplier)
+    truth = truth[truth < 28.0]
+    found = boundaries(lambda delta: (mathieu(delta, epsilon), 1.0), np.linspace(-9.0, 28.0, 75), multiplier)
+    narrow = epsilon == 0.5  # b_k and a_k of k ≥ 4 are closer than 1e-7: a pair in one, or none
+    if narrow:
+        near = np.abs(truth[:, None] - [each.value for each in found]).min(axis=0)
+        assert len(found) >= 3
+        assert near.max() < 1e-8
+        return
+    assert len(found) == len(truth)
+    for each, true in zip(found, truth, strict=True):
+        assert abs(each.value - true) < 1e-8
+        assert abs(each.value - true) <= 10 * each.error
+        assert each.multiplier == multiplier
+
+
+@pytest.mark.parametrize("multiplier", [1, -1])
+@pytest.mark.parametrize("epsilon", EPSILONS)
+def test_determinant_and_multipliers_vanish_at_mathieus_values(epsilon, multiplier):
+    """The same boundaries by two further ways: the determinant's zero, and ρ1 + ρ2 = ±2."""
+
+    def trace(delta):
+        values = floquet(mathieu(delta, epsilon), 1.0, Gauss(16), rtol=1e-12).multipliers
+        return float(np.sum(values).real) - 2 * multiplier
+
+    truth = characteristic(epsilon, multiplier)[:5]
+    gaps = np.diff([-20.0, *truth])
+    for value, near in zip(truth[:4], np.minimum(gaps[:-1], gaps[1:]), strict=True):
+        if near < 1e-4:
+            continue
+        low, high = value - 0.3 * min(near, 1.0), value + 0.3 * min(near, 1.0)
+        for function in (lambda delta: determinant(mathieu(delta, epsilon), 1.0, 24, multiplier), trace):
+            assert abs(brentq(function, low, high, xtol=1e-12) - value) < 1e-8
+
+
+def test_a_close_pair_between_two_values_is_found():
+    """b_2 and a_2 are 5e-3 apart, the values 0.7."""
+    found = boundaries(lambda delta: (mathieu(delta, 0.2), 1.0), np.arange(2.0, 8.0, 0.7))
+    assert [each.value for each in found] == pytest.approx([mathieu_b(2, 0.1), mathieu_a(2, 0.1)], abs=1e-8)
+
+
+@pytest.mark.parametrize("multiplier", [1, -1])
+def test_boundaries_over_the_speed_are_where_a_multiplier_is_one(multiplier):
+    """A damped system, so that both boundaries of a band leave (δ, ε) of Mathieu's closed form."""
+    damped = mathieu(1.0, 0.6, damping=0.05)
+    found = boundaries(lambda speed: (damped, speed), np.linspace(0.4, 1.6, 61), multiplier)
+    assert found
+    for each in found:
+        values = floquet(damped, each.value, rtol=1e-12).multipliers
+        assert np.abs(values - multiplier).min() < 1e-8
+        low, high = (floquet(damped, each.value * (1 + s), rtol=1e-10).verdict for s in (-1e-5, 1e-5))
+        assert {low, high} == {"unstable", "asymptotically stable"}
+
+
+def test_boundaries_of_coupled_coordinates_over_a_parameter():
+    def coupled(epsilon):
+        def matrices(phase, speed):
+            K = np.array([[1.0, 0.2], [0.2, 3.0]]) + np.cos(phase)[:, None, None] * [
+                [epsilon, 0],
+                [0, -epsilon],
+            ]
+            eye = np.broadcast_to(np.eye(2), K.shape)
+            return eye, 0.02 * eye, K, np.zeros((len(phase), 2))
+
+        return system(matrices, 2), 2.0
+
+    found = boundaries(coupled, np.linspace(0.0, 1.5, 31), multiplier=-1)
+    assert found
+    for each in found:
+        assert np.abs(floquet(*coupled(each.value), rtol=1e-12).multipliers + 1).min() < 1e-7
+
+
+def test_a_stable_constant_system_has_no_boundary():
+    plain = constant(np.eye(1), np.array([[0.1]]), np.array([[2.0]]), lambda phase: np.ones((len(phase), 1)))
+    assert boundaries(lambda speed: (plain, speed), np.linspace(0.5, 3.0, 11), multiplier=1) == []
+
+
+def test_questions_that_make_no_sense_are_refused():
+    with pytest.raises(ValueOutOfBoundsError, match=r"multiplier is 0; allowed: 1 .* or -1"):
+        determinant(mathieu(1.0, 0.1), 1.0, 8, multiplier=0)
+    for values in ([1.0], [1.0, 0.5], [1.0, 1.0]):
+        with pytest.raises(ValueOutOfBoundsError, match="give two or more that rise"):
+            boundaries(lambda delta: (mathieu(delta, 0.1), 1.0), values)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_orbit_and_multipliers_equal_dop853(seed):
+    given = random_system(seed, 2)
+    truth, phases = Shooting(given, 1.0), np.linspace(0.0, 2 * np.pi, 101)
+    orbit = periodic(given, 1.0, "hill", rtol=1e-9)
+    assert relative_error(orbit.at(phases), truth.states(phases)[:2]) < 1e-9
+    assert multiplier_error(orbit.multipliers, truth.multipliers) < 1e-9
+
+
+def test_jumps_are_refused_with_the_remedy():
+    with pytest.raises(MatricesError, match="hill needs matrices without jumps"):
+        floquet(meissner(), 1.0, "hill")
