@@ -16,7 +16,8 @@
 #define COLS (ROWS + W)
 #define ENTRIES (3 * N * N + N)
 #define D (2 + NODES)              /* powers of theta in a step */
-#define CYCLIC (3 * NX + 1)        /* columns of a joined row: x_k, x_0, x_k+1, right side */
+#define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
+#define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
 #define PANEL 4                    /* columns eliminated before the rest is updated */
 #define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
 
@@ -241,55 +242,54 @@ static void reflect(lane *z, int count, int width, int columns) {
     }
 }
 
-/* Starts (blocks, NX) of the blocks of the closed chain, by structured orthogonal factorisation. */
-static void close_chain(const problem *p, long group, long blocks, const lane *maps, lane *saved, lane *z, lane *x) {
-    lane G[NX * NX], H[NX * NX], r[NX], scale = {0};
-    memset(H, 0, sizeof H);
+/* Join two rows G x_a + H x_b = r and G' x_b + H' x_c = r' by eliminating x_b: `saved` keeps what gives
+   x_b from x_a and x_c, `to` becomes a row of x_a and x_c. Rows are G | H | r, (NX, ROW). */
+static void join(const lane *first, const lane *second, lane *z, lane *saved, lane *to) {
+    memset(z, 0, 2 * NX * CYCLIC * sizeof(lane));
     for (int i = 0; i < NX; i++) {
-        for (int j = 0; j < NX; j++) G[i * NX + j] = maps[i * W + j];
-        H[i * NX + i] -= 1.0;
-        r[i] = -maps[i * W + NX];
-    }
-    for (long k = 1; k < blocks; k++) {
-        const lane *map = maps + k * NX * W;
-        memset(z, 0, 2 * NX * CYCLIC * sizeof(lane));
-        for (int i = 0; i < NX; i++) {
-            lane *top = z + i * CYCLIC, *bottom = z + (NX + i) * CYCLIC;
-            for (int j = 0; j < NX; j++) {
-                top[j] = H[i * NX + j];
-                top[NX + j] = G[i * NX + j];
-                bottom[j] = map[i * W + j];
-            }
-            top[3 * NX] = r[i];
-            bottom[2 * NX + i] -= 1.0;
-            bottom[3 * NX] = -map[i * W + NX];
+        lane *top = z + i * CYCLIC, *bottom = z + (NX + i) * CYCLIC;
+        for (int j = 0; j < NX; j++) {
+            top[j] = first[i * ROW + NX + j];
+            top[NX + j] = first[i * ROW + j];
+            bottom[j] = second[i * ROW + j];
+            bottom[2 * NX + j] = second[i * ROW + NX + j];
         }
-        reflect(z, 2 * NX, NX, CYCLIC);
-        memcpy(saved + k * NX * CYCLIC, z, NX * CYCLIC * sizeof(lane));
-        for (int i = 0; i < NX; i++) {
-            const lane *bottom = z + (NX + i) * CYCLIC;
-            for (int j = 0; j < NX; j++) {
-                G[i * NX + j] = bottom[NX + j];
-                H[i * NX + j] = bottom[2 * NX + j];
-            }
-            r[i] = bottom[3 * NX];
-        }
+        top[3 * NX] = first[i * ROW + 2 * NX];
+        bottom[3 * NX] = second[i * ROW + 2 * NX];
     }
+    reflect(z, 2 * NX, NX, CYCLIC);
+    memcpy(saved, z, NX * CYCLIC * sizeof(lane));
+    for (int i = 0; i < NX; i++) memcpy(to + i * ROW, z + (NX + i) * CYCLIC + NX, ROW * sizeof(lane));
+}
+
+/* The state between two others that a joined row left behind. */
+static void between(const lane *saved, const lane *before, const lane *after, lane *x) {
+    for (int i = NX - 1; i >= 0; i--) {
+        const lane *row = saved + i * CYCLIC;
+        lane s = row[3 * NX];
+        for (int j = 0; j < NX; j++) s -= row[NX + j] * before[j] + row[2 * NX + j] * after[j];
+        for (int j = i + 1; j < NX; j++) s -= row[j] * x[j];
+        x[i] = s / row[i];
+    }
+}
+
+/* The one state of a chain that is closed on itself, (G + H) x = r, and a bound of its condition. */
+static void close_row(const problem *p, long group, const lane *row, lane *z, lane *x) {
     const int columns = 2 * NX + 1;                              /* G + H | r | 1 */
+    lane scale = {0}, inverse = {0};
     memset(z, 0, NX * columns * sizeof(lane));
     for (int i = 0; i < NX; i++) {
         for (int j = 0; j < NX; j++) {
-            const lane g = G[i * NX + j], h = H[i * NX + j];
+            const lane g = row[i * ROW + j], h = row[i * ROW + NX + j];
             scale += g * g + h * h;
             z[i * columns + j] = g + h;
             ((loose *)p->closed)[(group * 2 * NX + i) * NX + j] = g;
             ((loose *)p->closed)[(group * 2 * NX + NX + i) * NX + j] = h;
         }
-        z[i * columns + NX] = r[i];
+        z[i * columns + NX] = row[i * ROW + 2 * NX];
         z[i * columns + NX + 1 + i] += 1.0;
     }
     reflect(z, NX, NX, columns);
-    lane inverse = {0};
     for (int j = NX; j < columns; j++)
         for (int i = NX - 1; i >= 0; i--) {
             lane s = z[i * columns + j];
@@ -300,15 +300,65 @@ static void close_chain(const problem *p, long group, long blocks, const lane *m
         }
     ((loose *)p->bound)[group] = root(scale * inverse);
     for (int i = 0; i < NX; i++) x[i] = z[i * columns + NX];
-    for (long k = blocks - 1; k > 0; k--) {
-        const lane *s = saved + k * NX * CYCLIC, *end = x + (k + 1 < blocks ? (k + 1) * NX : 0);
-        for (int i = NX - 1; i >= 0; i--) {
-            lane t = s[i * CYCLIC + 3 * NX];
-            for (int j = 0; j < NX; j++) t -= s[i * CYCLIC + NX + j] * x[j] + s[i * CYCLIC + 2 * NX + j] * end[j];
-            for (int j = i + 1; j < NX; j++) t -= s[i * CYCLIC + j] * x[k * NX + j];
-            x[k * NX + i] = t / s[i * CYCLIC + i];
+}
+
+/* Units (NX) of the states, powers of 2, in which the maps of the blocks are balanced. */
+static void balance(long blocks, const lane *maps, double *unit) {
+    double size[NX][NX] = {{0}};
+    lane total = {0}, part[NX][NX];
+    for (int i = 0; i < NX; i++)
+        for (int j = 0; j < NX; j++) {
+            part[i][j] = (lane){0};
+            for (long k = 0; k < blocks; k++) part[i][j] += absolute(maps[(k * NX + i) * W + j]);
+            total += part[i][j];
         }
+    for (int i = 0; i < NX; i++) {
+        unit[i] = 1.0;
+        for (int j = 0; j < NX; j++)
+            for (int l = 0; l < LANES; l++) size[i][j] += total[l] > 0.0 ? part[i][j][l] / total[l] : 0.0;
     }
+    for (int sweep = 0; sweep < 8; sweep++)
+        for (int i = 0; i < NX; i++) {
+            double column = 0.0, row = 0.0;
+            for (int j = 0; j < NX; j++)
+                if (j != i) column += size[j][i] * size[j][i], row += size[i][j] * size[i][j];
+            if (!(column > 0.0 && row > 0.0 && isfinite(column + row))) continue;
+            const double factor = exp2(round(log2(row / column) / 4.0));
+            for (int j = 0; j < NX; j++) size[j][i] *= factor, size[i][j] /= factor;
+            unit[i] *= factor;
+        }
+}
+
+/* Starts x (blocks, NX) of the blocks of the closed chain x_k+1 = A_k x_k + b_k, by structured orthogonal
+   factorisation: neighbouring rows are joined, pair by pair and level by level. */
+static void close_chain(const problem *p, long group, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
+    long counts[64], levels = 0, used = 0;
+    double unit[NX];
+    balance(blocks, maps, unit);
+    for (long k = 0; k < blocks; k++)
+        for (int i = 0; i < NX; i++) {
+            lane *row = rows + (k * NX + i) * ROW;
+            for (int j = 0; j < NX; j++) row[j] = maps[(k * NX + i) * W + j] * (unit[j] / unit[i]);
+            memset(row + NX, 0, NX * sizeof(lane));
+            row[NX + i] -= 1.0;
+            row[2 * NX] = -maps[(k * NX + i) * W + NX] / unit[i];
+        }
+    for (long count = blocks; count > 1; count = (count + 1) / 2) {
+        counts[levels++] = count;
+        for (long k = 0; k + 1 < count; k += 2)
+            join(rows + k * NX * ROW, rows + (k + 1) * NX * ROW, z, saved + used++ * NX * CYCLIC, rows + k / 2 * NX * ROW);
+        if (count % 2) memcpy(rows + count / 2 * NX * ROW, rows + (count - 1) * NX * ROW, NX * ROW * sizeof(lane));
+    }
+    close_row(p, group, rows, z, x);
+    for (long level = levels - 1; level >= 0; level--) {
+        const long count = counts[level], pairs = count / 2, starts = (count + 1) / 2;
+        used -= pairs;
+        for (long k = starts - 1; k > 0; k--) memcpy(x + 2 * k * NX, x + k * NX, NX * sizeof(lane));
+        for (long k = 0; k < pairs; k++)
+            between(saved + (used + k) * NX * CYCLIC, x + 2 * k * NX, x + (2 * k + 2 < count ? 2 * k + 2 : 0) * NX, x + (2 * k + 1) * NX);
+    }
+    for (long k = 0; k < blocks; k++)
+        for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
 }
 
 /* Acceleration (N) that the equation of motion gives to a state at a node. */
@@ -387,13 +437,13 @@ int level(const problem *p) {
     const size_t widest = 2 * NX * CYCLIC > NX * (2 * NX + 1) ? 2 * NX * CYCLIC : NX * (2 * NX + 1);
     size_t size = ENTRIES + (size_t)ROWS * COLS + 3 * NX * W + blocks * NX * W;
     if (ORBIT)
-        size += widest + blocks * (NX * CYCLIC + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + N) + NX;
+        size += widest + blocks * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + N) + NX;
     lane *memory = aligned_alloc(sizeof(lane), size * sizeof(lane));
     if (!memory) return 1;
     lane *e = memory, *rows = e + ENTRIES, *map = rows + ROWS * COLS, *sum = map + NX * W, *next = sum + NX * W;
     lane *maps = next + NX * W;
-    lane *z = maps + blocks * NX * W, *saved = z + widest, *x0 = saved + blocks * NX * CYCLIC;
-    lane *stages = x0 + blocks * NX, *a = stages + p->steps * ROWS * W, *x = a + p->steps * ROWS;
+    lane *z = maps + blocks * NX * W, *saved = z + widest, *chain = saved + blocks * NX * CYCLIC;
+    lane *x0 = chain + blocks * NX * ROW, *stages = x0 + blocks * NX, *a = stages + p->steps * ROWS * W, *x = a + p->steps * ROWS;
     lane *starts = x + (p->steps + 1) * NX;
     memset(e, 0, ENTRIES * sizeof(lane));
     for (long group = 0; group < p->groups; group++) {
@@ -429,7 +479,7 @@ int level(const problem *p) {
         for (int i = 0; i < NX; i++)
             for (int j = 0; j < NX; j++) ((loose *)p->Phi)[(group * NX + i) * NX + j] = sum[i * W + j];
         if (ORBIT) {
-            close_chain(p, group, blocks, maps, saved, z, x0);
+            close_chain(p, group, blocks, maps, saved, chain, z, x0);
             trace(p, length, x0, stages, x, a);
             if (!STIFF)
                 for (long k = 0; k < p->steps; k++) acceleration(p, group, k, x + k * NX, e, starts + k * N);
