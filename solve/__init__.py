@@ -10,11 +10,13 @@ from solve.methods.runge_kutta import RungeKutta4
 from solve.orbit import Orbit
 from solve.periodic import periodic
 from solve.studies.bands import Band, bands
+from solve.studies.frequencies import Frequencies, Variation, frequencies, frequencies_over
 from solve.studies.sweep import Sweep, sweep
 from solve.system import PeriodicSystem
 
 __all__ = [
     "Band",
+    "Frequencies",
     "Gauss",
     "Newmark",
     "Orbit",
@@ -24,8 +26,11 @@ __all__ = [
     "SolveError",
     "Stability",
     "Sweep",
+    "Variation",
     "bands",
     "floquet",
+    "frequencies",
+    "frequencies_over",
     "load",
     "periodic",
     "sweep",

@@ -58,6 +58,10 @@ class Model(PeriodicSystem):
         """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
         return _rebuilt, (type(self), self.module.__file__, self.case, self.options, self.parameters)
 
+    def varied(self, parameters: Mapping[str, float]) -> "Model":
+        """The same model with some parameters changed (SI units). Raises ValueOutOfBoundsError."""
+        return type(self)(self.module, self.case, self.options, {**self.parameters, **parameters})
+
     def _equations(self) -> tuple[Callable[[Array, float], Sequence[Array]], Sequence[tuple[str, str, str]]]:
         """The matrices over phase and speed, and name, unit and meaning of the coordinates in use."""
         sampler = Sampler(self.module.linearised(**self.options), self._p)
@@ -67,6 +71,9 @@ class Model(PeriodicSystem):
     def _own_options(self) -> dict[str, Any]:
         """Options that the generated functions take; a structure's elements concern its assembly."""
         return {name: self.options[name] for name, *_ in self.module.OPTIONS}
+
+    def require_motion(self) -> None:
+        """Raise NoMotionError where the model has no equations of motion."""
 
     def _require_conditions(self) -> None:
         """Refuse parameters that contradict each other, such as lengths of a linkage that cannot turn."""
@@ -223,7 +230,7 @@ def _chosen_case(path: Path, case: str | None, module: ModuleType, explicit: boo
 
 
 def _checked_options(module: ModuleType, given: Options) -> dict[str, Any]:
-    """Every option's value: the given or the default one. One of a structure's links may be a tuple."""
+    """Every option's value: the given or the default one."""
     link_options = getattr(module, "LINK_OPTIONS", ())
     allowed = {name: values for name, values, _ in (*module.OPTIONS, *link_options)}
     options: dict[str, Any] = {name: default for name, _, default in (*module.OPTIONS, *link_options)}
@@ -238,7 +245,7 @@ def _checked_options(module: ModuleType, given: Options) -> dict[str, Any]:
 
 
 def _link_by_link(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
-    """One value for all links, or a tuple of one for each; a text separates them by commas."""
+    """One value for all links, or a text of one for each, separated by commas."""
     parts = (
         value.split(",") if isinstance(value, str) else value if isinstance(value, list | tuple) else [value]
     )
@@ -248,8 +255,8 @@ def _link_by_link(module: ModuleType, name: str, value: Any, allowed: Sequence[A
             f"option {name} of {module.NAME} has {len(parts)} values; give one for all links, or one for "
             f"each of {','.join(links)}"
         )
-    chosen = tuple(_checked_option(module, name, part, allowed) for part in parts)
-    return chosen if len(chosen) > 1 else chosen[0]
+    chosen = [_checked_option(module, name, part, allowed) for part in parts]
+    return chosen[0] if len(chosen) == 1 else ",".join(map(str, chosen))
 
 
 def _checked_option(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:

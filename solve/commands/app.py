@@ -11,12 +11,13 @@ import typer
 from solve.commands.bands import bands
 from solve.commands.compare import compare
 from solve.commands.floquet import floquet
+from solve.commands.frequencies import frequencies
 from solve.commands.groups import flattened
 from solve.commands.periodic import periodic
 from solve.commands.sweep import sweep
 from solve.errors import SolveError
 
-COMMANDS = (periodic, floquet, compare, sweep, bands)
+COMMANDS = (periodic, floquet, compare, sweep, bands, frequencies)
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Of the Click that Typer brings along or depends on, whichever it is."""

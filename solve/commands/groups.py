@@ -40,12 +40,18 @@ class Problem:
         typer.Option(metavar="NAME=VALUE", help="Choose an option of the model; repeatable."),
     ] = None
 
-    def loaded(self) -> tuple["Model", str | None]:
-        """The model, and the speed that its case names, if any."""
+    def loaded(self, still: bool = False) -> tuple["Model", str | None]:
+        """The model, and the speed that its case names, if any.
+
+        Raises NoMotionError for a model without equations of motion, unless what is asked of it needs none.
+        """
         from solve.load import loaded
 
         options = assignments("--option", self.option or [])
-        return loaded(self.model, self.case, self.cases, options, numbers("--set", self.set or []))
+        found = loaded(self.model, self.case, self.cases, options, numbers("--set", self.set or []))
+        if not still:
+            found[0].require_motion()
+        return found
 
     @property
     def choices(self) -> list[str]:

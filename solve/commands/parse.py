@@ -58,6 +58,25 @@ def numbers(flag: str, texts: Sequence[str]) -> dict[str, float]:
     return values
 
 
+def points(flag: str, text: str) -> tuple[str, list[float]]:
+    """A name and N numbers from A to B, both ends, from a text NAME=A:B:N.
+
+    >>> points("--over", "L2=0.2:0.6:3")
+    ('L2', [0.2, 0.4, 0.6])
+    """
+    ((name, range_),) = assignments(flag, [text], "NAME=A:B:N").items()
+    parts = range_.split(":")
+    try:
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except (IndexError, ValueError):
+        count = 0
+    if len(parts) != 3 or count < 2:
+        raise ValueOutOfBoundsError(
+            f"{flag} {name}={range_}: write {flag} {name}=A:B:N, N numbers from A to B in SI units, N > 1"
+        )
+    return name, [low + (high - low) * i / (count - 1) for i in range(count)]
+
+
 def harmonic_count(count: int | None) -> int:
     """The number of harmonics, 60 by default. Raises ValueOutOfBoundsError outside 1 … 10000."""
     if count is None:

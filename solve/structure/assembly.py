@@ -64,6 +64,13 @@ def point_masses(freedoms: Freedoms, masses: Array) -> Array:
     return whole[:HELD, :HELD]
 
 
+def local_values(freedoms: Freedoms, link: int, angle: float, q: Array) -> Array:
+    """Values (elements, k) of the elements' own freedoms for a structure's q (N,) and the link's angle."""
+    still, cosine, sine = _rotation(freedoms.elements[link].freedoms)
+    ground = np.append(q, 0.0)[freedoms.indices[link]]
+    return ground @ (still + np.cos(angle) * cosine + np.sin(angle) * sine).T
+
+
 def _rotation(local: Sequence[Freedom]) -> tuple[Array, Array, Array]:
     """R = still + c cosine + s sine, from ground axes to the link's (thesis (4.26)).
 

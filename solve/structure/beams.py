@@ -54,6 +54,26 @@ class Member:
             axial = exact.axial(self.axial_number(omega)) * self.EA / self.L
         return np.concatenate((bending, axial), axis=1)
 
+    def exact_mass_weights(self, omega: Array) -> Array:
+        """ρA G1 … ρA G6, and EA G7, EA G8 of thesis (5.19), at ω (b,): (b, 8)."""
+        bending = (
+            exact.bending_mass(self.bending_number(omega)) * self.mu * self.L ** (4.0 - exact.BENDING_POWERS)
+        )
+        axial = np.zeros((len(omega), 2))
+        if not self.link.inextensible:
+            axial = exact.axial_mass(self.axial_number(omega)) * self.mu * self.L
+        return np.concatenate((bending, axial), axis=1)
+
+    def exact_shapes(self, omega: float, xi: Array) -> tuple[Array, Array]:
+        """Axial and transverse displacement (points, 6) at ξ of an element for its unit freedoms."""
+        at = np.array([omega])
+        scale = np.array([1.0, self.L, 1.0, self.L])
+        axial, transverse = np.zeros((2, len(xi), 6))
+        b = 0.0 if self.link.inextensible else float(self.axial_number(at)[0])
+        axial[:, :2] = exact.axial_shapes(b, xi)
+        transverse[:, 2:] = exact.bending_shapes(float(self.bending_number(at)[0]), xi) * scale
+        return axial, transverse
+
     def interior_count(self, omega: Array) -> Array:
         """Frequencies below ω (b,) of the elements with their ends clamped: J0 of thesis (5.21)."""
         axial = None if self.link.inextensible else self.axial_number(omega)

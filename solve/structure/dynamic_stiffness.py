@@ -95,6 +95,32 @@ def axial_mass(b: Array) -> Array:
     return np.stack(g, axis=-1) / (2 * b * sine**2)[..., None]
 
 
+def bending_shapes(l: float, xi: Array) -> Array:  # noqa: E741
+    """Transverse displacement (points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2: thesis (5.5)."""
+    l = max(l, _SMALLEST)  # noqa: E741
+    # Decaying from either end instead of cosh and sinh, which are alike where l is large.
+    ends = np.array([0.0, 1.0])
+    values, slopes = _waves(l, ends), _waves_slope(l, ends)
+    unit = np.stack((values[0], slopes[0], values[1], slopes[1]))
+    return _waves(l, xi) @ np.linalg.inv(unit)
+
+
+def axial_shapes(b: float, xi: Array) -> Array:
+    """Axial displacement (points, 2) at ξ = x/L for unit u1, u2: thesis (5.10); linear at b = 0."""
+    if b == 0.0:
+        return np.stack((1 - xi, xi), axis=-1)
+    return np.sin(b * np.stack((1 - xi, xi), axis=-1)) / np.sin(b)
+
+
+def _waves(l: float, xi: Array) -> Array:  # noqa: E741
+    return np.stack((np.sin(l * xi), np.cos(l * xi), np.exp(-l * xi), np.exp(-l * (1 - xi))), axis=-1)
+
+
+def _waves_slope(l: float, xi: Array) -> Array:  # noqa: E741
+    parts = (np.cos(l * xi), -np.sin(l * xi), -np.exp(-l * xi), np.exp(-l * (1 - xi)))
+    return l * np.stack(parts, axis=-1)
+
+
 def clamped(l: Array) -> Array:  # noqa: E741
     """δ = cosh l cos l − 1, zero at the frequencies of the beam clamped at both ends."""
     half, hyperbolic = l / 2, np.minimum(l, _LARGEST) / 2

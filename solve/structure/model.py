@@ -1,7 +1,6 @@
 """A structure of beams from a generated module: a model whose matrices are assembled, not printed."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -24,7 +23,10 @@ class StructureModel(Model):
     def _equations(self) -> tuple[Callable[[Array, float], Sequence[Array]], Sequence[tuple[str, str, str]]]:
         module = self.module
         chosen = freedoms(
-            module.LINKS, module.JOINTS, self._of_each_link("element"), self._of_each_link("elements")
+            module.LINKS,
+            module.JOINTS,
+            self._of_each_link("element"),
+            list(map(int, self._of_each_link("elements"))),
         )
         self._properties = module.properties(**self._own_options)
         self.beams = Beams(chosen, self._numbers(), self._angle)
@@ -36,9 +38,15 @@ class StructureModel(Model):
         """The structure frozen at phases (m,)."""
         return Positions(self.beams, phase)
 
-    def _of_each_link(self, option: str) -> tuple[Any, ...]:
-        value = self.options[option]
-        return value if isinstance(value, tuple) else (value,) * len(self.module.LINKS)
+    def pinned_frequencies(self) -> dict[str, float]:
+        """Lowest bending frequency (rad/s) of each link by itself, pinned at both ends: (π/L)² √(EI/µ)."""
+        p = self.beams.properties
+        alone = (np.pi / p.length) ** 2 * np.sqrt(p.EI / p.mu)
+        return dict(zip((link.name for link in self.beams.freedoms.links), alone.tolist(), strict=True))
+
+    def _of_each_link(self, option: str) -> list[str]:
+        parts = str(self.options[option]).split(",")
+        return parts if len(parts) > 1 else parts * len(self.module.LINKS)
 
     def _numbers(self) -> Properties:
         values = self._properties.call({"phase": 0.0, "p": self._p})
@@ -48,7 +56,12 @@ class StructureModel(Model):
     def _angle(self, phase: Array) -> Array:
         return self._properties(phase=phase[None], p=self._p)["angle"].full().T
 
-    def _no_motion(self, phase: Array, speed: float) -> Sequence[Array]:
+    def require_motion(self) -> None:
         raise NoMotionError(
-            f"{self.name} is a structure: only its frequencies are known; run: solve frequencies {self.name}"
+            f"{self.name} is a structure of which only the frequencies are known; "
+            f"run: python -m solve frequencies {self.name}"
         )
+
+    def _no_motion(self, phase: Array, speed: float) -> Sequence[Array]:
+        self.require_motion()
+        return ()

@@ -42,13 +42,16 @@ class Positions:
         """D(ω) = K − ω²M, (b, n, n), at the positions of number `index` (b,) and ω (b,) rad/s."""
         weights = self._weights[index]
         D = self.beams.stiffness(weights) - (omega**2)[:, None, None] * self.beams.mass(weights)
-        parts = [np.zeros((len(index), 0))]
-        for number in self.beams.exact_links:
-            functions = self.beams.members[number].exact_weights(omega)
-            parts.append(
-                (functions[:, :, None] * self._terms[index, number, None, :]).reshape(len(index), -1)
-            )
-        return self._reduced(D + self.beams.exact(np.concatenate(parts, axis=1)), index)
+        functions = [self.beams.members[number].exact_weights(omega) for number in self.beams.exact_links]
+        return self._reduced(D + self._exact(index, functions), index)
+
+    def dynamic_mass(self, index: Array, omega: Array) -> Array:
+        """M(ω) = −∂D/∂(ω²), (b, n, n), as `dynamic_stiffness`: thesis (5.16)."""
+        M = self.beams.mass(self._weights[index])
+        functions = [
+            self.beams.members[number].exact_mass_weights(omega) for number in self.beams.exact_links
+        ]
+        return self._reduced(M + self._exact(index, functions), index)
 
     def interior_count(self, omega: Array) -> Array:
         """J0 (b,): frequencies below ω (b,) at which no freedom moves; thesis (5.21)."""
@@ -84,6 +87,13 @@ class Positions:
     def _spans(self) -> Array:
         """From start to end of the links as complex numbers, (m, links)."""
         return self.beams.properties.length * np.exp(1j * self.angle)
+
+    def _exact(self, index: Array, functions: list[Array]) -> Array:
+        """Of exact links, (b, N, N), from their eight functions (b, 8) each."""
+        parts = [np.zeros((len(index), 0))]
+        for number, values in zip(self.beams.exact_links, functions, strict=True):
+            parts.append((values[:, :, None] * self._terms[index, number, None, :]).reshape(len(index), -1))
+        return self.beams.exact(np.concatenate(parts, axis=1))
 
     def _require_closed(self) -> None:
         """Links must meet at their joints, and held joints stay where they are."""

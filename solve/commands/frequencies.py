@@ -1,0 +1,60 @@
+"""`solve frequencies`: natural frequencies and mode shapes with the drive held still."""
+
+from typing import Annotated
+
+import typer
+
+from solve.commands.groups import Problem, Results
+from solve.commands.parse import points, whole
+
+
+def frequencies(
+    problem: Problem,
+    results: Results,
+    position: Annotated[
+        str | None, typer.Option(metavar='"70 deg"', help="Where the drive is held; 0 by default.")
+    ] = None,
+    count: Annotated[
+        int | None, typer.Option(metavar="N", parser=whole, help="How many, from the lowest; 4 by default.")
+    ] = None,
+    turn: Annotated[
+        int | None,
+        typer.Option(metavar="N", parser=whole, help="Also at N positions of the turn, with their mean."),
+    ] = None,
+    over: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME=A:B:N",
+            help="Also over N values of a parameter: the turn's mean, or at --position where given.",
+        ),
+    ] = None,
+    modes: Annotated[bool, typer.Option("--modes", help="Also the mode shapes of a structure.")] = False,
+) -> None:
+    """Natural frequencies and mode shapes with the drive held still."""
+    results.files()
+    varied = None if over is None else points("--over", over)
+    model, _ = problem.loaded(still=True)
+
+    from solve.commands.deliver import deliver
+    from solve.output.frequencies import Findings
+    from solve.studies import frequencies as study
+
+    study.require_position(model, position)
+    here = study.frequencies(model, position or 0.0, count)
+    whole_turn = variation = None
+    if turn is not None:
+        whole_turn = study.frequencies(model, study.turn(model, turn), count)
+    if varied is not None:
+        at = here.positions
+        if position is None and study.moves(model):
+            at = study.turn(model, turn or study.TURN)
+        variation = study.frequencies_over(model, *varied, at, count)
+    found = Findings(here, whole_turn, variation, here.shapes() if modes else ())
+    deliver(
+        results,
+        found.warnings,
+        record=found.record,
+        report=lambda: found.report(problem.choices),
+        figure=(variation or whole_turn or here).plot,
+        contents=found.contents,
+    )

@@ -1,0 +1,114 @@
+"""Mode shapes of a structure of beams at one position: how every link bends."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.structure.assembly import local_values
+from solve.structure.beams import Beams
+from solve.structure.eigen import lowest_modes
+from solve.structure.elements import EXACT
+from solve.structure.positions import Positions
+
+_POINTS = 48
+"""Points along a link, at least."""
+
+_SAME = 1e-9
+"""Relative difference of frequencies that count as one that occurs several times."""
+
+_NEAR = 1e-4
+"""Relative distance that a frequency keeps from those of the elements with clamped ends."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mode with its frequency (rad/s), scaled so that its largest displacement is 1.
+
+    places and displacements: for each link x + iy along it, (points,) each, in m and in units of the
+    largest. transverse: the part of the displacements across each link. modal_mass: kg.
+    """
+
+    frequency: float
+    modal_mass: float
+    places: tuple[Array, ...]
+    displacements: tuple[Array, ...]
+    transverse: tuple[Array, ...]
+
+
+def shapes(beams: Beams, phase: float, frequencies: Array) -> list[Shape]:
+    """The modes of the lowest frequencies (count,) of the beams at a phase."""
+    if not beams.exact_links:
+        positions = Positions(beams, np.array([phase]))
+        vectors = positions.expanded(lowest_modes(*positions.matrices(), len(frequencies)).vectors)[0]
+        masses = np.ones(len(frequencies))
+        each = [(positions, vector, mass) for vector, mass in zip(vectors.T, masses, strict=True)]
+    else:
+        each = [_exact_mode(beams, phase, frequencies, number) for number in range(len(frequencies))]
+    return [_shape(*mode, float(omega)) for mode, omega in zip(each, frequencies, strict=True)]
+
+
+def _exact_mode(
+    beams: Beams, phase: float, frequencies: Array, number: int
+) -> tuple[Positions, Array, float]:
+    """Positions, vector (N,) and modal mass of one of the modes.
+
+    The links are divided so that none of the elements vibrates with clamped ends at this frequency:
+    then every mode moves a node (thesis 5.4.1), and D has no pole.
+    """
+    omega = frequencies[number : number + 1]
+    around = np.concatenate((omega * (1 - _NEAR), omega * (1 + _NEAR)))
+    for parts in (1, 2, 3, 5):
+        positions = Positions(_divided(beams, parts), np.array([phase]))
+        if np.ptp(positions.interior_count(around)) == 0:
+            break
+    index = np.zeros(1, dtype=int)
+    D, M = positions.dynamic_stiffness(index, omega)[0], positions.dynamic_mass(index, omega)[0]
+    scale = 1 / np.sqrt(np.diag(M))
+    values, vectors = np.linalg.eigh(D * np.outer(scale, scale))
+    same = np.flatnonzero(np.abs(frequencies / omega - 1) < _SAME)
+    chosen = np.argsort(np.abs(values), kind="stable")[: len(same)]
+    vector = scale * vectors[:, chosen[list(same).index(number)]]
+    return positions, positions.expanded(vector[None, :, None])[0, :, 0], float(vector @ M @ vector)
+
+
+def _divided(beams: Beams, parts: int) -> Beams:
+    """The same beams with every exact element cut into parts, which changes no frequency."""
+    freedoms = beams.freedoms
+    counts = tuple(
+        count * (parts if kind == EXACT else 1)
+        for count, kind in zip(freedoms.counts, freedoms.kinds, strict=True)
+    )
+    return replace(beams, freedoms=replace(freedoms, counts=counts))
+
+
+def _shape(positions: Positions, vector: Array, mass: float, omega: float) -> Shape:
+    curves = [_curve(positions, number, vector, omega) for number in range(len(positions.beams.members))]
+    largest = max(np.abs(displacement).max() for _, displacement, _ in curves)
+    places, displacements, transverse = zip(*curves, strict=True)
+    return Shape(
+        omega,
+        mass / largest**2,
+        places,
+        tuple(each / largest for each in displacements),
+        tuple(each / largest for each in transverse),
+    )
+
+
+def _curve(positions: Positions, number: int, vector: Array, omega: float) -> tuple[Array, Array, Array]:
+    """Places, displacements and their transverse part along a link."""
+    beams = positions.beams
+    member, kind = beams.members[number], beams.freedoms.kinds[number]
+    angle = positions.angle[0, number]
+    xi = np.linspace(0.0, 1.0, 1 + -(-_POINTS // member.count))
+    if kind == EXACT:
+        axial, transverse = member.exact_shapes(omega, xi)
+    else:
+        axial, transverse = beams.freedoms.elements[number].displacement(member.L, xi)
+    values = local_values(beams.freedoms, number, angle, vector)
+    u, v = (np.concatenate([shapes @ each for each in values]) for shapes in (axial, transverse))
+    along = np.concatenate([member.L * (first + xi) for first in range(member.count)])
+    joints = [name for name, _ in beams.freedoms.joints]
+    start = positions.joints[0, joints.index(member.link.start)]
+    direction = np.exp(1j * angle)
+    return start + along * direction, (u + 1j * v) * direction, v
