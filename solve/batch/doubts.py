@@ -15,10 +15,8 @@ from solve.methods.radau import Radau
 PHASES = 128
 """At which the certificate freezes the coefficients."""
 
-_FEWER = 8
-"""Every so many-th of the phases serves where what survives is far from mattering."""
-
-_FAR = 1e-3
+_FEWER, _DOUBT, _FAR = 16, 1.2, 1e-3
+"""Every so many-th of the phases serves where even another exponent, and a factor, change nothing."""
 
 
 class Doubts:
@@ -50,15 +48,20 @@ class Doubts:
         return errors, resolved
 
     def _survivors(self, stiffness: Stiffness, limit: float, radius: Array) -> tuple[Array, Array]:
-        """What a period leaves of modes beyond the limit, and whether there are none such."""
-        fewer = stiffness.eigenvalues(_FEWER)
-        lost = surviving(fewer, self.period, limit)
-        follows = np.zeros(len(lost), dtype=bool)
-        near = np.flatnonzero(lost**0.75 > _FAR * self.rtol * radius)
-        if len(near):
-            frozen = stiffness[near].eigenvalues()
-            lost[near] = surviving(frozen, self.period, limit)
-            follows[near] = np.abs(frozen).max(axis=(1, 2)) * self.period <= limit
+        """What a period leaves of modes beyond the limit, and whether there are none such.
+
+        A few of the phases tell where that matters clearly or clearly not; all of them tell elsewhere.
+        """
+        few = stiffness.eigenvalues(_FEWER)
+        lost, follows = surviving(few, self.period, limit), np.zeros(len(few), dtype=bool)
+        beyond = np.abs(few).max(axis=(1, 2)) * self.period > limit
+        matters = beyond & (lost**_DOUBT * _FAR > self.rtol * radius)
+        matters_not = lost ** (1 / _DOUBT) < _FAR * self.rtol * radius
+        unsure = np.flatnonzero(~(matters | matters_not))
+        if len(unsure):
+            every = stiffness[unsure].eigenvalues()
+            lost[unsure] = surviving(every, self.period, limit)
+            follows[unsure] = np.abs(every).max(axis=(1, 2)) * self.period <= limit
         return lost, follows
 
 
