@@ -8,6 +8,7 @@ that rotation brings in (thesis 4.2, Appendix A).
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import sympy
 
@@ -33,9 +34,9 @@ class Family:
     freedoms: tuple[tuple[int, sympy.Expr | int], ...]
 
     @cached_property
-    def shape(self) -> sympy.Matrix:
+    def shape(self) -> Any:
         """Column N̂(ξ) of the shape functions, each 1 at its own freedom and 0 at the others."""
-        monomials = sympy.Matrix([XI**power for power in range(len(self.freedoms))])
+        monomials: Any = sympy.Matrix([XI**power for power in range(len(self.freedoms))])
         values = [monomials.diff(XI, order).subs(XI, at).T for order, at in self.freedoms]
         return (sympy.Matrix.vstack(*values).T.inv() * monomials).applyfunc(sympy.expand)
 
@@ -56,7 +57,7 @@ class Family:
         return overlap(slope, slope)
 
     @property
-    def strains(self) -> sympy.Matrix:
+    def strains(self) -> Any:
         """Column B̂(ξ): elongation times L, or curvature times L², for each unit freedom."""
         return self.shape.diff(XI, self.strain)
 

@@ -189,10 +189,10 @@ def _shape_record(shape: Shape, links: Sequence[str]) -> dict[str, Any]:
         "modal_mass": shape.modal_mass,
         "links": {
             link: {
-                "x": place.real,
-                "y": place.imag,
-                "dx": displacement.real,
-                "dy": displacement.imag,
+                "x": place[:, 0],
+                "y": place[:, 1],
+                "dx": displacement[:, 0],
+                "dy": displacement[:, 1],
                 "transverse": transverse,
             }
             for link, place, displacement, transverse in each

@@ -51,17 +51,18 @@ def shapes_figure(found: Frequencies, number: int = 0) -> Figure:
     columns = 3 if len(shapes) in (3, 5, 6) else min(len(shapes), 4)
     rows = math.ceil(len(shapes) / columns)
     low, high = _frame(shapes)
-    height = PAGE_WIDTH / columns * 0.95 * (high - low).imag / (high - low).real
+    width, height = high - low
+    row = 0.3 + 0.95 * PAGE_WIDTH / columns * height / width
     where = f" at {math.degrees(found.positions[number]):.4g}°" if moves(found.system) else ""
     with styled():
-        made = new_figure(0.4 + rows * (height + 0.3))
+        made = new_figure(0.4 + rows * row)
         made.suptitle(f"{title_of(found.system)}: mode shapes{where}", fontweight="bold")
         axes = made.subplots(rows, columns, squeeze=False)
         for place in axes.flat:
             place.set_axis_off()
         for k, (place, shape) in enumerate(zip(axes.flat, shapes, strict=False), start=1):
             _draw_shape(place, shape, found.system.beams.freedoms)
-            place.set(xlim=(low.real, high.real), ylim=(low.imag, high.imag), aspect="equal")
+            place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             hertz = shape.frequency / (2 * math.pi)
             place.set_title(f"{k}: {shape.frequency:.5g} rad/s, {hertz:.4g} Hz", pad=2)
     return made
@@ -120,20 +121,16 @@ def variation_figure(found: Variation) -> Figure:
     return made
 
 
-def _frame(shapes: Sequence[Shape]) -> tuple[complex, complex]:
-    """Corners that enclose the structure and all its drawn displacements."""
-    curves = [_drawn(shape) for shape in shapes]
-    points = np.concatenate([*shapes[0].places, *(each for curve in curves for each in curve)])
-    margin = 0.04 * np.abs(np.ptp(points.real) + 1j * np.ptp(points.imag)) * (1 + 1j)
-    low = points.real.min() + 1j * points.imag.min()
-    high = points.real.max() + 1j * points.imag.max()
-    return complex(low - margin), complex(high + margin)
+def _frame(shapes: Sequence[Shape]) -> tuple[Array, Array]:
+    """Lower left and upper right corner (x, y) around the structure and all its drawn displacements."""
+    points = np.concatenate([*shapes[0].places, *(curve for shape in shapes for curve in _drawn(shape))])
+    margin = 0.04 * np.linalg.norm(np.ptp(points, axis=0))
+    return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
 def _drawn(shape: Shape) -> list[Array]:
     """Where the displaced links are drawn."""
-    points = np.concatenate(shape.places)
-    scale = _DEFLECTION * max(np.ptp(points.real), np.ptp(points.imag))
+    scale = _DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
     each = zip(shape.places, shape.displacements, strict=True)
     return [place + scale * displacement for place, displacement in each]
 
@@ -143,20 +140,25 @@ def _draw_shape(axes: Axes, shape: Shape, freedoms: Freedoms) -> None:
     held = dict(freedoms.joints)
     rotations = [name for link in freedoms.links for name in (link.start_rotation, link.end_rotation)]
     for link, place, moved in zip(freedoms.links, shape.places, _drawn(shape), strict=True):
-        axes.plot(place.real, place.imag, color=LIGHT, linewidth=2.5, solid_capstyle="round")
-        axes.plot(moved.real, moved.imag, color=BLUE)
+        axes.plot(*place.T, color=LIGHT, linewidth=2.5, solid_capstyle="round")
+        axes.plot(*moved.T, color=BLUE)
         ends = ((link.start, link.start_rotation, 0), (link.end, link.end_rotation, -1))
         for joint, rotation, end in ends:
             style: dict[str, Any] = {"color": BLACK, "markersize": 6, "zorder": 3}
             if held[joint]:
-                axes.plot(moved[end].real, moved[end].imag, "^" if rotation else "s", **style)
+                axes.plot(*moved[end], "^" if rotation else "s", **style)
             elif rotations.count(rotation) == 1:
                 style |= {"color": BLUE, "markerfacecolor": "white", "markersize": 4.5}
-                axes.plot(moved[end].real, moved[end].imag, "o", **style)
+                axes.plot(*moved[end], "o", **style)
 
 
 def _hertz(axes: Axes) -> None:
     """The same scale in Hz on the right."""
-    turn = 2 * math.pi
-    right = axes.secondary_yaxis("right", functions=(lambda w: w / turn, lambda f: f * turn))
-    right.set_ylabel("Hz")
+
+    def hertz(omega: Any) -> Any:
+        return omega / (2 * math.pi)
+
+    def omega(hertz: Any) -> Any:
+        return hertz * 2 * math.pi
+
+    axes.secondary_yaxis("right", functions=(hertz, omega)).set_ylabel("Hz")

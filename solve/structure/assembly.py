@@ -51,7 +51,7 @@ def spread(freedoms: Freedoms, link: int, local: Array) -> Array:
     )
     whole = np.zeros((TERMS, freedoms.n + 1, freedoms.n + 1))
     for row in freedoms.indices[link]:
-        np.add.at(whole, (slice(None), row[:, None], row[None, :]), turned)
+        whole[:, row[:, None], row[None, :]] += turned
     return whole[:, :HELD, :HELD]
 
 

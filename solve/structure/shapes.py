@@ -25,8 +25,8 @@ _NEAR = 1e-4
 class Shape:
     """A mode with its frequency (rad/s), scaled so that its largest displacement is 1.
 
-    places and displacements: for each link x + iy along it, (points,) each, in m and in units of the
-    largest. transverse: the part of the displacements across each link. modal_mass: kg.
+    places and displacements: for each link x, y along it, (points, 2), in m and in units of the largest.
+    transverse: the displacements across each link, (points,). modal_mass: kg.
     """
 
     frequency: float
@@ -66,9 +66,9 @@ def _exact_mode(
     D, M = positions.dynamic_stiffness(index, omega)[0], positions.dynamic_mass(index, omega)[0]
     scale = 1 / np.sqrt(np.diag(M))
     values, vectors = np.linalg.eigh(D * np.outer(scale, scale))
-    same = np.flatnonzero(np.abs(frequencies / omega - 1) < _SAME)
-    chosen = np.argsort(np.abs(values), kind="stable")[: len(same)]
-    vector = scale * vectors[:, chosen[list(same).index(number)]]
+    before = np.count_nonzero(np.abs(frequencies[:number] / omega - 1) < _SAME)
+    chosen = np.argsort(np.abs(values), kind="stable")[before]
+    vector = scale * vectors[:, chosen]
     return positions, positions.expanded(vector[None, :, None])[0, :, 0], float(vector @ M @ vector)
 
 
@@ -84,7 +84,7 @@ def _divided(beams: Beams, parts: int) -> Beams:
 
 def _shape(positions: Positions, vector: Array, mass: float, omega: float) -> Shape:
     curves = [_curve(positions, number, vector, omega) for number in range(len(positions.beams.members))]
-    largest = max(np.abs(displacement).max() for _, displacement, _ in curves)
+    largest = max(np.linalg.norm(displacement, axis=1).max() for _, displacement, _ in curves)
     places, displacements, transverse = zip(*curves, strict=True)
     return Shape(
         omega,
@@ -110,5 +110,6 @@ def _curve(positions: Positions, number: int, vector: Array, omega: float) -> tu
     along = np.concatenate([member.L * (first + xi) for first in range(member.count)])
     joints = [name for name, _ in beams.freedoms.joints]
     start = positions.joints[0, joints.index(member.link.start)]
-    direction = np.exp(1j * angle)
-    return start + along * direction, (u + 1j * v) * direction, v
+    c, s = np.cos(angle), np.sin(angle)
+    places = np.column_stack((np.real(start) + along * c, np.imag(start) + along * s))
+    return places, np.column_stack((u * c - v * s, u * s + v * c)), v
