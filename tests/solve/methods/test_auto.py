@@ -1,0 +1,60 @@
+"""The method that a user who names none gets, and that the result says which it was."""
+
+import numpy as np
+import pytest
+
+from solve import load, periodic
+from solve.methods.auto import RESOLVABLE, Auto
+from tests.solve.systems import constant
+
+
+def fastest(stiffness, damping=0.0):
+    return constant(
+        np.eye(2),
+        np.diag([0.1, damping]),
+        np.diag([1.7, stiffness]),
+        lambda phase: np.cos(phase)[:, None] * [1.0, 1.0],
+    )
+
+
+LIMIT = RESOLVABLE / (2 * np.pi)
+
+
+@pytest.mark.parametrize(
+    ("system", "method"),
+    [
+        (fastest((0.99 * LIMIT) ** 2, 0.3), "gauss"),
+        (fastest((1.01 * LIMIT) ** 2, 0.3), "radau"),
+        (fastest(2.0, 0.99 * LIMIT), "gauss"),
+        (fastest(2.0, 1.01 * LIMIT), "radau"),
+    ],
+    ids=["slower mode", "faster mode", "slower decay", "faster decay"],
+)
+def test_the_fastest_mode_or_decay_decides(system, method):
+    assert Auto().settled(system, 1.0).name == method
+    orbit = periodic(system, 1.0)
+    assert orbit.method == method
+    assert max(orbit.error_estimate) <= 1e-8
+
+
+def test_the_speed_decides_too():
+    """In phase, frequencies are counted by the speed: stiff for a slow drive, not for a fast one."""
+    system = fastest((2 * LIMIT) ** 2, 0.3)
+    assert [Auto().settled(system, speed).name for speed in (1.0, 3.0)] == ["radau", "gauss"]
+
+
+@pytest.mark.parametrize(
+    ("model", "speed", "method"),
+    [("cam", "100 rpm", "radau"), ("cam", "600 rpm", "radau"), ("mathieu", 1.0, "gauss")],
+)
+def test_models(model, speed, method):
+    assert periodic(load(model), speed).method == method
+
+
+@pytest.mark.parametrize("system", [fastest((0.99 * LIMIT) ** 2, 0.3), fastest((1.01 * LIMIT) ** 2, 0.3)])
+def test_both_choices_agree_at_the_border(system):
+    phases = np.linspace(0.0, 2 * np.pi, 201)
+    orbits = [periodic(system, 1.0, method, rtol=1e-9) for method in ("gauss", "radau")]
+    scale = np.abs(orbits[0].at(phases)).max(axis=1, keepdims=True)
+    assert (np.abs(orbits[0].at(phases) - orbits[1].at(phases)) < 3e-9 * scale).all()
+    assert orbits[0].spectral_radius == pytest.approx(orbits[1].spectral_radius, rel=1e-8)
