@@ -1,6 +1,7 @@
 """Points of a family solved many at once: what is shared between them, and who needs more."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,30 +19,36 @@ from solve.methods.radau import Radau
 
 
 class Batch:
-    """How the points (P, v) of a family are solved: by which method, from which tables."""
+    """How points of a family are solved: by which method and engine, from which tables."""
 
     def __init__(
         self,
         family: Family,
-        points: Array,
+        region: Array,
         method: Method,
-        steps: int | None,
-        rtol: float,
-        orbit: bool,
         engine: Engine,
+        steps: int | None = None,
+        rtol: float = 1e-8,
+        orbit: bool = False,
     ):
-        self.family, self.points, self.method = family, points, method
-        self.steps, self.rtol, self.orbit, self.engine = steps, rtol, orbit, engine
-        at = family.names.index(SPEED) if SPEED in family.names else None
-        self.speeds = points[:, at] if at is not None else np.full(len(points), family.system(points[0])[1])
+        """`region`: points (P, v) like those to come, from which the tables are learnt."""
+        self.family, self.method, self.engine = family, method, engine
+        self.steps, self.rtol, self.orbit = steps, rtol, orbit
+        self._region = region
         self._separation: Separation | None = None
 
-    def solved(self, index: Array) -> Iterator[tuple[Array, Found | Unsound]]:
-        """The points of the index (k,), in groups as they come: index of the group (g,), result."""
-        if not self._ready(index):
-            yield index, Unsound(np.arange(len(index)))
+    def speeds(self, points: Array) -> Array:
+        """Speeds (k,) of points (k, v)."""
+        if SPEED in self.family.names:
+            return points[:, self.family.names.index(SPEED)]
+        return np.full(len(points), self.family.system(points[0])[1])
+
+    def solved(self, points: Array) -> Iterator[Found | Unsound]:
+        """Points (k, v), in groups as they come; positions are those among the points."""
+        if not self._ready(points):
+            yield Unsound(np.arange(len(points)))
             return
-        for chosen, chunk in self._chunks(index):
+        for chosen, chunk in self._chunks(points):
             for method, positions in self._methods(chunk):
                 refinement = Refinement(self.engine, method, chunk, self.orbit, self.rtol)
                 results = (
@@ -50,38 +57,36 @@ class Batch:
                     else refinement.judged(positions, self.steps)
                 )
                 for result in results:
-                    yield chosen[result.positions], result
+                    yield replace(result, positions=chosen[result.positions])
 
-    def _ready(self, index: Array) -> bool:
+    def _ready(self, points: Array) -> bool:
         """Whether the points can be solved together."""
         if not isinstance(self.method, (Auto, *BATCHED)):
             return False
         try:
-            system, speed = self.family.system(self.points[index[0]])
+            system, speed = self.family.system(points[0])
             system.checked(speed)
             if self.steps is not None and not 1 <= self.steps <= Radau().most_steps(system.n) // 2:
                 return False
             if self._separation is None and not system.breaks:
-                self._separation = Separation(self.family, self.points, system.period, system.n)
+                self._separation = Separation(self.family, self._region, system.period, system.n)
         except SolveError:
             return False
         return not system.breaks
 
-    def _chunks(self, index: Array) -> Iterator[tuple[Array, Chunk]]:
-        """The points whose entries separate, and the others."""
-        separation, points = self._separation, self.points[index]
+    def _chunks(self, points: Array) -> Iterator[tuple[Array, Chunk]]:
+        """The points whose entries separate, and the others; positions (k,) of each."""
+        separation, represented = self._separation, np.zeros(len(points), dtype=bool)
         assert separation is not None
-        represented = np.zeros(len(index), dtype=bool)
         if separation.separable:
             coefficients, represented = separation.coefficients(points)
             if represented.any():
-                yield (
-                    index[represented],
-                    Separated(separation, points[represented], coefficients[represented]),
-                )
+                shared = Separated(separation, points[represented], coefficients[represented])
+                yield np.flatnonzero(represented), shared
         if not represented.all():
             others = points[~represented]
-            yield index[~represented], Sampled(self.family, others, separation.n, separation.period)
+            own = Sampled(self.family, others, separation.n, separation.period)
+            yield np.flatnonzero(~represented), own
 
     def _methods(self, chunk: Chunk) -> Iterator[tuple[Gauss | Radau, Array]]:
         """The method of each point, as `Auto.settled` chooses it."""

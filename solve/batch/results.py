@@ -7,6 +7,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
+from solve.batch.curves import Curves
 from solve.batch.figures import FIGURES, Signals
 from solve.batch.refinement import Found
 from solve.batch.spectra import VERDICTS, verdicts
@@ -14,6 +15,7 @@ from solve.certificate import Refinement
 from solve.errors import SolveError
 from solve.floquet import NEAR_ONE, Stability, floquet
 from solve.load import Model
+from solve.methods import choice
 from solve.methods.grid import Grid
 from solve.methods.method import Solution
 from solve.orbit import Orbit, Turn
@@ -23,6 +25,9 @@ from solve.system import PeriodicSystem
 
 FAILED = -1
 """Instead of the position of a verdict, where there is none."""
+
+METHODS = tuple(choice.METHODS)
+"""Names of methods, by position."""
 
 CHUNK = 512
 """Points that are prepared together."""
@@ -47,7 +52,8 @@ class Results:
 
     figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers
     (P, N), zero where unresolved; errors (P, 2) of orbit and multipliers; verdicts (P,), positions in
-    VERDICTS or FAILED; steps (P,); methods (P,), names. warnings and failures: texts by point.
+    VERDICTS or FAILED; steps (P,); methods (P,), positions in METHODS. warnings and failures: texts by
+    point.
     """
 
     wish: Wish
@@ -72,7 +78,7 @@ class Results:
             np.full((count, 2), np.nan),
             np.full(count, FAILED, dtype=np.int8),
             np.zeros(count, dtype=np.int32),
-            np.full(count, "", dtype="U16"),
+            np.zeros(count, dtype=np.int8),
         )
 
     def __len__(self) -> int:
@@ -91,60 +97,117 @@ class Results:
         self.failures.update({int(index[at]): text for at, text in part.failures.items()})
 
 
-def gathered(batch: Batch, wish: Wish, progress: Callable[[int], None] | None = None) -> Results:
-    """All points of the batch; progress is told the number of points done."""
-    system, _ = batch.family.system(batch.points[0])
-    results, done = Results.blank(len(batch.points), system.n, wish), 0
-    for start in range(0, len(batch.points), CHUNK):
-        for index, found in batch.solved(np.arange(start, min(start + CHUNK, len(batch.points)))):
+def gathered(
+    batch: Batch, points: Array, wish: Wish | None = None, progress: Callable[[int], None] | None = None
+) -> Results:
+    """All the points (P, v); progress is told the number of points done."""
+    system, _ = batch.family.system(points[0])
+    results, done = Results.blank(len(points), system.n, wish or Wish()), 0
+    for start in range(0, len(points), CHUNK):
+        keeper = _Keeper(batch, points[start : start + CHUNK], results, start)
+        for found in batch.solved(keeper.points):
             if isinstance(found, Found):
-                _keep(results, batch, index, found)
+                keeper.keep(found)
             else:
-                _keep_singles(results, batch, index)
-            done += len(index)
+                keeper.keep_singles(found.positions)
+            done += len(found.positions)
             if progress:
                 progress(done)
     return results
 
 
-def _keep(results: Results, batch: Batch, index: Array, found: Found) -> None:
-    results.multipliers[index], results.errors[index] = found.spectra.values, found.errors
-    results.verdicts[index] = verdicts(found.Phi, found.spectra, found.errors[:, 1])
-    results.steps[index], results.methods[index] = found.steps, found.method.name
-    if found.curves is not None:
-        _keep_figures(results, batch, index, found)
-    else:
-        results.errors[index, 0] = np.nan
-    doubtful = (found.errors > batch.rtol).any(axis=1) | (found.spectra.distance_from_one < NEAR_ONE)
-    if not found.method.l_stable:
-        doubtful |= ~found.followed
-    for position in np.flatnonzero(doubtful):
-        results.warnings[int(index[position])] = _doubts(batch, int(index[position]), found, int(position))
-    if found.curves is not None:
-        _keep_concerns(results, batch, index)
+@dataclass(frozen=True)
+class _Keeper:
+    """Puts what is found of some points in its place among the results, from `start` on."""
 
+    batch: Batch
+    points: Array
+    results: Results
+    start: int
 
-def _keep_figures(results: Results, batch: Batch, index: Array, found: Found) -> None:
-    assert found.curves is not None
-    system, _ = batch.family.system(batch.points[index[0]])
-    order = [*system.coordinates, *system.outputs]
-    outputs = any(name in system.outputs for name in (*results.wish.names, *results.wish.spectra))
-    signals = Signals(batch.family, batch.points[index], batch.speeds[index], found.curves, outputs)
-    chosen = [order.index(name) for name in results.wish.names]
-    results.figures[index] = signals.figures()[:, chosen]
-    if results.wish.spectra:
-        chosen = [order.index(name) for name in results.wish.spectra]
-        results.amplitudes[index] = signals.amplitudes(chosen, results.wish.harmonics)
+    def keep(self, found: Found) -> None:
+        """Points that were solved together."""
+        at, results, batch = self.start + found.positions, self.results, self.batch
+        results.multipliers[at], results.errors[at] = found.spectra.values, found.errors
+        results.verdicts[at] = verdicts(found.Phi, found.spectra, found.errors[:, 1])
+        results.steps[at], results.methods[at] = found.steps, METHODS.index(found.method.name)
+        doubtful = (found.errors > batch.rtol).any(axis=1) | (found.spectra.distance_from_one < NEAR_ONE)
+        if not found.method.l_stable:
+            doubtful |= ~found.followed
+        for position in np.flatnonzero(doubtful):
+            point = int(found.positions[position])
+            results.warnings[self.start + point] = self._doubts(point, found, int(position))
+        if found.curves is None:
+            results.errors[at, 0] = np.nan
+        else:
+            self._keep_figures(found, found.curves)
+            self._keep_concerns(found.positions)
 
+    def keep_singles(self, positions: Array) -> None:
+        """Points that are solved one by one."""
+        batch = self.batch
+        for position in map(int, positions):
+            try:
+                system, speed = batch.family.system(self.points[position])
+                solve_one = periodic if batch.orbit else floquet
+                one = solve_one(system, speed, batch.method, batch.steps, batch.rtol)
+                self._keep_one(self.start + position, one)
+            except SolveError as failure:
+                self.results.failures[self.start + position] = str(failure)
 
-def _doubts(batch: Batch, point: int, found: Found, position: int) -> list[str]:
-    """The warnings of a single solve with this result."""
-    system, speed = batch.family.system(batch.points[point])
-    solution = Solution(Grid.uniform(found.steps, system.period), found.Phi[position])
-    where = "at the precision in reach" if batch.steps is None else f"with {batch.steps} steps"
-    refinement = Refinement(system, speed, found.method, batch.orbit)
-    certified = refinement.result(solution, found.errors[position], batch.rtol, where)
-    return Stability(system, speed, certified).warnings
+    def _keep_figures(self, found: Found, curves: Curves) -> None:
+        wish, points = self.results.wish, self.points[found.positions]
+        if not (wish.names or wish.spectra):
+            return
+        system, _ = self.batch.family.system(points[0])
+        order = [*system.coordinates, *system.outputs]
+        outputs = any(name in system.outputs for name in (*wish.names, *wish.spectra))
+        signals = Signals(self.batch.family, points, self.batch.speeds(points), curves, outputs)
+        at = self.start + found.positions
+        self.results.figures[at] = signals.figures()[:, [order.index(name) for name in wish.names]]
+        if wish.spectra:
+            chosen = [order.index(name) for name in wish.spectra]
+            self.results.amplitudes[at] = signals.amplitudes(chosen, wish.harmonics)
+
+    def _doubts(self, point: int, found: Found, position: int) -> list[str]:
+        """The warnings of a single solve with this result."""
+        system, speed = self.batch.family.system(self.points[point])
+        solution = Solution(Grid.uniform(found.steps, system.period), found.Phi[position])
+        steps = self.batch.steps
+        where = "at the precision in reach" if steps is None else f"with {steps} steps"
+        refinement = Refinement(system, speed, found.method, self.batch.orbit)
+        certified = refinement.result(solution, found.errors[position], self.batch.rtol, where)
+        return Stability(system, speed, certified).warnings
+
+    def _keep_concerns(self, positions: Array) -> None:
+        """Bounds of the model that the solutions leave."""
+        names = self.results.wish.names
+        for position in map(int, positions):
+            system, speed = self.batch.family.system(self.points[position])
+            if not isinstance(system, Model):
+                return
+            at = self.start + position
+            figures = dict(zip(names, self.results.figures[at], strict=True))
+            texts = system.concerns(_Kept(system, speed, figures))
+            if texts:
+                self.results.warnings.setdefault(at, []).extend(texts)
+
+    def _keep_one(self, at: int, one: Stability) -> None:
+        results, wish = self.results, self.results.wish
+        if isinstance(one, Orbit):
+            found = [one.statistics(name) for name in wish.names]
+            results.figures[at] = np.reshape(
+                [[getattr(each, name) for name in FIGURES] for each in found], (len(found), len(FIGURES))
+            )
+            for place, name in enumerate(wish.spectra):
+                results.amplitudes[at, place] = one.harmonics(name, wish.harmonics)[0]
+        results.multipliers[at] = 0.0
+        results.multipliers[at, : len(one.multipliers)] = one.multipliers
+        results.errors[at] = one.error_estimate
+        results.verdicts[at] = VERDICTS.index(one.verdict)
+        results.steps[at], results.methods[at] = one.steps, METHODS.index(one.method)
+        if one.warnings:
+            results.warnings[at] = one.warnings
 
 
 class _Kept(Turn):
@@ -155,39 +218,3 @@ class _Kept(Turn):
 
     def statistics(self, name: str) -> Statistics:
         return Statistics(*self._figures[name]) if name in self._figures else _ANYWHERE
-
-
-def _keep_concerns(results: Results, batch: Batch, index: Array) -> None:
-    system, _ = batch.family.system(batch.points[index[0]])
-    if isinstance(system, Model):
-        for point in index:
-            figures = dict(zip(results.wish.names, results.figures[point], strict=True))
-            texts = system.concerns(_Kept(system, float(batch.speeds[point]), figures))
-            if texts:
-                results.warnings.setdefault(int(point), []).extend(texts)
-
-
-def _keep_singles(results: Results, batch: Batch, index: Array) -> None:
-    """Points that are solved one by one."""
-    for point in map(int, index):
-        try:
-            system, speed = batch.family.system(batch.points[point])
-            solve_one = periodic if batch.orbit else floquet
-            _keep_one(results, point, solve_one(system, speed, batch.method, batch.steps, batch.rtol))
-        except SolveError as failure:
-            results.failures[point] = str(failure)
-
-
-def _keep_one(results: Results, point: int, one: Stability) -> None:
-    if isinstance(one, Orbit):
-        figures = [one.statistics(name) for name in results.wish.names]
-        results.figures[point] = [[getattr(each, name) for name in FIGURES] for each in figures]
-        for place, name in enumerate(results.wish.spectra):
-            results.amplitudes[point, place] = one.harmonics(name, results.wish.harmonics)[0]
-    results.multipliers[point] = 0.0
-    results.multipliers[point, : len(one.multipliers)] = one.multipliers
-    results.errors[point] = one.error_estimate
-    results.verdicts[point] = VERDICTS.index(one.verdict)
-    results.steps[point], results.methods[point] = one.steps, one.method
-    if one.warnings:
-        results.warnings[point] = one.warnings

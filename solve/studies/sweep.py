@@ -14,7 +14,7 @@ from solve.batch.batch import Batch
 from solve.batch.engines import chosen_engine
 from solve.batch.family import over_speed
 from solve.batch.figures import FIGURES
-from solve.batch.results import CHUNK, FAILED, Results, Wish, gathered
+from solve.batch.results import CHUNK, FAILED, METHODS, Results, Wish, gathered
 from solve.batch.spectra import VERDICTS
 from solve.errors import UnknownNameError
 from solve.floquet import ErrorEstimate
@@ -141,7 +141,7 @@ class _Points(Sequence[Point]):
             dict(zip(results.wish.names, figures, strict=True)),
             float(results.spectral_radius[at]),
             VERDICTS[results.verdicts[at]],
-            str(results.methods[at]),
+            METHODS[results.methods[at]],
             int(results.steps[at]),
             ErrorEstimate(*results.errors[at].tolist()),
             results.warnings.get(at, ()),
@@ -218,5 +218,6 @@ def _part(
 ) -> Results:
     # A copy: samplers of a model serve one thread.
     family = over_speed(copy.copy(system))
-    batch = Batch(family, omegas[:, None], method, steps, rtol, True, chosen_engine(engine)[0])
-    return gathered(batch, wish, progress)
+    points = omegas[:, None]
+    batch = Batch(family, points, method, chosen_engine(engine)[0], steps, rtol, orbit=True)
+    return gathered(batch, points, wish, progress)
