@@ -63,18 +63,24 @@ def mechanism() -> Mechanism:
     linkage.potential = beam.integral(potential) + m4 * g * s4 * sin(phi4 + alpha4)
     linkage.dissipation = beam.integral(dissipation) / 2
     linkage.force(-Me, along=phi4)
+    _state_outputs(linkage, beam, A, I, EI)
+    return linkage
 
-    middle = beam.at(w, l3 / 2)
-    moment = beam.at(EI * beam.curvature, l3 / 2)
+
+def _state_outputs(linkage: Mechanism, beam, A, I, EI) -> None:  # noqa: E741 - the field's symbol
+    """What an engineer asks of the beam, and where the model is not to be trusted."""
+    length = beam.length
+    middle = beam.at(beam.deflection, length / 2)
+    moment = beam.at(EI * beam.curvature, length / 2)
     force = beam.at(beam.tension, 0)
-    stress = beam.at(beam.tension, l3 / 2) / A - moment / I * sqrt(12 * I / A) / 2
+    stress = beam.at(beam.tension, length / 2) / A - moment / I * sqrt(12 * I / A) / 2
+    euler = pi**2 * EI / length**2
     linkage.output("midpoint_deflection", middle, "m", "deflection at midspan")
     linkage.output("axial_force", force, "N", "at the crank pin, tension positive")
     linkage.output("bending_moment", moment, "N m", "E I w'' at midspan")
     surface = "at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"
     linkage.output("stress", stress, "Pa", surface)
-    linkage.output("deflection_ratio", Abs(middle) / l3, "1", "deflection at midspan over l3")
-    linkage.output("euler_ratio", Abs(force) * l3**2 / (pi**2 * EI), "1", "axial force over Euler's load")
+    linkage.output("deflection_ratio", Abs(middle) / length, "1", "deflection at midspan over l3")
+    linkage.output("euler_ratio", Abs(force) / euler, "1", "axial force over Euler's load")
     linkage.limit("deflection_ratio", "<= 0.02", beyond="the deflection is not small against the length")
     linkage.limit("euler_ratio", "<= 0.5", beyond="the axial force comes near to buckling the coupler")
-    return linkage
