@@ -38,12 +38,13 @@ _ANYWHERE = Statistics(*(float(value) for value in ("-inf", "inf", "-inf", "nan"
 
 @dataclass(frozen=True)
 class Wish:
-    """What to keep of a point beside its stability: figures of the quantities `names`, and amplitudes of
-    so many harmonics of some of them."""
+    """What to keep of a point beside its stability: figures of the quantities `names`, amplitudes of so
+    many harmonics of some of them, the texts of warnings."""
 
     names: tuple[str, ...] = ()
     spectra: tuple[str, ...] = ()
     harmonics: int = 0
+    warnings: bool = True
 
 
 @dataclass(frozen=True)
@@ -131,17 +132,21 @@ class _Keeper:
         results.multipliers[at], results.errors[at] = found.spectra.values, found.errors
         results.verdicts[at] = verdicts(found.Phi, found.spectra, found.errors[:, 1])
         results.steps[at], results.methods[at] = found.steps, METHODS.index(found.method.name)
-        doubtful = (found.errors > batch.rtol).any(axis=1) | (found.spectra.distance_from_one < NEAR_ONE)
-        if not found.method.l_stable:
-            doubtful |= ~found.followed
-        for position in np.flatnonzero(doubtful):
-            point = int(found.positions[position])
-            results.warnings[self.start + point] = self._doubts(point, found, int(position))
+        if self.results.wish.warnings:
+            self._keep_doubts(found)
         if found.curves is None:
             results.errors[at, 0] = np.nan
         else:
             self._keep_figures(found, found.curves)
             self._keep_concerns(found.positions)
+
+    def _keep_doubts(self, found: Found) -> None:
+        doubtful = (found.errors > self.batch.rtol).any(axis=1) | (found.spectra.distance_from_one < NEAR_ONE)
+        if not found.method.l_stable:
+            doubtful |= ~found.followed
+        for position in np.flatnonzero(doubtful):
+            point = int(found.positions[position])
+            self.results.warnings[self.start + point] = self._doubts(point, found, int(position))
 
     def keep_singles(self, positions: Array) -> None:
         """Points that are solved one by one."""
@@ -206,7 +211,7 @@ class _Keeper:
         results.errors[at] = one.error_estimate
         results.verdicts[at] = VERDICTS.index(one.verdict)
         results.steps[at], results.methods[at] = one.steps, METHODS.index(one.method)
-        if one.warnings:
+        if wish.warnings and one.warnings:
             results.warnings[at] = one.warnings
 
 

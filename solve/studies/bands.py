@@ -1,21 +1,26 @@
-"""Bands of speed in which the motion is unstable, with edges refined by bisection."""
+"""Bands of speed in which the motion is unstable, with refined edges."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.batch.batch import Batch
+from solve.batch.engines import chosen_engine
+from solve.batch.family import over_speed
 from solve.errors import ValueOutOfBoundsError
-from solve.floquet import Stability, floquet
+from solve.methods.choice import chosen
 from solve.methods.method import Method
+from solve.studies.boundaries import KINDS, Judge, Judged, edges, hidden, judge, sectioned
 from solve.system import PeriodicSystem
-from solve.units import speed_in_si
+from solve.units import checked_rtol, speed_in_si
 
 GROWTH = 1e-6
 """Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
 
-_GOLDEN = (3 - 5**0.5) / 2
+_INSIDE = 15
+"""Further points of every band, to find its largest multiplier."""
 
 
 @dataclass(frozen=True)
@@ -41,135 +46,85 @@ def bands(
     rtol: float = 1e-8,
     tolerance: float = 1e-7,
     progress: Callable[[int], None] | None = None,
+    engine: str = "auto",
 ) -> list[Band]:
     """Unstable bands between the lowest and the highest of the speeds (rad/s, or texts with unit).
 
     Bands narrower than the distance of two speeds are looked for where multipliers come closest to
-    each other, to +1 and to -1 between them; a growth below 1e-6 a turn makes no band. Edges are bisected to `tolerance`, relative.
+    each other, to +1 and to -1 between them; a growth below 1e-6 a turn makes no band. Edges are found to
+    `tolerance`, relative. progress is told the number of points solved so far. engine: as in `sweep`.
     """
-    omegas = sorted({speed_in_si(speed) for speed in speeds})
+    omegas = np.unique([speed_in_si(speed) for speed in speeds])
     if len(omegas) < 2:
         raise ValueOutOfBoundsError("bands need at least two speeds; give a range such as '100:900:81 rpm'")
-    search = _Search(system, method, rtol, progress)
-    for omega in omegas:
-        search.at(omega)
-    for middle in range(1, len(omegas) - 1):
-        search.between(*omegas[middle - 1 : middle + 2])
-    return search.found(tolerance)
+    points, solved = omegas[:, None], [0]
+
+    def count(more: int) -> None:
+        solved[0] += more
+        if progress:
+            progress(solved[0])
+
+    batch = Batch(
+        over_speed(system), points, chosen(method), chosen_engine(engine)[0], rtol=checked_rtol(rtol)
+    )
+    asked = judge(batch, count)
+    known = asked(points)
+    middle = np.arange(1, len(omegas) - 1)
+    between = hidden(asked, known[middle - 1], known[middle], known[middle + 1])
+    return _Runs(asked, _sorted(known, between), tolerance).bands()
 
 
-@dataclass
-class _Search:
-    system: PeriodicSystem
-    method: str | Method
-    rtol: float
-    progress: Callable[[int], None] | None
-    known: dict[float, Stability] = field(default_factory=dict)
+def _sorted(known: Judged, further: Judged) -> Judged:
+    order = np.argsort(np.concatenate((known.points, further.points))[:, 0])
+    parts = ((getattr(known, name), getattr(further, name)) for name in Judged.__annotations__)
+    return Judged(*(np.concatenate(part)[order] if len(part[1]) else part[0] for part in parts))
 
-    def at(self, omega: float) -> Stability:
-        if omega not in self.known:
-            self.known[omega] = floquet(self.system, omega, self.method, rtol=self.rtol)
-            if self.progress:
-                self.progress(len(self.known))
-        return self.known[omega]
 
-    def stable(self, omega: float) -> bool:
-        return self.at(omega).stable
+@dataclass(frozen=True)
+class _Runs:
+    """Runs of unstable speeds of one kind among known ones, rising."""
 
-    def between(self, low: float, middle: float, high: float) -> None:
-        """Follow a pair of multipliers that is closest at the middle speed to where it meets."""
-        if not all(map(self.stable, (low, middle, high))):
-            return
-        for gap in (_gap_to_one, _gap_to_minus_one, _gap_between_pairs):
-            gaps = [gap(self.at(omega).multipliers) for omega in (low, middle, high)]
-            if gaps[1] < min(gaps[0], gaps[2]):
-                self._descend(gap, low, middle, high)
+    judge: Judge
+    known: Judged
+    tolerance: float
 
-    def _descend(self, gap: Callable[[Array], float], low: float, middle: float, high: float) -> None:
-        """Golden section on the gap, until an unstable speed is met or the bracket is small."""
-        for _ in range(40):
-            into_high = high - middle > middle - low
-            trial = middle + _GOLDEN * ((high if into_high else low) - middle)
-            if not self.stable(trial) or abs(high - low) < 1e-9 * high:
-                return
-            if gap(self.at(trial).multipliers) < gap(self.at(middle).multipliers):
-                low, middle, high = (middle, trial, high) if into_high else (low, trial, middle)
-            elif into_high:
-                high = trial
-            else:
-                low = trial
-
-    def found(self, tolerance: float) -> list[Band]:
-        omegas = sorted(self.known)
+    def bands(self) -> list[Band]:
+        state = np.where(self.known.stable, -1, self.known.kinds)
+        changes = np.flatnonzero(np.diff(state))
+        borders = dict(zip(changes.tolist(), self._borders(changes, state), strict=True))
+        starts = [0, *(changes + 1).tolist()]
+        ends = [*changes.tolist(), len(state) - 1]
+        speeds = self.known.points[:, 0]
         found = []
-        start: int | None = None
-        for i, omega in enumerate(omegas):
-            if not self.stable(omega) and start is None:
-                start = i
-            if start is not None and (self.stable(omega) or i == len(omegas) - 1):
-                found += self._split(omegas, start, i if self.stable(omega) else i + 1, tolerance)
-                start = None
+        for first, last in zip(starts, ends, strict=True):
+            if state[first] < 0:
+                continue
+            low, high = borders.get(first - 1, speeds[0]), borders.get(last, speeds[-1])
+            radius = max(self._largest(low, high), np.abs(self.known.multipliers[first : last + 1, 0]).max())
+            open_ends = first == 0, last == len(state) - 1
+            found.append(Band(float(low), float(high), KINDS[state[first]], float(radius), *open_ends))
         return [band for band in found if band.spectral_radius > 1 + GROWTH]
 
-    def _split(self, omegas: list[float], first: int, last: int, tolerance: float) -> list[Band]:
-        """The bands among the unstable speeds first … last-1, edges refined; one a kind."""
-        low = self._edge(omegas[first - 1], omegas[first], tolerance) if first else omegas[0]
-        high = self._edge(omegas[last], omegas[last - 1], tolerance) if last < len(omegas) else omegas[-1]
-        inside = [omegas[i] for i in range(first, last)]
-        made = []
-        begin, kind = low, self._kind(inside[0])
-        group = [inside[0]]
-        for omega in inside[1:]:
-            if self._kind(omega) == kind:
-                group.append(omega)
-                continue
-            border = self._border(group[-1], omega, tolerance)
-            made.append((begin, border, kind, group))
-            begin, kind, group = border, self._kind(omega), [omega]
-        made.append((begin, high, kind, group))
-        return [
-            Band(
-                start,
-                end,
-                kind,
-                max(self.at(omega).spectral_radius for omega in group),
-                open_low=first == 0 and start == low,
-                open_high=last == len(omegas) and end == high,
-            )
-            for start, end, kind, group in made
-        ]
+    def _borders(self, changes: Array, state: Array) -> Array:
+        """Speeds between known ones at which the state changes."""
+        low, high = self.known.points[changes], self.known.points[changes + 1]
+        borders, scale = np.empty(len(changes)), np.abs(high).max(axis=0, initial=0.0)
+        loses, wins = state[changes] < 0, state[changes + 1] < 0
+        kind_only = ~(loses | wins)
+        stable, unstable = np.where(loses[:, None], low, high), np.where(loses[:, None], high, low)
+        places, _ = edges(self.judge, stable[~kind_only], unstable[~kind_only], scale, self.tolerance)
+        borders[~kind_only] = places[:, 0]
+        if kind_only.any():
+            kinds = state[changes][kind_only]
 
-    def _kind(self, omega: float) -> str:
-        leader = self.at(omega).multipliers[0]
-        if abs(leader.imag) > 1e-6 * abs(leader):
-            return "complex"
-        return "+1" if leader.real > 0 else "-1"
+            def differs(points: Array, lines: Array) -> Array:
+                found = self.judge(points)
+                return found.stable | (found.kinds != kinds[lines])
 
-    def _edge(self, stable: float, unstable: float, tolerance: float) -> float:
-        while abs(unstable - stable) > tolerance * unstable:
-            middle = (stable + unstable) / 2
-            stable, unstable = (middle, unstable) if self.stable(middle) else (stable, middle)
-        return (stable + unstable) / 2
+            ends = sectioned(differs, low[kind_only], high[kind_only], scale, self.tolerance)
+            borders[kind_only] = (ends[0] + ends[1])[:, 0] / 2
+        return borders
 
-    def _border(self, one: float, other: float, tolerance: float) -> float:
-        """Where the kind changes within an unstable range."""
-        kind = self._kind(one)
-        while abs(other - one) > tolerance * other:
-            middle = (one + other) / 2
-            one, other = (middle, other) if self._kind(middle) == kind else (one, middle)
-        return (one + other) / 2
-
-
-def _gap_to_one(multipliers: Array) -> float:
-    return float(np.abs(multipliers - 1).min(initial=np.inf))
-
-
-def _gap_to_minus_one(multipliers: Array) -> float:
-    return float(np.abs(multipliers + 1).min(initial=np.inf))
-
-
-def _gap_between_pairs(multipliers: Array) -> float:
-    """Smallest distance between two multipliers of the upper half plane."""
-    upper = multipliers[np.imag(multipliers) > 0]
-    distance = np.abs(upper[:, None] - upper)
-    return float(distance[np.triu_indices(len(upper), 1)].min(initial=np.inf))
+    def _largest(self, low: float, high: float) -> float:
+        inside = low + (np.arange(_INSIDE) + 1) * (high - low) / (_INSIDE + 1)
+        return float(np.abs(self.judge(inside[:, None]).multipliers[:, 0]).max())

@@ -1,0 +1,178 @@
+"""Where stability is lost along lines through the quantities of a family, many lines at once."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.batch import Batch
+from solve.batch.results import FAILED, Results, Wish, gathered
+from solve.batch.spectra import VERDICTS
+
+KINDS = ("+1", "-1", "complex")
+"""Which multiplier leaves the unit circle: period T, period 2T, or a pair."""
+
+_STABILITY = Wish(warnings=False)
+_TOGETHER = 64
+"""Points that one call of the judge should have at least."""
+
+_SEARCHES = 10
+_CLOSE = 1e-10
+_REAL = 1e-6
+"""Imaginary part, relative to the modulus, up to which a multiplier counts as real."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Points (k, v) and what is known of them: stable (k,), failed points counting as stable;
+    multipliers (k, N), falling in modulus."""
+
+    points: Array
+    stable: Array
+    multipliers: Array
+
+    @classmethod
+    def of(cls, points: Array, results: Results) -> "Judged":
+        unstable = results.verdicts == VERDICTS.index("unstable")
+        failed = results.verdicts == FAILED
+        return cls(points, ~unstable, np.where(failed[:, None], 0.0, results.multipliers))
+
+    def __getitem__(self, some: Array) -> "Judged":
+        return Judged(self.points[some], self.stable[some], self.multipliers[some])
+
+    @property
+    def kinds(self) -> Array:
+        """Positions in KINDS (k,) of what the largest multiplier is."""
+        leader = self.multipliers[:, 0]
+        pair = np.abs(np.imag(leader)) > _REAL * np.abs(leader)
+        return np.where(pair, 2, np.where(np.real(leader) > 0, 0, 1))
+
+    @property
+    def gaps(self) -> Array:
+        """How far stable points (k,) are from each way to lose stability, (k, 4): det(I - Φ) for +1,
+        det(I + Φ) for -1, the distance of two pairs squared, and that of a pair from the unit circle."""
+        rho = self.multipliers
+        upper = np.where(np.imag(rho) > 0, rho, np.nan)
+        distance = np.abs(upper[:, :, None] - upper[:, None, :]) ** 2
+        distance[:, np.arange(rho.shape[1]), np.arange(rho.shape[1])] = np.nan
+        pairs = np.nanmin(np.nan_to_num(distance, nan=np.inf), axis=(1, 2))
+        modulus = np.nan_to_num(np.abs(upper), nan=0.0).max(axis=1)
+        # On the unit circle itself the distance from it is noise.
+        inside = np.where(1 - modulus > _REAL, 1 - modulus, np.inf)
+        return np.column_stack(
+            (*(np.real(np.prod(1 - sign * rho, axis=1)) for sign in (1, -1)), pairs, inside)
+        )
+
+
+Judge = Callable[[Array], Judged]
+"""From points (k, v) to what is known of them."""
+
+
+def judge(batch: Batch, count: Callable[[int], None] | None = None) -> Judge:
+    """The judge that solves; `count` is told of every number of points solved."""
+
+    def judged(points: Array) -> Judged:
+        found = Judged.of(points, gathered(batch, points, _STABILITY))
+        if count:
+            count(len(points))
+        return found
+
+    return judged
+
+
+def sectioned(
+    differs: Callable[[Array, Array], Array], low: Array, high: Array, scale: Array, tolerance: float
+) -> tuple[Array, Array]:
+    """Bracket changes between points low and high (E, v): to `tolerance` of the scale (v,).
+
+    differs(points (k, v), line (k,)) tells which points already belong to the high end of their line.
+    """
+    low, high = low.copy(), high.copy()
+    inside = max(1, min(15, _TOGETHER // max(len(low), 1)))
+    fractions = (np.arange(inside) + 1) / (inside + 1)
+    while len(low) and (np.abs(high - low) > tolerance * scale).any():
+        trials = low[:, None] + fractions[:, None] * (high - low)[:, None]
+        lines = np.repeat(np.arange(len(low)), inside)
+        changed = differs(trials.reshape(-1, low.shape[1]), lines).reshape(len(low), inside)
+        first = np.where(changed.any(axis=1), changed.argmax(axis=1), inside)
+        ends = np.concatenate((low[:, None], trials, high[:, None]), axis=1)
+        every = np.arange(len(low))
+        before, after = ends[every, first], ends[every, first + 1]
+        if np.array_equal(before, low) and np.array_equal(after, high):
+            break
+        low, high = before, after
+    return low, high
+
+
+def edges(
+    judge: Judge, stable: Array, unstable: Array, scale: Array, tolerance: float
+) -> tuple[Array, Array]:
+    """Where stability is lost between stable and unstable points (E, v): places (E, v) and, from the
+    unstable side, kinds (E,)."""
+    if len(stable) == 0:
+        return stable, np.zeros(0, dtype=int)
+    low, high = sectioned(lambda points, lines: ~judge(points).stable, stable, unstable, scale, tolerance)
+    return (low + high) / 2, judge(high).kinds
+
+
+def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promising: float = 1.0) -> Judged:
+    """Unstable points between stable ones that are neighbours on lines, three a line (k,).
+
+    Where one of the gaps is least at the middle, its minimum is followed by parabolas; `promising`: part
+    of the middle's gap below which the first parabola must predict the minimum.
+    """
+    gaps = np.stack([part.gaps for part in (before, middle, after)], axis=1)
+    alright = before.stable & middle.stable & after.stable
+    least = (gaps[:, 1] < np.minimum(gaps[:, 0], gaps[:, 2])) & alright[:, None]
+    line, way = np.nonzero(least)
+    place = np.linalg.norm(middle.points - before.points, axis=1)[line]
+    whole = np.linalg.norm(after.points - before.points, axis=1)[line]
+    t = np.column_stack((np.zeros(len(line)), place / np.where(whole > 0, whole, 1.0), np.ones(len(line))))
+    h = np.minimum(gaps[line, :, way], 1e300)
+    chosen = _vertex(t, h)[1] <= promising * h[:, 1]
+    start, span = before.points[line[chosen]], (after.points - before.points)[line[chosen]]
+    return _descended(judge, start, span, way[chosen], t[chosen], h[chosen])
+
+
+def _descended(judge: Judge, start: Array, span: Array, way: Array, t: Array, h: Array) -> Judged:
+    """Follow minima h (k, 3) at fractions t (k, 3) of the spans until an unstable point is met."""
+    met = []
+    for _ in range(_SEARCHES):
+        if len(t) == 0:
+            break
+        width = 0.05 * (t[:, 2] - t[:, 0])
+        trials = _vertex(t, h)[0][:, None] + width[:, None] * np.array([-1.0, 0.0, 1.0])
+        trials = np.clip(trials, t[:, :1] + 1e-3 * width[:, None], t[:, 2:] - 1e-3 * width[:, None])
+        points = start[:, None] + trials[:, :, None] * span[:, None]
+        found = judge(points.reshape(-1, start.shape[1]))
+        unstable = ~found.stable.reshape(-1, 3)
+        met.append(found[np.flatnonzero(~found.stable)])
+        new = found.gaps[np.arange(len(found.points)), np.repeat(way, 3)].reshape(-1, 3)
+        t, h = _lowest(np.concatenate((t, trials), axis=1), np.concatenate((h, new), axis=1))
+        goes_on = ~unstable.any(axis=1) & (t[:, 2] - t[:, 0] > _CLOSE)
+        start, span, way, t, h = (part[goes_on] for part in (start, span, way, t, h))
+    if not met:
+        return Judged(np.empty((0, start.shape[1])), np.empty(0, dtype=bool), np.empty((0, 1), dtype=complex))
+    return Judged(*(np.concatenate([getattr(part, name) for part in met]) for name in Judged.__annotations__))
+
+
+def _vertex(t: Array, h: Array) -> tuple[Array, Array]:
+    """Place and value (k,) of the lowest point of the parabola through three points (k, 3)."""
+    left, right = np.maximum(np.diff(t, axis=1), 1e-300).T
+    fall, rise = (h[:, 1] - h[:, 0]) / left, (h[:, 2] - h[:, 1]) / right
+    bend = (rise - fall) / (left + right)
+    slope = (fall * right + rise * left) / (left + right)
+    bends = bend > 0
+    shift = np.where(bends, -slope / (2 * np.where(bends, bend, 1.0)), 0.0)
+    shift = np.clip(shift, -0.9 * left, 0.9 * right)
+    return t[:, 1] + shift, h[:, 1] + shift * (slope + bend * shift)
+
+
+def _lowest(t: Array, h: Array) -> tuple[Array, Array]:
+    """The lowest of the inner points and its neighbours, (k, 3) each."""
+    order = np.argsort(t, axis=1)
+    t, h = (np.take_along_axis(part, order, axis=1) for part in (t, h))
+    best = 1 + h[:, 1:-1].argmin(axis=1)
+    three = best[:, None] + np.array([-1, 0, 1])
+    return np.take_along_axis(t, three, axis=1), np.take_along_axis(h, three, axis=1)
