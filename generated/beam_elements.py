@@ -5,8 +5,8 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "1873a6d6156902ae4e6589f248f81782542eb716979e905a78abd8b8ea2b7ae1"
-DERIVE_SHA256 = "ae61a9eafedd0bfc8c33647601d0b02d9dd5c0dd0ad1bcd875b74ce5b63f1cd3"
+MECHANISM_SHA256 = "5ed3855ac37e756b0bf31a2d42fc718007a0601c439ef1b8b5da700820ad554e"
+DERIVE_SHA256 = "0e8291807e739f402cbc839390aea479b718a0f73674063799e333498a33d17b"
 SYMPY_VERSION = "1.14.0"
 BODY_SHA256 = "08214016695c19ad867a812f77068bc6837ffaa8332ed149a90d25869d65836f"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
