@@ -106,6 +106,16 @@ def test_near_resonance_is_warned_of_with_the_distance(damping):
     assert any(f"a multiplier is only {distance:.1e} from +1" in text for text in orbit.warnings)
 
 
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("damping", [1e-7, 1e-9, 1e-11])
+def test_digits_that_resonance_costs_are_in_the_estimate(method, damping):
+    orbit = periodic(oscillator(damping, 1.0), 1.0, method, rtol=1e-12)
+    error = abs(orbit.statistics("q1").max * damping - 1)
+    assert error <= 10 * orbit.error_estimate.orbit
+    assert 1e-16 / damping < orbit.error_estimate.orbit < 1e-14 / damping
+    assert any("at the precision in reach gives the orbit to" in text for text in orbit.warnings)
+
+
 def test_away_from_resonance_nothing_is_said():
     assert periodic(oscillator(0.1, 2.0), 1.0).warnings == []
 

@@ -78,6 +78,19 @@ def test_a_coarse_grid_does_not_lower_the_extrema():
     assert coarse.q[2].max() < (1 - 1e-4) * truth
 
 
+def test_an_order_of_thousands_is_not_mistaken_for_a_mean():
+    """Order 2048 of the load: 2048 samples would see it as a constant."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, one, 2048.0**2 * one, np.cos(2048 * phase)[:, None]
+
+    found = periodic(system(matrices, 1), 1.0, rtol=1e-6)
+    assert found.statistics("q1").max == pytest.approx(1 / 2048, rel=1e-5)
+    assert found.statistics("q1").mean == pytest.approx(0.0, abs=1e-12)
+    assert found.harmonics("q1", 3)[0] == pytest.approx(np.zeros(4), abs=1e-12)
+
+
 def test_harmonics_sum_to_the_curve(orbit):
     for row, name in enumerate(orbit.coordinates):
         amplitudes, angles = orbit.harmonics(name)

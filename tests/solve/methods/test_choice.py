@@ -1,11 +1,13 @@
 """Methods by name and settings, and what is said of names and settings that do not exist."""
 
+import numpy as np
 import pytest
 
-from solve import Newmark, Radau
+from solve import Newmark, Radau, floquet
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.methods.choice import METHODS, chosen
 from solve.methods.gauss import Gauss
+from tests.solve.systems import cam, constant
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -42,3 +44,17 @@ def test_what_is_no_method_is_refused(given):
         ValueOutOfBoundsError, match=r"method is .*; give a name or an object such as Radau\(\)"
     ):
         chosen(given)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "named"), [(1.0, "gauss"), (80.0, "gauss"), (82.0, "radau"), (1e4, "radau")]
+)
+def test_auto_takes_gauss_while_every_mode_can_be_followed_and_radau_beyond(frequency, named):
+    """ω T = 512 divides them: ω = 81.5 at speed 1. Rates of damping count as frequencies do."""
+    for damping, stiffness in ((0.02, frequency**2), (frequency, 1.0)):
+        given = constant([[1.0]], [[damping]], [[stiffness]], lambda phase: np.ones((len(phase), 1)))
+        assert floquet(given, 1.0, rtol=1e-4).method == named
+
+
+def test_auto_says_which_method_it_took():
+    assert floquet(cam(), "600 rpm").method == "radau"
