@@ -1,0 +1,168 @@
+"""Right orbits with wrong multipliers, and other traps: none of them goes without a word."""
+
+import numpy as np
+import pytest
+
+from solve import Newmark, Radau, floquet, periodic
+from solve.errors import StepsError
+from solve.methods.choice import METHODS, chosen
+from solve.methods.gauss import Gauss
+from tests.solve.certificates.trials import PHASES, matched_error
+from tests.solve.systems import cam, constant, random_system, system
+from tests.solve.witnesses import relative_error
+
+KEEPING = [name for name in METHODS if name != "auto" and not chosen(name).l_stable]
+DENSE = ("fourier", "hill", "bahgat-willmert")
+UNRESOLVED = "leave stiff modes unresolved"
+SLOW = 100 * np.pi / 30
+
+
+def turning_beam(ratio=60.0, damping=0.02):
+    """A beam's softest bending and stiffest stretching mode, in axes at rest while the beam turns with the
+    phase. The stiff mode dies within the period; a method that keeps it couples it with the soft one."""
+    stiffness, loss = np.diag([3.3**2, (3.3 * ratio) ** 2]), np.diag([3.3, 3.3 * ratio]) * 2 * damping
+
+    def matrices(phase, speed):
+        c, s = np.cos(phase), np.sin(phase)
+        R = np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0)
+        K, C = (R @ each @ np.swapaxes(R, 1, 2) for each in (stiffness, loss))
+        eye = np.broadcast_to(np.eye(2), K.shape)
+        return eye, C, K, np.tile([0.0, -9.81], (len(phase), 1))
+
+    return system(matrices, 2)
+
+
+CASES = {"cam at 100 rpm": (cam("1"), SLOW), "turning beam": (turning_beam(), 1.0)}
+
+
+@pytest.fixture(scope="module")
+def truths():
+    return {name: floquet(*case, Radau(13), rtol=1e-11) for name, case in CASES.items()}
+
+
+def test_which_methods_keep_what_they_do_not_follow():
+    """A new method joins the traps by being registered."""
+    assert set(METHODS) - set(KEEPING) == {"auto", "radau"}
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    ("method", "steps"),
+    # Eigenvalue problems over all orders take seconds on more steps.
+    [(name, m) for name in KEEPING for m in ((33,) if name in DENSE else (33, 61, 101))],
+)
+def test_unresolved_stiff_modes_are_flagged_and_false_multipliers_estimated(method, case, steps, truths):
+    given, speed = CASES[case]
+    if method == "rk4":
+        with pytest.raises(StepsError, match=r"or a method without limit \(radau\)"):
+            floquet(given, speed, method, steps=steps, rtol=0.9)
+        return
+    found = floquet(given, speed, method, steps=steps, rtol=0.9)
+    flagged = [text for text in found.warnings if UNRESOLVED in text]
+    assert len(flagged) == 1, found.warnings
+    assert "use radau" in flagged[0]
+    error = matched_error(found.multipliers, truths[case].multipliers)
+    assert error <= 10 * found.error_estimate.multipliers
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_l_stable_method_needs_no_flag(case, truths):
+    given, speed = CASES[case]
+    found = floquet(given, speed, "radau", rtol=1e-6)
+    assert matched_error(found.multipliers, truths[case].multipliers) < 1e-6
+    assert found.warnings == []
+
+
+def test_gauss_on_the_slow_cam_invents_a_multiplier_beside_the_right_orbit():
+    """Order 12 on 100 steps: |ρ| = 0.185 where 1.466125e-7 is true, while the orbit is right to 4e-4."""
+    given = cam("1")
+    truth = periodic(given, SLOW, "radau", rtol=1e-10)
+    found = periodic(given, SLOW, Gauss(12), steps=100, rtol=0.9)
+    assert relative_error(found.at(PHASES), truth.at(PHASES)) < 4e-4
+    assert truth.spectral_radius == pytest.approx(1.466125e-7, rel=1e-6)
+    assert found.spectral_radius == pytest.approx(0.185, abs=5e-4)
+    assert found.error_estimate.multipliers > 1.0
+    assert any(UNRESOLVED in text for text in found.warnings)
+    assert any("the multipliers to" in text for text in found.warnings)
+
+
+def test_piecewise_constant_steps_invent_growth_in_a_turning_beam():
+    """Every frozen step is exact and damps; the chain of them grows, because the modes turn between."""
+    found = floquet(turning_beam(), 1.0, "hsu", steps=101, rtol=0.9)
+    assert found.verdict == "stable"  # within its own error estimate nothing more is known
+    assert found.spectral_radius > 1e3
+    assert found.error_estimate.multipliers > 1e3
+    assert abs(found.liouville) < 1e-9  # the volume is right all the same
+
+
+def undamped_stiff():
+    """A slow mode beside one that turns 200 times as fast, both undamped: every |ρ| = 1."""
+    return constant(np.eye(2), np.zeros((2, 2)), np.diag([1.7, 4e4]), lambda phase: np.ones((len(phase), 2)))
+
+
+@pytest.mark.parametrize("method", ["radau", "rk4"])
+def test_modes_that_a_method_damps_without_damping_are_not_lost_in_silence(method):
+    """The other side of L-stability: two grids agree on multipliers that both of them lost."""
+    steps = {"radau": 64, "rk4": 600}[method]
+    found = floquet(undamped_stiff(), 1.0, method, steps=steps, rtol=1e-3)
+    assert (np.abs(found.multipliers) > 0.1).sum() == 2
+    assert found.error_estimate.multipliers > 0.5
+    assert any("the multipliers to" in text for text in found.warnings)
+    assert found.liouville < -1.0
+    refined = floquet(undamped_stiff(), 1.0, method, rtol=1e-6)
+    np.testing.assert_allclose(np.abs(refined.multipliers), 1.0, rtol=0, atol=1e-6)
+    assert refined.unresolved == 0
+    assert abs(refined.liouville) < 1e-5
+
+
+@pytest.mark.parametrize("method", ["auto", "radau", "gauss", "hsu", "newmark", "rk4"])
+def test_residual_condition_and_liouville_are_reported(method):
+    given = random_system(2, 2)
+    coarse, fine = (periodic(given, 1.0, method, steps=m, rtol=0.9) for m in (60, 240))
+    assert 1.0 <= fine.condition < 1e3
+    for of in ("residual", "liouville"):
+        before, after = (abs(getattr(each, of)) for each in (coarse, fine))
+        assert after < before / 3 or after < 1e-12, (of, before, after)
+
+
+@pytest.mark.parametrize("method", ["fourier", "hill"])
+def test_methods_without_steps_have_no_formula_of_liouvilles(method):
+    assert np.isnan(floquet(random_system(2, 2), 1.0, method, steps=31, rtol=0.9).liouville)
+
+
+def limits():
+    """Methods with a limit of stability, and it: h ω_max for an undamped mode."""
+    return [
+        (Newmark(0.5, 0.0), 2.0),
+        (Newmark(0.5, 1 / 12), np.sqrt(6.0)),
+        (Newmark(0.5, 1 / 6), np.sqrt(12.0)),
+        (Newmark(0.7, 0.1), 2.0),
+        (chosen("rk4"), np.sqrt(8.0)),
+    ]
+
+
+@pytest.mark.parametrize(("method", "limit"), limits(), ids=[f"{m}" for m, _ in limits()])
+def test_steps_beyond_a_methods_own_limit_are_refused(method, limit):
+    """ω_max over the whole turn counts: here the stiffness swings between 0.5 and 1.5 of its mean."""
+
+    def matrices(phase, speed):
+        K = (1e4 * (1.0 + 0.5 * np.cos(phase)))[:, None, None]
+        return np.ones_like(K), 0 * K, K, np.ones((len(phase), 1))
+
+    given = system(matrices, 1)
+    least = 2 * np.pi * np.sqrt(1.5e4) / limit
+    with pytest.raises(StepsError, match=rf"{method.name} with .* beyond its stability limit; use at least"):
+        floquet(given, 1.0, method, steps=int(0.99 * least), rtol=0.9)
+    assert np.isfinite(floquet(given, 1.0, method, steps=int(1.01 * least) + 1, rtol=0.9).spectral_radius)
+
+
+@pytest.mark.parametrize("name", KEEPING)
+def test_every_method_states_up_to_where_it_follows(name):
+    """One step fewer than that for the fastest mode is flagged, or refused; enough steps are not."""
+    fast = 20.0
+    given = constant(
+        np.eye(2), 0.1 * np.eye(2), np.diag([1.7, fast**2]), lambda phase: np.ones((len(phase), 2))
+    )
+    enough = int(np.ceil(np.abs(given.frozen_eigenvalues(1.0)).max() * 2 * np.pi / chosen(name).follows)) | 1
+    assert not any(UNRESOLVED in text for text in floquet(given, 1.0, name, steps=enough, rtol=0.9).warnings)
+    assert any(UNRESOLVED in text for text in floquet(given, 1.0, name, steps=enough - 3, rtol=0.9).warnings)
