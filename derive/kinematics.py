@@ -59,12 +59,17 @@ class LoopFunction(sympy.Function):
 
     def _latex(self, printer: Any, exp: str | None = None) -> str:
         name = sympy.latex(sympy.Symbol(type(self).__name__))
-        by = "".join(
-            times * rf"\partial {printer._print(argument)}"
+        by = " ".join(
+            rf"\partial {printer._print(argument)}{_exponent(times)}"
             for argument, times in zip(self.arguments, self.order, strict=True)
+            if times
         )
-        text = rf"\frac{{\partial^{{{sum(self.order)}}} {name}}}{{{by}}}" if by else name
+        text = rf"\frac{{\partial{_exponent(sum(self.order))} {name}}}{{{by}}}" if by else name
         return text if exp is None else rf"\left({text}\right)^{{{exp}}}"
+
+
+def _exponent(times: int) -> str:
+    return f"^{{{times}}}" if times > 1 else ""
 
 
 @dataclass(frozen=True, eq=False)

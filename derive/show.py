@@ -3,7 +3,7 @@
 import sympy
 
 from derive.beam import FAMILIES
-from derive.galerkin import Projection, project
+from derive.galerkin import ZERO_COLUMN, ZERO_MATRIX, Projection, project
 from derive.lagrange import residual
 from derive.linearise import linearise
 from derive.mechanism import Mechanism
@@ -24,7 +24,7 @@ def equations(mechanism: Mechanism) -> str:
     if mechanism.declared_field:
         projection = project(mechanism, mechanism.declared_field)
         matrices, symbols = projection.linearised, symbols | _integrals(projection)
-        lines.append(r"% \psi_i: mode functions of \xi = x/l; row i, column j")
+        lines.append(r"% \psi: mode functions of \xi = x/l, integrated from 0 to 1; row i, column j")
     else:
         matrices = linearise(mechanism, residual(mechanism))._asdict()
     for name, matrix in matrices.items():
@@ -35,14 +35,22 @@ def equations(mechanism: Mechanism) -> str:
 def _integrals(projection: Projection) -> dict[sympy.Symbol, str]:
     """What the symbols of modal integrals stand for."""
     pairs = {
-        symbol: rf"\int_0^1 \xi^{pair.power} \psi_i^{{({pair.first})}} \psi_j^{{({pair.second})}} d\xi"
+        symbol: rf"\int {_weight(pair.power)}{_mode('i', pair.first)} {_mode('j', pair.second)} d\xi"
         for symbol, pair in projection.pairs.items()
     }
     columns = {
-        symbol: rf"\int_0^1 \xi^{moment.power} \psi_i^{{({moment.derivative})}} d\xi"
+        symbol: rf"\int {_weight(moment.power)}{_mode('i', moment.derivative)} d\xi"
         for symbol, moment in projection.moments.items()
     }
-    return pairs | columns
+    return {ZERO_MATRIX: "0", ZERO_COLUMN: "0", **pairs, **columns}
+
+
+def _weight(power: int) -> str:
+    return rf"\xi^{power} " if power > 1 else power * r"\xi "
+
+
+def _mode(number: str, derivative: int) -> str:
+    return rf"\psi_{number}{derivative * chr(39)}"
 
 
 def _links(structure: Structure) -> str:

@@ -22,6 +22,7 @@ from derive.errors import (
 )
 from derive.galerkin import project
 from derive.modal_integrals import MODE_I, MODE_J, XI, modal_integral, modal_moment
+from derive.show import equations
 
 MOST = 20
 NUMBERS = range(1, MOST + 1)
@@ -247,6 +248,13 @@ def test_the_generated_text_does_not_grow_with_the_number_of_modes():
     few, many = (module_text(column(sine, most=most), "0" * 64, "0" * 64, "column") for most in (3, 20))
     listed = "".join(f'    ("c{k}", "m", "deflection: amplitude of mode {k}"),\n' for k in range(4, 21))
     assert len(many) == len(few) + len(listed) + len("1, 21") - len("1, 4")
+
+
+def test_equations_for_reading():
+    shown = equations(column(sine, "hub")).splitlines()
+    assert shown[3].startswith(r"M = L \mu \int \psi_i \psi_j d\xi")
+    assert r"\int \xi^2 \psi_i' \psi_j' d\xi" in shown[5]
+    assert shown[6] == "d = 0"
 
 
 def statement() -> tuple[Mechanism, sympy.Symbol, sympy.Symbol]:
