@@ -16,6 +16,9 @@ XI = sympy.Symbol("xi", real=True)
 
 HALF = sympy.Rational(1, 2)
 
+AXIAL, BENDING = 1, 2
+"""Order of the derivative that the strain energy holds: elongation u′, curvature v″."""
+
 LOADS = (0, 1)
 """Powers of ξ by which a distributed load may vary along the element."""
 
@@ -24,9 +27,8 @@ LOADS = (0, 1)
 class Family:
     """Shape functions that interpolate `freedoms`: pairs (order of the derivative, ξ).
 
-    `strain` is the order of the derivative that the strain energy holds: 1 for the elongation u′ of an
-    axial family, 2 for the curvature v″ of a bending family. Derivatives by x = Lξ make row i of every
-    table carry L to the power of its freedom's order.
+    `strain` is AXIAL or BENDING. Derivatives by x = Lξ make row i of every table carry L to the power of
+    its freedom's order.
     """
 
     name: str
@@ -90,11 +92,11 @@ def overlap(left: sympy.Matrix, right: sympy.Matrix) -> sympy.Matrix:
     return (left * right.T).applyfunc(lambda entry: sympy.Poly(entry, XI).integrate().eval(1))
 
 
-LINEAR = Family("linear", 1, ((0, 0), (0, 1)))
-QUADRATIC = Family("quadratic", 1, ((0, 0), (0, HALF), (0, 1)))
-HERMITE = Family("hermite", 2, ((0, 0), (1, 0), (0, 1), (1, 1)))
-QUINTIC_NODE = Family("quintic_node", 2, ((0, 0), (1, 0), (0, HALF), (1, HALF), (0, 1), (1, 1)))
-QUINTIC_CURVATURE = Family("quintic_curvature", 2, ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)))
+LINEAR = Family("linear", AXIAL, ((0, 0), (0, 1)))
+QUADRATIC = Family("quadratic", AXIAL, ((0, 0), (0, HALF), (0, 1)))
+HERMITE = Family("hermite", BENDING, ((0, 0), (1, 0), (0, 1), (1, 1)))
+QUINTIC_NODE = Family("quintic_node", BENDING, ((0, 0), (1, 0), (0, HALF), (1, HALF), (0, 1), (1, 1)))
+QUINTIC_CURVATURE = Family("quintic_curvature", BENDING, ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)))
 
 FAMILIES = (LINEAR, QUADRATIC, HERMITE, QUINTIC_NODE, QUINTIC_CURVATURE)
 

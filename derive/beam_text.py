@@ -4,7 +4,7 @@ import json
 
 import sympy
 
-from derive.beam import ELEMENTS, FAMILIES, XI, Element, Family
+from derive.beam import BENDING, ELEMENTS, FAMILIES, XI, Element, Family
 from derive.freshness import banner, seal
 
 TITLE = "Beam elements of unit length"
@@ -34,7 +34,7 @@ def _family(family: Family) -> dict[str, str]:
         "stiffness": family.stiffness,
         "loads": family.loads,
     }
-    if family.strain == 2:
+    if family.strain == BENDING:
         tables["geometric"] = family.geometric
     texts = {name: _rows(table) for name, table in tables.items()}
     return {"strain": str(family.strain), "freedoms": _tuple(map(_tuple, family.freedoms)), **texts}
