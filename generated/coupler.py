@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "ead8c25e4017081c04748acddb1f4647377d3143bc698ddf89173b198862b8dd"
-DERIVE_SHA256 = "06ce6d14c91bae4ede049c17e64aec117e118f8cff7d70632c8a9a0366e25b1f"
+MECHANISM_SHA256 = "0a7077f4722b2fd341c5f9770ab01671cae6245d029c8206989fc60c3acf9443"
+DERIVE_SHA256 = "1a76e503d5d220fc31d6ec1a3f00f2ac377de12a75c95b0d724e40c6243afa57"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "9099476a930f21a41da3d1f202a279315a862dda7a03a5f20826a9dfca6a3269"
+BODY_SHA256 = "2d0d908aa24e3dabb36c97db8686d51c00da91c2acdee5835f878e1f386c1312"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -64,7 +64,7 @@ OPTIONS = (
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive that keeps the speed constant"),
     ("midpoint_deflection", "m", "deflection at midspan"),
-    ("axial_force", "N", "at the crank pin, tension positive"),
+    ("axial_force", "N", "of the straight coupler at the crank pin, tension positive"),
     ("bending_moment", "N m", "E I w'' at midspan"),
     ("stress", "Pa", "at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"),
     ("deflection_ratio", "1", "deflection at midspan over l3"),

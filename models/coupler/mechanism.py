@@ -76,7 +76,7 @@ def _state_outputs(linkage: Mechanism, beam, A, I, EI) -> None:  # noqa: E741 - 
     stress = beam.at(beam.tension, length / 2) / A - moment / I * sqrt(12 * I / A) / 2
     euler = pi**2 * EI / length**2
     linkage.output("midpoint_deflection", middle, "m", "deflection at midspan")
-    linkage.output("axial_force", force, "N", "at the crank pin, tension positive")
+    linkage.output("axial_force", force, "N", "of the straight coupler at the crank pin, tension positive")
     linkage.output("bending_moment", moment, "N m", "E I w'' at midspan")
     surface = "at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"
     linkage.output("stress", stress, "Pa", surface)

@@ -11,6 +11,7 @@ from chapter import sampled, scaled_difference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import solve
 from models.coupler import published
 from models.coupler.published import AS_PRINTED, BRANCHES, CORRECTED, TABLE_2, Misprint
 
@@ -177,6 +178,20 @@ def test_axial_force_is_the_paper_s_f4(branch):
     force = outputs(PHASES[None], SPEEDS[1], zero, zero, zero, vector(DRAGGED))[2].full()[0]
     by_hand = DRAGGED["E"] * DRAGGED["I"] * published.load_functions(PHASES, SPEEDS[1], DRAGGED, branch).f4
     np.testing.assert_allclose(force, by_hand, rtol=0, atol=1e-12 * abs(by_hand).max())
+
+
+@pytest.mark.parametrize(("rpm", "torque_error", "force_error"), [(600, 2e-5, 3e-4), (1500, 1e-3, 1.5e-3)])
+def test_outputs_along_the_orbit_of_table_2(rpm, torque_error, force_error):
+    """Against the nonlinear equations at the same motion: what the first order, and w = 0, leave out."""
+    orbit = solve.periodic(solve.load("coupler"), f"{rpm} rpm", "radau")
+    state = (orbit.q, orbit.qd, orbit.qdd)
+    exact = coupler_lagrangian.motion(3)(orbit.phase[None], orbit.speed, *state, vector(TABLE_2), 1.0)
+    for name, bound, witness in (
+        ("drive_torque", torque_error, exact[0]),
+        ("axial_force", force_error, exact[1]),
+    ):
+        error = abs(orbit.outputs[name] - witness.full()[0]).max() / abs(witness.full()).max()
+        assert error < bound, name
 
 
 def test_outputs_at_midspan():
