@@ -14,6 +14,7 @@ from solve.curve import Curve
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.grid import Grid
 from solve.methods.method import Discretisation, OneStep
+from solve.methods.newmark_stability import stability_limit
 from solve.methods.period_map import Steps
 from solve.system import PeriodicSystem
 
@@ -44,14 +45,15 @@ class Newmark(OneStep):
         return self.order
 
     def least_steps(self, frozen: Array, period: float) -> int:
-        """From the limit of the undamped oscillator, ω h ≤ 1/sqrt(γ/2 - β) (thesis 6.9-6.11).
+        """From the limit of the undamped oscillator.
 
-        Unconditionally stable for 2β ≥ γ ≥ 1/2; for γ < 1/2 it is unstable at any step, so that no
-        number of steps is refused here and `concerns` warns.
+        For γ < 1/2 it is unstable at any step, so that no number of steps is refused here and `concerns`
+        warns.
         """
-        if self.gamma < 0.5 or 2 * self.beta >= self.gamma:
+        if self.gamma < 0.5:
             return 1
-        return int(np.ceil(np.abs(frozen).max() * period * np.sqrt(self.gamma / 2 - self.beta)))
+        angle = np.abs(frozen).max() * period
+        return max(1, int(np.ceil(angle / stability_limit(self.gamma, self.beta))))
 
     @property
     def concerns(self) -> list[str]:
