@@ -1,0 +1,90 @@
+"""Mathieu's equation as a model: its matrices, its speed, its cases, its boundaries."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import mathieu_a, mathieu_b
+
+from solve import floquet, load, periodic
+from solve.errors import ValueOutOfBoundsError
+from solve.load import loaded
+from solve.methods.hill import boundaries
+
+coefficients = st.floats(-5.0, 12.0)
+
+
+@given(coefficients, coefficients, st.floats(0.0, 0.5), st.floats(0.2, 5.0))
+@settings(max_examples=40, deadline=None)
+def test_matrices_are_those_of_the_equation(delta, epsilon, zeta, speed):
+    phase = np.linspace(0.0, np.pi, 17)
+    M, C, K, d = load("mathieu", delta=delta, epsilon=epsilon, zeta=zeta).at(phase, speed)
+    np.testing.assert_array_equal(M, np.ones((17, 1, 1)))
+    np.testing.assert_allclose(C, np.full((17, 1, 1), 2 * zeta * np.sqrt(abs(delta))), rtol=1e-14)
+    np.testing.assert_allclose(K[:, 0, 0], delta + epsilon * np.cos(2 * phase), rtol=0, atol=1e-13)
+    assert not d.any()
+
+
+@given(st.floats(0.3, 4.0), st.floats(-2.0, 2.0), st.floats(0.0, 0.2), st.floats(0.3, 3.0))
+@settings(max_examples=20, deadline=None)
+def test_another_speed_is_the_equation_with_coefficients_by_its_square(delta, epsilon, zeta, speed):
+    given_ = load("mathieu", delta=delta, epsilon=epsilon, zeta=zeta)
+    scaled = load("mathieu", delta=delta / speed**2, epsilon=epsilon / speed**2, zeta=zeta)
+    ours, theirs = (floquet(s, v, rtol=1e-11).multipliers for s, v in ((given_, speed), (scaled, 1.0)))
+    scale = np.abs(theirs).max()
+    np.testing.assert_allclose(np.poly(ours), np.poly(theirs), rtol=0, atol=1e-9 * max(scale, scale**2))
+
+
+@given(st.floats(0.3, 9.0), st.floats(-4.0, 4.0), st.floats(0.0, 0.2))
+@settings(max_examples=20, deadline=None)
+def test_the_product_of_the_multipliers_is_that_of_the_damping(delta, epsilon, zeta):
+    values = floquet(load("mathieu", delta=delta, epsilon=epsilon, zeta=zeta), 1.0, rtol=1e-11).multipliers
+    assert np.prod(values).real == pytest.approx(
+        np.exp(-2 * zeta * np.sqrt(delta) * np.pi), abs=1e-9 * np.abs(values).max() ** 2
+    )
+
+
+def test_cases_name_their_speed():
+    for case in ("stable", "unstable"):
+        model, speed = loaded("mathieu", case, None, {}, {})
+        assert (model.case, speed) == (case, "1 rad/s")
+    assert load("mathieu").case == "stable"
+    assert floquet(load("mathieu", "stable"), 1.0).verdict == "asymptotically stable"
+    assert floquet(load("mathieu", "unstable"), 1.0).verdict == "unstable"
+
+
+def test_the_unstable_case_is_of_twice_the_period():
+    """At -1, a response of period 2π beside matrices of period π; the growth is twofold each half turn."""
+    values = floquet(load("mathieu", "unstable"), 1.0).multipliers
+    assert values[0].real < -1
+    assert np.abs(values.imag).max() == 0
+
+
+def test_without_load_the_periodic_solution_is_rest():
+    orbit = periodic(load("mathieu"), 1.0)
+    assert not orbit.q.any()
+    assert orbit.residual == 0.0
+
+
+@pytest.mark.parametrize("epsilon", [1.0, -4.0, 10.0])
+def test_boundaries_over_delta_are_scipys_characteristic_values(epsilon):
+    q = abs(epsilon) / 2
+    for multiplier, orders in ((1, (0, 2)), (-1, (1, 3))):
+        truth = sorted(f(k, q) for k in orders for f in (mathieu_a, mathieu_b) if k or f is mathieu_a)
+        found = boundaries(
+            lambda delta: (load("mathieu", delta=delta, epsilon=epsilon, zeta=0.0), 1.0),
+            np.linspace(-8.0, 14.0, 45),
+            multiplier,
+        )
+        assert [each.value for each in found[: len(truth)]] == pytest.approx(truth, abs=1e-8)
+
+
+def test_it_has_neither_torque_nor_outputs_and_says_why():
+    model = load("mathieu")
+    assert model.outputs == ()
+    assert "no torque" in model.module.NO_DRIVE_TORQUE
+
+
+def test_damping_is_not_negative():
+    with pytest.raises(ValueOutOfBoundsError, match="zeta"):
+        load("mathieu", zeta=-0.1)
