@@ -1,7 +1,7 @@
 """A structure of beams with its elements chosen: the constant tables of its matrices."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -99,6 +99,14 @@ class Beams:
         lengths = p.length / np.array(freedoms.counts)
         columns = (freedoms.links, freedoms.counts, lengths, p.EA, p.EI, p.mu)
         return [Member(*each) for each in zip(*columns, strict=True)]
+
+    def divided(self, parts: int) -> "Beams":
+        """The same beams with every exact element cut into parts, which changes no frequency."""
+        counts = [
+            count * (parts if kind == EXACT else 1)
+            for count, kind in zip(self.freedoms.counts, self.freedoms.kinds, strict=True)
+        ]
+        return replace(self, freedoms=replace(self.freedoms, counts=tuple(counts)))
 
     @property
     def exact_links(self) -> list[int]:

@@ -9,6 +9,9 @@ from solve.arrays import Array
 _SHIFT = 1e-6
 """Shift of ω² where K is singular, relative to the mean ω²."""
 
+_REST = 1e-13
+"""Part of the largest K_ii/M_ii below which ω² is rounding: the structure moves freely."""
+
 
 class Modes(NamedTuple):
     """frequencies (m, k) in rad/s, rising; vectors (m, n, k) with ΦᵀMΦ = I."""
@@ -20,7 +23,7 @@ class Modes(NamedTuple):
 def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
     """The lowest `count` frequencies (m, count) in rad/s, rising; see `lowest_modes`."""
     factor, shift = _factor(M, K)
-    return _frequencies(np.linalg.eigvalsh(_congruent(factor, M)), shift)[:, :count]
+    return _frequencies(np.linalg.eigvalsh(_congruent(factor, M)), shift, at_rest(M, K))[:, :count]
 
 
 def lowest_modes(M: Array, K: Array, count: int) -> Modes:
@@ -33,12 +36,19 @@ def lowest_modes(M: Array, K: Array, count: int) -> Modes:
     values, vectors = np.linalg.eigh(_congruent(factor, M))
     chosen = values[:, ::-1][:, :count]
     shapes = np.linalg.solve(np.swapaxes(factor, 1, 2), vectors[:, :, ::-1][:, :, :count])
-    return Modes(_frequencies(values, shift)[:, :count], shapes / np.sqrt(chosen)[:, None, :])
+    return Modes(_frequencies(values, shift, at_rest(M, K))[:, :count], shapes / np.sqrt(chosen)[:, None, :])
 
 
-def _frequencies(values: Array, shift: Array) -> Array:
+def at_rest(M: Array, K: Array) -> Array:
+    """Frequency (m,) below which there is only rounding, for M, K (m, n, n)."""
+    if M.shape[1] == 0:
+        return np.zeros(len(M))
+    return np.sqrt(_REST * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
+
+
+def _frequencies(values: Array, shift: Array, rest: Array) -> Array:
     squares = 1 / np.maximum(values[:, ::-1], np.finfo(float).tiny) - shift[:, None]
-    return np.sqrt(np.maximum(squares, 0.0))
+    return np.sqrt(np.where(squares > rest[:, None] ** 2, squares, 0.0))
 
 
 def _factor(M: Array, K: Array) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
 """Mode shapes of a structure of beams at one position: how every link bends."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,15 +10,13 @@ from solve.structure.beams import Beams
 from solve.structure.eigen import lowest_modes
 from solve.structure.elements import EXACT
 from solve.structure.positions import Positions
+from solve.structure.wittrick_williams import PARTS, near_clamped
 
 _POINTS = 48
 """Points along a link, at least."""
 
 _SAME = 1e-9
 """Relative difference of frequencies that count as one that occurs several times."""
-
-_NEAR = 1e-4
-"""Relative distance that a frequency keeps from those of the elements with clamped ends."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +55,11 @@ def _exact_mode(
     then every mode moves a node (thesis 5.4.1), and D has no pole.
     """
     omega = frequencies[number : number + 1]
-    around = np.concatenate((omega * (1 - _NEAR), omega * (1 + _NEAR)))
-    for parts in (1, 2, 3, 5):
-        positions = Positions(_divided(beams, parts), np.array([phase]))
-        if np.ptp(positions.interior_count(around)) == 0:
+    positions = Positions(beams, np.array([phase]))
+    for parts in PARTS:
+        if not near_clamped(positions, omega)[0]:
             break
+        positions = Positions(beams.divided(parts), np.array([phase]))
     index = np.zeros(1, dtype=int)
     D, M = positions.dynamic_stiffness(index, omega)[0], positions.dynamic_mass(index, omega)[0]
     scale = 1 / np.sqrt(np.diag(M))
@@ -70,16 +68,6 @@ def _exact_mode(
     chosen = np.argsort(np.abs(values), kind="stable")[before]
     vector = scale * vectors[:, chosen]
     return positions, positions.expanded(vector[None, :, None])[0, :, 0], float(vector @ M @ vector)
-
-
-def _divided(beams: Beams, parts: int) -> Beams:
-    """The same beams with every exact element cut into parts, which changes no frequency."""
-    freedoms = beams.freedoms
-    counts = tuple(
-        count * (parts if kind == EXACT else 1)
-        for count, kind in zip(freedoms.counts, freedoms.kinds, strict=True)
-    )
-    return replace(beams, freedoms=replace(freedoms, counts=counts))
 
 
 def _shape(positions: Positions, vector: Array, mass: float, omega: float) -> Shape:
