@@ -1,0 +1,38 @@
+"""The page on methods: its example runs, and its table says what the methods say."""
+
+import doctest
+import re
+from pathlib import Path
+
+import pytest
+
+from solve.methods.choice import METHODS, chosen
+
+PAGE = Path(__file__).parents[3] / "docs" / "methods.md"
+ROWS = {
+    row[0].strip(" `"): [cell.strip() for cell in row[1:]]
+    for row in (re.split(r"(?<!\\)\|", line)[1:-1] for line in PAGE.read_text("utf-8").splitlines())
+    if row and row[0].strip().strip("`") in METHODS
+}
+
+
+def test_the_example_gives_what_it_says():
+    assert doctest.testfile(str(PAGE), module_relative=False).failed == 0
+    assert doctest.testfile(str(PAGE), module_relative=False).attempted >= 5
+
+
+def test_every_method_has_its_row():
+    assert set(ROWS) == set(METHODS)
+
+
+@pytest.mark.parametrize("name", [name for name in METHODS if name not in ("auto", "fourier", "hill")])
+def test_orders_l_stability_and_reach_are_those_of_the_method(name):
+    method = chosen(name)
+    orders, keeps_out, follows, *_ = ROWS[name]
+    if method.order == 0:
+        assert orders == "none"
+    elif name != "march":
+        assert orders.startswith(f"{method.order}, {method.curve_order}")
+    assert keeps_out.startswith("yes" if method.l_stable else "no")
+    if follows != "π":
+        assert float(follows.split()[0].rstrip(";")) == method.follows
