@@ -10,12 +10,14 @@ from solve.methods.runge_kutta import RungeKutta4
 from solve.orbit import Orbit
 from solve.periodic import periodic
 from solve.studies.bands import Band, bands
+from solve.studies.chart import Chart, chart
 from solve.studies.frequencies import Frequencies, Variation, frequencies, frequencies_over
 from solve.studies.sweep import Sweep, sweep
 from solve.system import PeriodicSystem
 
 __all__ = [
     "Band",
+    "Chart",
     "Frequencies",
     "Gauss",
     "Newmark",
@@ -28,6 +30,7 @@ __all__ = [
     "Sweep",
     "Variation",
     "bands",
+    "chart",
     "floquet",
     "frequencies",
     "frequencies_over",

@@ -49,15 +49,22 @@ class Batch:
             yield Unsound(np.arange(len(points)))
             return
         for chosen, chunk in self._chunks(points):
-            for method, positions in self._methods(chunk):
-                refinement = Refinement(self.engine, method, chunk, self.orbit, self.rtol)
-                results = (
-                    refinement.refined(positions)
-                    if self.steps is None
-                    else refinement.judged(positions, self.steps)
-                )
-                for result in results:
+            left = np.ones(len(chosen), dtype=bool)
+            try:
+                for result in self._of_chunk(chunk):
+                    left[result.positions] = False
                     yield replace(result, positions=chosen[result.positions])
+            except np.linalg.LinAlgError:
+                # A singular M somewhere: each of the points that are left shall speak for itself.
+                yield Unsound(chosen[left])
+
+    def _of_chunk(self, chunk: Chunk) -> Iterator[Found | Unsound]:
+        for method, positions in self._methods(chunk):
+            refinement = Refinement(self.engine, method, chunk, self.orbit, self.rtol)
+            if self.steps is None:
+                yield from refinement.refined(positions)
+            else:
+                yield from refinement.judged(positions, self.steps)
 
     def _ready(self, points: Array) -> bool:
         """Whether the points can be solved together."""
@@ -84,9 +91,10 @@ class Batch:
                 shared = Separated(separation, points[represented], coefficients[represented])
                 yield np.flatnonzero(represented), shared
         if not represented.all():
-            others = points[~represented]
-            own = Sampled(self.family, others, separation.n, separation.period)
-            yield np.flatnonzero(~represented), own
+            yield (
+                np.flatnonzero(~represented),
+                Sampled(self.family, points[~represented], separation.n, separation.period),
+            )
 
     def _methods(self, chunk: Chunk) -> Iterator[tuple[Gauss | Radau, Array]]:
         """The method of each point, as `Auto.settled` chooses it."""

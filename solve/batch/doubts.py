@@ -12,7 +12,7 @@ from solve.certificate import surviving
 from solve.methods.gauss import Gauss
 from solve.methods.radau import Radau
 
-PHASES = 128
+FROZEN_PHASES = 128
 """At which the certificate freezes the coefficients."""
 
 _FEWER, _DOUBT, _FAR = 16, 1.2, 1e-3
@@ -29,8 +29,8 @@ class Doubts:
     def hidden(self, steps: int, positions: Array, spectra: Spectra) -> tuple[Array, Array]:
         """Errors (k,) relative to the spectral radius, and whether the steps follow the fastest modes."""
         limit = steps * self.method.follows
-        stiffness = frozen(self._chunk, positions, PHASES)
-        resolved = stiffness.within(np.full(len(positions), limit / self.period))
+        stiffness = frozen(self._chunk, positions, FROZEN_PHASES)
+        resolved = stiffness.within(limit / self.period)
         errors = np.zeros(len(positions))
         open_ = np.flatnonzero(~resolved)
         if len(open_) and self.method.l_stable:

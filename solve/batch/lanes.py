@@ -45,8 +45,8 @@ class LaneEngine:
     def __init__(self) -> None:
         _library(1, Collocation((1.0,)), False)
 
-    def bytes_a_step(self, method: Collocation, n: int) -> int:
-        return 8 * n * (2 * len(method.curve_powers) + 12)
+    def bytes_a_step(self, method: Collocation, n: int, orbit: bool) -> int:
+        return 8 * n * (2 * len(method.curve_powers) + 12) if orbit else 8
 
     def level(self, tables: GridTables, coefficients: Array, orbit: bool) -> Level:
         method, m, n = tables.method, tables.steps, tables.stages.n

@@ -80,7 +80,7 @@ class Engine(Protocol):
 
     name: str
 
-    def bytes_a_step(self, method: Collocation, n: int) -> int:
+    def bytes_a_step(self, method: Collocation, n: int, orbit: bool) -> int:
         """Memory that a step of a point takes."""
         ...
 
@@ -94,7 +94,7 @@ class NumpyEngine:
 
     name = "numpy"
 
-    def bytes_a_step(self, method: Collocation, n: int) -> int:
+    def bytes_a_step(self, method: Collocation, n: int, orbit: bool) -> int:
         s = len(method.c)
         return 8 * (3 * (s * n) ** 2 + 4 * s * n * (2 * n + 1) + 8 * n**2)
 

@@ -165,7 +165,7 @@ class Refinement:
 
     def _parts(self, steps: int, points: int) -> list[Array]:
         """Positions of the points, split so that each part fits into memory."""
-        size = self.engine.bytes_a_step(self.collocation, self.chunk.n) * steps
+        size = self.engine.bytes_a_step(self.collocation, self.chunk.n, self.orbit) * steps
         parts = min(points, math.ceil(points * size / _MEMORY))
         return np.array_split(np.arange(points), parts) if points else []
 

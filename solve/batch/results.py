@@ -8,6 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.curves import Curves
+from solve.batch.doubts import FROZEN_PHASES
 from solve.batch.figures import FIGURES, Signals
 from solve.batch.refinement import Found
 from solve.batch.spectra import VERDICTS, verdicts
@@ -29,8 +30,8 @@ FAILED = -1
 METHODS = tuple(choice.METHODS)
 """Names of methods, by position."""
 
-CHUNK = 512
-"""Points that are prepared together."""
+_MEMORY = 2**23
+"""Bytes that the frozen coefficients of points prepared together may take."""
 
 _ANYWHERE = Statistics(*(float(value) for value in ("-inf", "inf", "-inf", "nan", "nan", "nan", "nan")))
 """Of a quantity that nobody asked for: it keeps within all bounds."""
@@ -104,8 +105,9 @@ def gathered(
     """All the points (P, v); progress is told the number of points done."""
     system, _ = batch.family.system(points[0])
     results, done = Results.blank(len(points), system.n, wish or Wish()), 0
-    for start in range(0, len(points), CHUNK):
-        keeper = _Keeper(batch, points[start : start + CHUNK], results, start)
+    size = chunk_size(system.n)
+    for start in range(0, len(points), size):
+        keeper = _Keeper(batch, points[start : start + size], results, start)
         for found in batch.solved(keeper.points):
             if isinstance(found, Found):
                 keeper.keep(found)
@@ -115,6 +117,11 @@ def gathered(
             if progress:
                 progress(done)
     return results
+
+
+def chunk_size(n: int) -> int:
+    """Points with n coordinates that are prepared together."""
+    return max(32, _MEMORY // (8 * FROZEN_PHASES * (3 * n**2 + n)))
 
 
 @dataclass(frozen=True)
@@ -128,7 +135,7 @@ class _Keeper:
 
     def keep(self, found: Found) -> None:
         """Points that were solved together."""
-        at, results, batch = self.start + found.positions, self.results, self.batch
+        at, results = self.start + found.positions, self.results
         results.multipliers[at], results.errors[at] = found.spectra.values, found.errors
         results.verdicts[at] = verdicts(found.Phi, found.spectra, found.errors[:, 1])
         results.steps[at], results.methods[at] = found.steps, METHODS.index(found.method.name)
@@ -178,10 +185,8 @@ class _Keeper:
         """The warnings of a single solve with this result."""
         system, speed = self.batch.family.system(self.points[point])
         solution = Solution(Grid.uniform(found.steps, system.period), found.Phi[position])
-        steps = self.batch.steps
-        where = "at the precision in reach" if steps is None else f"with {steps} steps"
         refinement = Refinement(system, speed, found.method, self.batch.orbit)
-        certified = refinement.result(solution, found.errors[position], self.batch.rtol, where)
+        certified = refinement.result(solution, found.errors[position], self.batch.rtol, self.batch.steps)
         return Stability(system, speed, certified).warnings
 
     def _keep_concerns(self, positions: Array) -> None:

@@ -95,15 +95,17 @@ def rounding_errors(Phi: Array) -> Array:
         excess = square - (np.abs(values) ** 2).sum(axis=1)
         excess[excess < 8 * np.finfo(float).eps * square] = 0.0
         gap = np.abs(values[:, 0] - values[:, 1]) ** 2
+        half, product = square / 2, np.abs(np.prod(values, axis=1))
+        norm = np.sqrt(half + np.sqrt(np.maximum(half**2 - product**2, 0.0)))
         conditions = np.sqrt(1 + np.where(excess > 0, excess / np.where(gap > 0, gap, 1e-300), 0.0))
     else:
         values, right = np.linalg.eig(balanced)
+        norm = np.linalg.norm(balanced, 2, axis=(1, 2))
         defective = np.linalg.det(right) == 0
         right[defective] = np.eye(Phi.shape[-1])
         conditions = np.linalg.norm(np.linalg.inv(right), axis=2).max(axis=1)
         conditions[defective] = np.inf
     radius = np.abs(values).max(axis=1)
-    norm = np.linalg.norm(balanced, 2, axis=(1, 2))
     perturbation = 8 * np.finfo(float).eps * norm / np.where(radius > 0, radius, 1.0)
     return np.where(radius > 0, np.minimum(perturbation * conditions, np.sqrt(perturbation)), 0.0)
 

@@ -9,6 +9,7 @@ from typing import Any
 import typer
 
 from solve.commands.bands import bands
+from solve.commands.chart import chart
 from solve.commands.compare import compare
 from solve.commands.floquet import floquet
 from solve.commands.frequencies import frequencies
@@ -17,7 +18,7 @@ from solve.commands.periodic import periodic
 from solve.commands.sweep import sweep
 from solve.errors import SolveError
 
-COMMANDS = (periodic, floquet, compare, sweep, bands, frequencies)
+COMMANDS = (periodic, floquet, compare, sweep, bands, chart, frequencies)
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Of the Click that Typer brings along or depends on, whichever it is."""

@@ -70,14 +70,8 @@ def bands(
     asked = judge(batch, count)
     known = asked(points)
     middle = np.arange(1, len(omegas) - 1)
-    between = hidden(asked, known[middle - 1], known[middle], known[middle + 1])
-    return _Runs(asked, _sorted(known, between), tolerance).bands()
-
-
-def _sorted(known: Judged, further: Judged) -> Judged:
-    order = np.argsort(np.concatenate((known.points, further.points))[:, 0])
-    parts = ((getattr(known, name), getattr(further, name)) for name in Judged.__annotations__)
-    return Judged(*(np.concatenate(part)[order] if len(part[1]) else part[0] for part in parts))
+    known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
+    return _Runs(asked, known[np.argsort(known.points[:, 0])], tolerance).bands()
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Where stability is lost along lines through the quantities of a family, many lines at once."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -8,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.results import FAILED, Results, Wish, gathered
-from solve.batch.spectra import VERDICTS
+from solve.floquet import UNIT_CIRCLE
 
 KINDS = ("+1", "-1", "complex")
 """Which multiplier leaves the unit circle: period T, period 2T, or a pair."""
@@ -19,14 +20,18 @@ _TOGETHER = 64
 
 _SEARCHES = 10
 _CLOSE = 1e-10
+_NEAR = 1e-5
+"""Part of the scale to which an edge is bracketed before its kind is told."""
+
+_FAR = 1e6
 _REAL = 1e-6
 """Imaginary part, relative to the modulus, up to which a multiplier counts as real."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Points (k, v) and what is known of them: stable (k,), failed points counting as stable;
-    multipliers (k, N), falling in modulus."""
+    """Points (k, v) and what is known of them: stable (k,), that no multiplier lies outside the unit circle
+    by more than its error, failed points counting as stable; multipliers (k, N), falling in modulus."""
 
     points: Array
     stable: Array
@@ -34,12 +39,18 @@ class Judged:
 
     @classmethod
     def of(cls, points: Array, results: Results) -> "Judged":
-        unstable = results.verdicts == VERDICTS.index("unstable")
         failed = results.verdicts == FAILED
-        return cls(points, ~unstable, np.where(failed[:, None], 0.0, results.multipliers))
+        beyond = results.spectral_radius - 1 > np.maximum(results.errors[:, 1], UNIT_CIRCLE)
+        return cls(points, failed | ~beyond, np.where(failed[:, None], 0.0, results.multipliers))
 
     def __getitem__(self, some: Array) -> "Judged":
         return Judged(self.points[some], self.stable[some], self.multipliers[some])
+
+    def __add__(self, other: "Judged") -> "Judged":
+        if len(other.points) == 0:
+            return self
+        parts = ((getattr(self, name), getattr(other, name)) for name in Judged.__annotations__)
+        return Judged(*map(np.concatenate, parts))
 
     @property
     def kinds(self) -> Array:
@@ -53,16 +64,15 @@ class Judged:
         """How far stable points (k,) are from each way to lose stability, (k, 4): det(I - Φ) for +1,
         det(I + Φ) for -1, the distance of two pairs squared, and that of a pair from the unit circle."""
         rho = self.multipliers
-        upper = np.where(np.imag(rho) > 0, rho, np.nan)
-        distance = np.abs(upper[:, :, None] - upper[:, None, :]) ** 2
-        distance[:, np.arange(rho.shape[1]), np.arange(rho.shape[1])] = np.nan
-        pairs = np.nanmin(np.nan_to_num(distance, nan=np.inf), axis=(1, 2))
-        modulus = np.nan_to_num(np.abs(upper), nan=0.0).max(axis=1)
+        upper = np.imag(rho) > 0
+        both = upper[:, :, None] & upper[:, None, :] & ~np.eye(rho.shape[1], dtype=bool)
+        distance = np.abs(rho[:, :, None] - rho[:, None, :]) ** 2
+        pairs = np.where(both, distance, _FAR).min(axis=(1, 2))
+        inside = 1 - np.abs(np.where(upper, rho, 0.0)).max(axis=1)
         # On the unit circle itself the distance from it is noise.
-        inside = np.where(1 - modulus > _REAL, 1 - modulus, np.inf)
-        return np.column_stack(
-            (*(np.real(np.prod(1 - sign * rho, axis=1)) for sign in (1, -1)), pairs, inside)
-        )
+        inside = np.where(inside > _REAL, inside, _FAR)
+        plus, minus = (np.real(np.prod(1 - sign * rho, axis=1)) for sign in (1, -1))
+        return np.clip(np.column_stack((plus, minus, pairs, inside)), -_FAR, _FAR)
 
 
 Judge = Callable[[Array], Judged]
@@ -108,12 +118,40 @@ def sectioned(
 def edges(
     judge: Judge, stable: Array, unstable: Array, scale: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Where stability is lost between stable and unstable points (E, v): places (E, v) and, from the
-    unstable side, kinds (E,)."""
+    """Where stability is lost between stable and unstable points (E, v): places (E, v) and kinds (E,).
+
+    Near a multiplier at +1 or -1 the signs of det(I - Φ) and det(I + Φ) tell the sides apart, which
+    unlike moduli pass through zero smoothly.
+    """
     if len(stable) == 0:
         return stable, np.zeros(0, dtype=int)
-    low, high = sectioned(lambda points, lines: ~judge(points).stable, stable, unstable, scale, tolerance)
-    return (low + high) / 2, judge(high).kinds
+    low, high = sectioned(lambda points, _: ~judge(points).stable, stable, unstable, scale, _NEAR)
+    before, after = judge(low), judge(high)
+    passes = (before.gaps[:, :2] > 0) & (after.gaps[:, :2] < 0)
+    kinds = np.where(passes.any(axis=1), passes.argmax(axis=1), KINDS.index("complex"))
+
+    def lost(points: Array, lines: Array) -> Array:
+        found, kind = judge(points), kinds[lines]
+        sign = found.gaps[np.arange(len(points)), np.minimum(kind, 1)] < 0
+        return np.where(kind == KINDS.index("complex"), ~found.stable, sign)
+
+    low, high = sectioned(lost, low, high, scale, tolerance)
+    return (low + high) / 2, kinds
+
+
+def crossings(
+    judge: Judge, known: Judged, lines: Array, along: int, scale: Array, tolerance: float
+) -> tuple[Array, Array, Array]:
+    """Where stability changes between known neighbours on lines (k,) along one of the quantities: line
+    (c,), place (c, v) and kind (c,) of each."""
+    order = np.lexsort((known.points[:, along], lines))
+    first, last = order[:-1], order[1:]
+    changes = (lines[first] == lines[last]) & (known.stable[first] != known.stable[last])
+    first, last = first[changes], last[changes]
+    stable = np.where(known.stable[first], first, last)
+    unstable = np.where(known.stable[first], last, first)
+    places, kinds = edges(judge, known.points[stable], known.points[unstable], scale, tolerance)
+    return lines[first], places, kinds
 
 
 def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promising: float = 1.0) -> Judged:
@@ -129,7 +167,7 @@ def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promisin
     place = np.linalg.norm(middle.points - before.points, axis=1)[line]
     whole = np.linalg.norm(after.points - before.points, axis=1)[line]
     t = np.column_stack((np.zeros(len(line)), place / np.where(whole > 0, whole, 1.0), np.ones(len(line))))
-    h = np.minimum(gaps[line, :, way], 1e300)
+    h = gaps[line, :, way]
     chosen = _vertex(t, h)[1] <= promising * h[:, 1]
     start, span = before.points[line[chosen]], (after.points - before.points)[line[chosen]]
     return _descended(judge, start, span, way[chosen], t[chosen], h[chosen])
@@ -152,14 +190,13 @@ def _descended(judge: Judge, start: Array, span: Array, way: Array, t: Array, h:
         t, h = _lowest(np.concatenate((t, trials), axis=1), np.concatenate((h, new), axis=1))
         goes_on = ~unstable.any(axis=1) & (t[:, 2] - t[:, 0] > _CLOSE)
         start, span, way, t, h = (part[goes_on] for part in (start, span, way, t, h))
-    if not met:
-        return Judged(np.empty((0, start.shape[1])), np.empty(0, dtype=bool), np.empty((0, 1), dtype=complex))
-    return Judged(*(np.concatenate([getattr(part, name) for part in met]) for name in Judged.__annotations__))
+    nothing = Judged(np.empty((0, start.shape[1])), np.empty(0, dtype=bool), np.empty((0, 1), dtype=complex))
+    return functools.reduce(lambda known, more: more + known, met, nothing)
 
 
 def _vertex(t: Array, h: Array) -> tuple[Array, Array]:
     """Place and value (k,) of the lowest point of the parabola through three points (k, 3)."""
-    left, right = np.maximum(np.diff(t, axis=1), 1e-300).T
+    left, right = np.maximum(np.diff(t, axis=1), 1e-14).T
     fall, rise = (h[:, 1] - h[:, 0]) / left, (h[:, 2] - h[:, 1]) / right
     bend = (rise - fall) / (left + right)
     slope = (fall * right + rise * left) / (left + right)

@@ -14,7 +14,7 @@ from solve.batch.batch import Batch
 from solve.batch.engines import chosen_engine
 from solve.batch.family import over_speed
 from solve.batch.figures import FIGURES
-from solve.batch.results import CHUNK, FAILED, METHODS, Results, Wish, gathered
+from solve.batch.results import FAILED, METHODS, Results, Wish, chunk_size, gathered
 from solve.batch.spectra import VERDICTS
 from solve.errors import UnknownNameError
 from solve.floquet import ErrorEstimate
@@ -197,7 +197,9 @@ def _spread(
     executor: Executor,
     progress: Callable[[int], None] | None,
 ) -> None:
-    index = np.array_split(np.arange(len(omegas)), max(1, -(-len(omegas) // CHUNK)))
+    index = np.array_split(
+        np.arange(len(omegas)), max(1, -(-len(omegas) // chunk_size(results.multipliers.shape[1] // 2)))
+    )
     done = 0
     for at, found in zip(index, executor.map(part, (omegas[at] for at in index)), strict=True):
         results.insert(at, found)

@@ -1,0 +1,163 @@
+"""Curves through the points at which a region is left along the lines of a grid."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.studies.boundaries import KINDS
+
+_NARROW = 0.1
+"""Part of a cell below which an unstable stretch of its rim goes on into the cell, as a tongue does."""
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Points on lines of a grid where stability changes: the line of each (c,), its place along the line
+    (c,), and which multiplier leaves the unit circle (c,), any number for a kind."""
+
+    line: Array
+    place: Array
+    kind: Array
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """A curve between a stable and an unstable region: points (k, 2), x and y; kind: position in KINDS."""
+
+    kind: int
+    points: Array
+
+    @property
+    def name(self) -> str:
+        """The multiplier that leaves the unit circle: "+1", "-1" or "complex"."""
+        return KINDS[self.kind]
+
+
+def contours(
+    axes: tuple[Array, Array],
+    stable: Array,
+    rows: Crossings,
+    columns: Crossings,
+    is_stable: Callable[[Array], Array],
+) -> list[Boundary]:
+    """Boundaries on the grid of the axes x (nx,), y (ny,), from stable (ny, nx) and the crossings of its
+    rows and columns; is_stable (points (k, 2)) is asked where a cell allows two ways."""
+    rims = _Rims(axes, rows, columns)
+    joined, open_ = [], []
+    for cell, rim in rims.cells():
+        arcs = _unstable_arcs(rim, bool(stable[cell[1], cell[0]]))
+        if len(arcs) > 1:
+            open_.append(arcs)
+        else:
+            joined += arcs
+    joined += _decided(rims, open_, is_stable)
+    pieces = (_pieces(rims, chain) for chain in _chains(len(rims.points), joined))
+    return [piece for piece in itertools.chain.from_iterable(pieces) if len(piece.points) > 1]
+
+
+class _Rims:
+    """The crossings as points (c, 2), and on which edges of which cells they lie."""
+
+    def __init__(self, axes: tuple[Array, Array], rows: Crossings, columns: Crossings):
+        x, y = axes
+        self.points = np.concatenate(
+            (np.column_stack((rows.place, y[rows.line])), np.column_stack((x[columns.line], columns.place)))
+        )
+        self.kinds = np.concatenate((rows.kind, columns.kind))
+        self.size = np.array([np.ptp(x) / (len(x) - 1), np.ptp(y) / (len(y) - 1)])
+        self._count = len(x) - 1, len(y) - 1
+        self._rows = _by_edge(rows, x, 0)
+        self._columns = _by_edge(columns, y, len(rows.line))
+
+    def cells(self) -> list[tuple[tuple[int, int], list[int]]]:
+        """Cells (i, j) and the crossings around each, counter-clockwise from its lower left corner."""
+        touched = {(i, j - below) for j, i in self._rows for below in (0, 1)}
+        touched |= {(i - left, j) for i, j in self._columns for left in (0, 1)}
+        nx, ny = self._count
+        found = []
+        for i, j in sorted(touched):
+            if 0 <= i < nx and 0 <= j < ny:
+                bottom, top = self._rows.get((j, i), []), self._rows.get((j + 1, i), [])
+                left, right = self._columns.get((i, j), []), self._columns.get((i + 1, j), [])
+                found.append(((i, j), [*bottom, *right, *reversed(top), *reversed(left)]))
+        return found
+
+    def width(self, arc: tuple[int, int]) -> float:
+        """Distance of two crossings in cells."""
+        first, last = self.points[list(arc)]
+        return float(np.linalg.norm((last - first) / self.size))
+
+
+def _by_edge(crossings: Crossings, nodes: Array, offset: int) -> dict[tuple[int, int], list[int]]:
+    """Crossings of every edge (line, cell), in rising order."""
+    cell = np.clip(np.searchsorted(nodes, crossings.place, side="right") - 1, 0, len(nodes) - 2)
+    found: dict[tuple[int, int], list[int]] = {}
+    for at in np.argsort(crossings.place, kind="stable").tolist():
+        found.setdefault((int(crossings.line[at]), int(cell[at])), []).append(at + offset)
+    return found
+
+
+def _unstable_arcs(rim: list[int], starts_stable: bool) -> list[tuple[int, int]]:
+    """Pairs of neighbouring crossings with an unstable stretch of the rim between them."""
+    turned = rim if starts_stable else [*rim[1:], *rim[:1]]
+    return list(zip(turned[::2], turned[1::2], strict=False))
+
+
+def _decided(
+    rims: _Rims, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
+) -> list[tuple[int, int]]:
+    """Connections within cells with several unstable arcs: two arcs are joined where the place between
+    them is unstable, or where both are as narrow as a tongue of one kind."""
+    pairs = [
+        (n, k, (k + 1) % len(arcs))
+        for n, arcs in enumerate(cells)
+        for k in range(len(arcs) - (len(arcs) == 2))
+    ]
+    between = [rims.points[[*cells[n][k], *cells[n][other]]].mean(axis=0) for n, k, other in pairs]
+    unstable = ~is_stable(np.array(between)) if between else []
+    joined, used = [], set()
+    for (n, k, other), through in zip(pairs, unstable, strict=True):
+        first, second = cells[n][k], cells[n][other]
+        alike = len(set(rims.kinds[[*first, *second]].tolist())) == 1
+        tongue = alike and max(map(rims.width, (first, second))) < _NARROW
+        if (through or tongue) and not {(n, k), (n, other)} & used:
+            used |= {(n, k), (n, other)}
+            joined += [(first[1], second[0]), (second[1], first[0])]
+    rest = [arc for n, arcs in enumerate(cells) for k, arc in enumerate(arcs) if (n, k) not in used]
+    return joined + rest
+
+
+def _chains(count: int, joined: Sequence[tuple[int, int]]) -> list[list[int]]:
+    """Connections as chains of crossings; closed ones end where they begin."""
+    neighbours: list[list[int]] = [[] for _ in range(count)]
+    for first, last in joined:
+        neighbours[first].append(last)
+        neighbours[last].append(first)
+    seen: set[int] = set()
+    ends_first = sorted(range(count), key=lambda at: len(neighbours[at]) != 1)
+    found = []
+    for start in ends_first:
+        if start in seen or not neighbours[start]:
+            continue
+        chain = [start]
+        seen.add(start)
+        while onward := [at for at in neighbours[chain[-1]] if at not in seen]:
+            chain.append(onward[0])
+            seen.add(onward[0])
+        if len(chain) > 2 and start in neighbours[chain[-1]] and len(neighbours[start]) > 1:
+            chain.append(start)
+        found.append(chain)
+    return found
+
+
+def _pieces(rims: _Rims, chain: list[int]) -> list[Boundary]:
+    """A chain by kinds; neighbouring pieces share a point."""
+    kinds, points = rims.kinds[chain], rims.points[chain]
+    cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(chain)]
+    return [
+        Boundary(int(kinds[first]), points[max(first - 1, 0) : last])
+        for first, last in itertools.pairwise(cuts)
+    ]
