@@ -1,0 +1,85 @@
+"""Natural frequencies of the four-bar of thesis Table 4.1: means over 36 positions, and the text's claims."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import solve
+from solve.studies.frequencies import turn
+
+PRINTED = {
+    "dynamic stiffness": ({"element": "dynamic"}, "166.535 353.486 529.454 682.538"),
+    "1 element": ({"elements": 1}, "184.085 363.082 577.383 867.215"),
+    "3 elements": ({"elements": 3}, "166.666 353.610 529.910 690.328"),
+    "curvature element": ({"element": "curvature"}, "166.646 353.603 530.004 688.336"),
+}
+"""Computed from the table's data with the branch open, the crank clamped, 0.174 kg at A and at B; rad/s."""
+
+
+def mean(**options):
+    model = solve.load("four_bar", options=options)
+    return solve.frequencies(model, turn(model), 4).mean
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_mean_frequencies(name):
+    options, text = PRINTED[name]
+    np.testing.assert_allclose(mean(**options), np.array(text.split(), dtype=float), rtol=1e-5)
+
+
+def test_one_element_errs_against_three_by_10_and_26_percent():
+    """Thesis 4.3: a mean difference of 10 % for the first frequency and 26 % for the fourth."""
+    one, three = mean(elements=1), mean(elements=3)
+    assert 100 * (one[0] / three[0] - 1) == pytest.approx(10.45, abs=0.05)
+    assert 100 * (one[3] / three[3] - 1) == pytest.approx(25.62, abs=0.05)
+
+
+def test_three_elements_err_by_1_18_percent_at_most_up_to_the_fourth_mode():
+    """Thesis 5.4.2: a maximum relative error of 1.18 %, over modes and positions."""
+    model, exact = (solve.load("four_bar", options=o) for o in ({"elements": 3}, {"element": "dynamic"}))
+    errors = [solve.frequencies(each, turn(each), 4).values for each in (model, exact)]
+    assert 100 * (errors[0] / errors[1] - 1).max() == pytest.approx(1.182, abs=0.005)
+
+
+def test_the_curvature_element_does_not_beat_the_internal_node_in_all_cases():
+    """Thesis 4.3 says so; at equal numbers of elements the internal node is nearer in all four modes."""
+    exact, curvature, internal = mean(element="dynamic"), mean(element="curvature"), mean(element="internal")
+    assert (abs(internal - exact) < abs(curvature - exact)).all()
+
+
+@pytest.mark.parametrize(("elements", "freedoms"), [(1, 9), (2, 18), (3, 27), (4, 36)])
+def test_numbers_of_freedoms(elements, freedoms):
+    model = solve.load("four_bar", options={"elements": elements})
+    assert solve.frequencies(model).freedoms == freedoms
+
+
+def test_the_curvature_element_has_ten_freedoms():
+    assert solve.frequencies(solve.load("four_bar", options={"element": "curvature"})).freedoms == 10
+
+
+def test_the_pinned_coupler_meets_the_pinned_follower_at_0_547_m():
+    """Thesis 9.1: a shorter coupler leaves the first frequency to the follower, a longer one takes it."""
+
+    def difference(L2):
+        alone = solve.load("four_bar", L2=L2).pinned_frequencies()
+        return alone["coupler"] - alone["follower"]
+
+    assert brentq(difference, 0.4, 0.7) == pytest.approx(0.547, abs=5e-4)
+
+
+def test_the_first_frequency_follows_the_most_flexible_link():
+    model = solve.load("four_bar", options={"element": "dynamic"})
+    found = solve.frequencies_over(model, "L2", [0.3, 0.45, 0.65, 0.8], turn(model), 1)
+    lowest = np.minimum(found.pinned["coupler"], found.pinned["follower"])
+    np.testing.assert_allclose(found.mean[:, 0], lowest, rtol=0.02)
+    assert (found.mean[:, 0] < lowest).all()
+
+
+def test_the_printed_second_moment_of_the_crank_and_the_sections():
+    """The thesis calculates with 520.47e-12 m⁴; 529.17e-12 m⁴ of the section stiffens the crank."""
+    printed, section = (
+        solve.frequencies(solve.load("four_bar", I1=I1), 0.0).values[0] for I1 in (520.47e-12, 529.1655e-12)
+    )
+    assert solve.load("four_bar").parameters["I1"] == 520.47e-12
+    assert (section >= printed).all()
+    assert 1e-3 < (section / printed - 1).max() < 1e-2

@@ -1,0 +1,120 @@
+"""Thesis Table 5.1: natural frequencies of the clamped square portal frame, rad/s."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import solve
+
+EXACT = (
+    "56.603 223.405 364.376 394.637 798.420 974.976 1128.133 1713.310 2021.214 2135.532 2984.904 3321.571 "
+    "3572.354 4596.701 5067.413 5273.455 6565.820 7062.693 7409.042 8874.718 9506.991"
+)
+FINITE_ELEMENTS = {
+    1: "56.706 267.346 577.263",
+    2: "56.612 224.831 368.517 401.590 908.950 1186.629 1490.239 2385.624 3195.329",
+    3: "56.605 223.701 365.411 396.801 810.153 994.177 1148.601 1919.682 2343.157 2584.211 3670.536 "
+    "4431.450 5172.888 6614.060 7635.244",
+    4: "56.603 223.500 364.717 395.709 802.477 982.323 1138.522 1748.834 2065.320 2181.153 3328.206 "
+    "3777.526 4166.017 5381.377 6243.021 6824.710 8597.032 9864.527 11024.125 12746.505 13849.266",
+}
+QUINTIC = "56.603 223.529 365.388 396.538 806.043 994.282 1155.056 2724.169 3974.050"
+WRONG = (4, 10)
+"""Entries of the exact column, counted from 1, that are not frequencies of this frame."""
+
+
+def printed(text):
+    return np.array(text.split(), dtype=float)
+
+
+def frequencies(count=None, **options):
+    return solve.frequencies(solve.load("portal_frame", options=options), count=count).values[0]
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return frequencies(21, element="dynamic")
+
+
+def test_the_case_fixes_the_tables_one_parameter():
+    p = solve.load("portal_frame").parameters
+    a = np.sqrt(p["E"] * p["I"] / (p["rho"] * p["A"])) / p["L"] ** 2
+    assert a == pytest.approx(17.6632297, abs=5e-8)
+
+
+def test_exact_column(exact):
+    entries = printed(EXACT)
+    for k, (found, entry) in enumerate(zip(exact, entries, strict=True), start=1):
+        if k not in WRONG:
+            assert found == pytest.approx(entry, rel=2e-6), f"entry {k}"
+
+
+def test_entry_4_is_the_first_frequency_of_a_bar_clamped_at_both_ends(exact):
+    """Symmetric bending of all three bars with the corners at rest and their moments in balance."""
+    root = brentq(lambda x: np.cos(x) * np.cosh(x) - 1, 4.5, 5.0, xtol=1e-14)
+    assert root == pytest.approx(4.73004, abs=1e-5)
+    assert exact[3] == pytest.approx(root**2 * 17.6632297, rel=1e-8)
+    assert exact[3] == pytest.approx(395.184, abs=1e-3)
+    assert abs(exact[3] / printed(EXACT)[3] - 1) > 1e-3
+
+
+def test_entry_10_is_wrong_in_its_last_digits(exact):
+    assert exact[9] == pytest.approx(2135.544, abs=1e-3)
+    assert 5e-6 < exact[9] / printed(EXACT)[9] - 1 < 7e-6
+
+
+@pytest.mark.parametrize("elements", FINITE_ELEMENTS)
+def test_finite_element_columns(elements):
+    entries = printed(FINITE_ELEMENTS[elements])
+    np.testing.assert_allclose(frequencies(len(entries), elements=elements), entries, rtol=1.5e-5)
+
+
+def test_numbers_of_freedoms():
+    counts = [
+        solve.frequencies(solve.load("portal_frame", options={"elements": n})).freedoms for n in range(1, 5)
+    ]
+    assert counts == [3, 9, 15, 21]
+
+
+@pytest.mark.parametrize("element", ["internal", "curvature"])
+def test_quintic_column_has_all_nine_freedoms(element):
+    """Both quintic elements span the same functions here: no end is free of moment, none is pinned."""
+    entries = printed(QUINTIC)
+    model = solve.load("portal_frame", options={"element": element})
+    found = solve.frequencies(model, count=9)
+    assert found.freedoms == 9
+    np.testing.assert_allclose(found.values[0], entries, rtol=1.5e-5)
+
+
+def determinants(omega):
+    """Of symmetric and antisymmetric motion, from slope-deflection equations of the half frame by hand.
+
+    With l = λL and unit EI/L: symmetric motion turns the corners against each other, antisymmetric motion
+    turns them alike and sways the beam, which carries its own mass along.
+    """
+    l = np.sqrt(omega / 17.6632297)  # noqa: E741
+    S, C, s, c = np.sinh(l), np.cosh(l), np.sin(l), np.cos(l)
+    d = 1 - C * c
+    near, far = l * (C * s - S * c) / d, l * (S - s) / d
+    shear, moment = l**3 * (C * s + S * c) / d, l**2 * S * s / d
+    symmetric = near + (near - far)
+    sway = 2 * shear - l**4
+    antisymmetric = (near + (near + far)) * sway - 2 * moment**2
+    return symmetric, antisymmetric
+
+
+def is_root(which, omega):
+    """Whether a determinant passes through zero within 1e-9 of a frequency, without a pole there."""
+    low, high = omega * (1 - 1e-9), omega * (1 + 1e-9)
+    ends, wider = (
+        [determinants(x)[which] for x in pair] for pair in ((low, high), (2 * low - omega, 2 * high - omega))
+    )
+    return ends[0] * ends[1] < 0 and abs(ends[0]) < abs(wider[0]) and abs(ends[1]) < abs(wider[1])
+
+
+def test_frequencies_with_moving_corners_are_roots_of_the_frames_determinant(exact):
+    """All but those of bars clamped at both ends, where the determinants have poles."""
+    for k, omega in enumerate(exact, start=1):
+        l = np.sqrt(omega / 17.6632297)  # noqa: E741
+        clamped = abs(np.cos(l) - 1 / np.cosh(l)) < 1e-6
+        assert (is_root(0, omega) or is_root(1, omega)) != clamped, f"frequency {k}: {omega}"
