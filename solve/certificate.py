@@ -133,17 +133,24 @@ class Refinement:
         chosen = self.solved(steps or _FEW_STEPS)
         truth = certified(self.system, self.speed, Auto(), None, min(rtol, 1e-8), self.orbit)
         errors = np.maximum(differences(chosen, truth.solution), rounding(chosen))
-        return self.result(chosen, errors, rtol, "is an approximation that")
+        return self.result(chosen, errors, rtol, steps)
 
     def judged(self, steps: int, rtol: float) -> Certified:
         chosen = self.solved(steps)
         found = differences(chosen, self.solved(2 * steps))
         errors = _raised(judged(found, self.orders), rounding(chosen), self.hidden_error(chosen))
-        return self.result(chosen, errors, rtol, f"with {steps} steps")
+        return self.result(chosen, errors, rtol, steps)
 
     def refined(self, rtol: float) -> Certified:
         steps = max(FIRST_STEPS, len(self.system.breaks), math.ceil(1.2 * self.least))
-        coarse, before = self.solved(steps), np.full(2, np.inf)
+        while True:
+            try:
+                coarse, before = self.solved(steps), np.full(2, np.inf)
+                break
+            except StepsError:
+                steps *= 2
+                if steps > self.most:
+                    raise
         while True:
             steps *= 2
             fine = self.solved(steps)
@@ -153,7 +160,7 @@ class Refinement:
             wanted = np.maximum(floors, [max(rtol, 2 * fine.defect), rtol])
             settled = finished(found, before, errors, wanted) and hidden <= rtol
             if settled or 2 * steps > self.most:
-                return self.result(fine, _raised(errors, floors, hidden), rtol, "at the precision in reach")
+                return self.result(fine, _raised(errors, floors, hidden), rtol, None)
             coarse, before = fine, found
 
     @property
@@ -161,13 +168,22 @@ class Refinement:
         """Of the continuous curve and of the multipliers."""
         return np.array([self.method.curve_order, self.method.order])
 
-    def result(self, solution: Solution, errors: Array, rtol: float, where: str) -> Certified:
-        """The solution with its errors (2,) and what is doubtful about it; `where` it was found, in words."""
+    def result(self, solution: Solution, errors: Array, rtol: float, steps: int | None) -> Certified:
+        """The solution with its errors (2,) and what is doubtful about it.
+
+        Whoever chose the `steps` is told of modes that they do not follow; where refinement chose them,
+        an L-stable method has confirmed the multipliers to within their error.
+        """
         orbit, multipliers = float(errors[0]) + solution.defect, float(errors[1])
         found = (("orbit", orbit), ("multipliers", multipliers))
         missed = [f"{name} to {error:.1e}" for name, error in found if error > rtol]
-        warnings = [*self.method.concerns, *solution.notes, *self.unresolved_modes(solution.grid.steps)]
+        warnings = list(self.method.concerns)
+        if steps is not None or multipliers > rtol:
+            warnings += self.unresolved_modes(solution.grid.steps)
         if missed:
+            where = "at the precision in reach" if steps is None else f"with {steps} steps"
+            if self.method.order == 0:
+                where = "is an approximation that"
             warnings.append(
                 f"{self.method.name} {where} gives the {' and the '.join(missed)} only, not to rtol {rtol:g}"
             )

@@ -109,6 +109,11 @@ class Stability:
     def stable(self) -> bool:
         return self.verdict != "unstable"
 
+    @property
+    def notes(self) -> list[str]:
+        """What the method has to say about how it found this result."""
+        return self.certified.solution.notes
+
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""

@@ -81,6 +81,10 @@ def _verdict(result: Stability) -> dict[str, Any]:
         "verdict": result.verdict,
         "stable": result.stable,
         "error_estimate": result.error_estimate._asdict(),
+        "distance_from_one": result.distance_from_one,
+        "liouville": result.liouville,
+        "condition": result.condition,
+        "notes": result.notes,
     }
 
 

@@ -103,6 +103,12 @@ def _heading(result: Stability, choices: Sequence[str]) -> Table:
     if isinstance(result, Orbit):
         errors = f"orbit {orbit:.1e}, {errors}, residual {result.residual:.1e}"
     grid.add_row("errors", f"{errors} (relative)")
+    checks = [f"Liouville {result.liouville:.1e}", f"nearest ρ to +1 at {result.distance_from_one:.2g}"]
+    if isinstance(result, Orbit):
+        checks.append(f"condition {result.condition:.1e}")
+    grid.add_row("checks", ", ".join(checks))
+    for note in result.notes:
+        grid.add_row("note", note)
     return grid
 
 

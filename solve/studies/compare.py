@@ -169,7 +169,6 @@ class _Contestant:
             verdict=verdict(solution.Phi, solution.multipliers.values, 0.0),
             warnings=[
                 *self.method.concerns,
-                *solution.notes,
                 *self.refinement.unresolved_modes(solution.grid.steps),
             ],
         )

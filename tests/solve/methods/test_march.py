@@ -20,7 +20,7 @@ def oscillator(frequency, radius):
 
 
 def turns(orbit):
-    (note,) = (text for text in orbit.warnings if text.startswith("march: "))
+    (note,) = (text for text in orbit.notes if text.startswith("march: "))
     match = re.fullmatch(r"march: (\d+) turns until \S+ of the transient was left", note)
     assert match, note
     return int(match[1])
