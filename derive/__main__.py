@@ -24,7 +24,8 @@ def derive(
         Path | None, Option(metavar="DIR", help="Where the modules are written or checked.")
     ] = None,
     check: Annotated[
-        bool, Option("--check", help="Compare hashes only; exit 1 where a module is stale.")
+        bool,
+        Option("--check", help="Compare hashes only, of all modules by default; exit 1 where one is stale."),
     ] = False,
     full: Annotated[bool, Option("--full", help="With --check: regenerate and show the difference.")] = False,
     show: Annotated[
@@ -34,7 +35,7 @@ def derive(
     """Derive the equations of motion and generate CasADi code for them."""
     if (full and not check) or (show and check):
         raise UsageError("--full goes with --check, and --show with neither")
-    sources = _sources(models or [], every, out)
+    sources = _sources(models or [], every or (check and not models), out)
     if show:
         _show(sources)
     elif check:

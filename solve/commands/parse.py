@@ -65,15 +65,14 @@ def points(flag: str, text: str) -> tuple[str, list[float]]:
     ('L2', [0.2, 0.4, 0.6])
     """
     ((name, range_),) = assignments(flag, [text], "NAME=A:B:N").items()
-    parts = range_.split(":")
+    usage = f"{flag} {name}={range_}: write {flag} {name}=A:B:N, N numbers from A to B in SI units, N > 1"
     try:
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
-    except (IndexError, ValueError):
-        count = 0
-    if len(parts) != 3 or count < 2:
-        raise ValueOutOfBoundsError(
-            f"{flag} {name}={range_}: write {flag} {name}=A:B:N, N numbers from A to B in SI units, N > 1"
-        )
+        first, last, number = range_.split(":")
+        low, high, count = float(first), float(last), int(number)
+    except ValueError:
+        raise ValueOutOfBoundsError(usage) from None
+    if count < 2:
+        raise ValueOutOfBoundsError(usage)
     return name, [low + (high - low) * i / (count - 1) for i in range(count)]
 
 
