@@ -1,6 +1,7 @@
 """Pictures of natural frequencies: mode shapes, over the turn, over a parameter."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -136,8 +137,9 @@ def _drawn(shape: Shape) -> list[Array]:
 
 
 def _draw_shape(axes: Axes, shape: Shape, freedoms: Freedoms) -> None:
-    """Pins as circles, held pins as triangles, clamped feet as squares; welded corners bare."""
+    """Pins as circles, held pins as triangles, clamped feet as squares; welded corners and ends bare."""
     held = dict(freedoms.joints)
+    shared = Counter(joint for link in freedoms.links for joint in (link.start, link.end))
     rotations = [name for link in freedoms.links for name in (link.start_rotation, link.end_rotation)]
     for link, place, moved in zip(freedoms.links, shape.places, _drawn(shape), strict=True):
         axes.plot(*place.T, color=LIGHT, linewidth=2.5, solid_capstyle="round")
@@ -147,7 +149,7 @@ def _draw_shape(axes: Axes, shape: Shape, freedoms: Freedoms) -> None:
             style: dict[str, Any] = {"color": BLACK, "markersize": 6, "zorder": 3}
             if held[joint]:
                 axes.plot(*moved[end], "^" if rotation else "s", **style)
-            elif rotations.count(rotation) == 1:
+            elif shared[joint] > 1 and rotations.count(rotation) == 1:
                 style |= {"color": BLUE, "markerfacecolor": "white", "markersize": 4.5}
                 axes.plot(*moved[end], "o", **style)
 

@@ -9,6 +9,9 @@ from solve.arrays import Array
 _SHIFT = 1e-6
 """Shift of ω² where K is singular, relative to the mean ω²."""
 
+_PIVOT = 1e-11
+"""Part of K's diagonal below which a pivot of its factorisation is rounding."""
+
 _REST = 1e-13
 """Part of the largest K_ii/M_ii below which ω² is rounding: the structure moves freely."""
 
@@ -22,21 +25,33 @@ class Modes(NamedTuple):
 
 def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
     """The lowest `count` frequencies (m, count) in rad/s, rising; see `lowest_modes`."""
-    factor, shift = _factor(M, K)
-    return _frequencies(np.linalg.eigvalsh(_congruent(factor, M)), shift, at_rest(M, K))[:, :count]
+    import scipy.linalg
+
+    n, rest, shift = M.shape[1], at_rest(M, K), _shifts(M, K)
+    subset = (n - count, n - 1)
+    found = [
+        scipy.linalg.eigh(m, k + s * m, eigvals_only=True, subset_by_index=subset)
+        for m, k, s in zip(M, K, shift, strict=True)
+    ]
+    return _frequencies(np.array(found), shift, rest)
 
 
 def lowest_modes(M: Array, K: Array, count: int) -> Modes:
     """The lowest modes for M, K (m, n, n); M positive definite, K semidefinite at least.
 
-    1/ω² are eigenvalues of L⁻¹ M L⁻ᵀ with K = L Lᵀ, so that low frequencies keep their digits however
+    1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies keep their digits however
     stiff the highest modes are.
     """
-    factor, shift = _factor(M, K)
-    values, vectors = np.linalg.eigh(_congruent(factor, M))
-    chosen = values[:, ::-1][:, :count]
-    shapes = np.linalg.solve(np.swapaxes(factor, 1, 2), vectors[:, :, ::-1][:, :, :count])
-    return Modes(_frequencies(values, shift, at_rest(M, K))[:, :count], shapes / np.sqrt(chosen)[:, None, :])
+    import scipy.linalg
+
+    n, rest, shift = M.shape[1], at_rest(M, K), _shifts(M, K)
+    subset = (n - count, n - 1)
+    found = [
+        scipy.linalg.eigh(m, k + s * m, subset_by_index=subset) for m, k, s in zip(M, K, shift, strict=True)
+    ]
+    values = np.array([each for each, _ in found])
+    vectors = np.array([each for _, each in found])[:, :, ::-1]
+    return Modes(_frequencies(values, shift, rest), vectors / np.sqrt(values[:, None, ::-1]))
 
 
 def at_rest(M: Array, K: Array) -> Array:
@@ -47,21 +62,16 @@ def at_rest(M: Array, K: Array) -> Array:
 
 
 def _frequencies(values: Array, shift: Array, rest: Array) -> Array:
-    squares = 1 / np.maximum(values[:, ::-1], np.finfo(float).tiny) - shift[:, None]
+    squares = 1 / values[:, ::-1] - shift[:, None]
     return np.sqrt(np.where(squares > rest[:, None] ** 2, squares, 0.0))
 
 
-def _factor(M: Array, K: Array) -> tuple[Array, Array]:
-    """Cholesky factor of K, or of K + shift M where some K is singular, and the shift (m,)."""
-    shift = np.zeros(len(K))
+def _shifts(M: Array, K: Array) -> Array:
+    """What to add to every ω² (m,): nothing, unless some K is singular but for rounding."""
     try:
-        return np.linalg.cholesky(K), shift
+        pivots = np.einsum("mii->mi", np.linalg.cholesky(K)) ** 2
+        singular = (pivots < _PIVOT * np.einsum("mii->mi", K)).any()
     except np.linalg.LinAlgError:
-        shift = _SHIFT * np.trace(K, axis1=1, axis2=2) / np.trace(M, axis1=1, axis2=2)
-        return np.linalg.cholesky(K + shift[:, None, None] * M), shift
-
-
-def _congruent(factor: Array, A: Array) -> Array:
-    """L⁻¹ A L⁻ᵀ."""
-    half = np.linalg.solve(factor, A)
-    return np.linalg.solve(factor, np.swapaxes(half, 1, 2))
+        singular = True
+    mean = np.trace(K, axis1=1, axis2=2) / np.trace(M, axis1=1, axis2=2)
+    return _SHIFT * mean * singular

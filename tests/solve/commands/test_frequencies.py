@@ -1,0 +1,188 @@
+"""`solve frequencies`: at a position, over the turn, over a parameter; files, JSON and refusals."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import solve
+
+EXACT = ("--option", "element=dynamic")
+
+
+def record(command, *arguments):
+    ran = command("frequencies", *arguments, "--json")
+    assert ran.status == 0, ran.err
+    assert ran.err == ""
+    return json.loads(ran.out)
+
+
+def test_json_at_a_position(command):
+    found = record(command, "four_bar", *EXACT, "--position", "70 deg", "--count", "3")
+    assert (found["model"], found["case"]) == ("four_bar", "table41")
+    assert found["options"] == {"branch": "open", "elements": 1, "element": "dynamic"}
+    assert found["position"] == pytest.approx(math.radians(70))
+    model = solve.load("four_bar", options={"element": "dynamic"})
+    expected = solve.frequencies(model, math.radians(70), 3).values[0]
+    np.testing.assert_allclose(found["frequencies"], expected, rtol=1e-12)
+    assert found["frequencies"] == sorted(found["frequencies"])
+    assert found["freedoms"] == 9
+    assert found["warnings"] == []
+
+
+def test_four_frequencies_at_position_0_by_default(command):
+    found = record(command, "four_bar")
+    assert found["position"] == 0
+    assert len(found["frequencies"]) == 4
+
+
+def test_as_many_as_there_are_where_there_are_fewer(command):
+    assert len(record(command, "manipulator")["frequencies"]) == 2
+
+
+def test_frozen_frequencies_of_a_mechanism_are_those_of_m_and_k_at_rest(command):
+    found = record(command, "cam", "--position", "1.2 rad")
+    M, _, K, _ = solve.load("cam").at(np.array([1.2]), 0.0)
+    expected = np.sort(np.sqrt(np.linalg.eigvals(np.linalg.inv(M[0]) @ K[0]).real))
+    np.testing.assert_allclose(found["frequencies"], expected, rtol=1e-9)
+
+
+def test_over_the_turn(command):
+    found = record(command, "four_bar", "--turn", "12")
+    turn = found["turn"]
+    np.testing.assert_allclose(turn["positions"], 2 * np.pi * np.arange(12) / 12)
+    values = np.array(turn["frequencies"])
+    assert values.shape == (12, 4)
+    np.testing.assert_allclose(turn["mean"], values.mean(axis=0))
+    np.testing.assert_allclose(turn["min"], values.min(axis=0))
+    np.testing.assert_allclose(turn["max"], values.max(axis=0))
+
+
+def test_over_a_parameter_with_a_value_that_the_linkage_does_not_have(command):
+    ran = command("frequencies", "four_bar", "--over", "L2=0.1:0.5:3", "--count", "2", "--json")
+    over = json.loads(ran.out)["over"]
+    assert over["values"] == pytest.approx([0.1, 0.3, 0.5])
+    assert len(over["positions"]) == 36
+    assert over["mean"][0] == [None, None]
+    assert over["errors"][0].startswith("the crank cannot turn fully")
+    assert over["errors"][1:] == [None, None]
+    assert "1 of 3 values give none" in ran.err
+    model = solve.load("four_bar", L2=0.5)
+    alone = model.pinned_frequencies()["coupler"]
+    assert over["pinned"]["coupler"][2] == pytest.approx(alone)
+    assert alone == pytest.approx((np.pi / 0.5) ** 2 * np.sqrt(210e9 * 83.34e-12 / (7850 * 85.5e-6)))
+
+
+def test_over_a_parameter_at_a_position(command):
+    found = record(command, "four_bar", "--over", "mA=0:0.4:2", "--position", "30 deg")
+    assert found["over"]["positions"] == [pytest.approx(math.pi / 6)]
+    assert found["over"]["mean"][0][1] > found["over"]["mean"][1][1]
+
+
+def test_over_a_parameter_of_a_mechanism(command):
+    over = record(command, "cam", "--over", "k1=8e4:9e4:2", "--turn", "8")["over"]
+    assert (over["pinned"], len(over["positions"])) == ({}, 8)
+
+
+def test_modes(command):
+    modes = record(command, "portal_frame", *EXACT, "--count", "4", "--modes")["modes"]
+    assert len(modes) == 4
+    assert set(modes[3]["links"]) == {"left", "beam", "right"}
+    curve = modes[0]["links"]["beam"]
+    assert len(curve["x"]) == len(curve["dy"]) == len(curve["transverse"]) > 40
+    assert modes[0]["modal_mass"] > 0
+
+
+def test_tables_fit_80_columns(command):
+    for arguments in (
+        ("four_bar", *EXACT, "--modes", "--count", "8", "--position", "200 deg"),
+        ("four_bar", "--turn", "72"),
+        ("four_bar", "--over", "L2=0.2:0.7:11"),
+        ("portal_frame", "--modes"),
+        ("coupler", "--turn", "6"),
+    ):
+        ran = command("frequencies", *arguments)
+        assert ran.status == 0, ran.err
+        assert max(map(len, ran.out.splitlines())) <= 80
+        assert "Natural frequencies" in ran.out
+
+
+def test_the_report_of_the_portal_frame(command):
+    out = command("frequencies", "portal_frame", *EXACT, "--count", "4").out
+    assert "56.60311" in out
+    assert "395.1845" in out
+    assert "°" not in out, "a frame that stands still has no position"
+
+
+def test_files(command, tmp_path):
+    for number, arguments in enumerate(
+        (
+            ("four_bar", "--position", "60 deg"),
+            ("four_bar", "--turn", "9"),
+            ("four_bar", "--over", "L2=0.3:0.4:3"),
+        )
+    ):
+        ran = command("frequencies", *arguments, "--plot", f"{number}.png", "--save", f"{number}.csv")
+        assert ran.status == 0, ran.err
+        assert (tmp_path / f"{number}.png").stat().st_size > 10_000
+    rows = [(tmp_path / f"{n}.csv").read_text().splitlines() for n in range(3)]
+    assert [sum(line[0].isdigit() for line in each) for each in rows] == [1, 9, 3]
+    assert any("frequency4" in line for line in rows[0])
+    assert any("coupler_pinned" in line for line in rows[2])
+
+
+BAD = {
+    "no element": (("four_bar", "--option", "elements=0"), ("elements", "is 0", "1 to 100")),
+    "unknown element": (("four_bar", "--option", "element=cubik"), ("'cubik'", "'cubic'")),
+    "elements of some links": (
+        ("four_bar", "--option", "elements=1,2"),
+        ("2 values", "crank,coupler,follower"),
+    ),
+    "a crank that cannot turn": (
+        ("four_bar", "--set", "L1=0.4"),
+        ("the crank cannot turn fully", "L1 = 0.4 m"),
+    ),
+    "zero length": (("four_bar", "--set", "L2=0"), ("L2", "is 0 m", "> 0")),
+    "position without unit": (("four_bar", "--position", "70"), ("'70'", "no unit", "'70 deg'")),
+    "a position where there is none": (("portal_frame", "--position", "3 deg"), ("stands still",)),
+    "a turn where there is none": (("portal_frame", "--turn", "4"), ("stands still",)),
+    "no frequency": (("four_bar", "--count", "0"), ("count is 0", "1 … 9")),
+    "too many": (("portal_frame", "--count", "4"), ("count is 4", "1 … 3")),
+    "a turn of one position": (("four_bar", "--turn", "1"), ("turn of 1", "2 or more")),
+    "over an unknown parameter": (("four_bar", "--over", "L5=1:2:3"), ("'L5'", "did you mean")),
+    "over no range": (("four_bar", "--over", "L2=1:2"), ("L2=1:2", "L2=A:B:N")),
+    "modes of no structure": (("cam", "--modes"), ("cam has no links",)),
+    "a picture of nothing": (("cam", "--plot", "cam.png"), ("nothing to draw", "--turn 36")),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_refused_in_one_line(command, tmp_path, name):
+    arguments, words = BAD[name]
+    ran = command("frequencies", *arguments)
+    assert ran.status == 2
+    assert ran.out == ""
+    assert ran.err.startswith("solve: ")
+    assert ran.err.count("\n") == 1, f"not one line: {ran.err}"
+    assert [word for word in words if word not in ran.err] == [], ran.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["periodic", "floquet", "sweep", "bands", "compare"])
+def test_other_commands_refuse_a_frame_that_stands_still(command, name):
+    speeds = ("--speeds", "10:20:3 rpm") if name in ("sweep", "bands") else ()
+    ran = command(name, "portal_frame", *speeds)
+    assert ran.status == 2
+    assert ran.err.count("\n") == 1
+    assert "python -m solve frequencies portal_frame" in ran.err
+
+
+def test_unstable_positions_are_missing_with_a_warning(command):
+    """A negative stiffness has no frequency."""
+    ran = command(
+        "frequencies", "mathieu", "--set", "delta=0.1", "--set", "epsilon=1", "--turn", "8", "--json"
+    )
+    found = json.loads(ran.out)
+    assert None in [value for row in found["turn"]["frequencies"] for value in row]
+    assert "static stiffness is not positive" in ran.err
