@@ -11,6 +11,7 @@ from solve.orbit import Orbit
 from solve.periodic import periodic
 from solve.studies.bands import Band, bands
 from solve.studies.chart import Chart, chart
+from solve.studies.critical_speeds import CriticalSpeeds, critical_speeds
 from solve.studies.frequencies import Frequencies, Variation, frequencies, frequencies_over
 from solve.studies.sweep import Sweep, sweep
 from solve.system import PeriodicSystem
@@ -18,6 +19,7 @@ from solve.system import PeriodicSystem
 __all__ = [
     "Band",
     "Chart",
+    "CriticalSpeeds",
     "Frequencies",
     "Gauss",
     "Newmark",
@@ -31,6 +33,7 @@ __all__ = [
     "Variation",
     "bands",
     "chart",
+    "critical_speeds",
     "floquet",
     "frequencies",
     "frequencies_over",

@@ -37,6 +37,9 @@ _ANYWHERE = Statistics(*(float(value) for value in ("-inf", "inf", "-inf", "nan"
 """Of a quantity that nobody asked for: it keeps within all bounds."""
 
 
+_ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods")
+
+
 @dataclass(frozen=True)
 class Wish:
     """What to keep of a point beside its stability: figures of the quantities `names`, amplitudes of so
@@ -86,6 +89,16 @@ class Results:
     def __len__(self) -> int:
         return len(self.steps)
 
+    def __getitem__(self, index: Array) -> "Results":
+        """Some of the points."""
+        part = Results(self.wish, *(getattr(self, name)[index] for name in _ARRAYS))
+        for position, point in enumerate(index.tolist()):
+            if point in self.warnings:
+                part.warnings[position] = self.warnings[point]
+            if point in self.failures:
+                part.failures[position] = self.failures[point]
+        return part
+
     @property
     def spectral_radius(self) -> Array:
         """Largest |ρ| (P,); NaN where the point failed."""
@@ -93,7 +106,7 @@ class Results:
 
     def insert(self, index: Array, part: "Results") -> None:
         """Take over the results of some of the points."""
-        for name in ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods"):
+        for name in _ARRAYS:
             getattr(self, name)[index] = getattr(part, name)
         self.warnings.update({int(index[at]): texts for at, texts in part.warnings.items()})
         self.failures.update({int(index[at]): text for at, text in part.failures.items()})

@@ -11,6 +11,7 @@ import typer
 from solve.commands.bands import bands
 from solve.commands.chart import chart
 from solve.commands.compare import compare
+from solve.commands.critical import critical
 from solve.commands.floquet import floquet
 from solve.commands.frequencies import frequencies
 from solve.commands.groups import flattened
@@ -18,7 +19,7 @@ from solve.commands.periodic import periodic
 from solve.commands.sweep import sweep
 from solve.errors import SolveError
 
-COMMANDS = (periodic, floquet, compare, sweep, bands, chart, frequencies)
+COMMANDS = (periodic, floquet, compare, sweep, bands, chart, critical, frequencies)
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Of the Click that Typer brings along or depends on, whichever it is."""

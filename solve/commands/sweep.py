@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from solve.commands.groups import Accuracy, Problem, Results, Settings
+from solve.commands.parse import harmonic_count, whole
 from solve.commands.speeds import Speeds, progressing
 
 if TYPE_CHECKING:
@@ -32,9 +33,17 @@ def sweep(
             metavar="NAME", help="Coordinate or output to show; repeatable; coordinates by default."
         ),
     ] = None,
+    waterfall: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Draw this coordinate's or output's spectrum over speed instead."),
+    ] = None,
+    harmonics: Annotated[
+        int | None, typer.Option(metavar="N", parser=whole, help="Orders of the spectrum.", show_default="60")
+    ] = None,
 ) -> None:
     """Periodic vibration and stability over many speeds."""
     results.files()
+    orders = harmonic_count(harmonics)
     omegas = speeds.omegas()
     model, _ = problem.loaded()
 
@@ -45,14 +54,21 @@ def sweep(
     names = shown(model, show)
     with progressing("sweep", len(omegas)) as progress:
         found = solve.sweep(
-            model, omegas, accuracy.chosen(settings), accuracy.steps, accuracy.rtol, progress=progress
+            model,
+            omegas,
+            accuracy.chosen(settings),
+            accuracy.steps,
+            accuracy.rtol,
+            progress=progress,
+            spectra=[waterfall] if waterfall else [],
+            harmonics=orders,
         )
     deliver(
         results,
-        _warnings(found),
+        [*found.notes, *_warnings(found)],
         record=lambda: _record(found),
         report=lambda: _report(found, names, problem.choices),
-        figure=lambda: found.plot(show),
+        figure=lambda: found.waterfall(waterfall) if waterfall else found.plot(show),
         contents=lambda: _contents(found),
     )
 

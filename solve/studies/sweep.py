@@ -1,6 +1,7 @@
 """The periodic solution over many speeds, a row of figures a speed."""
 
 import copy
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -21,6 +22,7 @@ from solve.floquet import ErrorEstimate
 from solve.methods.choice import chosen
 from solve.methods.method import Method
 from solve.signal import Statistics
+from solve.studies.boundaries import KINDS, Judged
 from solve.system import PeriodicSystem
 from solve.units import checked_rtol, speed_in_si
 
@@ -100,13 +102,35 @@ class Sweep:
             raise UnknownNameError("spectrum", name, known)
         return self.results.amplitudes[:, known.index(name)]
 
-    def plot(self, names: Sequence[str] | None = None) -> Any:
-        """Response over speed with the spectral radius below (matplotlib Figure)."""
+    @property
+    def unstable(self) -> list[tuple[float, float, str]]:
+        """Runs of neighbouring unstable speeds: from, to (rad/s, half way to the stable neighbours) and the
+        kind of the largest multiplier; `bands` refines their edges."""
+        order = np.argsort(self.speeds)
+        speeds, known = self.speeds[order], Judged.of(self.speeds[order, None], self.results[order])
+        kinds = np.where(known.stable, -1, known.kinds)
+        middles = np.concatenate((speeds[:1], (speeds[1:] + speeds[:-1]) / 2, speeds[-1:]))
+        starts = np.concatenate(([0], np.flatnonzero(np.diff(kinds)) + 1, [len(kinds)]))
+        return [
+            (float(middles[first]), float(middles[last]), KINDS[kinds[first]])
+            for first, last in itertools.pairwise(starts)
+            if kinds[first] >= 0
+        ]
+
+    def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Any:
+        """Response over speed with its maxima, the spectral radius below, unstable speeds shaded
+        (matplotlib Figure). Raises UnknownNameError."""
         from solve.output.sweep_plot import sweep_figure
 
-        shown = names or self.system.coordinates
-        responses = {name: self.figures(name) for name in shown}
-        return sweep_figure(self.system, self.speeds, responses, self.spectral_radius)
+        responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
+        return sweep_figure(self.system, self.speeds, responses, self.spectral_radius, figure, self.unstable)
+
+    def waterfall(self, name: str) -> Any:
+        """The spectrum of a quantity over speed (matplotlib Figure). Raises UnknownNameError for one whose
+        spectrum the sweep was not asked for."""
+        from solve.output.sweep_plot import waterfall_figure
+
+        return waterfall_figure(self.system, self.speeds, name, self.spectrum(name))
 
 
 @dataclass(frozen=True)

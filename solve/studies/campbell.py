@@ -1,0 +1,104 @@
+"""Natural frequencies over speed, their integer divisions and combinations: a Campbell diagram."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.system import PeriodicSystem
+
+_PHASES = 64
+_SECANTS = 4
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a
+    speed: values (P, n), rising, in rad/s at speeds (P,). Where K is not positive they count as 0."""
+
+    system: PeriodicSystem
+    speeds: Array
+    values: Array
+
+    def at(self, speed: float) -> Array:
+        """The same (n,) at a speed."""
+        return mean_frequencies(self.system, np.array([speed])).values[0]
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A combination resonance (ω̄i + sign · ω̄j)/order, modes counted from 1, at a speed in rad/s."""
+
+    speed: float
+    modes: tuple[int, int]
+    sign: int
+    order: int
+
+
+def mean_frequencies(system: PeriodicSystem, speeds: Array) -> Frequencies:
+    """At speeds (P,) in rad/s, 0 for the mechanism at rest."""
+    phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
+    means = []
+    for speed in speeds:
+        M, _, K, _ = system.at(phase, float(speed))
+        squares = np.sort(np.real(np.linalg.eigvals(np.linalg.solve(M, K))), axis=1)
+        means.append(np.sqrt(np.maximum(squares, 0.0)).mean(axis=0))
+    return Frequencies(system, speeds, np.array(means))
+
+
+def divisions(frequencies: Frequencies, orders: int) -> list[tuple[int, int, float]]:
+    """Mode (from 0), order k and speed of every ω̄(Ω) = k Ω within the speeds, k up to `orders`; Ω counts
+    turns of the mechanism."""
+    found = []
+    for mode in range(frequencies.values.shape[1]):
+        frequency = partial(_single, mode)
+        found += [(mode, order, speed) for order, speed in _crossed(frequencies, frequency, orders)]
+    return found
+
+
+def combinations(frequencies: Frequencies, orders: int) -> list[Combination]:
+    """Every (ω̄i ± ω̄j)/k within the speeds, k up to `orders`, falling in speed."""
+    n, found = frequencies.values.shape[1], []
+    for low in range(n):
+        for high in range(low + 1, n):
+            for sign in (1, -1):
+                pair = partial(_pair, high, low, sign)
+                found += [
+                    Combination(speed, (high + 1, low + 1), sign, order)
+                    for order, speed in _crossed(frequencies, pair, orders)
+                ]
+    return sorted(found, key=lambda one: -one.speed)
+
+
+Frequency = Callable[[Array], Array]
+"""From mean frequencies (…, n) to one frequency (…)."""
+
+
+def _single(mode: int, values: Array) -> Array:
+    return values[..., mode]
+
+
+def _pair(one: int, other: int, sign: int, values: Array) -> Array:
+    return values[..., one] + sign * values[..., other]
+
+
+def _crossed(frequencies: Frequencies, frequency: Frequency, orders: int) -> Iterator[tuple[int, float]]:
+    """Orders k and speeds at which the frequency is k Ω."""
+    speeds, values = frequencies.speeds, frequency(frequencies.values)
+    for order in range(1, orders + 1):
+        excess = values - order * speeds
+        for at in np.flatnonzero(np.sign(excess[:-1]) != np.sign(excess[1:])):
+            low, high = float(speeds[at]), float(speeds[at + 1])
+            below, above = float(excess[at]), float(excess[at + 1])
+            for _ in range(_SECANTS):
+                middle = low - below * (high - low) / (above - below)
+                here = float(frequency(frequencies.at(middle))) - order * middle
+                if here == 0.0 or not low < middle < high:
+                    break
+                if (here < 0) == (above < 0):
+                    high, above = middle, here
+                else:
+                    low, below = middle, here
+            yield order, low - below * (high - low) / (above - below)

@@ -1,0 +1,286 @@
+"""Critical speeds three ways (thesis 7.2.3, 7.3), side by side.
+
+Maxima of the response over speed; maxima of the real part of the dominant Floquet multiplier; integer
+divisions of the natural frequencies' means over the cycle.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.batch import Batch
+from solve.batch.engines import chosen_engine
+from solve.batch.family import over_speed
+from solve.batch.figures import FIGURES
+from solve.batch.results import FAILED, Results, Wish, gathered
+from solve.batch.spectra import VERDICTS
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.methods.choice import chosen
+from solve.methods.method import Method
+from solve.studies.campbell import Combination, Frequencies, combinations, divisions, mean_frequencies
+from solve.system import PeriodicSystem
+from solve.units import checked_rtol, speed_in_si
+
+RESPONSES = ("max_abs", "rms", "max", "min", "mean")
+"""Figures of a quantity whose maxima count."""
+
+_A_DIVISION = 24
+"""Speeds between two neighbouring integer divisions of the lowest frequency."""
+
+_ZOOM = 9
+"""Speeds within a bracket of a maximum."""
+
+_PROMINENT = 1e-2
+"""Part of its own height by which a maximum must rise above the ground on either side."""
+
+_NEAR = 0.2
+"""Difference of frequency over speed from an integer up to which a maximum belongs to that division."""
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """A speed (rad/s) at which something has a local maximum, and its height there."""
+
+    speed: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Critical:
+    """One critical speed in three ways (rad/s), None where a way does not show it.
+
+    mode (from 1) and order: of the integer division, with the frequencies' means at this speed; at_rest:
+    the same division with those at rest. ratios: the means over the row's speed, from the lowest mode on.
+    """
+
+    response: Maximum | None = None
+    multiplier: Maximum | None = None
+    division: float | None = None
+    mode: int | None = None
+    order: int | None = None
+    at_rest: float | None = None
+    ratios: Sequence[float] = ()
+
+    @property
+    def speed(self) -> float:
+        """The first of the three that there is."""
+        ways = [way.speed for way in (self.response, self.multiplier) if way]
+        return ways[0] if ways else float(self.division or np.nan)
+
+
+@dataclass(frozen=True)
+class CriticalSpeeds:
+    """rows: critical speeds, falling; combinations: (ω̄i ± ω̄j)/k. Behind them over speeds (P,), rising:
+    response, the dominant multiplier's real part and modulus (P,), unstable (P,), mean frequencies."""
+
+    system: PeriodicSystem
+    quantity: str
+    figure: str
+    rows: Sequence[Critical]
+    combinations: Sequence[Combination]
+    speeds: Array
+    response: Array
+    real_part: Array
+    radius: Array
+    unstable: Array
+    frequencies: Frequencies
+    orders: int
+    notes: Sequence[str] = ()
+
+    def plot(self, campbell: bool = False) -> Any:
+        """Response, dominant multiplier and Campbell diagram over speed, or this alone (matplotlib
+        Figure)."""
+        from solve.output.critical_plot import Curves, Marks, campbell_figure, critical_figure
+
+        curves = Curves(
+            self.speeds,
+            self.response,
+            self.quantity,
+            self.figure,
+            self.real_part,
+            self.radius,
+            self.unstable,
+            self.frequencies.values,
+        )
+        responses, multipliers = (
+            [(way.speed, way.height) for row in self.rows if (way := getattr(row, name)) is not None]
+            for name in ("response", "multiplier")
+        )
+        divided = [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
+        draw = campbell_figure if campbell else critical_figure
+        return draw(self.system, curves, Marks(responses, multipliers, divided))
+
+
+def critical_speeds(
+    system: PeriodicSystem,
+    speeds: Sequence[float | str] | Array,
+    quantity: str | None = None,
+    figure: str = "max_abs",
+    orders: int = 20,
+    method: str | Method = "auto",
+    rtol: float = 1e-8,
+    tolerance: float = 1e-5,
+    progress: Callable[[int], None] | None = None,
+    engine: str = "auto",
+) -> CriticalSpeeds:
+    """Critical speeds between the lowest and the highest of the speeds (rad/s, or texts with unit).
+
+    quantity: a coordinate or output, by default the first coordinate; figure: its max_abs, rms, max, min
+    or mean. Speeds are added where fewer than 24 lie between two divisions of the lowest frequency of an
+    order up to `orders`; below those no maxima are looked for. Maxima are found to `tolerance`, relative.
+    progress is told the number of points solved so far. engine: as in `sweep`. Raises SolveError
+    subclasses for bad input.
+    """
+    omegas = np.unique([speed_in_si(speed) for speed in speeds])
+    if len(omegas) < 2:
+        raise ValueOutOfBoundsError(
+            "critical speeds need at least two speeds; give a range such as '100:900:81 rpm'"
+        )
+    known = (*system.coordinates, *system.outputs)
+    name = quantity or known[0]
+    if name not in known:
+        raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
+    if figure not in RESPONSES:
+        raise UnknownNameError("figure", figure, RESPONSES)
+    if orders < 1:
+        raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
+    used, notes = chosen_engine(engine)
+    rest = mean_frequencies(system, np.array([0.0]))
+    grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
+    batch = Batch(
+        over_speed(system), grid[:, None], chosen(method), used, rtol=checked_rtol(rtol), orbit=True
+    )
+    search = _Search(batch, name, figure, tolerance, progress)
+    found = search.solved(grid)
+    frequencies = mean_frequencies(system, grid)
+    skipped = frequencies.values[:, 0] > (orders + 0.5) * grid
+    if skipped.any():
+        limit = float(grid[skipped].max()) * 30 / np.pi
+        notes = [*notes, f"below {limit:.4g} rpm only orders above {orders} lie: no maxima are looked for"]
+    result = CriticalSpeeds(
+        system,
+        name,
+        figure,
+        _rows(search, grid, found, frequencies, rest, orders),
+        combinations(frequencies, orders),
+        grid,
+        search.response(found),
+        search.real_part(found),
+        found.spectral_radius,
+        found.verdicts == VERDICTS.index("unstable"),
+        frequencies,
+        orders,
+        notes,
+    )
+    failed = int((found.verdicts == FAILED).sum())
+    if failed:
+        reason = next(iter(found.failures.values()))
+        result = replace(
+            result, notes=[*result.notes, f"{failed} of {len(grid)} speeds give no result: {reason}"]
+        )
+    return result
+
+
+def _refined_grid(omegas: Array, lowest: float, orders: int) -> Array:
+    """The speeds, and others so that orders of the lowest frequency up to `orders` are resolved."""
+    low, high = omegas[0], omegas[-1]
+    if lowest <= 0:
+        return omegas
+    first, last = lowest / high, min(lowest / low, orders + 1.0)
+    if last <= first:
+        return omegas
+    ratios = np.linspace(first, last, int(np.ceil((last - first) * _A_DIVISION)) + 1)
+    return np.unique(np.concatenate((omegas, np.clip(lowest / ratios, low, high))))
+
+
+@dataclass
+class _Search:
+    """Solves speeds and finds maxima between them."""
+
+    batch: Batch
+    quantity: str
+    figure: str
+    tolerance: float
+    progress: Callable[[int], None] | None
+    count: int = 0
+
+    def solved(self, speeds: Array) -> Results:
+        wish = Wish((self.quantity,), warnings=False)
+        before = self.count
+
+        def told(done: int) -> None:
+            self.count = before + done
+            if self.progress:
+                self.progress(self.count)
+
+        return gathered(self.batch, speeds[:, None], wish, told)
+
+    def response(self, found: Results) -> Array:
+        return found.figures[:, 0, FIGURES.index(self.figure)]
+
+    def real_part(self, found: Results) -> Array:
+        return np.real(found.multipliers[:, 0])
+
+    def maxima(self, speeds: Array, values: Array, value: Callable[[Results], Array]) -> list[Maximum]:
+        """Prominent local maxima of the values (P,) over the speeds, zoomed into."""
+        from scipy.signal import find_peaks
+
+        filled = np.where(np.isfinite(values), values, -np.inf)
+        top, prominences = find_peaks(filled, prominence=0.0)
+        top = top[prominences["prominences"] > _PROMINENT * np.abs(filled[top])]
+        if len(top) == 0:
+            return []
+        low, high, best, height = speeds[top - 1], speeds[top + 1], speeds[top], filled[top]
+        while ((high - low) > 2 * self.tolerance * best).any():
+            trials = np.linspace(low, high, _ZOOM + 2, axis=1)
+            found = value(self.solved(trials[:, 1:-1].ravel())).reshape(len(top), _ZOOM)
+            at = np.where(np.isfinite(found), found, -np.inf).argmax(axis=1)
+            every = np.arange(len(top))
+            low, best, high = trials[every, at], trials[every, at + 1], trials[every, at + 2]
+            height = found[every, at]
+        return [Maximum(float(speed), float(peak)) for speed, peak in zip(best, height, strict=True)]
+
+
+def _rows(
+    search: _Search, grid: Array, found: Results, frequencies: Frequencies, rest: Frequencies, orders: int
+) -> list[Critical]:
+    """Maxima of both kinds, each beside the integer division that it belongs to."""
+    resolved = frequencies.values[:, 0] <= (orders + 0.5) * grid
+    response = np.where(resolved, search.response(found), np.nan)
+    real_part = search.real_part(found)
+    real_part = np.where(resolved & (real_part > 0), real_part, np.nan)
+    rows = [
+        Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
+        for mode, order, speed in divisions(frequencies, orders)
+    ]
+    responses = search.maxima(grid, response, search.response)
+    multipliers = search.maxima(grid, real_part, search.real_part)
+    rows, alone = _assigned(rows, responses, frequencies, "response")
+    rows, others = _assigned(rows, multipliers, frequencies, "multiplier")
+    rows += [Critical(response=maximum) for maximum in alone]
+    rows += [Critical(multiplier=maximum) for maximum in others]
+    rows = [replace(row, ratios=(frequencies.at(row.speed) / row.speed).tolist()) for row in rows]
+    return sorted(rows, key=lambda row: -row.speed)
+
+
+def _assigned(
+    rows: list[Critical], maxima: list[Maximum], frequencies: Frequencies, way: str
+) -> tuple[list[Critical], list[Maximum]]:
+    """The rows with each maximum at its division, the higher first, and the maxima that have none."""
+    rows, alone = list(rows), []
+    for maximum in sorted(maxima, key=lambda one: -one.height):
+        ratios = frequencies.at(maximum.speed) / maximum.speed
+        places = [
+            (abs(ratios[row.mode - 1] - row.order), place)
+            for place, row in enumerate(rows)
+            if row.mode and row.order and getattr(row, way) is None
+        ]
+        distance, place = min(places, default=(np.inf, 0))
+        if distance < _NEAR:
+            rows[place] = replace(rows[place], **{way: maximum})
+        else:
+            alone.append(maximum)
+    return rows, alone
