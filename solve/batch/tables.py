@@ -55,44 +55,51 @@ class Tables:
 
 
 class Separation:
-    """The terms of a family's entries, from samples at some of the points."""
+    """The terms of a family's entries, from samples at some of the points.
+
+    An entry's terms are nested: the j-th is 1 at its own phase and 0 at those of the terms before it, so
+    that a small term costs no digits of the others.
+    """
 
     def __init__(self, family: Family, points: Array, period: float, n: int):
         self.family, self.period, self.n = family, period, n
         self._kept: dict[Hashable, Tables] = {}
         self._points = _spread(points)
-        self._phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
-        samples = family.entries(self._phases, self._points)
-        size = np.abs(samples).max(axis=1, keepdims=True)
-        scaled = samples / np.where(size > 0, size, 1.0)
-        entries, rows, columns, groups = [], [], [], []
-        self.separable = bool(np.isfinite(samples).all())
-        for entry in range(samples.shape[2]):
-            pivots = _pivots(scaled[:, :, entry])
-            self.separable &= len(pivots) < _MOST_TERMS
-            groups.append(np.arange(len(entries), len(entries) + len(pivots)))
-            entries += [entry] * len(pivots)
-            rows += [row for row, _ in pivots]
-            columns += [column for _, column in pivots]
-        self.entry = np.array(entries, dtype=int)
-        self._groups = [group for group in groups if len(group)]
-        used, self._row = np.unique(rows, return_inverse=True)
-        self._basis_points = self._points[used] if len(used) else self._points[:1]
-        taken, self._column = np.unique(columns, return_inverse=True)
-        self._taken = self._phases[taken]
-        self._cardinal = [self._inverse(group, samples[np.ix_(used, taken)]) for group in self._groups]
+        phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
+        samples = family.entries(phases, self._points)
+        rows, columns, self._active = _pivots(samples)
+        self.separable = bool(np.isfinite(samples).all()) and len(rows) < _MOST_TERMS
+        used, self._rows = _numbered(rows)
+        taken, self._columns = _numbered(columns)
+        self._points, self._taken = self._points[used], phases[taken]
+        self._learn(samples[np.ix_(used, taken)])
+        self.entry, self._stage = np.nonzero(self._active.T)
 
-    def _inverse(self, group: Array, basis: Array) -> Array:
-        entry = self.entry[group[0]]
-        return np.linalg.inv(basis[np.ix_(self._row[group], self._column[group], [entry])][..., 0])
+    def _learn(self, samples: Array) -> None:
+        """What nests the terms: factors [j][i] (E,) of term i in row j, and terms [i] (T, E) at the phases
+        of all terms, from samples (B, T, E)."""
+        every = np.arange(samples.shape[2])
+        self._factors, self._nested = [], []
+        for stage, row in enumerate(self._rows):
+            rest, factors = samples[row, :, every].T, []
+            for before in range(stage):
+                factors.append(rest[self._columns[before], every])
+                rest = rest - factors[-1] * self._nested[before]
+            factors.append(np.where(self._active[stage], rest[self._columns[stage], every], np.inf))
+            self._factors.append(factors)
+            self._nested.append(rest / factors[-1])
 
     def tables(self, phase: Array) -> Tables:
-        """At phases (k,): each term is 1 at its own phase and 0 at those of the entry's other terms."""
-        samples = self.family.entries(phase, self._basis_points)
-        table = np.empty((len(phase), len(self.entry)))
-        for group, inverse in zip(self._groups, self._cardinal, strict=True):
-            table[:, group] = samples[self._row[group], :, self.entry[group[0]]].T @ inverse.T
-        return Tables(table, self.entry, self.n)
+        """The terms at phases (k,)."""
+        samples, terms = self.family.entries(phase, self._points), []
+        every = np.arange(samples.shape[2])
+        for row, (*factors, pivot) in zip(self._rows, self._factors, strict=True):
+            rest = samples[row, :, every].T
+            for factor, term in zip(factors, terms, strict=True):
+                rest = rest - factor * term
+            terms.append(rest / pivot)
+        table = np.stack(terms)[self._stage, :, self.entry].T if terms else np.empty((len(phase), 0))
+        return Tables(np.ascontiguousarray(table), self.entry, self.n)
 
     def cached(self, key: Hashable, phase: Array) -> Tables:
         """The same, kept for the next time that the key is given."""
@@ -107,7 +114,15 @@ class Separation:
         """Coefficients (P, R), and whether each point is represented (P,)."""
         checks = _CHECKS * self.period
         samples = self.family.entries(np.concatenate((self._taken, checks)), points)
-        coefficients = samples[:, self._column, self.entry]
+        every, nested = np.arange(samples.shape[2]), []
+        for stage, columns in enumerate(self._columns):
+            rest = samples[:, columns, every]
+            for before in range(stage):
+                rest = rest - nested[before] * self._nested[before][columns, every]
+            nested.append(rest)
+        coefficients = (
+            np.stack(nested)[self._stage, :, self.entry].T if nested else np.empty((len(points), 0))
+        )
         predicted = self.tables(checks).entries(coefficients)
         error = np.abs(samples[:, -len(checks) :] - predicted).max(axis=1)
         fits = error <= _FITS * np.abs(samples).max(axis=1)
@@ -159,14 +174,32 @@ def _spread(points: Array) -> Array:
     return points[np.unique([*extremes, *others, *scattered])]
 
 
-def _pivots(samples: Array) -> list[tuple[int, int]]:
-    """Rows and columns of a cross approximation of samples (T, k), rows of size 1."""
-    rest, pivots = samples.copy(), []
-    while len(pivots) < _MOST_TERMS:
-        row, column = np.unravel_index(np.argmax(np.abs(rest)), rest.shape)
-        pivot = rest[row, column]
-        if not abs(pivot) > _NEGLIGIBLE:
+def _pivots(samples: Array) -> tuple[Array, Array, Array]:
+    """Rows and columns (J, E) of cross approximations of every entry of samples (T, k, E), and which of
+    them count (J, E); each row is measured by its largest value."""
+    size = np.abs(samples).max(axis=1, keepdims=True)
+    rest = samples / np.where(size > 0, size, 1.0)
+    T, k, E = samples.shape
+    every, rows, columns, active = np.arange(E), [], [], []
+    while len(rows) < _MOST_TERMS:
+        row, column = np.unravel_index(np.abs(rest).reshape(T * k, E).argmax(axis=0), (T, k))
+        pivot = rest[row, column, every]
+        counts = np.abs(pivot) > _NEGLIGIBLE
+        if not counts.any():
             break
-        pivots.append((int(row), int(column)))
-        rest = rest - np.outer(rest[:, column], rest[row]) / pivot
-    return pivots
+        for found, part in zip((rows, columns, active), (row, column, counts), strict=True):
+            found.append(part)
+        left, upper = rest[:, column, every], rest[row, :, every].T
+        rest = rest - np.where(counts, left / np.where(counts, pivot, 1.0), 0.0)[:, None] * upper
+    shape = (len(rows), E)
+    return (
+        np.array(rows, dtype=int).reshape(shape),
+        np.array(columns, dtype=int).reshape(shape),
+        np.array(active, dtype=bool).reshape(shape),
+    )
+
+
+def _numbered(places: Array) -> tuple[Array, Array]:
+    """The different ones among the places, and for each place its number among these."""
+    used, number = np.unique(places, return_inverse=True)
+    return used, number.reshape(places.shape)
