@@ -143,12 +143,10 @@ class Beams:
         return mass
 
     def _stiffness(self, number: int) -> Array:
-        """Without elongation where the link does not stretch: its nodes are tied instead."""
         member, element = self.members[number], self.freedoms.elements[number]
         if number in self.exact_links:
             return np.zeros((len(element.freedoms), len(element.freedoms)))
-        EA = 0.0 if member.link.inextensible else member.EA
-        return element.stiffness(member.L, EA, member.EI)
+        return element.stiffness(member.L, member.EA, member.EI)
 
     def _whole(self, local: Sequence[Array], constant: Array) -> Table:
         tables = [spread(self.freedoms, number, each) for number, each in enumerate(local)]

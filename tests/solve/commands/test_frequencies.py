@@ -69,6 +69,13 @@ def test_over_a_parameter_with_a_value_that_the_linkage_does_not_have(command):
     assert over["errors"][1:] == [None, None]
     assert "1 of 3 values give none" in ran.err
     model = solve.load("four_bar", L2=0.5)
+    values = solve.frequencies(model, over["positions"], 2).values
+    for key, expected in (
+        ("mean", values.mean(axis=0)),
+        ("min", values.min(axis=0)),
+        ("max", values.max(axis=0)),
+    ):
+        np.testing.assert_allclose(over[key][2], expected, rtol=1e-12)
     alone = model.pinned_frequencies()["coupler"]
     assert over["pinned"]["coupler"][2] == pytest.approx(alone)
     assert alone == pytest.approx((np.pi / 0.5) ** 2 * np.sqrt(210e9 * 83.34e-12 / (7850 * 85.5e-6)))
