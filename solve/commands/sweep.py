@@ -8,12 +8,15 @@ import typer
 from solve.commands.groups import Accuracy, Problem, Results, Settings
 from solve.commands.parse import harmonic_count, whole
 from solve.commands.speeds import Speeds, progressing
+from solve.errors import MissingValueError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
+    from solve.load import Model
     from solve.output.contents import Contents
     from solve.studies.sweep import Point, Sweep
 
@@ -40,6 +43,10 @@ def sweep(
     harmonics: Annotated[
         int | None, typer.Option(metavar="N", parser=whole, help="Orders of the spectrum.", show_default="60")
     ] = None,
+    turn: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Draw its curve over one turn instead, a line a speed: up to 12."),
+    ] = None,
 ) -> None:
     """Periodic vibration and stability over many speeds."""
     results.files()
@@ -52,6 +59,8 @@ def sweep(
     from solve.output.rows import shown
 
     names = shown(model, show)
+    if turn is not None:
+        _check_turn(model, turn, len(omegas), results, waterfall)
     with progressing("sweep", len(omegas)) as progress:
         found = solve.sweep(
             model,
@@ -68,9 +77,40 @@ def sweep(
         [*found.notes, *_warnings(found)],
         record=lambda: _record(found),
         report=lambda: _report(found, names, problem.choices),
-        figure=lambda: found.waterfall(waterfall) if waterfall else found.plot(show),
+        figure=lambda: (
+            _turns(found, turn, accuracy, settings)
+            if turn
+            else found.waterfall(waterfall)
+            if waterfall
+            else found.plot(show)
+        ),
         contents=lambda: _contents(found),
     )
+
+
+def _check_turn(model: "Model", name: str, count: int, results: Results, waterfall: str | None) -> None:
+    """Raise before anything is calculated: for a picture that nobody asked for, or two in one file, or one
+    that cannot be drawn."""
+    from solve.output.turn_plot import checked_turn
+
+    if results.plot is None:
+        raise MissingValueError(f"--turn {name} draws a picture; add the file, such as --plot turn.png")
+    if waterfall is not None:
+        raise ValueOutOfBoundsError("--turn and --waterfall draw one picture each; give one of them")
+    checked_turn(model, name, count)
+
+
+def _turns(found: "Sweep", name: str, accuracy: Accuracy, settings: Settings) -> "Figure":
+    """The curves of the speeds that have a result. Raises ValueOutOfBoundsError where none has."""
+    from solve.output.turn_plot import turn_figure
+    from solve.periodic import periodic
+
+    speeds = [point.speed for point in found.points if point.error is None]
+    if not speeds:
+        raise ValueOutOfBoundsError(f"--turn {name}: no speed has a result to draw; {found.points[0].error}")
+    method = accuracy.chosen(settings)
+    orbits = [periodic(found.system, speed, method, accuracy.steps, accuracy.rtol) for speed in speeds]
+    return turn_figure(orbits, name)
 
 
 def _warnings(found: "Sweep") -> list[str]:

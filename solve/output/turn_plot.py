@@ -1,0 +1,76 @@
+"""Picture of one quantity over the turn at several speeds, a curve a speed."""
+
+import math
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.orbit import Orbit
+from solve.output.plot import labelled, title_of
+from solve.output.quantities import prefixed
+from solve.output.style import GREY, new_figure, styled
+from solve.system import PeriodicSystem
+
+MOST_CURVES = 12
+"""Speeds whose curves one picture can tell apart."""
+
+_DASHES: tuple[tuple[float, ...], ...] = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
+"""In turn, so that curves differ on a black and white print too."""
+
+_LIGHTEST = 0.86
+"""Place in the colour map beyond which lines fade into the page."""
+
+
+def checked_turn(system: PeriodicSystem, name: str, curves: int) -> str:
+    """The name itself. Raises UnknownNameError, and ValueOutOfBoundsError for more curves than one picture
+    can tell apart."""
+    known = (*system.coordinates, *system.outputs)
+    if name not in known:
+        raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
+    if curves > MOST_CURVES:
+        raise ValueOutOfBoundsError(
+            f"{curves} speeds to draw over the turn; allowed: up to {MOST_CURVES}, such as "
+            '--speeds "600 900 1200 rpm"'
+        )
+    return name
+
+
+def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
+    """A coordinate or output over one period, a curve a speed, the slowest darkest; the orbits are of one
+    system. Raises UnknownNameError and ValueOutOfBoundsError."""
+    system = orbits[0].system
+    checked_turn(system, name, len(orbits))
+    with styled():
+        figure = new_figure(3.3)
+        figure.suptitle(f"{title_of(system)}: {name.replace('_', ' ')} over one turn", fontweight="bold")
+        axes = figure.subplots()
+        _draw_curves(axes, sorted(orbits, key=lambda orbit: orbit.speed), name)
+        axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
+        axes.set_xlim(0.0, math.degrees(system.period))
+        axes.xaxis.set_major_locator(MultipleLocator(math.degrees(system.period) / 12))
+        axes.set_xlabel("phase (°)")
+        figure.legend(title="speed (rpm)", loc="outside right center", handlelength=2.4)
+    return figure
+
+
+def _draw_curves(axes: Axes, orbits: Sequence[Orbit], name: str) -> None:
+    system = orbits[0].system
+    phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits) + 1)
+    curves = [orbit.signal(name)(phase) for orbit in orbits]
+    factor, unit = prefixed(system.units.get(name, ""), max(float(np.abs(values).max()) for values in curves))
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, len(orbits)))
+    axes.axhline(0.0, color=GREY, linewidth=0.7)
+    for k, (orbit, values) in enumerate(zip(orbits, curves, strict=True)):
+        axes.plot(
+            np.degrees(phase),
+            values * factor,
+            color=colours[k],
+            dashes=_DASHES[k % len(_DASHES)],
+            label=f"{orbit.speed * 30 / math.pi:.6g}",
+        )
+    axes.set_ylabel(labelled(name, unit))
