@@ -17,6 +17,9 @@ from solve.system import PeriodicSystem
 
 FIRST_STEPS = 16
 _FEW_STEPS = 360
+WITNESS_RTOL = 1e-10
+"""Accuracy of multipliers by which others are judged."""
+
 
 _EPS = float(np.finfo(float).eps)
 
@@ -103,7 +106,7 @@ class Refinement:
     @cached_property
     def witness(self) -> Certified:
         """The multipliers by a method that is L-stable."""
-        return certified(self.system, self.speed, Radau(), None, 1e-10, orbit=False)
+        return certified(self.system, self.speed, Radau(), None, WITNESS_RTOL, orbit=False)
 
     def refuse(self, steps: int) -> None:
         fewest = max(1, len(self.system.breaks))
