@@ -78,7 +78,7 @@ class LaneEngine:
         if not orbit:
             return Level(Phi, None, sound, np.full(points, np.nan))
         bound = _by_points(bound, points)
-        sound = sound & (bound < _SURE)
+        sound = sound & (bound < _SURE) & np.isfinite(curves[:points].sum(axis=(1, 2, 3)))
         closed = _by_points(closed, points)
         return Level(Phi, Curves(curves[:points], tables.period), sound, bound, closed)
 

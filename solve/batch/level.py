@@ -57,12 +57,17 @@ class Level:
         """Multipliers; zero where the result is not sound."""
         return Spectra.of(np.where(self.sound[:, None, None], self.Phi, 0.0))
 
+    @property
+    def closing_rounding(self) -> Array:
+        """Error of the orbit (P,) that rounding leaves, or a bound of it."""
+        return np.maximum(8 * _EPS * np.nan_to_num(self.condition), 64 * _EPS)
+
     def rounding(self, wanted: Array) -> Array:
         """Errors (P, 2) of orbit and multipliers that rounding leaves, as `certificate.rounding` says of
         one solution; that of the orbit may be bounded where it is below the `wanted` errors (P, 2)."""
-        found = np.column_stack((8 * _EPS * np.nan_to_num(self.condition), rounding_errors(self.Phi)))
-        open_ = (found[:, 0] > np.maximum(wanted[:, 0], 64 * _EPS)) & (self.closed is not None)
-        if open_.any() and self.closed is not None:
+        found = np.column_stack((self.closing_rounding, rounding_errors(self.Phi)))
+        open_ = found[:, 0] > np.maximum(wanted[:, 0], 64 * _EPS)
+        if self.closed is not None and open_.any():
             found[open_, 0] = 8 * _EPS * closed_condition(*np.moveaxis(self.closed[open_], 1, 0))
         return np.maximum(found, 64 * _EPS)
 
@@ -72,7 +77,7 @@ class Level:
         radius = self.spectra.radius
         norm = np.sqrt((self.Phi**2).sum(axis=(1, 2)))
         multipliers = np.sqrt(8 * _EPS * norm / np.where(radius > 0, radius, np.inf))
-        return np.maximum(np.column_stack((8 * _EPS * np.nan_to_num(self.condition), multipliers)), 64 * _EPS)
+        return np.column_stack((self.closing_rounding, np.maximum(multipliers, 64 * _EPS)))
 
 
 class Engine(Protocol):

@@ -12,7 +12,7 @@ from solve.batch.doubts import Doubts
 from solve.batch.level import Engine, GridTables, Level
 from solve.batch.spectra import Spectra
 from solve.batch.tables import Chunk
-from solve.certificate import FIRST_STEPS, estimated, finished, judged
+from solve.certificate import FIRST_STEPS, WITNESS_RTOL, estimated, finished, judged
 from solve.methods.gauss import Gauss
 from solve.methods.grid import Grid
 from solve.methods.radau import Radau
@@ -23,7 +23,6 @@ BATCHED = (Gauss, Radau)
 _MEMORY = 2**25
 """Bytes that the points solved at once may take."""
 
-_WITNESS_RTOL = 1e-8
 
 
 @dataclass(frozen=True)
@@ -146,7 +145,7 @@ class Refinement:
         values = np.zeros((len(positions), 2 * self.chunk.n), dtype=complex)
         resolved = np.zeros(len(positions), dtype=int)
         order = np.argsort(positions)
-        other = Refinement(self.engine, Radau(), self.chunk, False, _WITNESS_RTOL)
+        other = Refinement(self.engine, Radau(), self.chunk, False, WITNESS_RTOL)
         for found in other.refined(positions):
             if isinstance(found, Found):
                 where = order[np.searchsorted(positions, found.positions, sorter=order)]
@@ -182,5 +181,7 @@ def _differences(coarse: _Trace, fine: Level) -> Array:
     if coarse.samples is not None and fine.curves is not None:
         q = fine.curves.sampled(2)
         scale, error = np.abs(q).max(axis=2), np.abs(coarse.samples - q).max(axis=2)
+        largest = scale.max(axis=1, keepdims=True)
+        scale = np.where(scale > fine.closing_rounding[:, None] * largest, scale, largest)
         found[:, 0] = (error / np.where(scale > 0, scale, 1.0)).max(axis=1)
     return found

@@ -162,11 +162,13 @@ class _Keeper:
 
     def _keep_doubts(self, found: Found) -> None:
         doubtful = (found.errors > self.batch.rtol).any(axis=1) | (found.spectra.distance_from_one < NEAR_ONE)
-        if not found.method.l_stable:
+        if self.batch.steps is not None and not found.method.l_stable:
             doubtful |= ~found.followed
         for position in np.flatnonzero(doubtful):
             point = int(found.positions[position])
-            self.results.warnings[self.start + point] = self._doubts(point, found, int(position))
+            texts = self._doubts(point, found, int(position))
+            if texts:
+                self.results.warnings[self.start + point] = texts
 
     def keep_singles(self, positions: Array) -> None:
         """Points that are solved one by one."""
