@@ -36,7 +36,9 @@ def agrees(point, system, speed, **chosen):
     orbit = solve.periodic(system, speed, **chosen)
     assert (point.method, point.steps, point.verdict) == (orbit.method, orbit.steps, orbit.verdict)
     assert point.spectral_radius == pytest.approx(orbit.spectral_radius, rel=SAME)
-    np.testing.assert_allclose(point.multipliers, orbit.multipliers, rtol=0, atol=SAME * orbit.spectral_radius)
+    np.testing.assert_allclose(
+        point.multipliers, orbit.multipliers, rtol=0, atol=SAME * orbit.spectral_radius
+    )
     for name in (*system.coordinates, *system.outputs):
         alone, ours = orbit.statistics(name), point.statistics[name]
         for figure in FIGURES:
@@ -78,7 +80,8 @@ def test_systems_of_functions(seed, n):
 
 
 @pytest.mark.parametrize(
-    ("method", "steps"), [("radau", 50), ("gauss", 64), (solve.Gauss(16), None), ("newmark", 200), ("rk4", None)]
+    ("method", "steps"),
+    [("radau", 50), ("gauss", 64), (solve.Gauss(16), None), ("newmark", 200), ("rk4", None)],
 )
 def test_methods_and_given_steps(method, steps):
     system = systems.random_system(3, 2)
@@ -96,7 +99,12 @@ def test_jumps_of_the_matrices():
 def test_entries_that_do_not_separate_are_sampled_point_by_point():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
-        return one, 0.2 * one, (4 + np.cos(phase + speed * np.sin(phase)))[:, None, None], np.cos(phase)[:, None]
+        return (
+            one,
+            0.2 * one,
+            (4 + np.cos(phase + speed * np.sin(phase)))[:, None, None],
+            np.cos(phase)[:, None],
+        )
 
     system, speeds = solve.PeriodicSystem(matrices, ["q"]), [0.5, 0.9, 1.4]
     assert not Separation(Speeds(system), np.linspace(0.1, 9, 40)[:, None], system.period, 1).separable
