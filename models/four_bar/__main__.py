@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from solve.commands.app import run as run_commands
 from solve.commands.parse import numbers
-from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError
 
 if TYPE_CHECKING:
     from models.four_bar.linkage import Linkage
-
-_UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Of the Click that Typer brings along or depends on, whichever it is."""
 
 _NAME = "python -m models.four_bar"
 
@@ -95,12 +93,7 @@ def linkage(
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status: 2 with one line on standard error for bad input."""
-    try:
-        return app(list(arguments) or ["--help"], prog_name=_NAME, standalone_mode=False) or 0
-    except SolveError as error:
-        return _refused(str(error))
-    except _UsageError as error:
-        return _misused(error)
+    return run_commands(arguments, app, _NAME)
 
 
 def main() -> None:
@@ -167,16 +160,6 @@ def _tell(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) -> 
         *(f"wrote {file}" for file in written),
     ]:
         print(line, file=sys.stderr)
-
-
-def _misused(error: Any) -> int:
-    command = error.ctx.command_path if error.ctx else _NAME
-    return _refused(f"{error.format_message().rstrip('.')}. See: {command} --help")
-
-
-def _refused(message: str) -> int:
-    print(f"{_NAME}: " + " ".join(message.split()), file=sys.stderr)
-    return 2
 
 
 if __name__ == "__main__":

@@ -37,30 +37,30 @@ for _command in COMMANDS:
     app.command(_command.__name__)(flattened(_command))
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit status."""
+def run(arguments: Sequence[str], commands: typer.Typer = app, name: str = "solve") -> int:
+    """Run one of these commands, under the name that the user typed, and return its exit status."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        status = app(list(arguments) or ["--help"], prog_name="solve", standalone_mode=False) or 0
+        status = commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False) or 0
         sys.stdout.flush()
         return status
     except SolveError as error:
-        return _refused(str(error))
+        return _refused(str(error), name)
     except _UsageError as error:
-        return _misused(error)
+        return _misused(error, name)
     except BrokenPipeError:
         # Whoever read the output has gone; nothing is left to say, the flush at exit included.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
 
 
-def _misused(error: Any) -> int:
-    command = error.ctx.command_path if error.ctx else "solve"
-    return _refused(f"{error.format_message().rstrip('.')}. See: {command} --help")
+def _misused(error: Any, name: str) -> int:
+    command = error.ctx.command_path if error.ctx else name
+    return _refused(f"{error.format_message().rstrip('.')}. See: {command} --help", name)
 
 
-def _refused(message: str) -> int:
-    print("solve: " + " ".join(message.split()), file=sys.stderr)
+def _refused(message: str, name: str) -> int:
+    print(f"{name}: " + " ".join(message.split()), file=sys.stderr)
     return 2

@@ -22,7 +22,7 @@ MOST_CURVES = 12
 _DASHES: tuple[tuple[float, ...], ...] = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 """In turn, so that curves differ on a black and white print too."""
 
-_LIGHTEST = 0.86
+_LIGHTEST = 0.8
 """Place in the colour map beyond which lines fade into the page."""
 
 
@@ -54,7 +54,7 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
         axes.set_xlim(0.0, math.degrees(system.period))
         axes.xaxis.set_major_locator(MultipleLocator(math.degrees(system.period) / 12))
         axes.set_xlabel("phase (°)")
-        figure.legend(title="speed (rpm)", loc="outside right center", handlelength=2.4)
+        figure.legend(title="speed (rpm)", loc="outside right center", handlelength=2.4, reverse=True)
     return figure
 
 

@@ -1,0 +1,144 @@
+"""Picture: the coupler bent by its vibration at several crank positions, the deflection magnified."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from models.four_bar.linkage import Linkage, Plane
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
+from solve.load import Model
+from solve.orbit import Orbit
+from solve.output.plot import titled
+from solve.output.quantities import prefixed
+from solve.output.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
+
+MOST_POSITIONS = 12
+"""Positions that fit on a page."""
+
+_COLUMNS = 4
+_STATIONS = 65
+"""Points along the coupler."""
+
+_TURN_POINTS = 720
+_BULGE = 0.2
+"""Part of the coupler's length up to which an automatic magnification may bend it."""
+
+_MARGIN = 0.14
+"""Room around the linkage, as a part of its larger extent."""
+
+
+class Bent(NamedTuple):
+    """The mechanism at k crank angles, places as complex numbers x + iy (m).
+
+    phase (k,) rad; joints (4, k): crank's pivot, crank pin, joint B, follower's pivot; deflection
+    (stations, k) in m; line (stations, k): the coupler with its deflection magnified.
+    """
+
+    phase: Array
+    joints: Plane
+    deflection: Array
+    line: Plane
+
+
+def checked_positions(positions: int) -> int:
+    """The number itself. Raises ValueOutOfBoundsError."""
+    if not 1 <= positions <= MOST_POSITIONS:
+        raise ValueOutOfBoundsError(
+            f"--positions is {positions}; allowed: 1 … {MOST_POSITIONS} crank positions, such as 8"
+        )
+    return positions
+
+
+def checked_magnification(magnification: float) -> float:
+    """The factor itself. Raises ValueOutOfBoundsError."""
+    if not (math.isfinite(magnification) and magnification > 0):
+        raise ValueOutOfBoundsError(
+            f"--magnification is {magnification:g}; allowed: a number > 0, such as 100, or leave it out"
+        )
+    return magnification
+
+
+def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent:
+    """The mechanism at phases (k,) of the crank. The joints are those of the rigid linkage: the chord's
+    shortening is of second order in the deflection."""
+    p, tilt = model.parameters, np.exp(1j * model.parameters["theta"])
+    linkage = Linkage(p["l2"], p["l3"], p["l4"], p["l1"], branch=model.options["branch"])
+    motion = linkage.motion(phase - p["theta"])
+    joints = [0 * phase, motion.position(1, p["l2"]), motion.position(3, p["l4"]), 0 * phase + p["l1"]]
+    xi = np.linspace(0.0, 1.0, _STATIONS)
+    deflection = model.field("w", xi) @ orbit.at(phase)
+    line = motion.position(2, p["l3"] * xi[:, None] + 1j * magnification * deflection)
+    return Bent(phase, np.stack(joints) * tilt, deflection, line * tilt)
+
+
+def round_magnification(model: Model, orbit: Orbit) -> float:
+    """The largest of 1, 2, 5, 10, 20, … that bends the coupler by no more than a fifth of its length
+    anywhere in the turn; 1 where even that bends it more."""
+    turn = np.arange(_TURN_POINTS) * (orbit.system.period / _TURN_POINTS)
+    largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
+    allowed = _BULGE * model.parameters["l3"] / largest if largest else 1.0
+    decade = 10.0 ** math.floor(math.log10(max(allowed, 1.0)))
+    return decade * max(digit for digit in (1, 2, 5) if digit * decade <= max(allowed, 1.0))
+
+
+def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:
+    """A panel a crank position, evenly over the turn: rigid links thin, the bent coupler thick, its chord
+    dashed; the magnification, automatic by default, stands in the title. Raises ValueOutOfBoundsError."""
+    if magnification is None:
+        magnification = round_magnification(model, orbit)
+    factor = checked_magnification(magnification)
+    phase = np.arange(checked_positions(positions)) * (orbit.system.period / positions)
+    found = bent(model, orbit, phase, factor)
+    low, high = _frame(found)
+    columns = min(_COLUMNS, positions)
+    rows = math.ceil(positions / columns)
+    panel = PAGE_WIDTH / columns * (high - low).imag / (high - low).real
+    with styled():
+        figure = new_figure(0.95 + rows * (panel + 0.22))
+        figure.suptitle(f"{titled(orbit)}: deflection magnified {factor:g} times", fontweight="bold")
+        axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for k, place in enumerate(axes.flat):
+            if k < positions:
+                _draw_position(place, found, k)
+            else:
+                place.axis("off")
+        axes[0, 0].set_xlim(low.real, high.real)
+        axes[0, 0].set_ylim(low.imag, high.imag)
+        figure.supxlabel("x (m)", fontsize=8.5)
+        figure.supylabel("y (m)", fontsize=8.5)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def _frame(found: Bent) -> tuple[complex, complex]:
+    """Corners, lower left and upper right, of what every position needs."""
+    places = np.concatenate((found.joints.ravel(), found.line.ravel()))
+    low = complex(places.real.min(), places.imag.min())
+    high = complex(places.real.max(), places.imag.max())
+    room = _MARGIN / 2 * max((high - low).real, (high - low).imag) * (1 + 1j)
+    return low - room, high + room
+
+
+def _draw_position(axes: Axes, found: Bent, k: int) -> None:
+    joints, line = found.joints[:, k], found.line[:, k]
+    middle = float(found.deflection[_STATIONS // 2, k])
+    factor, unit = prefixed("m", float(np.abs(found.deflection).max()))
+    axes.plot(*_xy(joints[[0, 3]]), color=LIGHT, linewidth=0.9, zorder=1)
+    axes.plot(*_xy(joints[:2]), color=BLACK, linewidth=1.1, label="crank and follower, rigid")
+    axes.plot(*_xy(joints[2:]), color=BLACK, linewidth=1.1)
+    axes.plot(*_xy(joints[1:3]), color=GREY, linewidth=0.8, dashes=(4, 2), label="chord of the coupler")
+    axes.plot(*_xy(line), color=BLUE, linewidth=2.2, label="coupler, deflection magnified", zorder=3)
+    axes.plot(*_xy(joints[1:3]), "o", color="white", markeredgecolor=BLACK, markersize=2.8, zorder=4)
+    axes.plot(*_xy(joints[[0, 3]]), "^", color=VERMILION, markersize=4, zorder=4)
+    axes.set_title(f"{math.degrees(found.phase[k]):.4g}°:  w(l/2) = {middle * factor:.3f} {unit}")
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+
+
+def _xy(places: NDArray[np.complex128]) -> tuple[Array, Array]:
+    return places.real, places.imag
