@@ -1,0 +1,120 @@
+"""Sweeps over speed: what they keep, and points that fail."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import UnitError, UnknownNameError, ValueOutOfBoundsError
+from tests.solve import systems
+
+
+def test_speeds_keep_their_order_and_points_their_figures():
+    found = solve.sweep(solve.load("manipulator"), ["50 rpm", 3.0, "2 Hz"])
+    np.testing.assert_allclose(found.speeds, [50 * np.pi / 30, 3.0, 4 * np.pi])
+    assert len(found.points) == 3
+    assert [point.speed for point in found.points] == found.speeds.tolist()
+    assert found.points[-1].speed == found.points[2].speed
+    assert [point.speed for point in found.points[1:]] == found.speeds[1:].tolist()
+    for name in ("q1", "drive_torque"):
+        kept = [point.statistics[name].rms for point in found.points]
+        assert found.figures(name, "rms").tolist() == kept
+    np.testing.assert_array_equal(found.spectral_radius, [point.spectral_radius for point in found.points])
+
+
+def resonant():
+    """An undamped oscillator of frequency 2: forced at order 1, it resonates at 2 rad/s."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0 * one, 4 * one, np.cos(phase)[:, None]
+
+    return systems.system(matrices, 1)
+
+
+def test_a_resonance_fails_alone():
+    found = solve.sweep(resonant(), [1.5, 2.0, 2.5])
+    assert [point.error is None for point in found.points] == [True, False, True]
+    assert "multiplier is at +1" in found.points[1].error
+    assert found.points[1].stable is None
+    assert np.isnan(found.spectral_radius[1])
+    assert np.isnan(found.figures("q1")[1])
+    np.testing.assert_allclose(found.figures("q1")[[0, 2]], [1 / (4 - 1.5**2), 1 / (2.5**2 - 4)], rtol=1e-9)
+
+
+def test_matrices_that_break_down_fail_with_their_reason():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = one * (np.nan if speed > 1.9 else 3.0)
+        return one, 0.1 * one, stiffness, one[:, 0]
+
+    found = solve.sweep(systems.system(matrices, 1), np.linspace(1.0, 2.0, 11))
+    failed = [point.error is not None for point in found.points]
+    assert failed == [False] * 10 + [True]
+    assert "NaN or infinite" in found.points[-1].error
+
+
+def test_only_the_quantities_asked_for():
+    model = solve.load("cam")
+    found = solve.sweep(model, ["300 rpm"], quantities=["q3", "q1"])
+    assert list(found.points[0].statistics) == ["q3", "q1"]
+    orbit = solve.periodic(model, "300 rpm")
+    assert found.figures("q3")[0] == pytest.approx(orbit.statistics("q3").max_abs, rel=1e-10)
+    assert any("linearisation" in text for text in found.points[0].warnings)
+    with pytest.raises(UnknownNameError, match="q2"):
+        found.figures("q2")
+
+
+def test_spectra_over_speed():
+    model = solve.load("manipulator")
+    found = solve.sweep(model, [4.0, 5.0], spectra=["q2", "drive_torque"], harmonics=12)
+    for row, speed in enumerate((4.0, 5.0)):
+        orbit = solve.periodic(model, speed)
+        for name in ("q2", "drive_torque"):
+            amplitudes = orbit.harmonics(name, 12)[0]
+            np.testing.assert_allclose(found.spectrum(name)[row], amplitudes, atol=1e-10 * amplitudes.max())
+    with pytest.raises(UnknownNameError, match="q1"):
+        found.spectrum("q1")
+
+
+def test_unstable_runs():
+    model = solve.load("mathieu", zeta=0.0)
+    found = solve.sweep(model, np.linspace(0.6, 1.7, 56))
+    runs = found.unstable
+    assert [kind for *_, kind in runs] == ["+1", "-1"]
+    for (low, high, _), band in zip(runs, solve.bands(model, np.linspace(0.6, 1.7, 56)), strict=True):
+        assert abs(low - band.low) <= 0.02
+        assert abs(high - band.high) <= 0.02
+
+
+@pytest.mark.parametrize(
+    ("speeds", "chosen", "error", "text"),
+    [
+        ([100.0, -1.0], {}, ValueOutOfBoundsError, "finite and > 0"),
+        (["100"], {}, UnitError, "no unit"),
+        ([100.0], {"quantities": ["q9"]}, UnknownNameError, "did you mean 'q"),
+        ([100.0], {"spectra": ["torque"]}, UnknownNameError, "did you mean '"),
+        ([100.0], {"rtol": 0.0}, ValueOutOfBoundsError, "rtol"),
+        ([100.0], {"method": "gaus"}, UnknownNameError, "did you mean 'gauss'"),
+    ],
+)
+def test_bad_input(speeds, chosen, error, text):
+    with pytest.raises(error, match=text):
+        solve.sweep(solve.load("cam"), speeds, **chosen)
+
+
+def test_the_picture_shows_responses_radius_and_unstable_speeds():
+    model = solve.load("mathieu")
+    figure = solve.sweep(model, np.linspace(0.6, 1.7, 23)).plot()
+    response, radius = figure.axes
+    assert response.get_ylabel().startswith("max|q")
+    assert radius.get_xlabel() == "speed (rpm)"
+    names = [text.get_text() for text in radius.get_legend().get_texts()]
+    assert names == ["ρ = +1: period T", "ρ = −1: period 2T"] or names == ["ρ = −1: period 2T"]
+
+
+def test_the_waterfall_has_a_column_a_speed_and_a_row_an_order():
+    found = solve.sweep(solve.load("manipulator"), np.linspace(2, 6, 7), spectra=["q1"], harmonics=9)
+    axes, bar = found.waterfall("q1").axes
+    assert axes.collections[0].get_array().shape == (9, 7)
+    assert axes.get_ylabel() == "order of rotation"
+    assert "dB re" in bar.get_ylabel()
