@@ -1,7 +1,9 @@
 """Numbers with units at the edge: speeds, and case values in units of another size."""
 
 import math
+from collections.abc import Iterable
 from functools import lru_cache
+from numbers import Real
 from typing import TYPE_CHECKING
 
 from solve.errors import UnitError, ValueOutOfBoundsError
@@ -26,6 +28,29 @@ def speed_in_si(speed: float | str) -> float:
     return omega
 
 
+def speeds_given(speeds: float | str | Iterable[float | str]) -> list[float]:
+    """Speeds in rad/s from numbers in rad/s or texts with unit, from one of them, or from one text of many.
+
+    Raises UnitError, ValueOutOfBoundsError.
+
+    >>> speeds_given("1:3:3 rad/s") == speeds_given([1.0, "2 rad/s", 3]) == [1.0, 2.0, 3.0]
+    True
+    """
+    if isinstance(speeds, str):
+        return speeds_in_si(speeds)
+    try:
+        found = [
+            speed_in_si(speed) for speed in ([speeds] if isinstance(speeds, float | int | Real) else speeds)
+        ]
+    except TypeError:
+        raise ValueOutOfBoundsError(
+            f"speeds are {speeds!r}; give numbers in rad/s or texts such as '600 rpm', one after the other"
+        ) from None
+    if not found:
+        raise ValueOutOfBoundsError("no speeds given; give some, such as '100:900:81 rpm'")
+    return found
+
+
 def speeds_in_si(text: str) -> list[float]:
     """Speeds in rad/s from "A:B:N unit" (N points, both ends) or "600 900 1200 rpm"."""
     *numbers, unit = text.split() or [""]
@@ -40,9 +65,17 @@ def speeds_in_si(text: str) -> list[float]:
             raise ValueOutOfBoundsError(usage + ", N at least 2")
         values = [low + (high - low) * i / (count - 1) for i in range(count)]
         return [speed_in_si(f"{value!r} {unit}") for value in values]
-    if not numbers:
+    if not numbers or not all(map(_is_number, numbers)) or _is_number(unit):
         raise UnitError(usage)
     return [speed_in_si(f"{number} {unit}") for number in numbers]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def with_unit(text: str, unit: str) -> float:
@@ -73,8 +106,9 @@ def conversion(given: str, unit: str) -> float:
     try:
         units = registry.parse_units(given)
         zero, size = (registry.Quantity(x, units).to(unit).magnitude for x in (0.0, 1.0))
-    except Exception as error:
-        raise UnitError(f"unit '{given}' does not convert to '{unit}' ({type(error).__name__})") from None
+    except Exception:
+        allowed = "rpm, rad/s or Hz" if unit == "rad/s" else f"units of the same kind as '{unit}'"
+        raise UnitError(f"unit '{given}' does not convert to '{unit}'; allowed: {allowed}") from None
     if zero != 0.0:
         raise UnitError(f"unit '{given}' has another zero than '{unit}'; give the value in '{unit}'")
     bare = all(registry.get_dimensionality(name) == {"[time]": 1} for name in units._units)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from solve.load import Model
     from solve.output.contents import Contents
-    from solve.studies.bands import Band
+    from solve.studies.bands import Band, Bands
 
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
 
@@ -28,7 +28,10 @@ def bands(
     method: Annotated[str, typer.Option(metavar="NAME", help="Method; auto chooses.")] = "auto",
     rtol: Annotated[float, typer.Option(metavar="R", help="Relative error of multipliers to reach.")] = 1e-8,
 ) -> None:
-    """Unstable bands of speed, their edges refined."""
+    """Unstable bands between the lowest and the highest speed, their edges refined.
+
+    Speeds are added as the model needs them; narrow bands are looked for between them.
+    """
     results.files()
     omegas = speeds.omegas()
     model, _ = problem.loaded()
@@ -57,7 +60,7 @@ def bands(
     )
 
 
-def _record(model: "Model", omegas: "Sequence[float]", found: "Sequence[Band]") -> dict[str, Any]:
+def _record(model: "Model", omegas: "Sequence[float]", found: "Bands") -> dict[str, Any]:
     from solve.output.record import model_record, plain
 
     rows = [
@@ -71,11 +74,12 @@ def _record(model: "Model", omegas: "Sequence[float]", found: "Sequence[Band]") 
         }
         for band in found
     ]
-    return plain({**model_record(model), "range": [min(omegas), max(omegas)], "bands": rows})
+    within = {"range": [min(omegas), max(omegas)], "spacing": found.spacing}
+    return plain({**model_record(model), **within, "bands": rows})
 
 
 def _report(
-    model: "Model", omegas: "Sequence[float]", found: "Sequence[Band]", choices: "Sequence[str]"
+    model: "Model", omegas: "Sequence[float]", found: "Bands", choices: "Sequence[str]"
 ) -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
@@ -84,8 +88,11 @@ def _report(
 
     low, high = (speed * 30 / math.pi for speed in (min(omegas), max(omegas)))
     head = model_heading(model, choices)
+    width = f"{found.spacing * 30 / math.pi:.3g} rpm"
+    limit = Text(f"solved at speeds up to {width} apart: narrower bands may be missed", "dim")
     if not found:
-        return Group(head, Text(f"\nstable at every speed from {low:.6g} to {high:.6g} rpm", "bold green"))
+        verdict = f"\nno unstable band found from {low:.6g} to {high:.6g} rpm"
+        return Group(head, Text(verdict, "bold green"), limit)
     title = f"Unstable between {low:.6g} and {high:.6g} rpm"
     made = table(title, "kind", "", "from (rpm)", "to (rpm)", "width (rpm)", "largest |ρ|", left=2)
     for band in found:
@@ -95,7 +102,7 @@ def _report(
         )
         width = f"{(band.high - band.low) * 30 / math.pi:.3g}"
         made.add_row(band.kind, _MEANINGS[band.kind], *edges, width, f"{band.spectral_radius:.6g}")
-    return Group(head, made)
+    return Group(head, made, limit)
 
 
 def _contents(model: "Model", found: "Sequence[Band]") -> "Contents":

@@ -1,6 +1,7 @@
 """`solve sweep`: response and stability over many speeds."""
 
 import math
+import re
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 60
 """Rows of the table; of more speeds every k-th is shown."""
+
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+"""A number in a warning, not the digits of a name such as q1."""
 
 
 def sweep(
@@ -114,19 +118,20 @@ def _turns(found: "Sweep", name: str, accuracy: Accuracy, settings: Settings) ->
 
 
 def _warnings(found: "Sweep") -> list[str]:
-    """One line a failed point or a kind of warning, with the speeds where it first and last stands."""
-    groups: dict[str, list[float]] = {}
+    """One line a kind of warning or failure, with the speeds where it first and last stands. Texts of one
+    kind differ in their numbers alone; the whole text of the first is shown."""
+    groups: dict[str, tuple[str, list[float]]] = {}
     for point in found.points:
         for text in (*point.warnings, *([f"no result: {point.error}"] if point.error else [])):
-            groups.setdefault(text.split(":")[0], []).append(point.speed)
-    return [f"{text} (at {_span(at, len(found.points))})" for text, at in groups.items()]
+            groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(point.speed)
+    return [f"{text} ({_span(at, len(found.points))})" for text, at in groups.values()]
 
 
 def _span(speeds: list[float], total: int) -> str:
-    first, last = (f"{speed * 30 / math.pi:.6g} rpm" for speed in (min(speeds), max(speeds)))
+    first, low, high = (f"{speed * 30 / math.pi:.6g} rpm" for speed in (speeds[0], min(speeds), max(speeds)))
     if len(speeds) == 1:
-        return first
-    return f"{len(speeds)} of {total} speeds, from {first} to {last}"
+        return f"at {first}"
+    return f"at {first}; of this kind at {len(speeds)} of {total} speeds, from {low} to {high}"
 
 
 def _record(found: "Sweep") -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Bands of speed in which the motion is unstable, with refined edges."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +14,31 @@ from solve.methods.choice import chosen
 from solve.methods.method import Method
 from solve.studies.boundaries import KINDS, Judge, Judged, edges, hidden, judge, sectioned
 from solve.system import PeriodicSystem
-from solve.units import checked_rtol, speed_in_si
+from solve.units import checked_rtol, speeds_given
 
 GROWTH = 1e-6
 """Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
 
+_FEWEST, _MOST = 40, 2000
+"""Parts of the range of speeds before the search for narrow bands."""
+
+_TURN = 0.25
+"""Angle in rad by which the fastest multiplier may turn between two speeds."""
+
+_PHASES = 16
+_DEAD = 1e-2
+"""Modulus below which a multiplier, with the matrices frozen, has no part in losing stability."""
+
+_HALVINGS = 3
+"""Of the distance of two speeds between which multipliers may meet."""
+
+_ALIVE = 0.5
+"""Modulus from which multipliers are watched for meeting."""
+
 _INSIDE = 15
-"""Further points of every band, to find its largest multiplier."""
+"""Further points of every band, to find its largest multiplier and stable speeds inside it."""
+
+_SPLITS = 8
 
 
 @dataclass(frozen=True)
@@ -39,25 +57,41 @@ class Band:
     open_high: bool = False
 
 
+class Bands(list[Band]):
+    """Bands, rising. spacing: the largest distance in rad/s of neighbouring speeds that were solved;
+    narrower bands may be missed."""
+
+    def __init__(self, found: Iterable[Band], spacing: float):
+        super().__init__(found)
+        self.spacing = spacing
+
+
 def bands(
     system: PeriodicSystem,
-    speeds: Sequence[float | str] | Array,
+    speeds: str | Sequence[float | str] | Array,
     method: str | Method = "auto",
     rtol: float = 1e-8,
     tolerance: float = 1e-7,
     progress: Callable[[int], None] | None = None,
     engine: str = "auto",
-) -> list[Band]:
-    """Unstable bands between the lowest and the highest of the speeds (rad/s, or texts with unit).
+) -> Bands:
+    """Unstable bands between the lowest and the highest of the speeds (rad/s, texts with unit, or one
+    text such as "100:900:81 rpm").
 
-    Bands narrower than the distance of two speeds are looked for where multipliers come closest to
-    each other, to +1 and to -1 between them; a growth below 1e-6 a turn makes no band. Edges are found to
-    `tolerance`, relative. progress is told the number of points solved so far. engine: as in `sweep`.
+    Speeds are added until they divide the range into at least 40 parts and no multiplier that a turn
+    leaves above 0.01 turns by more than 0.25 rad from one to the next, but not many more than 2000.
+    Bands narrower than their distance, the result's `spacing`, are looked for where multipliers come
+    closest to each other, to +1 and to -1, and may be missed all the same; a growth below 1e-6 a turn
+    makes no band. Edges are found to `tolerance`, relative. progress is told the number of points solved
+    so far. engine: as in `sweep`. Raises ValueOutOfBoundsError for fewer than two speeds, and SolveError
+    subclasses for what no speed could mend.
     """
-    omegas = np.unique([speed_in_si(speed) for speed in speeds])
+    omegas = np.unique(speeds_given(speeds))
     if len(omegas) < 2:
         raise ValueOutOfBoundsError("bands need at least two speeds; give a range such as '100:900:81 rpm'")
-    points, solved = omegas[:, None], [0]
+    system.checked(float(omegas[-1]))
+    turning = _turning(system, omegas)
+    points, solved = _grid(omegas, turning)[:, None], [0]
 
     def count(more: int) -> None:
         solved[0] += more
@@ -68,10 +102,76 @@ def bands(
         over_speed(system), points, chosen(method), chosen_engine(engine)[0], rtol=checked_rtol(rtol)
     )
     asked = judge(batch, count)
-    known = asked(points)
-    middle = np.arange(1, len(omegas) - 1)
+    known = _closer(asked, asked(points), turning)
+    middle = 1 + np.flatnonzero(np.abs(known.multipliers[1:-1, 0]) > _ALIVE)
+    spacing = float(np.diff(known.points[:, 0]).max())
     known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
-    return _Runs(asked, known[np.argsort(known.points[:, 0])], tolerance).bands()
+    return Bands(_Runs(asked, tolerance).bands(_rising(known)), spacing)
+
+
+Turning = Callable[[Array], Array]
+"""By how much the fastest multiplier that counts turns over 1/Ω (k,), at speeds (k,): its frequency by the
+period in phase."""
+
+
+def _turning(system: PeriodicSystem, omegas: Array) -> Turning:
+    """From the matrices frozen at phases and at the lowest and the highest speed; a mode whose vibration
+    dies within a turn does not count."""
+    phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
+    found = []
+    for omega in omegas[[0, -1]]:
+        M, C, K, _ = system.at(phase, float(omega))
+        n = system.n
+        A = np.zeros((_PHASES, 2 * n, 2 * n))
+        A[:, :n, n:] = np.eye(n)
+        A[:, n:] = -np.linalg.solve(M, np.concatenate((K, C), axis=2))
+        found.append(np.linalg.eigvals(A).ravel())
+    exponents = np.concatenate(found) * system.period
+
+    def turning(speeds: Array) -> Array:
+        counts = np.real(exponents) > np.log(_DEAD) * speeds[:, None]
+        return np.where(counts, np.abs(np.imag(exponents)), 0.0).max(axis=1)
+
+    return turning
+
+
+def _grid(omegas: Array, turning: Turning) -> Array:
+    """The speeds and further ones between them."""
+    coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
+    turned = -np.diff(1 / coarse) * turning(coarse[1:])
+    return _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))
+
+
+def _divided(speeds: Array, parts: Array) -> Array:
+    """Rising speeds with each of their intervals divided into this many parts, or one more."""
+    counts = np.maximum(np.ceil(parts * (1 - 1e-9)), 1).astype(int)
+    at = np.concatenate([[0], np.cumsum(counts)])
+    return np.interp(np.arange(at[-1] + 1), at, speeds)
+
+
+def _closer(asked: Judge, known: Judged, turning: Turning) -> Judged:
+    """Speeds added where two multipliers are nearer to each other than they turn from one to the next:
+    several that meet one soon after another then have a minimum of distance each."""
+    for _ in range(_HALVINGS):
+        speeds, distance = known.points[:, 0], _distance(known.multipliers)
+        turned = -np.diff(1 / speeds) * turning(speeds[1:])
+        near = np.minimum(distance[:-1], distance[1:]) < 2 * turned
+        if not near.any():
+            break
+        known = _rising(known + asked(((speeds[:-1] + speeds[1:]) / 2)[near, None]))
+    return known
+
+
+def _distance(multipliers: Array) -> Array:
+    """Least difference of angle (k,) among multipliers (k, N) above the real axis."""
+    watched = (np.imag(multipliers) > 0) & (np.abs(multipliers) > _ALIVE)
+    apart = 1e3 * (1 + np.arange(multipliers.shape[1]))
+    angles = np.sort(np.where(watched, np.angle(multipliers), apart), axis=1)
+    return np.diff(angles, axis=1).min(axis=1)
+
+
+def _rising(known: Judged) -> Judged:
+    return known[np.argsort(known.points[:, 0])]
 
 
 @dataclass(frozen=True)
@@ -79,29 +179,46 @@ class _Runs:
     """Runs of unstable speeds of one kind among known ones, rising."""
 
     judge: Judge
-    known: Judged
     tolerance: float
 
-    def bands(self) -> list[Band]:
-        state = np.where(self.known.stable, -1, self.known.kinds)
-        changes = np.flatnonzero(np.diff(state))
-        borders = dict(zip(changes.tolist(), self._borders(changes, state), strict=True))
-        starts = [0, *(changes + 1).tolist()]
-        ends = [*changes.tolist(), len(state) - 1]
-        speeds = self.known.points[:, 0]
-        found = []
-        for first, last in zip(starts, ends, strict=True):
-            if state[first] < 0:
-                continue
-            low, high = borders.get(first - 1, speeds[0]), borders.get(last, speeds[-1])
-            radius = max(self._largest(low, high), np.abs(self.known.multipliers[first : last + 1, 0]).max())
-            open_ends = first == 0, last == len(state) - 1
-            found.append(Band(float(low), float(high), KINDS[state[first]], float(radius), *open_ends))
-        return [band for band in found if band.spectral_radius > 1 + GROWTH]
+    def bands(self, known: Judged) -> list[Band]:
+        """The runs with their edges, split where points inside are stable or of another kind."""
+        found: list[Band] = []
+        for _ in range(_SPLITS):
+            found, inside = self._looked_into(known)
+            if len(inside.points) == 0:
+                break
+            known = _rising(known + inside)
+        return found
 
-    def _borders(self, changes: Array, state: Array) -> Array:
+    def _looked_into(self, known: Judged) -> tuple[list[Band], Judged]:
+        """The bands, and all further points of those that are not of one kind throughout."""
+        state = _state(known)
+        changes = np.flatnonzero(np.diff(state))
+        speeds = known.points[:, 0]
+        borders = np.concatenate((speeds[:1], self._borders(known, changes, state), speeds[-1:]))
+        starts, ends = np.append(0, changes + 1), np.append(changes, len(state) - 1)
+        runs = np.flatnonzero(state[starts] >= 0)
+        low, high = borders[runs], borders[runs + 1]
+        inside = low[:, None] + (np.arange(_INSIDE) + 1) / (_INSIDE + 1) * (high - low)[:, None]
+        looked = self.judge(inside.reshape(-1, 1)) if len(runs) else known[runs]
+        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _INSIDE).max(axis=1, initial=0.0)
+        mixed = (_state(looked).reshape(-1, _INSIDE) != state[starts[runs], None]).any(axis=1)
+        found, split = [], np.zeros(len(runs), dtype=bool)
+        for at, run in enumerate(runs):
+            first, last = starts[run], ends[run]
+            radius = max(radii[at], np.abs(known.multipliers[first : last + 1, 0]).max())
+            if radius <= 1 + GROWTH:
+                continue
+            split[at] = mixed[at]
+            open_ends = bool(first == 0), bool(last == len(state) - 1)
+            edge = float(low[at]), float(high[at])
+            found.append(Band(*edge, KINDS[state[first]], float(radius), *open_ends))
+        return found, looked[np.flatnonzero(np.repeat(split, _INSIDE))]
+
+    def _borders(self, known: Judged, changes: Array, state: Array) -> Array:
         """Speeds between known ones at which the state changes."""
-        low, high = self.known.points[changes], self.known.points[changes + 1]
+        low, high = known.points[changes], known.points[changes + 1]
         borders, scale = np.empty(len(changes)), np.abs(high).max(axis=0, initial=0.0)
         loses, wins = state[changes] < 0, state[changes + 1] < 0
         kind_only = ~(loses | wins)
@@ -119,6 +236,7 @@ class _Runs:
             borders[kind_only] = (ends[0] + ends[1])[:, 0] / 2
         return borders
 
-    def _largest(self, low: float, high: float) -> float:
-        inside = low + (np.arange(_INSIDE) + 1) * (high - low) / (_INSIDE + 1)
-        return float(np.abs(self.judge(inside[:, None]).multipliers[:, 0]).max())
+
+def _state(known: Judged) -> Array:
+    """Positions in KINDS (k,), or -1 where stable."""
+    return np.where(known.stable, -1, known.kinds)

@@ -24,7 +24,7 @@ from solve.methods.method import Method
 from solve.signal import Statistics
 from solve.studies.boundaries import KINDS, Judged
 from solve.system import PeriodicSystem
-from solve.units import checked_rtol, speed_in_si
+from solve.units import checked_rtol, speeds_given
 
 NOTHING = Statistics(*7 * (float("nan"),))
 UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
@@ -175,7 +175,7 @@ class _Points(Sequence[Point]):
 
 def sweep(
     system: PeriodicSystem,
-    speeds: Sequence[float | str] | Array,
+    speeds: float | str | Sequence[float | str] | Array,
     method: str | Method = "auto",
     steps: int | None = None,
     rtol: float = 1e-8,
@@ -186,7 +186,8 @@ def sweep(
     harmonics: int = 60,
     engine: str = "auto",
 ) -> Sweep:
-    """`periodic` at every speed (rad/s, or texts with unit), keeping the figures of each.
+    """`periodic` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm"), keeping
+    the figures of each.
 
     quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
     are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
@@ -195,7 +196,7 @@ def sweep(
     "numpy", or "auto" for the first where there is a C compiler. Raises SolveError subclasses for what no
     speed could mend.
     """
-    omegas = np.array([speed_in_si(speed) for speed in speeds])
+    omegas = np.array(speeds_given(speeds))
     known = (*system.coordinates, *system.outputs)
     for name in (*(quantities or ()), *spectra):
         if name not in known:
