@@ -14,7 +14,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.load import Model
 from solve.orbit import Orbit
 from solve.output.plot import titled
-from solve.output.quantities import prefixed
+from solve.output.quantities import fixed, prefixed
 from solve.output.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
@@ -30,6 +30,9 @@ _BULGE = 0.2
 
 _MARGIN = 0.14
 """Room around the linkage, as a part of its larger extent."""
+
+_LABELS = 0.8
+"""Inches beside the panels, for their axes' labels."""
 
 
 class Bent(NamedTuple):
@@ -88,7 +91,8 @@ def round_magnification(model: Model, orbit: Orbit) -> float:
 
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:
     """A panel a crank position, evenly over the turn: rigid links thin, the bent coupler thick, its chord
-    dashed; the magnification, automatic by default, stands in the title. Raises ValueOutOfBoundsError."""
+    dashed; over it the crank angle and the deflection w at midspan. The magnification, automatic by
+    default, stands in the title. Raises ValueOutOfBoundsError."""
     if magnification is None:
         magnification = round_magnification(model, orbit)
     factor = checked_magnification(magnification)
@@ -97,9 +101,9 @@ def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: fl
     low, high = _frame(found)
     columns = min(_COLUMNS, positions)
     rows = math.ceil(positions / columns)
-    panel = PAGE_WIDTH / columns * (high - low).imag / (high - low).real
+    panel = (PAGE_WIDTH - _LABELS) / columns * (high - low).imag / (high - low).real
     with styled():
-        figure = new_figure(0.95 + rows * (panel + 0.22))
+        figure = new_figure(1.05 + rows * (panel + 0.3))
         figure.suptitle(f"{titled(orbit)}: deflection magnified {factor:g} times", fontweight="bold")
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         for k, place in enumerate(axes.flat):
@@ -107,11 +111,19 @@ def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: fl
                 _draw_position(place, found, k)
             else:
                 place.axis("off")
+            if positions - columns <= k < positions:
+                place.tick_params(labelbottom=True)
+                place.set_xlabel("x (m)")
+        for first in axes[:, 0]:
+            first.set_ylabel("y (m)")
         axes[0, 0].set_xlim(low.real, high.real)
         axes[0, 0].set_ylim(low.imag, high.imag)
-        figure.supxlabel("x (m)", fontsize=8.5)
-        figure.supylabel("y (m)", fontsize=8.5)
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        figure.legend(
+            *axes[0, 0].get_legend_handles_labels(),
+            title="at each crank angle, $w$ is the true deflection at midspan",
+            loc="outside lower center",
+            ncols=3,
+        )
     return figure
 
 
@@ -127,7 +139,8 @@ def _frame(found: Bent) -> tuple[complex, complex]:
 def _draw_position(axes: Axes, found: Bent, k: int) -> None:
     joints, line = found.joints[:, k], found.line[:, k]
     middle = float(found.deflection[_STATIONS // 2, k])
-    factor, unit = prefixed("m", float(np.abs(found.deflection).max()))
+    size = float(np.abs(found.deflection).max())
+    factor, unit = prefixed("m", size)
     axes.plot(*_xy(joints[[0, 3]]), color=LIGHT, linewidth=0.9, zorder=1)
     axes.plot(*_xy(joints[:2]), color=BLACK, linewidth=1.1, label="crank and follower, rigid")
     axes.plot(*_xy(joints[2:]), color=BLACK, linewidth=1.1)
@@ -135,7 +148,8 @@ def _draw_position(axes: Axes, found: Bent, k: int) -> None:
     axes.plot(*_xy(line), color=BLUE, linewidth=2.2, label="coupler, deflection magnified", zorder=3)
     axes.plot(*_xy(joints[1:3]), "o", color="white", markeredgecolor=BLACK, markersize=2.8, zorder=4)
     axes.plot(*_xy(joints[[0, 3]]), "^", color=VERMILION, markersize=4, zorder=4)
-    axes.set_title(f"{math.degrees(found.phase[k]):.4g}°:  w(l/2) = {middle * factor:.3f} {unit}")
+    height = fixed(middle * factor, size * factor, 3).replace("-", "−")
+    axes.set_title(f"{math.degrees(found.phase[k]):.4g}°: $w$ = {height} {unit}")
     axes.set_aspect("equal")
     axes.grid(visible=False)
 
