@@ -109,8 +109,9 @@ def _unstable_arcs(rim: list[int], starts_stable: bool) -> list[tuple[int, int]]
 def _decided(
     rims: _Rims, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> list[tuple[int, int]]:
-    """Connections within cells with several unstable arcs: two arcs are joined where the place between
-    them is unstable, or where both are as narrow as a tongue of one kind."""
+    """Connections within cells with several unstable arcs. A boundary keeps its kind; where that leaves
+    the choice, two arcs are joined if the place between them is unstable, or if both are as narrow as a
+    tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)
@@ -121,9 +122,12 @@ def _decided(
     joined, used = [], set()
     for (n, k, other), through in zip(pairs, unstable, strict=True):
         first, second = cells[n][k], cells[n][other]
-        alike = len(set(rims.kinds[[*first, *second]].tolist())) == 1
-        tongue = alike and max(map(rims.width, (first, second))) < _NARROW
-        if (through or tongue) and not {(n, k), (n, other)} & used:
+        kinds = rims.kinds[[*first, *second]]
+        closed = kinds[0] == kinds[1] and kinds[2] == kinds[3]
+        open_ = kinds[1] == kinds[2] and kinds[3] == kinds[0]
+        tongue = open_ and max(map(rims.width, (first, second))) < _NARROW
+        goes_on = open_ if open_ != closed else through or tongue
+        if goes_on and not {(n, k), (n, other)} & used:
             used |= {(n, k), (n, other)}
             joined += [(first[1], second[0]), (second[1], first[0])]
     rest = [arc for n, arcs in enumerate(cells) for k, arc in enumerate(arcs) if (n, k) not in used]

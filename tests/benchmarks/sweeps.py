@@ -1,0 +1,157 @@
+"""python -m tests.benchmarks.sweeps: many points at once against one at a time, one thread.
+
+Cam over 200 speeds and over speed × k3, Mathieu's chart of 300 × 300 points; SciPy's DOP853 on a sample
+of the points, as a user would call it: one solve_ivp on the matrix equation of Φ.
+"""
+
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import solve
+from solve.batch.batch import Batch
+from solve.batch.engines import chosen_engine
+from solve.batch.family import over_speed
+from solve.batch.results import Wish, gathered
+from solve.methods.choice import chosen
+
+REPEATS = 5
+RTOL = 1e-6
+SPEEDS = np.linspace(300, 900, 200) * np.pi / 30
+
+MEMORY = """
+import resource, sys, numpy as np, solve
+kind = sys.argv[1]
+if kind == "cam":
+    model = solve.load("cam")
+    speeds = np.linspace(300, 900, 100_000) * np.pi / 30
+    solve.sweep(model, speeds, rtol=1e-6, quantities=["q1"])
+else:
+    model, side = solve.load("mathieu", zeta=0.0), np.linspace(0.0, 1.0, 1000)
+    solve.chart(model, {"delta": -1 + 11 * side}, {"epsilon": 8 * side}, 1.0, boundaries=False)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+def median(run: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Median time in seconds after one run to warm up."""
+    run()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def dop853(system, speed: float, rtol: float) -> np.ndarray:
+    """Φ by time-stepping the matrix equation in phase."""
+    n = system.n
+
+    def rate(phase, y):
+        P = system.state_rate(np.array([phase]), speed)[0, :, :-1]
+        return (P @ y.reshape(2 * n, 2 * n)).ravel()
+
+    start = np.eye(2 * n).ravel()
+    y = solve_ivp(rate, (0, system.period), start, "DOP853", rtol=rtol, atol=rtol * 1e-3).y
+    return y[:, -1].reshape(2 * n, 2 * n)
+
+
+def dop853_mathieu(delta: float, epsilon: float, rtol: float) -> np.ndarray:
+    """The same with Mathieu's equation written out."""
+
+    def rate(t, y):
+        stiffness = delta + epsilon * np.cos(2 * t)
+        return [y[2], y[3], -stiffness * y[0], -stiffness * y[1]]
+
+    start = [1.0, 0.0, 0.0, 1.0]
+    return solve_ivp(rate, (0, np.pi), start, "DOP853", rtol=rtol, atol=rtol).y[:, -1].reshape(2, 2)
+
+
+def cam_sweeps() -> None:
+    """200 speeds with periodic solutions, extrema, multipliers and certificates."""
+    cam = solve.load("cam", case="1")
+    q = cam.coordinates
+    compiled = median(lambda: solve.sweep(cam, SPEEDS, rtol=RTOL, quantities=q))
+    numpy = median(lambda: solve.sweep(cam, SPEEDS, rtol=RTOL, quantities=q, engine="numpy"), 3)
+    sample = SPEEDS[::20]
+    one = median(lambda: [solve.periodic(cam, speed, rtol=RTOL).statistics("q1") for speed in sample], 1) * 20
+    _say("cam, 200 speeds, orbit: compiled lanes", compiled, 200, 1.0)
+    _say("  NumPy batch", numpy, 200, numpy / compiled)
+    _say("  solve.periodic one by one (10 speeds × 20)", one, 200, one / compiled)
+
+
+def cam_chart() -> None:
+    """300 × 300 points of speed × k3, multipliers with certificates; DOP853 on 3 points."""
+    cam, side = solve.load("cam", case="1"), np.linspace(0.0, 1.0, 300)
+    k3 = 1e8 + 4e8 * side
+
+    def rows(count: int) -> None:
+        solve.chart(cam, {"speed": SPEEDS[0] + 62 * side}, {"k3": k3[:count]}, rtol=RTOL, boundaries=False)
+
+    ours = median(lambda: rows(10), 3) * 30
+    peer = median(lambda: [dop853(cam, float(w), 1e-7) for w in (40.0, 60.0, 80.0)], 1) / 3 * 90_000
+    _say("cam, speed × k3, 300 × 300 (10 rows × 30)", ours, 90_000, 1.0)
+    _say("  DOP853 a point (3 points × 30 000)", peer, 90_000, peer / ours)
+
+
+def mathieu_chart() -> None:
+    """300 × 300 points of delta × epsilon with certificates; DOP853 on 100 of them."""
+    model, side = solve.load("mathieu", zeta=0.0), np.linspace(0.0, 1.0, 300)
+    x, y = {"delta": -1 + 11 * side}, {"epsilon": 0.02 + 7.98 * side}
+    grid = median(lambda: solve.chart(model, x, y, 1.0, boundaries=False))
+    whole = median(lambda: solve.chart(model, x, y), 3)
+    points = np.random.default_rng(0).uniform((-1, 0), (10, 8), (100, 2))
+    peer = median(lambda: [dop853_mathieu(*point, 1e-8) for point in points], 3) * 900
+    _say("Mathieu, 300 × 300: points", grid, 90_000, 1.0)
+    _say("  with boundaries to 1e-9 of the range", whole, 90_000, whole / grid)
+    _say("  DOP853 a point (100 points × 900)", peer, 90_000, peer / grid)
+
+
+def exponents() -> None:
+    """Fitted powers of the cost in points and in steps (cam, stability and orbit on a fixed grid)."""
+    cam = solve.load("cam", case="1")
+    batch = Batch(
+        over_speed(cam), SPEEDS[:, None], chosen("radau"), chosen_engine("auto")[0], 128, orbit=True
+    )
+    counts = np.array([256, 512, 1024, 2048])
+    times = [
+        median(lambda n=n: gathered(batch, np.resize(SPEEDS, n)[:, None], Wish(("q1",), warnings=False)), 3)
+        for n in counts
+    ]
+    print(f"cost over points: power {np.polyfit(np.log(counts), np.log(times), 1)[0]:.2f}")
+    steps, times = np.array([128, 256, 512, 1024]), []
+    for m in steps:
+        batch = Batch(
+            over_speed(cam), SPEEDS[:, None], chosen("radau"), chosen_engine("auto")[0], int(m), orbit=True
+        )
+        times.append(median(lambda b=batch: gathered(b, SPEEDS[:, None], Wish(("q1",), warnings=False)), 3))
+    print(f"cost over steps: power {np.polyfit(np.log(steps), np.log(times), 1)[0]:.2f}")
+
+
+def memory(kind: str) -> None:
+    """Largest resident memory of a process that solves 10⁵ cam speeds or 10⁶ Mathieu points."""
+    ran = subprocess.run([sys.executable, "-c", MEMORY, kind], capture_output=True, text=True, check=True)
+    print(f"memory, {kind}: {float(ran.stdout):.0f} MiB")
+
+
+def _say(what: str, seconds: float, points: int, ratio: float) -> None:
+    print(f"{what:48}{seconds:10.3f} s{1e6 * seconds / points:12.1f} µs/point{ratio:10.1f}", flush=True)
+
+
+def main() -> None:
+    print(f"{'':48}{'time':>12}{'':>21}{'ratio':>10}")
+    for part in (cam_sweeps, mathieu_chart, cam_chart, exponents):
+        part()
+    if "--memory" in sys.argv[1:]:
+        for kind in ("mathieu", "cam"):
+            memory(kind)
+
+
+if __name__ == "__main__":
+    main()

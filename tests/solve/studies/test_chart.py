@@ -1,0 +1,121 @@
+"""Stability charts against characteristic values and single solves."""
+
+import numpy as np
+import pytest
+from scipy.special import mathieu_a, mathieu_b
+
+import solve
+from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from tests.solve import systems
+
+X, Y = {"delta": np.linspace(-1, 10, 30)}, {"epsilon": np.linspace(0.05, 8, 30)}
+
+
+@pytest.fixture(scope="module")
+def undamped():
+    return solve.chart(solve.load("mathieu", zeta=0.0), X, Y, 1.0)
+
+
+def distances(points):
+    """From each point (k, 2) to every characteristic curve a_0 … a_4, b_1 … b_4, along delta."""
+    delta, q = points[:, 0], points[:, 1] / 2
+    curves = [mathieu_a(k, q) for k in range(5)] + [mathieu_b(k, q) for k in range(1, 5)]
+    return np.abs(np.array(curves) - delta)
+
+
+def test_boundaries_are_characteristic_values(undamped):
+    for curve in undamped.boundaries:
+        assert distances(curve.points).min(axis=0).max() < 1e-6
+
+
+def test_every_characteristic_curve_is_found_with_its_kind(undamped):
+    found = {}
+    for curve in undamped.boundaries:
+        # Where kinds change along a chain, the pieces share a point: each counts from its second on.
+        for place in distances(curve.points[1:]).argmin(axis=0):
+            found.setdefault(int(place), set()).add(curve.name)
+    # a_0 a_1 a_2 a_3 … b_1 b_2 b_3: those of even order have period T, the odd ones 2T.
+    even, odd = {"+1"}, {"-1"}
+    assert found == {0: even, 1: odd, 2: even, 3: odd, 5: odd, 6: even, 7: odd}
+
+
+def test_tongues_thinner_than_a_cell_are_followed(undamped):
+    lowest = min(curve.points[:, 1].min() for curve in undamped.boundaries if curve.points[0, 0] > 8.5)
+    width = mathieu_a(3, 0.025) - mathieu_b(3, 0.025)
+    assert abs(width) < 1e-5
+    assert lowest == 0.05
+
+
+def test_points_are_single_solves(undamped):
+    rng = np.random.default_rng(0)
+    for j, i in zip(rng.integers(0, 30, 8), rng.integers(0, 30, 8), strict=True):
+        alone = undamped.at(undamped.x[i], undamped.y[j])
+        assert undamped.spectral_radius[j, i] == pytest.approx(alone.spectral_radius, rel=1e-10)
+        assert undamped.verdicts[j, i] == alone.verdict
+        assert undamped.stable[j, i] == alone.stable
+        assert (undamped.kinds[j, i] == "") == alone.stable
+
+
+@pytest.mark.parametrize("held", ["x", "y"])
+def test_cuts_cross_where_the_values_are(undamped, held):
+    cut = undamped.cut(x=4.3) if held == "x" else undamped.cut(y=1.0)
+    points = [(4.3, at) if held == "x" else (at, 1.0) for at, _ in cut.crossings]
+    assert len(points) >= 1
+    assert distances(np.array(points)).min(axis=0).max() < 1e-7
+    assert cut.along == ("epsilon" if held == "x" else "delta")
+
+
+def test_damped_boundaries_lie_on_the_unit_circle():
+    found = solve.chart(solve.load("mathieu", zeta=0.05), X, Y, 1.0)
+    assert found.boundaries
+    for curve in found.boundaries:
+        for x, y in curve.points[::9]:
+            assert found.at(x, y).spectral_radius == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_system_of_ones_own():
+    def build(delta, epsilon):
+        def matrices(phase, speed):
+            one = np.ones((len(phase), 1, 1))
+            return one, 0 * one, (delta + epsilon * np.cos(2 * phase))[:, None, None], 0 * one[:, 0]
+
+        return systems.system(matrices, 1, period=np.pi)
+
+    found = solve.chart(build, {"delta": [0.5, 1.0, 1.5]}, {"epsilon": [0.5, 1.0]}, 1.0, boundaries=False)
+    model = solve.chart(
+        solve.load("mathieu", zeta=0.0),
+        {"delta": [0.5, 1.0, 1.5]},
+        {"epsilon": [0.5, 1.0]},
+        1.0,
+        boundaries=False,
+    )
+    np.testing.assert_allclose(found.spectral_radius, model.spectral_radius, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "error", "text"),
+    [
+        ({"delt": [1, 2]}, Y, UnknownNameError, "did you mean 'delta'"),
+        (X, X, ValueOutOfBoundsError, "both delta"),
+        ({"delta": [2, 1]}, Y, ValueOutOfBoundsError, "larger than the one before"),
+        ({"delta": [1]}, Y, ValueOutOfBoundsError, "at least two"),
+        ({}, Y, ValueOutOfBoundsError, "give one"),
+        (X, {"zeta": [-1, 1]}, ValueOutOfBoundsError, "zeta"),
+    ],
+)
+def test_bad_input(x, y, error, text):
+    with pytest.raises(error, match=text):
+        solve.chart("mathieu", x, y)
+
+
+def test_a_speed_is_needed():
+    with pytest.raises(MissingValueError, match="no speed given"):
+        solve.chart(solve.load("cam"), {"k3": [1e8, 2e8]}, {"k2": [1e8, 2e8]})
+
+
+def test_the_picture_names_its_boundaries(undamped):
+    figure = undamped.plot()
+    assert figure.axes[0].get_xlabel().startswith("delta")
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["boundary ρ = +1: period T", "boundary ρ = −1: period 2T"]
+    assert len(figure.axes[0].get_lines()) == len(undamped.boundaries)
