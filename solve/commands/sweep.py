@@ -178,7 +178,7 @@ def _report(found: "Sweep", names: "Sequence[str]", choices: "Sequence[str]") ->
     scales = {name: prefixed(found.system.units.get(name, ""), size) for name, size in sizes.items()}
     columns = [f"max|{name}| ({unit})" if unit else f"max|{name}|" for name, (_, unit) in scales.items()]
     every = math.ceil(len(found.points) / _MOST_ROWS)
-    title = "Over speed" if every == 1 else f"Over speed: every {every}th of {len(found.points)}"
+    title = "Over speed" if every == 1 else f"Over speed: one in {every} of {len(found.points)}"
     made = table(title, "rpm", *columns, "|ρ|", "stability", left=0)
     for point in found.points[::every]:
         row = [

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 import solve
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import MatricesError, ValueOutOfBoundsError
 from tests.solve import systems
 
 DELTA, EPSILON = 4.0, 2.0
@@ -36,7 +36,7 @@ def test_edges_are_characteristic_values(engine):
     first = edge(mathieu_a, 1, 1.5, 2.6), edge(mathieu_b, 1, 1.5, 2.6)
     for band, edges in zip(found, (second, first), strict=True):
         assert (band.low, band.high) == pytest.approx(sorted(edges), rel=1e-8)
-        assert not (band.open_low or band.open_high)
+        assert (band.open_low, band.open_high) == (False, False)
 
 
 def test_a_band_between_two_speeds_is_found():
@@ -103,3 +103,67 @@ def test_progress_rises():
 def test_one_speed_is_no_range():
     with pytest.raises(ValueOutOfBoundsError, match="at least two speeds"):
         solve.bands(mathieu(), [2.0, 2.0])
+
+
+def test_an_empty_range_is_refused():
+    with pytest.raises(ValueOutOfBoundsError, match="no speeds given; give some, such as"):
+        solve.bands(mathieu(), [])
+
+
+def test_a_range_may_be_one_text():
+    assert solve.bands(mathieu(), "0.9:4:12 rad/s") == solve.bands(mathieu(), np.linspace(0.9, 4.0, 12))
+
+
+def undamped_coupler():
+    return solve.load("coupler", alpha=0, cx=0, cy=0)
+
+
+def rpm(*speeds):
+    return np.array(speeds) * 30 / np.pi
+
+
+@pytest.mark.parametrize("count", [2, 3, 17])
+def test_bands_do_not_depend_on_the_speeds_between_the_ends(count):
+    """Two wide bands, two narrow ones where multipliers meet off the real axis, stable speeds between."""
+    coupler = undamped_coupler()
+    found = solve.bands(coupler, f"4200:6000:{count} rpm")
+    assert [band.kind for band in found] == ["-1", "complex", "complex", "+1"]
+    assert [band.open_high for band in found] == [False, False, False, True]
+    edges = rpm(found[0].low, found[0].high, found[3].low)
+    np.testing.assert_allclose(edges, [4294.86, 4347.96, 5643.97], rtol=0, atol=0.05)
+    for band in found:
+        width = (band.high - band.low) / (20 if band.open_high else 1)
+        outside = [band.low - 0.3 * width, *([] if band.open_high else [band.high + 0.3 * width])]
+        assert all(solve.floquet(coupler, speed).spectral_radius < 1 + 1e-8 for speed in outside), band
+        inside = band.low + width * np.array([0.3, 0.5, 0.7])
+        assert all(solve.floquet(coupler, speed).spectral_radius > 1 + 1e-6 for speed in inside), band
+
+
+def test_a_run_of_unstable_speeds_is_split_where_the_inside_is_stable(monkeypatch):
+    """Both ends lie in bands of the same kind; without further speeds they look like a single one."""
+    monkeypatch.setattr("solve.studies.bands._FEWEST", 1)
+    monkeypatch.setattr("solve.studies.bands._TURN", 1e9)
+    coupler = undamped_coupler()
+    ends = [solve.floquet(coupler, f"{speed} rpm") for speed in (3286.9, 6000)]
+    assert all(not end.stable and end.multipliers[0].real > 1 for end in ends)
+    found = solve.bands(coupler, "3286.9:6000:2 rpm")
+    assert (found[0].kind, found[0].open_low, found[0].open_high) == ("+1", True, False)
+    assert (found[-1].kind, found[-1].open_low, found[-1].open_high) == ("+1", False, True)
+    assert rpm(found[-1].low) == pytest.approx(5643.97, abs=0.05)
+    for place, stable in ((-1e-6, False), (1e-6, True)):
+        assert solve.floquet(coupler, found[0].high * (1 + place)).stable is stable
+
+
+def test_spacing_is_the_largest_distance_of_speeds_solved():
+    wide, narrow = (solve.bands(mathieu(), f"0.9:4:{count} rad/s").spacing for count in (2, 1000))
+    assert wide <= 3.1 / 40 * (1 + 1e-9)
+    assert narrow == pytest.approx(3.1 / 999, rel=1e-6)
+
+
+def test_singular_inertia_is_refused():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return 0 * one, one, one, np.zeros((len(phase), 1))
+
+    with pytest.raises(MatricesError):
+        solve.bands(systems.system(matrices, 1), [1.0, 2.0])

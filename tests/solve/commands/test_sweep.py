@@ -1,0 +1,172 @@
+"""`solve sweep`: what it prints, saves, draws and refuses."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import SolveError, UnitError, ValueOutOfBoundsError
+
+TABLE_2_MM = {
+    600: (0.2750, 0.0090, 0.0011),
+    900: (0.6309, 0.0204, 0.0025),
+    1200: (1.1583, 0.0364, 0.0046),
+    1500: (1.8704, 0.0572, 0.0072),
+}
+LIST = "600 900 1200 1500 rpm"
+POINT = {
+    "speed", "coordinates", "outputs", "spectral_radius", "verdict", "stable", "method", "steps",
+    "error_estimate", "warnings",
+}  # fmt: skip
+
+
+def record(ran):
+    assert ran.status == 0, ran.err
+    return json.loads(ran.out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+@pytest.mark.parametrize("speeds", [LIST, "600:1500:4 rpm", "10 15 20 25 Hz", "10:25:4 Hz"])
+def test_table_2_of_the_paper_in_every_form_of_speeds(command, speeds):
+    found = record(command("sweep", "coupler", "--speeds", speeds, "--json"))
+    assert found["speeds"] == pytest.approx([rpm * math.pi / 30 for rpm in TABLE_2_MM], rel=1e-14)
+    maxima = [
+        [1e3 * point["coordinates"][name]["max_abs"] for name in ("q1", "q2", "q3")]
+        for point in found["points"]
+    ]
+    np.testing.assert_allclose(maxima, list(TABLE_2_MM.values()), rtol=0, atol=0.5e-4)
+
+
+def test_json_has_the_promised_keys(command):
+    found = record(command("sweep", "coupler", "--speeds", "600 900 rpm", "--json"))
+    assert found.keys() >= {"model", "case", "parameters", "options", "speeds", "points"}
+    for point in found["points"]:
+        assert point.keys() >= POINT
+        assert point["error_estimate"].keys() == {"orbit", "multipliers"}
+        assert "midpoint_deflection" in point["outputs"]
+        for quantity in (*point["coordinates"].values(), *point["outputs"].values()):
+            assert quantity.keys() >= {"unit", "max", "min", "max_abs", "mean"}
+
+
+def test_a_single_speed_in_radians(command):
+    found = record(command("sweep", "coupler", "--speeds", "62.8 rad/s", "--json"))
+    assert found["speeds"] == [62.8]
+    assert len(found["points"]) == 1
+
+
+def test_a_failed_point_says_why_and_the_sweep_goes_on(command):
+    """Without damping a constant stiffness resonates at φ = Ωt with Ω = sqrt(delta): I - Φ is singular."""
+    ran = command(
+        "sweep", "mathieu", "--set", "delta=4", "--set", "epsilon=0", "--set", "zeta=0",
+        "--speeds", "1 1.3 rad/s", "--json",
+    )  # fmt: skip
+    failed, good = record(ran)["points"]
+    assert failed.keys() == {"speed", "error"}
+    assert failed["speed"] == 1.0
+    assert good["stable"] is True
+    assert f"warning: no result: {failed['error']} (at 9.5493 rpm)" in ran.err
+
+
+def test_warnings_are_whole_and_told_once_a_kind(command):
+    ran = command("sweep", "cam", "--speeds", "400 200 300 rpm", "--json")
+    first, _, last = record(ran)["points"]
+    lines = ran.err.splitlines()
+    assert len(lines) == 2, ran.err
+    for line, text in zip(lines, first["warnings"], strict=True):
+        assert line.startswith(f"warning: {text} (at 400 rpm; of this kind at ")
+    trusted = [line for line in lines if "max|q1|" in line]
+    assert trusted[0].endswith("of this kind at 2 of 3 speeds, from 300 rpm to 400 rpm)")
+    assert len(last["warnings"]) == 2
+
+
+def test_the_table(command):
+    ran = command("sweep", "coupler", "--speeds", LIST, "--show", "q1")
+    assert ran.status == 0, ran.err
+    assert "max|q1|" in ran.out
+    assert "max|q2|" not in ran.out
+    shown = {row[0]: row[1] for row in map(str.split, ran.out.splitlines()) if len(row) > 1}
+    for rpm, (q1, _, _) in TABLE_2_MM.items():
+        assert any(float(shown[str(rpm)]) == pytest.approx(q1 * scale, rel=1e-3) for scale in (1, 1e3))
+    assert max(map(len, ran.out.splitlines())) <= 80
+
+
+def test_a_long_table_shows_one_speed_in_k(command):
+    ran = command("sweep", "coupler", "--speeds", "600:900:121 rpm", "--show", "q1")
+    assert "one in 3 of 121" in ran.out
+    assert len(ran.out.splitlines()) < 60
+
+
+def test_files(command, tmp_path):
+    arguments = ("sweep", "coupler", "--speeds", LIST, "--plot", "s.svg", "--save", "s.csv", "--json")
+    found = record(command(*arguments))
+    assert "<svg" in (tmp_path / "s.svg").read_text()
+    rows = list(csv.DictReader((tmp_path / "s.csv").read_text().splitlines()))
+    for name in ("q1", "q2", "q3"):
+        saved = [float(row[f"{name}_max_abs (m)"]) for row in rows]
+        shown = [point["coordinates"][name]["max_abs"] for point in found["points"]]
+        assert saved == pytest.approx(shown, rel=1e-12)
+
+
+def test_a_waterfall(command, tmp_path):
+    ran = command("sweep", "coupler", "--speeds", "600:900:5 rpm", "--waterfall", "q1", "--plot", "w.svg")
+    assert ran.status == 0, ran.err
+    assert "<svg" in (tmp_path / "w.svg").read_text()
+
+
+USAGE = ("give 'A:B:N unit' or numbers with one unit", "'600 900 1200 rpm'")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), ("no speeds given", '--speeds "100:900:81 rpm"')),
+        *(
+            (("--speeds", text), (f"'{text}'", *USAGE))
+            for text in (
+                "", "600", "600 900", "rpm", "fast rpm", "600 rpm 900 rpm", "600, 900 rpm", "600,900 rpm",
+                "600:900 rpm", "600:900:1 rpm", "600:900:2.5 rpm", "600:900:4", "1:2:3:4 rpm",
+            )
+        ),
+        (("--speeds", "600 900 kg"), ("'kg'", "'rad/s'", "allowed: rpm, rad/s or Hz")),
+        (("--speeds", "600 900 1/min"), ("'1/min'", "turns or radians")),
+        (("--speeds", "0:900:4 rpm"), ("0.0 rpm", "> 0")),
+        (("--speeds", "600 nan rpm"), ("nan rpm", "finite")),
+        (("--speeds", LIST, "--show", "q9"), ("'q9'", "did you mean 'q3'")),
+        (("--speeds", LIST, "--waterfall", "q9"), ("'q9'", "did you mean 'q3'")),
+        (("--speeds", LIST, "--harmonics", "0"), ("--harmonics is 0",)),
+        (("--speeds", LIST, "--plot", "s.jpeg"), ("s.jpeg", ".png")),
+        (("--speeds", LIST, "--save", "s.xlsx"), ("s.xlsx", ".csv")),
+    ],
+)  # fmt: skip
+def test_refusals(command, arguments, words):
+    ran = command("sweep", "coupler", *arguments)
+    assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1), ran.err
+    assert [word for word in words if word not in ran.err] == [], ran.err
+    assert "Error)" not in ran.err
+
+
+def test_python_takes_one_speed_one_text_or_many():
+    coupler = solve.load("coupler")
+    assert list(solve.sweep(coupler, 62.8).speeds) == [62.8]
+    assert list(solve.sweep(coupler, np.float64(62.8)).speeds) == [62.8]
+    texts = solve.sweep(coupler, "600 900 rpm").speeds
+    assert list(texts) == pytest.approx([20 * math.pi, 30 * math.pi], rel=1e-14)
+    assert list(texts) == list(solve.sweep(coupler, ["600 rpm", "900 rpm"]).speeds)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "error", "message"),
+    [
+        ([], ValueOutOfBoundsError, "no speeds given; give some, such as '100:900:81 rpm'"),
+        (np.array([]), ValueOutOfBoundsError, "no speeds given"),
+        (None, ValueOutOfBoundsError, "speeds are None; give numbers in rad/s or texts such as '600 rpm'"),
+        ([[1.0, 2.0]], SolveError, r"speeds are \[\[1.0, 2.0\]\]; give numbers"),
+        ("600", UnitError, "speeds are '600'; give 'A:B:N unit'"),
+        ([62.8, -1.0], ValueOutOfBoundsError, "speed is -1.0; allowed: finite and > 0"),
+    ],
+)
+def test_python_refuses_what_is_no_speed(speeds, error, message):
+    with pytest.raises(error, match=message):
+        solve.sweep(solve.load("coupler"), speeds)
