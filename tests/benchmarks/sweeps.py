@@ -105,7 +105,7 @@ def mathieu_chart() -> None:
     model, side = solve.load("mathieu", zeta=0.0), np.linspace(0.0, 1.0, 300)
     x, y = {"delta": -1 + 11 * side}, {"epsilon": 0.02 + 7.98 * side}
     grid = median(lambda: solve.chart(model, x, y, 1.0, boundaries=False))
-    whole = median(lambda: solve.chart(model, x, y), 3)
+    whole = median(lambda: solve.chart(model, x, y, 1.0), 3)
     points = np.random.default_rng(0).uniform((-1, 0), (10, 8), (100, 2))
     peer = median(lambda: [dop853_mathieu(*point, 1e-8) for point in points], 3) * 900
     _say("Mathieu, 300 × 300: points", grid, 90_000, 1.0)
