@@ -41,12 +41,11 @@ def certified(
     """With `steps`: that grid, judged by one twice as fine. Without: doubled until both errors of the
     finer grid are estimated at `rtol` or less, or the precision in reach is achieved."""
     refinement = Refinement(system, speed, method.settled(system, speed), orbit)
-    if refinement.method.order == 0:
-        return refinement.approximated(steps, rtol)
     if steps is not None:
         refinement.refuse(steps)
-        return refinement.judged(steps, rtol)
-    return refinement.refined(rtol)
+    if refinement.method.order == 0:
+        return refinement.approximated(steps, rtol)
+    return refinement.refined(rtol) if steps is None else refinement.judged(steps, rtol)
 
 
 @dataclass
@@ -124,7 +123,7 @@ class Refinement:
         if steps > self.most:
             raise StepsError(
                 f"{self.method.name} takes at most {self.most} steps a period for {self.system.n} "
-                f"coordinates; given: {steps}; use fewer, or a method of higher order such as radau"
+                f"coordinates; given: {steps}; use fewer, or leave --steps out to have it chosen"
             )
 
     def solved(self, steps: int) -> Solution:
@@ -133,7 +132,7 @@ class Refinement:
 
     def approximated(self, steps: int | None, rtol: float) -> Certified:
         """A method that does not converge to the truth, judged by one that does."""
-        chosen = self.solved(steps or _FEW_STEPS)
+        chosen = self.solved(min(_FEW_STEPS, self.most) if steps is None else steps)
         truth = certified(self.system, self.speed, Auto(), None, min(rtol, 1e-8), self.orbit)
         errors = np.maximum(differences(chosen, truth.solution), rounding(chosen))
         return self.result(chosen, errors, rtol, steps)

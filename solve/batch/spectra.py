@@ -71,8 +71,10 @@ class Spectra:
 
 def verdicts(Phi: Array, spectra: Spectra, error: Array) -> Array:
     """Positions (P,) in VERDICTS, as `floquet.verdict` judges a single Φ."""
-    tolerance = np.maximum(error, UNIT_CIRCLE)[:, None]
     modulus = np.abs(spectra.values)
+    radius = spectra.radius
+    absolute = np.where(radius > 0, error, 0.0) * radius
+    tolerance = np.maximum(absolute, UNIT_CIRCLE)[:, None]
     found = np.where((modulus < 1 - tolerance).all(axis=1), 0, 1)
     found[(modulus > 1 + tolerance).any(axis=1)] = 2
     on_circle = (np.abs(modulus - 1) <= tolerance)[:, :, None] & ~np.eye(modulus.shape[1], dtype=bool)

@@ -29,4 +29,4 @@ class BahgatWillmert(Fourier):
             rate = 2j * np.pi / system.period * k
             driven = component * np.exp(rate * phases)[:, None]
             q += np.real(np.linalg.solve(K + rate * C + rate**2 * M, driven[..., None])[..., 0])
-        return q, 1.0
+        return q, np.nan

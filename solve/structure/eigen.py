@@ -55,10 +55,12 @@ def lowest_modes(M: Array, K: Array, count: int) -> Modes:
 
 
 def at_rest(M: Array, K: Array) -> Array:
-    """Frequency (m,) below which there is only rounding, for M, K (m, n, n)."""
+    """Frequency (m,) below which there is only rounding, for M, K (m, n, n): 0 where K is regular, as
+    low frequencies then keep their digits however high the highest are."""
     if M.shape[1] == 0:
         return np.zeros(len(M))
-    return np.sqrt(_REST * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
+    rounding = np.sqrt(_REST * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
+    return np.where(_shifts(M, K) > 0, rounding, 0.0)
 
 
 def _frequencies(values: Array, shift: Array, rest: Array) -> Array:

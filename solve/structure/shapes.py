@@ -54,7 +54,10 @@ def _exact_mode(
     The links are divided so that none of the elements vibrates with clamped ends at this frequency:
     then every mode moves a node (thesis 5.4.1), and D has no pole.
     """
-    omega = frequencies[number : number + 1]
+    # All of a repeated frequency are taken at its first copy: another rounding reorders the modes.
+    own = max(float(frequencies[number]), np.finfo(float).tiny)
+    before = np.count_nonzero(np.abs(frequencies[:number] / own - 1) < _SAME)
+    omega = frequencies[number - before : number - before + 1]
     positions = Positions(beams, np.array([phase]))
     for parts in PARTS:
         if not near_clamped(positions, omega)[0]:
@@ -64,7 +67,6 @@ def _exact_mode(
     D, M = positions.dynamic_stiffness(index, omega)[0], positions.dynamic_mass(index, omega)[0]
     scale = 1 / np.sqrt(np.diag(M))
     values, vectors = np.linalg.eigh(D * np.outer(scale, scale))
-    before = np.count_nonzero(np.abs(frequencies[:number] / omega - 1) < _SAME)
     chosen = np.argsort(np.abs(values), kind="stable")[before]
     vector = scale * vectors[:, chosen]
     return positions, positions.expanded(vector[None, :, None])[0, :, 0], float(vector @ M @ vector)

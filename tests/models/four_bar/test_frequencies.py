@@ -76,3 +76,15 @@ def test_element_options_are_taken_link_by_link():
 def test_its_motion_is_refused_in_one_line():
     with pytest.raises(SolveError, match="only the frequencies are known"):
         solve.periodic(solve.load("four_bar"), 30.0)
+
+
+@pytest.mark.parametrize(
+    ("element", "elements"), [("internal", 50), ("cubic", 30), ("dynamic", 50)], ids=lambda value: str(value)
+)
+def test_low_frequencies_keep_their_digits_beside_very_high_ones(element, elements):
+    """A short crank in many parts has modes a million times as fast as the lowest."""
+    exact = solve.load("four_bar", options={"element": "dynamic"}, L1=0.02)
+    fine = solve.load("four_bar", options={"element": element, "elements": elements}, L1=0.02)
+    expected = solve.frequencies(exact, 0.3, 4).values
+    assert np.all(expected > 100)
+    assert solve.frequencies(fine, 0.3, 4).values == pytest.approx(expected, rel=1e-5)
