@@ -40,7 +40,8 @@ class Judged:
     @classmethod
     def of(cls, points: Array, results: Results) -> "Judged":
         failed = results.verdicts == FAILED
-        beyond = results.spectral_radius - 1 > np.maximum(results.errors[:, 1], UNIT_CIRCLE)
+        radius = results.spectral_radius
+        beyond = radius - 1 > np.maximum(results.errors[:, 1] * radius, UNIT_CIRCLE)
         return cls(points, failed | ~beyond, np.where(failed[:, None], 0.0, results.multipliers))
 
     def __getitem__(self, some: Array) -> "Judged":
@@ -143,15 +144,40 @@ def crossings(
     judge: Judge, known: Judged, lines: Array, along: int, scale: Array, tolerance: float
 ) -> tuple[Array, Array, Array]:
     """Where stability changes between known neighbours on lines (k,) along one of the quantities: line
-    (c,), place (c, v) and kind (c,) of each."""
+    (c,), place (c, v) and kind (c,) of each. Stable stretches between two unstable neighbours are found
+    where one of these has a multiplier beyond +1 and the other beyond -1."""
     order = np.lexsort((known.points[:, along], lines))
     first, last = order[:-1], order[1:]
-    changes = (lines[first] == lines[last]) & (known.stable[first] != known.stable[last])
-    first, last = first[changes], last[changes]
-    stable = np.where(known.stable[first], first, last)
-    unstable = np.where(known.stable[first], last, first)
+    neighbours = lines[first] == lines[last]
+    changes = neighbours & (known.stable[first] != known.stable[last])
+    one, other = first[changes], last[changes]
+    stable, unstable = (np.where(known.stable[one] == side, one, other) for side in (True, False))
     places, kinds = edges(judge, known.points[stable], known.points[unstable], scale, tolerance)
-    return lines[first], places, kinds
+    apart, further, found = _slivers(judge, known, first[neighbours], last[neighbours], scale, tolerance)
+    return (
+        np.concatenate((lines[one], lines[apart])),
+        np.concatenate((places, further)),
+        np.concatenate((kinds, found)),
+    )
+
+
+def _slivers(
+    judge: Judge, known: Judged, first: Array, last: Array, scale: Array, tolerance: float
+) -> tuple[Array, Array, Array]:
+    """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
+    a neighbour (c,), place (c, v) and kind (c,) of each edge."""
+    plus, minus = known.gaps[:, 0] < 0, known.gaps[:, 1] < 0
+    rising, falling = plus & ~minus, minus & ~plus
+    facing = (rising[first] & falling[last]) | (falling[first] & rising[last])
+    first, last = first[facing], last[facing]
+    start = known.points[np.where(rising[first], first, last)]
+    end = known.points[np.where(rising[first], last, first)]
+    leaves = sectioned(lambda points, _: judge(points).gaps[:, 0] > 0, start, end, scale, tolerance)
+    enters = sectioned(lambda points, _: judge(points).gaps[:, 1] < 0, start, end, scale, tolerance)
+    sides = [(low + high) / 2 for low, high in (leaves, enters)]
+    apart = np.linalg.norm(sides[0] - start, axis=1) < np.linalg.norm(sides[1] - start, axis=1)
+    kinds = np.repeat([0, 1], apart.sum())
+    return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
 
 
 def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promising: float = 1.0) -> Judged:

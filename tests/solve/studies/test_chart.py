@@ -56,6 +56,22 @@ def test_points_are_single_solves(undamped):
         assert (undamped.kinds[j, i] == "") == alone.stable
 
 
+def test_a_stable_sliver_between_unstable_points_has_both_edges():
+    found = solve.chart(
+        solve.load("mathieu", zeta=0.0),
+        {"delta": np.linspace(-6, -2, 9)},
+        {"epsilon": np.linspace(4, 20, 9)},
+        1.0,
+    )
+    assert {curve.name for curve in found.boundaries} == {"+1", "-1"}
+    for curve in found.boundaries:
+        assert distances(curve.points).min(axis=0).max() < 1e-6
+    at = found.cut(x=-4.0)
+    assert [kind for _, kind in at.crossings] == ["+1", "-1"]
+    low, high = (place for place, _ in at.crossings)
+    assert high - low < 0.6
+
+
 @pytest.mark.parametrize("held", ["x", "y"])
 def test_cuts_cross_where_the_values_are(undamped, held):
     cut = undamped.cut(x=4.3) if held == "x" else undamped.cut(y=1.0)
