@@ -1,0 +1,59 @@
+"""`solve chart` and `solve critical`: JSON, tables, pictures, refusals."""
+
+import json
+
+import pytest
+from scipy.special import mathieu_a, mathieu_b
+
+CHART = ("chart", "mathieu", "--set", "zeta=0", "--x", "delta=0:6:13", "--y", "epsilon=0.1:3:7")
+CRITICAL = ("critical", "manipulator", "--speeds", "100:400:20 rpm", "--orders", "6")
+
+
+def test_the_chart_as_json(command):
+    ran = command(*CHART, "--cut", "epsilon=1", "--json")
+    assert ran.status == 0, ran.err
+    found = json.loads(ran.out)
+    assert (found["x"]["name"], found["y"]["name"]) == ("delta", "epsilon")
+    assert len(found["spectral_radius"]) == 7
+    assert all(len(row) == 13 for row in found["spectral_radius"])
+    assert {curve["kind"] for curve in found["boundaries"]} == {"+1", "-1"}
+    crossings = [crossing["at"] for crossing in found["cuts"][0]["crossings"]]
+    edges = [mathieu_b(1, 0.5), mathieu_a(1, 0.5), mathieu_b(2, 0.5), mathieu_a(2, 0.5)]
+    assert crossings == pytest.approx(edges, abs=1e-7)
+
+
+@pytest.mark.parametrize("arguments", [CHART, CRITICAL], ids=["chart", "critical"])
+def test_tables_fit_80_columns_and_pictures_are_written(command, tmp_path, arguments):
+    ran = command(*arguments, "--plot", "picture.png")
+    assert ran.status == 0, ran.err
+    assert max(map(len, ran.out.splitlines())) <= 80
+    assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_critical_speeds_as_json(command):
+    ran = command(*CRITICAL, "--figure", "rms", "--json")
+    assert ran.status == 0, ran.err
+    found = json.loads(ran.out)
+    assert found["figure"] == "rms"
+    keys = {"response", "multiplier", "division", "division_at_rest", "mode", "order"}
+    assert found["rows"]
+    assert all(row.keys() >= keys for row in found["rows"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("chart", "mathieu", "--x", "delta=0:6:13"), "no --y given"),
+        ((*CHART[:-1], "epsilon=3"), "write --y epsilon=A:B:N"),
+        ((*CHART[:-1], "epsilom=0:3:4"), "did you mean 'epsilon'"),
+        ((*CHART, "--cut", "zeta=1"), "unknown quantity of the chart 'zeta'"),
+        ((*CRITICAL, "--figure", "mean"), "unknown figure 'mean'"),
+        ((*CRITICAL, "--of", "q7"), "unknown coordinate or output"),
+        (("critical", "manipulator"), "no speeds given"),
+    ],
+)
+def test_refusals_are_one_line(command, arguments, text):
+    ran = command(*arguments)
+    assert ran.status == 2
+    assert text in ran.err
+    assert ran.err.count("\n") == 1
