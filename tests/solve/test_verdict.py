@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import mathieu_a, mathieu_b
 
-from solve import floquet
-from tests.solve.systems import constant, seeds, system
+from solve import Newmark, floquet
+from tests.solve.systems import cam, constant, seeds, system
 
 METHODS = ["auto", "radau", "gauss"]
 
@@ -54,6 +54,14 @@ def test_a_coarse_grid_cannot_tell_growth_below_its_own_error():
     slow = free([[1]], [[-2e-4]], [[2]])
     assert floquet(slow, 1.0, "rk4", steps=12, rtol=0.5).verdict == "stable"
     assert floquet(slow, 1.0, "rk4", steps=2000, rtol=0.5).verdict == "unstable"
+
+
+def test_multipliers_beyond_all_bounds_are_judged_without_a_fuss():
+    """An error as large as 1e272 times a spectral radius of 1e265 is more than a number holds."""
+    chosen = floquet(cam(), "100 rpm", Newmark(0.25, 1 / 6), steps=10_000, rtol=0.5)
+    assert chosen.spectral_radius > 1e100
+    assert chosen.verdict in {"stable", "unstable"}
+    assert any("gives the multipliers to" in text for text in chosen.warnings)
 
 
 def mathieu(delta, epsilon):
