@@ -149,8 +149,9 @@ def verdict(Phi: Array, multipliers: Array, error: float) -> str:
     """ "asymptotically stable", "stable" or "unstable".
 
     error: of the multipliers, relative to the spectral radius. A modulus counts as 1 within that error
-    (absolute, where the radius is below 1) or 1e-9, whichever is larger. Multipliers on the unit circle leave the system
-    stable only where their algebraic equals their geometric multiplicity (chapter Section 2).
+    (absolute, where the radius is below 1) or 1e-9, whichever is larger. Multipliers on the unit circle
+    leave the system stable only where their algebraic equals their geometric multiplicity (chapter
+    Section 2).
     """
     modulus = np.abs(multipliers)
     radius = float(modulus.max(initial=0.0))
