@@ -46,6 +46,7 @@ class Link:
         return {
             "angle": (self.angle, "rad"),
             "length": (self.length, "m"),
+            "E": (sympy.sympify(section.E), "Pa"),
             "EA": (section.E * section.A, "N"),
             "EI": (section.E * section.I, "N m^2"),
             "mu": (section.rho * section.A, "kg/m"),

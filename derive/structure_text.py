@@ -14,7 +14,7 @@ DATA = """\
 # A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
 # shared where welded), whether it is inextensible. A joint: name, whether its place is held."""
 DOCUMENTATION = """\
-Columns of links (angle from x, length, EA, EI, mass mu per length, height), of joints (mass),
+Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
 and the damping ratio of every mode."""
 
 

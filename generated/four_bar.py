@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "df9409b7f89506389cec6535ac9bfd34012dfaaacd17e1b921bec874fd69cce8"
+DERIVE_SHA256 = "2823b9e9ceb995cc9bb1caf735e6df7dfd34cf5394f4f89119ba1c86f6ec3271"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "b7a28f039edff6fc223a053720e024b5f8e51cf4e69acc995f17bc371847f308"
+BODY_SHA256 = "26cf5f60d3510c5f4a030d9628afaef43b06d4eadddba1fe07c359ad59dc9037"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -100,7 +100,7 @@ def _t2_t3(angle, L1, L2, L3, L4, branch_crossed, branch_open):
 
 
 def properties(*, branch="open"):
-    """Columns of links (angle from x, length, EA, EI, mass mu per length, height), of joints (mass),
+    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
     and the damping ratio of every mode."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -124,6 +124,11 @@ def properties(*, branch="open"):
                 L1,
                 L2,
                 L3,
+            ),
+            casadi.vertcat(
+                E,
+                E,
+                E,
             ),
             casadi.vertcat(
                 A1*E,
@@ -154,7 +159,7 @@ def properties(*, branch="open"):
             casadi.SX(zeta),
         ],
         ["phase", "p"],
-        ["angle", "length", "EA", "EI", "mu", "height", "mass", "damping_ratio"],
+        ["angle", "length", "E", "EA", "EI", "mu", "height", "mass", "damping_ratio"],
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "df9409b7f89506389cec6535ac9bfd34012dfaaacd17e1b921bec874fd69cce8"
+DERIVE_SHA256 = "2823b9e9ceb995cc9bb1caf735e6df7dfd34cf5394f4f89119ba1c86f6ec3271"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "70143e8daa485b3ef1b88a04432c5fb4ff5b4f91fd165fc245d4d120f145f8c2"
+BODY_SHA256 = "1ee5c949a18a4c23c351142cf32e622f1119614ceedcb32a7b8bd8f495c78194"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -53,7 +53,7 @@ MOVES = False
 
 
 def properties():
-    """Columns of links (angle from x, length, EA, EI, mass mu per length, height), of joints (mass),
+    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
     and the damping ratio of every mode."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 5)
@@ -75,6 +75,11 @@ def properties():
                 L,
                 L,
                 L,
+            ),
+            casadi.vertcat(
+                E,
+                E,
+                E,
             ),
             casadi.vertcat(
                 x1,
@@ -105,5 +110,5 @@ def properties():
             casadi.SX(0),
         ],
         ["phase", "p"],
-        ["angle", "length", "EA", "EI", "mu", "height", "mass", "damping_ratio"],
+        ["angle", "length", "E", "EA", "EI", "mu", "height", "mass", "damping_ratio"],
     )

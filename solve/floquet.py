@@ -149,11 +149,13 @@ def verdict(Phi: Array, multipliers: Array, error: float) -> str:
     """ "asymptotically stable", "stable" or "unstable".
 
     error: of the multipliers, relative to the spectral radius. A modulus counts as 1 within that error
-    or 1e-9, whichever is larger. Multipliers on the unit circle leave the system
-    stable only where their algebraic equals their geometric multiplicity (chapter Section 2).
+    (absolute, where the radius is below 1) or 1e-9, whichever is larger. Multipliers on the unit circle
+    leave the system stable only where their algebraic equals their geometric multiplicity (chapter
+    Section 2).
     """
     modulus = np.abs(multipliers)
-    tolerance = max(error * modulus.max(initial=0.0), UNIT_CIRCLE) if modulus.any() else UNIT_CIRCLE
+    radius = float(modulus.max(initial=0.0))
+    tolerance = max(error * min(radius, 1.0), UNIT_CIRCLE) if radius else UNIT_CIRCLE
     if np.all(modulus < 1 - tolerance):
         return "asymptotically stable"
     if np.any(modulus > 1 + tolerance):

@@ -42,15 +42,16 @@ class Model(PeriodicSystem):
         self.module = module
         self.name: str = module.NAME
         self.case = case
-        self.options = _checked_options(module, options)
+        self.options = _checked_options(module, self.declared_options(module), options)
         self.parameters = _checked_parameters(module, parameters)
         self._p = np.array([self.parameters[name] for name, *_ in module.PARAMETERS])
         self._require_conditions()
         matrices, declared = self._equations()
         super().__init__(matrices, [name for name, *_ in declared], module.PERIOD)
-        self.outputs = tuple(name for name, *_ in module.OUTPUTS)
-        self.units = {name: unit for name, unit, _ in (*declared, *module.OUTPUTS)}
-        self.meanings = {name: meaning for name, _, meaning in (*declared, *module.OUTPUTS)}
+        outputs = self._declared_outputs()
+        self.outputs = tuple(name for name, *_ in outputs)
+        self.units = {name: unit for name, unit, _ in (*declared, *outputs)}
+        self.meanings = {name: meaning for name, _, meaning in (*declared, *outputs)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
         self.limits = tuple(module.LIMITS)
 
@@ -66,6 +67,15 @@ class Model(PeriodicSystem):
         """The matrices over phase and speed, and name, unit and meaning of the coordinates in use."""
         sampler = Sampler(self.module.linearised(**self.options), self._p)
         return sampler, self.module.COORDINATES[: sampler.n]
+
+    def _declared_outputs(self) -> Sequence[tuple[str, str, str]]:
+        """Name, unit and meaning of the outputs."""
+        return self.module.OUTPUTS
+
+    @staticmethod
+    def declared_options(module: ModuleType) -> Sequence[tuple[str, Sequence[Any], Any]]:
+        """Name, allowed values and default of the options of a generated module's model."""
+        return module.OPTIONS
 
     @property
     def _own_options(self) -> dict[str, Any]:
@@ -229,11 +239,13 @@ def _chosen_case(path: Path, case: str | None, module: ModuleType, explicit: boo
     return cases[case]
 
 
-def _checked_options(module: ModuleType, given: Options) -> dict[str, Any]:
+def _checked_options(
+    module: ModuleType, declared: Sequence[tuple[str, Sequence[Any], Any]], given: Options
+) -> dict[str, Any]:
     """Every option's value: the given or the default one."""
     link_options = getattr(module, "LINK_OPTIONS", ())
-    allowed = {name: values for name, values, _ in (*module.OPTIONS, *link_options)}
-    options: dict[str, Any] = {name: default for name, _, default in (*module.OPTIONS, *link_options)}
+    allowed = {name: values for name, values, _ in declared}
+    options: dict[str, Any] = {name: default for name, _, default in declared}
     for name, value in given.items():
         if name not in allowed:
             raise UnknownNameError(f"option of {module.NAME}", name, allowed)

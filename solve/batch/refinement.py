@@ -24,7 +24,6 @@ _MEMORY = 2**25
 """Bytes that the points solved at once may take."""
 
 
-
 @dataclass(frozen=True)
 class Found:
     """Points of a chunk that the same grid served: positions (k,); errors (k, 2) of orbit and

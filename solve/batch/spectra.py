@@ -73,7 +73,7 @@ def verdicts(Phi: Array, spectra: Spectra, error: Array) -> Array:
     """Positions (P,) in VERDICTS, as `floquet.verdict` judges a single Φ."""
     modulus = np.abs(spectra.values)
     radius = spectra.radius
-    absolute = np.where(radius > 0, error, 0.0) * radius
+    absolute = np.where(radius > 0, error, 0.0) * np.minimum(radius, 1.0)
     tolerance = np.maximum(absolute, UNIT_CIRCLE)[:, None]
     found = np.where((modulus < 1 - tolerance).all(axis=1), 0, 1)
     found[(modulus > 1 + tolerance).any(axis=1)] = 2

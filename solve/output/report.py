@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
@@ -46,9 +46,19 @@ def described(method: Method) -> str:
     return f"{method.name} ({', '.join(numbers)})" if numbers else method.name
 
 
+class NumberTable(Table):
+    """A table in which no number is cut: where the width is short, names go on in the next line."""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for column in self.columns:
+            if column.justify == "right":
+                column.min_width = max((console.measure(cell).maximum for cell in column.cells), default=0)
+        yield from super().__rich_console__(console, options)
+
+
 def table(title: str, *columns: str, left: int = 1) -> Table:
     """A table of this program: the first `left` columns are text, the others numbers."""
-    made = Table(
+    made = NumberTable(
         title="\n" + title,
         title_justify="left",
         title_style="bold",
@@ -60,7 +70,9 @@ def table(title: str, *columns: str, left: int = 1) -> Table:
         caption_justify="left",
     )
     for index, column in enumerate(columns):
-        made.add_column(column, justify="left" if index < left else "right", no_wrap=True)
+        made.add_column(
+            column, justify="left" if index < left else "right", no_wrap=index > 0, overflow="fold"
+        )
     return made
 
 

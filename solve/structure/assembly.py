@@ -39,7 +39,12 @@ class Table:
 
 def spread(freedoms: Freedoms, link: int, local: Array) -> Array:
     """Tables (5, n, n) of 1, c, s, c², cs for a link whose elements all have the local matrix (k, k)."""
-    still, cosine, sine = _rotation(freedoms.elements[link].freedoms)
+    return spread_singly(freedoms, link, local).sum(axis=0)
+
+
+def spread_singly(freedoms: Freedoms, link: int, local: Array) -> Array:
+    """The same for each element of the link by itself: (elements, 5, n, n)."""
+    still, cosine, sine = rotation(freedoms.elements[link].freedoms)
     turned = np.stack(
         (
             still @ local @ still + sine.T @ local @ sine,
@@ -49,10 +54,11 @@ def spread(freedoms: Freedoms, link: int, local: Array) -> Array:
             cosine @ local @ sine + sine.T @ local @ cosine,
         )
     )
-    whole = np.zeros((TERMS, freedoms.n + 1, freedoms.n + 1))
-    for row in freedoms.indices[link]:
-        whole[:, row[:, None], row[None, :]] += turned
-    return whole[:, :HELD, :HELD]
+    rows = freedoms.indices[link]
+    whole = np.zeros((len(rows), TERMS, freedoms.n + 1, freedoms.n + 1))
+    for each, row in zip(whole, rows, strict=True):
+        each[:, row[:, None], row[None, :]] += turned
+    return whole[..., :HELD, :HELD]
 
 
 def point_masses(freedoms: Freedoms, masses: Array) -> Array:
@@ -66,12 +72,18 @@ def point_masses(freedoms: Freedoms, masses: Array) -> Array:
 
 def local_values(freedoms: Freedoms, link: int, angle: float, q: Array) -> Array:
     """Values (elements, k) of the elements' own freedoms for a structure's q (N,) and the link's angle."""
-    still, cosine, sine = _rotation(freedoms.elements[link].freedoms)
     ground = np.append(q, 0.0)[freedoms.indices[link]]
-    return ground @ (still + np.cos(angle) * cosine + np.sin(angle) * sine).T
+    return ground @ rotations(freedoms, link, np.array([angle]))[0].T
 
 
-def _rotation(local: Sequence[Freedom]) -> tuple[Array, Array, Array]:
+def rotations(freedoms: Freedoms, link: int, angle: Array) -> Array:
+    """R (m, k, k) from ground axes to the link's at its angles (m,)."""
+    still, cosine, sine = rotation(freedoms.elements[link].freedoms)
+    c, s = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
+    return still + c * cosine + s * sine
+
+
+def rotation(local: Sequence[Freedom]) -> tuple[Array, Array, Array]:
     """R = still + c cosine + s sine, from ground axes to the link's (thesis (4.26)).
 
     Translations in ground axes stand in the places of the link's: x for u, y for v.

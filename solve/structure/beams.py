@@ -15,10 +15,11 @@ from solve.structure.freedoms import Freedoms, Link
 
 @dataclass(frozen=True)
 class Properties:
-    """length (m), EA (N), EI (N m²), mu (kg/m), height (m) of the links, mass (kg) of the joints, and
+    """length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m) of the links, mass (kg) of the joints, and
     the damping ratio of every mode."""
 
     length: Array
+    E: Array
     EA: Array
     EI: Array
     mu: Array

@@ -5,6 +5,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from solve.arrays import Array
 from solve.generated import beam_elements
@@ -28,8 +29,8 @@ class Freedom(NamedTuple):
 class Element:
     """A plane beam element: axial freedoms first, then those of bending, k together.
 
-    mass, elongation and bending are (k, k) for unit length; coefficients (k, p) of the shape functions
-    are those of 1, ξ, ξ², ….
+    mass, elongation, bending, geometric and coupling are (k, k) for unit length; coefficients (k, p) of
+    the shape functions are those of 1, ξ, ξ², ….
     """
 
     name: str
@@ -37,6 +38,8 @@ class Element:
     unit_mass: Array
     unit_elongation: Array
     unit_bending: Array
+    unit_geometric: Array
+    unit_coupling: Array
     coefficients: Array
 
     def mass(self, L: float, mu: float) -> Array:
@@ -47,12 +50,30 @@ class Element:
         """Stiffness matrix for derivatives by x (N/m, N, …): thesis (4.11)."""
         return EA / L * self.unit_elongation + EI / L**3 * self._scaled(self.unit_bending, L)
 
+    def geometric(self, L: float) -> Array:
+        """Stiffness by a unit axial force, tension positive (1/m, 1, …): thesis (4.38)."""
+        return self._scaled(self.unit_geometric, L) / L
+
+    def coupling(self, L: float, mu: float) -> Array:
+        """Skew P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]: how rotation couples both displacements."""
+        return mu * L * self._scaled(self.unit_coupling, L)
+
+    def strains(self, L: float, xi: Array) -> tuple[Array, Array]:
+        """Elongation u′ and curvature v″ (points, k) at ξ for each unit freedom."""
+        axial = np.array([each.direction == AXIAL for each in self.freedoms])
+        return self._derivative(L, xi, AXIAL) * axial, self._derivative(L, xi, BENDING) * ~axial
+
     def displacement(self, L: float, xi: Array) -> tuple[Array, Array]:
         """Axial and transverse displacement (points, k) at ξ for each unit freedom."""
-        powers = xi[:, None] ** np.arange(self.coefficients.shape[1])
-        shapes = powers @ self.coefficients.T * self._powers(L)
+        shapes = self._derivative(L, xi, 0)
         axial = np.array([each.direction == AXIAL for each in self.freedoms])
         return shapes * axial, shapes * ~axial
+
+    def _derivative(self, L: float, xi: Array, order: int) -> Array:
+        """Derivative by x of the shape functions (points, k) at ξ."""
+        coefficients = polynomial.polyder(self.coefficients, order, axis=1)
+        powers = xi[:, None] ** np.arange(coefficients.shape[1])
+        return powers @ coefficients.T * self._powers(L) / L**order
 
     def _scaled(self, table: Array, L: float) -> Array:
         return table * np.multiply.outer(self._powers(L), self._powers(L))
@@ -81,6 +102,8 @@ def element(name: str) -> Element:
         _diagonal(axial["mass"], bending["mass"]),
         _diagonal(axial["stiffness"], none_bending),
         _diagonal(none_axial, bending["stiffness"]),
+        _diagonal(none_axial, np.array(families[1]["geometric"], dtype=float)),
+        _skew(np.array(stated["coupling"], dtype=float)),
         _stacked(axial["shapes"], bending["shapes"]),
     )
 
@@ -91,6 +114,12 @@ def _diagonal(first: Array, second: Array) -> Array:
     whole = np.zeros((k + len(second),) * 2)
     whole[:k, :k], whole[k:, k:] = first, second
     return whole
+
+
+def _skew(X: Array) -> Array:
+    """[[0, −X], [Xᵀ, 0]] for X (axial, bending)."""
+    a, b = X.shape
+    return np.block([[np.zeros((a, a)), -X], [X.T, np.zeros((b, b))]])
 
 
 def _stacked(first: Array, second: Array) -> Array:

@@ -13,6 +13,8 @@ from solve.structure.elements import AXIAL, Element, element
 HELD = -1
 """Index of a freedom that is held at zero."""
 
+_UNITS = {"x": "m", "y": "m", "turn": "rad", "curvature": "1/m"}
+
 
 class Link(NamedTuple):
     """A straight beam: its joints, the freedoms by which its ends turn ("" where clamped), and whether
@@ -57,6 +59,11 @@ class Freedoms:
     def names(self) -> list[str]:
         """Names of the freedoms, such as A_x, crank_A_turn, coupler_1_y (interior node 1)."""
         return list(self._numbers)
+
+    @property
+    def units(self) -> list[str]:
+        """Units of the freedoms."""
+        return [_UNITS[name.rpartition("_")[2]] for name in self.names]
 
     @property
     def n(self) -> int:

@@ -1,15 +1,25 @@
 """A structure of beams from a generated module: a model whose matrices are assembled, not printed."""
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import NoMotionError
+from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
 from solve.load import Model
 from solve.structure.beams import Beams, Properties
+from solve.structure.elements import EXACT
 from solve.structure.freedoms import freedoms
+from solve.structure.motion import OPTIONS, Motion
+from solve.structure.points import SURFACES, Point
 from solve.structure.positions import Positions
+from solve.structure.quantities import quantities
+
+if TYPE_CHECKING:
+    import casadi
 
 
 class StructureModel(Model):
@@ -32,7 +42,46 @@ class StructureModel(Model):
         self.beams = Beams(chosen, self._numbers(), self._angle)
         if module.MOVES:
             self.at_positions(np.linspace(0.0, module.PERIOD, 36, endpoint=False))
-        return self._no_motion, [(name, "", "") for name in chosen.names]
+        meanings = zip(chosen.names, chosen.units, strict=True)
+        return self._motion, [(name, unit, "displacement from the rigid motion") for name, unit in meanings]
+
+    @staticmethod
+    def declared_options(module: ModuleType) -> Sequence[tuple[str, Sequence[Any], Any]]:
+        return (*module.OPTIONS, *module.LINK_OPTIONS, *(OPTIONS if module.MOVES else ()))
+
+    def _declared_outputs(self) -> Sequence[tuple[str, str, str]]:
+        if not self.module.MOVES:
+            return ()
+        return [(each.name, each.unit, each.meaning) for each in quantities(self.beams)]
+
+    def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+        if not self.outputs:
+            return {}
+        positions = self.at_positions(phase)
+        return {each.name: each.values(positions, q) for each in quantities(self.beams)}
+
+    def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
+        """Transverse displacement (k,) in m from the rigid motion, at a fraction (0 … 1) of a link's length,
+        for q (n, k) at phases (k,). Raises UnknownNameError and ValueOutOfBoundsError."""
+        return self._point(link, fraction).deflection(self._angle(phase), q)
+
+    def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
+        """Axial stress (k,) in Pa, E (u′ ∓ (h/2) v″), on the surface "plus" or "minus" of a link at a
+        fraction (0 … 1) of its length, for q (n, k) at phases (k,).
+
+        Raises UnknownNameError and ValueOutOfBoundsError.
+        """
+        if surface not in SURFACES:
+            raise UnknownNameError("surface", surface, SURFACES)
+        return self._point(link, fraction).stress(self._angle(phase), q, surface)
+
+    def _point(self, link: str, fraction: float) -> Point:
+        names = [each.name for each in self.beams.freedoms.links]
+        if link not in names:
+            raise UnknownNameError(f"link of {self.name}", link, names)
+        if not 0 <= fraction <= 1:
+            raise ValueOutOfBoundsError(f"place on link {link} is {fraction}; allowed: 0 to 1 of its length")
+        return Point(self.beams, names.index(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
         """The structure frozen at phases (m,)."""
@@ -56,12 +105,43 @@ class StructureModel(Model):
     def _angle(self, phase: Array) -> Array:
         return self._properties(phase=phase[None], p=self._p)["angle"].full().T
 
-    def require_motion(self) -> None:
-        raise NoMotionError(
-            f"{self.name} is a structure of which only the frequencies are known; "
-            f"run: python -m solve frequencies {self.name}"
-        )
+    @cached_property
+    def _angle_rates(self) -> "casadi.Function":
+        import casadi
 
-    def _no_motion(self, phase: Array, speed: float) -> Sequence[Array]:
+        phase = casadi.SX.sym("phase")  # pyright: ignore[reportAttributeAccessIssue]
+        angle = self._properties(phase=phase, p=self._p)["angle"]
+        rate = casadi.jacobian(angle, phase)
+        return casadi.Function("rates", [phase], [rate, casadi.jacobian(rate, phase)])
+
+    def _rates(self, phase: Array) -> tuple[Array, Array]:
+        """First and second derivative (m, links) of the links' angles by the phase."""
+        rate, second = (each.full().T for each in self._angle_rates(phase[None]))
+        return rate, second
+
+    def require_motion(self) -> None:
+        """Raise NoMotionError where the links stand still, or their elements have frequencies only."""
+        if not self.module.MOVES:
+            raise NoMotionError(
+                f"{self.name} is a structure of which only the frequencies are known; "
+                f"run: python -m solve frequencies {self.name}"
+            )
+        if EXACT in self.beams.freedoms.kinds:
+            raise NoMotionError(
+                f"element {EXACT} of {self.name} has frequencies, but no equations of motion; "
+                "choose another element"
+            )
+        if any(link.inextensible for link in self.beams.freedoms.links):
+            raise NoMotionError(
+                f"{self.name} has inextensible links, of which only the frequencies are known; "
+                "let them stretch"
+            )
+
+    @cached_property
+    def _equation(self) -> Motion:
+        chosen = [self.options[name] for name, *_ in OPTIONS]
+        return Motion(self.beams, self._rates, self.period, *chosen)
+
+    def _motion(self, phase: Array, speed: float) -> Sequence[Array]:
         self.require_motion()
-        return ()
+        return self._equation(phase, speed)

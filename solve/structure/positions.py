@@ -22,9 +22,9 @@ class Positions:
         self.beams = beams
         self.phase = np.atleast_1d(np.asarray(phase, dtype=float))
         self.angle = beams.angle(self.phase)
-        self._terms = angle_terms(self.angle)
-        shared = self._terms[:, :, 1:].reshape(len(self.phase), -1)
-        self._weights = np.concatenate((np.ones((len(self.phase), 1)), shared), axis=1)
+        self.terms = angle_terms(self.angle)
+        shared = self.terms[:, :, 1:].reshape(len(self.phase), -1)
+        self.weights = np.concatenate((np.ones((len(self.phase), 1)), shared), axis=1)
         self._require_closed()
 
     @property
@@ -35,19 +35,19 @@ class Positions:
     def matrices(self) -> tuple[Array, Array]:
         """M and K of the finite elements, (m, n, n)."""
         everywhere = np.arange(len(self.phase))
-        M, K = self.beams.mass(self._weights), self.beams.stiffness(self._weights)
+        M, K = self.beams.mass(self.weights), self.beams.stiffness(self.weights)
         return self._reduced(M, everywhere), self._reduced(K, everywhere)
 
     def dynamic_stiffness(self, index: Array, omega: Array) -> Array:
         """D(ω) = K − ω²M, (b, n, n), at the positions of number `index` (b,) and ω (b,) rad/s."""
-        weights = self._weights[index]
+        weights = self.weights[index]
         D = self.beams.stiffness(weights) - (omega**2)[:, None, None] * self.beams.mass(weights)
         functions = [self.beams.members[number].exact_weights(omega) for number in self.beams.exact_links]
         return self._reduced(D + self._exact(index, functions), index)
 
     def dynamic_mass(self, index: Array, omega: Array) -> Array:
         """M(ω) = −∂D/∂(ω²), (b, n, n), as `dynamic_stiffness`: thesis (5.16)."""
-        M = self.beams.mass(self._weights[index])
+        M = self.beams.mass(self.weights[index])
         functions = [
             self.beams.members[number].exact_mass_weights(omega) for number in self.beams.exact_links
         ]
@@ -67,7 +67,12 @@ class Positions:
     @cached_property
     def joints(self) -> Array:
         """Places x + iy (m) of the joints, (m, joints), the first held one at 0."""
-        freedoms, spans = self.beams.freedoms, self._spans
+        return self.placed(self._spans)
+
+    def placed(self, spans: Array) -> Array:
+        """Vectors x + iy (m, joints) of the joints from those along the links (m, links); the first held
+        joint's is 0."""
+        freedoms = self.beams.freedoms
         names = [name for name, _ in freedoms.joints]
         first = next((name for name, held in freedoms.joints if held), names[0])
         places = {first: np.zeros(len(self.phase), dtype=complex)}
@@ -92,7 +97,7 @@ class Positions:
         """Of exact links, (b, N, N), from their eight functions (b, 8) each."""
         parts = [np.zeros((len(index), 0))]
         for number, values in zip(self.beams.exact_links, functions, strict=True):
-            parts.append((values[:, :, None] * self._terms[index, number, None, :]).reshape(len(index), -1))
+            parts.append((values[:, :, None] * self.terms[index, number, None, :]).reshape(len(index), -1))
         return self.beams.exact(np.concatenate(parts, axis=1))
 
     def _require_closed(self) -> None:

@@ -81,6 +81,7 @@ def test_properties_are_those_of_the_sections():
     assert columns == {
         "angle": [np.pi / 2, 0],
         "length": [0.5, 1.0],
+        "E": [2e11, 2e11],
         "EA": [8e7, 8e7],
         "EI": [pytest.approx(6e3)] * 2,
         "mu": [pytest.approx(3.12)] * 2,

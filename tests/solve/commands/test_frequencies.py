@@ -21,7 +21,7 @@ def record(command, *arguments):
 def test_json_at_a_position(command):
     found = record(command, "four_bar", *EXACT, "--position", "70 deg", "--count", "3")
     assert (found["model"], found["case"]) == ("four_bar", "table41")
-    assert found["options"] == {"branch": "open", "elements": 1, "element": "dynamic"}
+    assert found["options"].items() >= {"branch": "open", "elements": 1, "element": "dynamic"}.items()
     assert found["position"] == pytest.approx(math.radians(70))
     model = solve.load("four_bar", options={"element": "dynamic"})
     expected = solve.frequencies(model, math.radians(70), 3).values[0]

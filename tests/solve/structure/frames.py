@@ -23,7 +23,9 @@ def beams(links, held, lengths, angles, kinds="cubic", counts=1, EA=1e4, EI=1.0,
         return np.stack(columns, axis=1)
 
     mass = np.array([(masses or {}).get(joint, 0.0) for joint in joints])
-    properties = Properties(spread(lengths), spread(EA), spread(EI), spread(mu), np.zeros(n), mass, 0.0)
+    properties = Properties(
+        spread(lengths), np.zeros(n), spread(EA), spread(EI), spread(mu), np.zeros(n), mass, 0.0
+    )
     kinds = [kinds] * n if isinstance(kinds, str) else kinds
     counts = [counts] * n if isinstance(counts, int) else counts
     chosen = freedoms(rows, [(joint, joint in held) for joint in joints], kinds, counts)

@@ -1,0 +1,133 @@
+"""Steady state of the all-flexible four-bar (thesis Chapter 6): reference values and what must hold.
+
+The reference values come from an independent program with the definitions of thesis Table 4.1 and 6.2.
+"""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
+
+PHASE = np.linspace(0, 2 * np.pi, 3601)
+
+
+def orbit(speed, options=None, **parameters):
+    return solve.periodic(solve.load("four_bar", options=options or {}, **parameters), speed, rtol=1e-7)
+
+
+def values(found, name):
+    """An output over the turn, at every tenth of a degree."""
+    return found.system.output_values(PHASE, found.speed, *found.state(PHASE))[name]
+
+
+@pytest.mark.parametrize(
+    ("speed", "deflection", "degrees", "radius"),
+    [(30.0, 0.0109651, 33.155, 0.446954), (62.0, 0.1193546, 75.781, 0.674320)],
+)
+def test_follower_midpoint_and_spectral_radius_of_one_element_a_link(speed, deflection, degrees, radius):
+    found = orbit(speed)
+    range_ = found.statistics("follower_midpoint_deflection")
+    assert range_.max_abs == pytest.approx(deflection, rel=1e-5)
+    assert found.spectral_radius == pytest.approx(radius, rel=1e-5)
+    near = np.radians(degrees + np.array([-0.2, 0.0, 0.2]))
+    state = found.state(near)
+    w = np.abs(found.system.output_values(near, speed, *state)["follower_midpoint_deflection"])
+    parabola = np.polynomial.polynomial.polyfit(np.degrees(near) - degrees, w, 2)
+    assert degrees - parabola[1] / (2 * parabola[2]) == pytest.approx(degrees, abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("elements", "stress"), [(1, 99.6), (2, 146.8), (3, 118.0), (4, 129.0)])
+def test_follower_midpoint_stress_against_the_number_of_elements(elements, stress):
+    found = orbit(30.0, {"elements": elements})
+    assert found.statistics("follower_midpoint_stress_plus").max_abs / 1e6 == pytest.approx(stress, abs=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("option", "change"), [({"terms": "full"}, 0.04), ({"stiffening": "on"}, 24.0)])
+def test_terms_that_the_instantaneous_structure_leaves_out(option, change):
+    """Largest change of the follower's midpoint over the turn, in percent of the largest deflection."""
+    before, after = (
+        values(orbit(30.0, {"elements": 3, **options}), "follower_midpoint_deflection")
+        for options in ({}, option)
+    )
+    found = 100 * np.abs(after - before).max() / np.abs(before).max()
+    assert found == pytest.approx(change, rel=0.05)
+
+
+def test_without_damping_full_terms_conserve_and_the_instantaneous_structure_does_not():
+    """M′q̇ is missing from the instantaneous structure, so that its |ρ| says nothing of stability."""
+    radius = {
+        terms: solve.floquet(
+            solve.load("four_bar", options={"terms": terms}, zeta=0.0), 30.0, rtol=1e-7
+        ).spectral_radius
+        for terms in ("full", "instantaneous")
+    }
+    assert radius["full"] == pytest.approx(1.0, abs=1e-5)
+    assert radius["instantaneous"] > 1.01
+
+
+def test_rayleigh_damping_gives_the_lowest_mode_the_ratio_on_average():
+    model = solve.load("four_bar", options={"damping": "rayleigh"})
+    M, C, K, _ = model.at(np.linspace(0, 2 * np.pi, 36, endpoint=False), 30.0)
+    squares, vectors = np.linalg.eig(np.linalg.solve(M, K))
+    order = np.argsort(squares.real, axis=1)[:, :2]
+    omega = np.sqrt(np.take_along_axis(squares.real, order, axis=1))
+    shapes = np.take_along_axis(vectors.real, order[:, None, :], axis=2)
+    ratio = [np.einsum("mik,mij,mjk->mk", shapes, A, shapes) for A in (C, M)]
+    assert (ratio[0] / ratio[1] / (2 * omega)).mean(axis=0) == pytest.approx([0.02, 0.02], rel=0.01)
+
+
+@pytest.mark.parametrize("element", ["cubic", "internal", "curvature"])
+def test_the_load_is_what_the_rigid_acceleration_takes(element):
+    """Virtual work of the load along a rigid turn of the follower about C, by Newton's law of a bar."""
+    options = {"element": element, "elements": "1,1,2"}
+    model = solve.load("four_bar", options=options, mA=0.0, mB=0.0)
+    phase, speed, p = np.array([0.4, 2.0, 5.0]), 30.0, model.parameters
+    _, _, _, d = model.at(phase, speed)
+    angle = model.beams.angle(phase)[:, 2]
+    h = 1e-4
+    alpha = (
+        speed**2
+        * (model.beams.angle(phase + h) - 2 * model.beams.angle(phase) + model.beams.angle(phase - h))[:, 2]
+        / h**2
+    )
+    turn = np.zeros((3, model.n))
+    for name, column in zip(model.coordinates, turn.T, strict=True):
+        place = {"B": 1.0, "follower_1": 0.25 if element == "internal" else 0.5}
+        place |= {"follower_2": 0.5, "follower_3": 0.75}
+        owner, _, what = name.rpartition("_")
+        if owner in place and what in "xy":
+            arm = place[owner] * p["L3"]
+            column[:] = arm * (-np.sin(angle) if what == "x" else np.cos(angle))
+        elif name.startswith("follower") and what == "turn":
+            column[:] = 1.0
+    # The coupler loads B too: what half the follower's section takes away is the follower's alone.
+    light = solve.load("four_bar", options=options, mA=0.0, mB=0.0, A3=p["A3"] / 2)
+    work = np.einsum("mi,mi->m", d - light.at(phase, speed)[3], turn)
+    mass = p["rho"] * p["A3"] / 2 * p["L3"]
+    assert work == pytest.approx(-mass * p["L3"] ** 2 / 3 * alpha, rel=1e-5)
+
+
+def test_stress_and_deflection_at_any_point_agree_with_the_outputs():
+    found = orbit(30.0)
+    model, phase = found.system, np.array([0.3, 1.0, 4.0])
+    outputs = model.output_values(phase, 30.0, *found.state(phase))
+    q = found.at(phase)
+    assert model.stress("follower", 0.5, "plus", phase, q) == pytest.approx(
+        outputs["follower_midpoint_stress_plus"]
+    )
+    assert model.deflection("crank", 1.0, phase, q) == pytest.approx(outputs["crank_tip_deflection"])
+    assert model.deflection("crank", 0.0, phase, q) == pytest.approx([0.0] * 3, abs=1e-15)
+    with pytest.raises(UnknownNameError, match="follower"):
+        model.stress("folower", 0.5, "plus", phase, q)
+    with pytest.raises(UnknownNameError, match="surface"):
+        model.stress("follower", 0.5, "top", phase, q)
+    with pytest.raises(ValueOutOfBoundsError, match="0 to 1"):
+        model.deflection("follower", 1.5, phase, q)
+
+
+def test_exact_elements_have_no_equations_of_motion():
+    with pytest.raises(NoMotionError, match="choose another element"):
+        solve.periodic(solve.load("four_bar", options={"element": "dynamic"}), 30.0)
