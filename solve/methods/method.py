@@ -132,7 +132,8 @@ class OneStep:
 
     def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
         discretisation = self.discretise(system, speed, grid)
-        Phi = monodromy(discretisation.steps)
+        with np.errstate(over="ignore", invalid="ignore"):
+            Phi = monodromy(discretisation.steps)
         if not np.isfinite(Phi).all():
             raise StepsError(
                 f"{self.name} with {grid.steps} steps overflows within one period; use more steps or "
