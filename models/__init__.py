@@ -1,1 +1,1 @@
-"""What each mechanism is, one a folder; found by path, and imported only by tests."""
+"""What each mechanism is, one a folder; `derive` and `solve` find them by path, never by name."""
