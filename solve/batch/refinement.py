@@ -119,8 +119,9 @@ class Refinement:
             hidden, followed = self.doubts.hidden(steps, trace.positions[settled], level.spectra[settled])
             stays = (hidden <= self.rtol) | last
             settled, hidden, followed = settled[stays], hidden[stays], followed[stays]
-            positions = trace.positions[settled]
-            found.append(self._found(steps, positions, level[settled], errors[settled], hidden, followed))
+            if len(settled):
+                positions = trace.positions[settled]
+                found.append(self._found(steps, positions, level[settled], errors[settled], hidden, followed))
         return found, trace[np.setdiff1d(np.arange(len(errors)), settled)]
 
     def _wanted(self, level: Level, errors: Array) -> Array:
