@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.trigonometric import Trigonometric
 
 if TYPE_CHECKING:
     from solve.orbit import Turn
@@ -78,15 +79,10 @@ class PeriodicSystem:
                 f"samples of M, C, K, d have shapes {[part.shape for part in samples]}; "
                 "give the same number of phases, 1 or more, first in each"
             )
-        count = counts.pop()
-        spectra = [np.fft.rfft(part, axis=0) / count for part in samples]
-        for spectrum in spectra:
-            spectrum[1 : (count + 1) // 2] *= 2.0
-        orders = np.arange(count // 2 + 1) * (2 * math.pi / period)
+        curves = [Trigonometric(part, period) for part in samples]
 
         def matrices(phase: Array, speed: float) -> Matrices:
-            waves = np.exp(1j * np.outer(phase, orders))
-            M, C, K, d = (np.real(np.tensordot(waves, spectrum, axes=1)) for spectrum in spectra)
+            M, C, K, d = (curve(phase) for curve in curves)
             return M, C, K, d
 
         return cls(matrices, coordinates, period)

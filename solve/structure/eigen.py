@@ -24,7 +24,7 @@ class Modes(NamedTuple):
 
 
 def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
-    """The lowest `count` frequencies (m, count) in rad/s, rising; see `lowest_modes`."""
+    """The lowest `count` frequencies (m, count) in rad/s, rising; see `modes`."""
     import scipy.linalg
 
     n, rest, shift = M.shape[1], at_rest(M, K), _shifts(M, K)
@@ -36,22 +36,18 @@ def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
     return _frequencies(np.array(found), shift, rest)
 
 
-def lowest_modes(M: Array, K: Array, count: int) -> Modes:
-    """The lowest modes for M, K (m, n, n); M positive definite, K semidefinite at least.
+def modes(M: Array, K: Array) -> Modes:
+    """All modes for M, K (m, n, n); M positive definite, K semidefinite at least.
 
     1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies keep their digits however
     stiff the highest modes are.
     """
-    import scipy.linalg
-
-    n, rest, shift = M.shape[1], at_rest(M, K), _shifts(M, K)
-    subset = (n - count, n - 1)
-    found = [
-        scipy.linalg.eigh(m, k + s * m, subset_by_index=subset) for m, k, s in zip(M, K, shift, strict=True)
-    ]
-    values = np.array([each for each, _ in found])
-    vectors = np.array([each for _, each in found])[:, :, ::-1]
-    return Modes(_frequencies(values, shift, rest), vectors / np.sqrt(values[:, None, ::-1]))
+    rest, shift = at_rest(M, K), _shifts(M, K)
+    L = np.linalg.cholesky(K + shift[:, None, None] * M)
+    half = np.swapaxes(np.linalg.solve(L, M), 1, 2)
+    values, vectors = np.linalg.eigh(np.linalg.solve(L, half))
+    vectors = np.linalg.solve(np.swapaxes(L, 1, 2), vectors / np.sqrt(values[:, None, :]))
+    return Modes(_frequencies(values, shift, rest), vectors[:, :, ::-1])
 
 
 def at_rest(M: Array, K: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.structure.assembly import Table, rotation, rotations, spread, spread_singly
 from solve.structure.beams import Beams
-from solve.structure.eigen import lowest_frequencies, lowest_modes
+from solve.structure.damping import Modal, Rayleigh
 from solve.structure.positions import Positions
 from solve.structure.rigid import inertia_load
 
@@ -27,9 +27,6 @@ OPTIONS = (
 )
 """Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
 stiffen; whether ζ is every mode's at every position, or that of the lowest two on average."""
-
-_POSITIONS = 36
-"""Positions over which the lowest frequencies are averaged for Rayleigh damping."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,7 @@ class Motion:
         rate, second = self.rates(phase)
         M, K = positions.matrices()
         d = speed**2 * inertia_load(positions, rate, second)
-        C = self._damping(M, K)
+        C = self._damping(phase)
         axial = self.axial_forces(positions, K, d) if self.stiffening == "on" else None
         if self.terms == "full":
             C = C + 2 * self._turning(_rows((speed * rate)[..., None] * positions.terms))
@@ -76,23 +73,9 @@ class Motion:
             forces.append(local @ (ends[1] - ends[0]) * (member.EA / member.L))
         return forces
 
-    def _damping(self, M: Array, K: Array) -> Array:
-        ratio = self.beams.properties.damping_ratio
-        if self.damping == "rayleigh":
-            by_mass, by_stiffness = self._rayleigh
-            return by_mass * M + by_stiffness * K
-        frequencies, vectors = lowest_modes(M, K, M.shape[1])
-        shapes = M @ vectors
-        return (shapes * (2 * ratio * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
-
     @cached_property
-    def _rayleigh(self) -> tuple[float, float]:
-        """Factors of M (1/s) and K (s) that give the two lowest modes, averaged over a turn, the ratio ζ."""
-        phase = np.linspace(0.0, self.period, _POSITIONS, endpoint=False)
-        M, K = Positions(self.beams, phase).matrices()
-        first, second = lowest_frequencies(M, K, 2).mean(axis=0)
-        ratio = 2 * self.beams.properties.damping_ratio / (first + second)
-        return ratio * first * second, ratio
+    def _damping(self) -> Callable[[Array], Array]:
+        return {"modal": Modal, "rayleigh": Rayleigh}[self.damping](self.beams, self.period)
 
     @cached_property
     def _turning(self) -> Table:

@@ -7,7 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.structure.assembly import local_values
 from solve.structure.beams import Beams
-from solve.structure.eigen import lowest_modes
+from solve.structure.eigen import modes
 from solve.structure.elements import EXACT
 from solve.structure.positions import Positions
 from solve.structure.wittrick_williams import PARTS, near_clamped
@@ -38,9 +38,8 @@ def shapes(beams: Beams, phase: float, frequencies: Array) -> list[Shape]:
     """The modes of the lowest frequencies (count,) of the beams at a phase."""
     if not beams.exact_links:
         positions = Positions(beams, np.array([phase]))
-        vectors = positions.expanded(lowest_modes(*positions.matrices(), len(frequencies)).vectors)[0]
-        masses = np.ones(len(frequencies))
-        each = [(positions, vector, mass) for vector, mass in zip(vectors.T, masses, strict=True)]
+        vectors = positions.expanded(modes(*positions.matrices()).vectors)[0, :, : len(frequencies)]
+        each = [(positions, vector, 1.0) for vector in vectors.T]
     else:
         each = [_exact_mode(beams, phase, frequencies, number) for number in range(len(frequencies))]
     return [_shape(*mode, float(omega)) for mode, omega in zip(each, frequencies, strict=True)]
