@@ -18,6 +18,9 @@ from solve.methods.method import Discretisation
 from solve.methods.period_map import Steps
 from solve.system import PeriodicSystem
 
+_MEMORY = 2**25
+"""Bytes that the stages' linear systems may take at a time: many steps at once are solved no faster."""
+
 
 @dataclass(frozen=True)
 class Collocation:
@@ -112,9 +115,9 @@ class Collocation:
 def discretise(method: Collocation, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
     """The method on every step of the grid at once."""
     phases = grid.stages(np.array(method.c))
-    m, s = phases.shape
-    M, C, K, d = (part.reshape(m, s, *part.shape[1:]) for part in system.in_phase(phases.ravel(), speed))
-    a = method.stage_accelerations(grid.h, M, C, K, d)
+    size = max(1, _MEMORY // (8 * (len(method.c) * system.n) ** 2))
+    parts = [slice(first, first + size) for first in range(0, grid.steps, size)]
+    a = np.concatenate([_accelerations(method, system, speed, grid.h[part], phases[part]) for part in parts])
 
     def curve(x: Array) -> Curve:
         stages = np.squeeze(a[..., :-1] @ x[:-1, None, :, None], -1) + a[..., -1]
@@ -122,6 +125,15 @@ def discretise(method: Collocation, system: PeriodicSystem, speed: float, grid: 
         return method.curve(grid.nodes, x, starts, stages, ends)
 
     return Discretisation(method.steps(grid.h, a), curve)
+
+
+def _accelerations(
+    method: Collocation, system: PeriodicSystem, speed: float, h: Array, phases: Array
+) -> Array:
+    """Stage accelerations (m, s, n, 2n+1) of steps h (m,) with stages at phases (m, s)."""
+    sampled = system.in_phase(phases.ravel(), speed)
+    M, C, K, d = (part.reshape(*phases.shape, *part.shape[1:]) for part in sampled)
+    return method.stage_accelerations(h, M, C, K, d)
 
 
 def _end_accelerations(
