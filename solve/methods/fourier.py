@@ -1,6 +1,8 @@
 """Harmonic balance by collocation on the full periodic matrices (thesis 6.4; W. L. Cleghorn,
 R. G. Fenton, B. Tabarrok, Mech. Mach. Theory 19 (1984) 417-423)."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +17,14 @@ from solve.system import PeriodicSystem
 MOST_UNKNOWNS = 2000
 """Largest order of a dense eigenvalue problem that is still worth waiting for."""
 
+_EPS = float(np.finfo(float).eps)
+
+_DEFECTIVE = 1e4
+"""Condition number of eigenvectors above which they are not to be divided by."""
+
+_TORN = 1e-3
+"""How far, relative to the rotation, rounding may tear the exponents of a multiple one apart."""
+
 
 @dataclass(frozen=True)
 class Fourier(OneStep):
@@ -25,8 +35,8 @@ class Fourier(OneStep):
     """
 
     name = "fourier"
-    order = 16
-    curve_order = 16
+    order = math.inf
+    curve_order = math.inf
     l_stable = False
 
     @property
@@ -87,31 +97,70 @@ def differentiation(grid: Grid) -> Array:
 
 
 def _monodromy(P: Array, D: Array, period: float) -> tuple[Array, float]:
-    """Φ, and its rounding error, from the eigenpairs (λ, p) of p′ = P p - λ p whose p has its weight at
-    the lowest orders.
-
-    Each multiplier exp(λT) belongs to a family λ + ik of such pairs; truncation spoils those whose
-    p lies at the edge of the orders.
-    """
+    """Φ, and its rounding error, from the solutions exp(λφ) p(φ) with p′ = P p - λ p at the samples."""
     m, N = P.shape[:2]
     A = -np.einsum("jk,ab->jakb", D, np.eye(N))
     A[range(m), :, range(m), :] += P
-    exponents, vectors = np.linalg.eig(A.reshape(m * N, m * N))
-    return from_exponents(exponents, vectors.reshape(m, N, -1), period)
+    return from_exponents(A.reshape(m * N, m * N), lambda p: p.reshape(m, N, -1), period)
 
 
-def from_exponents(exponents: Array, p: Array, period: float) -> tuple[Array, float]:
-    """Φ (N, N) from exponents λ (r,) and periodic vectors p (m, N, r) at m uniform phases from 0, and the
-    relative error eps max|λ| T that eigenvalues of a matrix with such a spectrum have."""
+def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -> tuple[Array, float]:
+    """Φ (N, N) and the relative error of its eigenvalues, from the eigenpairs (λ, p) of A.
+
+    samples: from columns p to their values (m, N, r) at m uniform phases from 0. Each multiplier exp(λT)
+    belongs to a family λ + 2πik/T of such pairs; truncation spoils those whose p lies at the edge of the
+    orders, so that of each family the pair with p nearest order 0 is taken.
+    """
     from scipy.linalg import qr
 
+    exponents, vectors = np.linalg.eig(A)
+    p = samples(vectors)
     N = p.shape[1]
-    weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
-    orders = np.fft.fftfreq(len(p), 1.0 / len(p))
-    distance = np.abs(orders) @ weight / weight.sum(axis=0)
+    distance = _mean_order(p)
     # Of a family all p(0) are alike; pivots take its most central one, and then another family's.
     central = p[0] / np.linalg.norm(p[0], axis=0) * 10.0**-distance
     chosen = qr(central, mode="r", pivoting=True)[-1][:N]
-    X = p[0][:, chosen]
-    Phi = np.real(X * np.exp(exponents[chosen] * period) @ np.linalg.inv(X))
-    return Phi, float(np.finfo(float).eps * np.abs(exponents).max() * period)
+    p = p[..., chosen] / np.linalg.norm(p[0][:, chosen], axis=0)
+    size = np.maximum(np.abs(p).max(axis=(0, 2)), math.sqrt(_EPS))
+    condition = float(np.linalg.cond(p[0] / size[:, None]))
+    perturbation = float(_EPS * np.abs(exponents).max() * period)
+    rounding = min(perturbation * condition, math.sqrt(perturbation))
+    if condition > _DEFECTIVE:
+        Z, T = _invariant_subspace(A, exponents[np.argsort(distance)], N, 2 * np.pi / period)
+        if Z.shape[1] == N:
+            return _closed(samples(Z)[0], T * period), rounding
+        rounding = 1.0
+    return _closed(p[0], np.diag(exponents[chosen]) * period), rounding
+
+
+def _mean_order(p: Array) -> Array:
+    """Mean distance (r,) of the weight of p (m, N, r) from order 0."""
+    weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
+    return np.abs(np.fft.fftfreq(len(p), 1.0 / len(p))) @ weight / weight.sum(axis=0)
+
+
+def _closed(X: Array, exponent: Array) -> Array:
+    """Φ of the solutions p(φ) exp(Tφ) with p(0) = X, one exponent T of all."""
+    from scipy.linalg import expm
+
+    return np.real(X @ expm(exponent) @ np.linalg.inv(X))
+
+
+def _invariant_subspace(A: Array, exponents: Array, N: int, rotation: float) -> tuple[Array, Array]:
+    """Z and T with A Z = Z T for the first N exponents, given in the order of preference, of which no two
+    differ by a multiple of i·rotation: multiple ones together, so that Z has N columns even where
+    eigenvectors are fewer; or another number, where truncation has torn a multiple one."""
+    from scipy.linalg import schur
+
+    near = _TORN * rotation
+    left, centres, count = exponents, [], 0
+    while count < N and len(left):
+        apart = left - left[0]
+        count += int((np.abs(apart) < near).sum())
+        centres.append(left[0])
+        left = left[np.abs(apart - 1j * rotation * np.round(apart.imag / rotation)) >= near]
+    T, Z, *sorted_ = schur(
+        A, output="complex", sort=lambda each: np.abs(each - np.array(centres)).min() < near
+    )
+    count = int(sorted_[0])
+    return Z[:, :count], T[:count, :count]

@@ -34,10 +34,12 @@ class Hill(Fourier):
             raise MatricesError(f"{self.name} needs matrices without jumps, and this system has breaks")
         odd = Grid.uniform(grid.steps | 1, grid.period)
         N = odd.steps // 2
-        exponents, vectors = np.linalg.eig(_hill_matrix(system, speed, N))
-        series = vectors.reshape(2 * N + 1, 2 * system.n, -1)
-        p = np.fft.ifft(np.fft.ifftshift(series, axes=0), axis=0) * odd.steps
-        Phi, rounding = from_exponents(exponents, p, grid.period)
+
+        def samples(p: Array) -> Array:
+            series = p.reshape(2 * N + 1, 2 * system.n, -1)
+            return np.fft.ifft(np.fft.ifftshift(series, axes=0), axis=0) * odd.steps
+
+        Phi, rounding = from_exponents(_hill_matrix(system, speed, N), samples, grid.period)
         if not orbit:
             return Solution(odd, Phi, rounding=rounding)
         curve, condition = _forced(system, speed, odd, N)

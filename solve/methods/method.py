@@ -50,13 +50,13 @@ class Method(Protocol):
     def name(self) -> str: ...
 
     @property
-    def order(self) -> int:
+    def order(self) -> float:
         """Order of convergence at the nodes, and of the multipliers; 0 for an approximation that does
-        not converge to the truth."""
+        not converge to the truth, infinite where errors fall faster than any power of the steps."""
         ...
 
     @property
-    def curve_order(self) -> int:
+    def curve_order(self) -> float:
         """Order of convergence of the continuous curve."""
         ...
 

@@ -9,7 +9,7 @@ from scipy.special import mathieu_a, mathieu_b
 from solve import Newmark, floquet
 from tests.solve.systems import cam, constant, seeds, system
 
-METHODS = ["auto", "radau", "gauss"]
+METHODS = ["auto", "radau", "gauss", "fourier", "hill"]
 
 
 def free(M, C, K):
@@ -85,14 +85,23 @@ def test_mathieus_tongues(order, epsilon):
         assert floquet(mathieu(delta, epsilon), 1.0).verdict == "stable"
 
 
+@pytest.mark.parametrize("method", ["auto", "fourier", "hill"])
 @pytest.mark.parametrize("epsilon", [0.5, 3.0])
 @pytest.mark.parametrize("characteristic", [mathieu_a, mathieu_b])
 @pytest.mark.parametrize("order", [1, 2])
-def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order, epsilon):
+def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order, epsilon, method):
     """One solution is periodic, the other grows with time."""
-    found = floquet(mathieu(characteristic(order, epsilon / 2), epsilon), 1.0, rtol=1e-11)
+    found = floquet(mathieu(characteristic(order, epsilon / 2), epsilon), 1.0, method, rtol=1e-11)
     np.testing.assert_allclose(found.multipliers, (-1.0) ** order, rtol=0, atol=1e-5)
+    assert np.abs(found.multipliers - (-1.0) ** order).max() <= 10 * found.error_estimate.multipliers
     assert found.verdict == "unstable"
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("K", [[[0, 1], [0, 0]], np.diag([0, 1e4]), np.diag([1, 0])])
+def test_drift_grows_beside_other_modes_and_in_longer_chains(method, K):
+    """q = a + bt, alone or driven by another such; there are fewer eigenvectors than multipliers."""
+    assert floquet(free(np.eye(2), np.zeros((2, 2)), K), 1.0, method).verdict == "unstable"
 
 
 @given(seeds, st.integers(1, 3))
