@@ -36,7 +36,8 @@ def compare(
         typer.Option(
             metavar="R",
             parser=number,
-            help="Error of the orbit to reach; repeatable; 1e-3 and 1e-6 by default.",
+            help="Error to reach, of the orbit (multipliers, where there is no load); repeatable; 1e-3 "
+            "and 1e-6 by default.",
         ),
     ] = None,
 ) -> None:
@@ -92,18 +93,23 @@ def _figure(comparison: "Comparison", targets: Sequence[float]) -> "Figure":
 
     from solve.output.plot import titled
     from solve.output.work_precision import Work, work_precision_figure
+    from solve.studies.compare import MULTIPLIERS, ORBIT
 
     points: dict[str, list[Row]] = {}
     for row in comparison.measured:
         if row.reason is None:
             points.setdefault(row.method, []).append(row)
+    kinds = [ORBIT, MULTIPLIERS] if comparison.judged_by == ORBIT else [MULTIPLIERS]
     lines = {
         name: Work(
-            *(np.array([getattr(row, key) for row in rows]) for key in ("steps", "orbit_error", "time"))
+            np.array([row.time for row in rows]),
+            {kind: np.array([row.error(kind) for row in rows]) for kind in kinds},
         )
         for name, rows in points.items()
     }
-    return work_precision_figure(f"{titled(comparison.reference)}: work and precision", lines, targets)
+    known_to = {kind: getattr(comparison.reference.error_estimate, kind) for kind in kinds}
+    title = f"{titled(comparison.reference)}: work and precision"
+    return work_precision_figure(title, lines, known_to, {comparison.judged_by: targets})
 
 
 def _record(comparison: "Comparison", targets: Sequence[float]) -> dict[str, Any]:
@@ -122,6 +128,7 @@ def _record(comparison: "Comparison", targets: Sequence[float]) -> dict[str, Any
                 "spectral_radius": reference.spectral_radius,
                 "verdict": reference.verdict,
             },
+            "judged_by": comparison.judged_by,
             "targets": targets,
             "rows": [vars(row) for row in comparison.rows],
             "measured": [vars(row) for row in comparison.measured],
@@ -144,10 +151,11 @@ def _contents(comparison: "Comparison") -> "Contents":
         "steps": column("steps", 0, meaning="a period; 0: none"),
         "orbit_error": column("orbit_error", math.nan, "1", "relative"),
         "multiplier_error": column("multiplier_error", math.nan, "1", "relative"),
-        "time": column("time", math.nan, "s", "median"),
+        "time": column("time", math.nan, "s", "shortest of some runs"),
         "verdict": column("verdict", ""),
         "at": column("at", ""),
-        "target": column("target", math.nan, "1", "error of the orbit to reach"),
+        "followed": column("followed", True, meaning="whether the steps follow the fastest mode"),
+        "target": column("target", math.nan, "1", f"error of the {comparison.judged_by} to reach"),
         "reason": column("reason", "", meaning="why there is no result"),
     }
     reference = comparison.reference
@@ -167,35 +175,58 @@ def _report(comparison: "Comparison", choices: Sequence[str]) -> "RenderableType
     head.add_row("", f"known to: orbit {orbit:.1e}, multipliers {multipliers:.1e} (relative)")
     groups: dict[str, list[Row]] = {}
     for row in comparison.rows:
-        alike = f"orbit right to {row.target:g}" if row.target is not None else f"{row.asked} steps a period"
+        alike = f"{row.asked} steps a period"
+        if row.target is not None:
+            alike = f"{comparison.judged_by} right to {row.target:g}"
         groups.setdefault(f"At {row.at}: {alike}", []).append(row)
-    return Group(head, *(_table(title, rows) for title, rows in groups.items()))
+    return Group(head, *(_table(title, rows, reference.verdict) for title, rows in groups.items()))
 
 
-def _table(title: str, rows: Sequence["Row"]) -> "RenderableType":
+_UNRESOLVED, _OTHER_VERDICT = "*", "≠"
+_LEGEND = {
+    _UNRESOLVED: "ω_max h is beyond what the method follows or damps: multipliers may be false",
+    _OTHER_VERDICT: "not the truth's verdict",
+}
+
+
+def _table(title: str, rows: Sequence["Row"], truth: str) -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
     from solve.output.report import table
 
-    made = table(title, "method", "steps", "q error", "ρ error", "time (ms)", "ratio", "stability")
+    made = table(title, "method", "steps", "q error", "ρ error", "time (ms)", "ratio", "stability", "")
     done = [row for row in rows if row.reason is None]
     if rows[0].target is not None:
         done.sort(key=lambda row: row.time)
     quickest = min((row.time for row in done), default=math.nan)
-    for row in done:
+    marks = [_marks(row, truth) for row in done]
+    for row, mark in zip(done, marks, strict=True):
         made.add_row(
             row.method,
             str(row.steps),
-            f"{row.orbit_error:.1e}",
+            "–" if math.isnan(row.orbit_error) else f"{row.orbit_error:.1e}",
             f"{row.multiplier_error:.1e}",
             f"{1e3 * row.time:.2f}",
             f"{row.time / quickest:.2f}",
             (row.verdict or "").removesuffix("ally stable"),
+            mark,
         )
+    notes = [f"{mark} {text}" for mark, text in _LEGEND.items() if any(mark in each for each in marks)]
+    notes += _reasons(rows)
+    return Group(made, *(Text(note, "dim") for note in notes))
+
+
+def _marks(row: "Row", truth: str) -> str:
+    return _UNRESOLVED * (not row.followed) + _OTHER_VERDICT * (row.verdict != truth)
+
+
+def _reasons(rows: Sequence["Row"]) -> list[str]:
+    """Why methods have no result, or what is doubtful about their own settings; methods of one kind
+    together."""
     reasons: dict[str, list[str]] = {}
     for row in rows:
-        if row.reason is not None:
-            reasons.setdefault(row.reason, []).append(row.method)
-    notes = (Text(f"{', '.join(names)}: {reason}", "dim") for reason, names in reasons.items())
-    return Group(made, *notes)
+        concerns = row.warnings if row.followed else row.warnings[:-1]
+        for reason in concerns if row.reason is None else [row.reason]:
+            reasons.setdefault(reason, []).append(row.method)
+    return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]

@@ -1,65 +1,99 @@
-"""Work–precision pictures: what accuracy costs, in steps and in time."""
+"""Work–precision pictures: what accuracy costs in time."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from solve.arrays import Array
-from solve.output.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, new_figure, styled
+from solve.output.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    LIGHT,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    new_figure,
+    styled,
+)
 
-_COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-_MARKERS = "osD^vPh"
+_COLORS = (
+    BLUE,
+    VERMILION,
+    GREEN,
+    PURPLE,
+    BLACK,
+    ORANGE,
+    SKY,
+    "#7A4B00",
+    "#5B2A86",
+    GREY,
+    "#8A8D00",
+    "#B00060",
+)
+_MARKERS = "osD^vPXph*<>"
 _LINES = ("-", "--", ":")
 """Past the last colour the next kind of line begins."""
-_WORST = 10.0
-"""Relative error above which a result is no result; drawn no higher."""
+
+_WORST = 3.0
+"""Relative error above which a result is no result; not drawn."""
 
 
 class Work(NamedTuple):
-    """Points of one method, rising in steps: steps, relative error, time in seconds; (k,) each."""
+    """Points of one method, rising in steps: time in seconds (k,), relative errors (k,) by their kind."""
 
-    steps: Array
-    error: Array
     time: Array
+    errors: Mapping[str, Array]
 
 
-def work_precision_figure(title: str, methods: Mapping[str, Work], targets: Sequence[float]) -> Figure:
-    """Error over steps, error over time and time over steps, a line a method; targets dashed."""
+def work_precision_figure(
+    title: str,
+    methods: Mapping[str, Work],
+    known_to: Mapping[str, float],
+    targets: Mapping[str, Sequence[float]],
+) -> Figure:
+    """Error over time, a panel a kind of error, a line a method; targets dashed.
+
+    known_to: the reference's own error of each kind, shaded, as nothing below it can be seen. Errors
+    above 3 and below a tenth of the reference's are not drawn.
+    """
     with styled():
-        figure = new_figure(5.6)
+        figure = new_figure(4.2)
         figure.suptitle(title, fontweight="bold")
-        (by_steps, by_time), (cost, key) = figure.subplots(2, 2)
-        for index, (name, work) in enumerate(methods.items()):
-            style = {
-                "color": _COLORS[index % len(_COLORS)],
-                "marker": _MARKERS[index % len(_MARKERS)],
-                "linestyle": _LINES[index // len(_COLORS) % len(_LINES)],
-                "markeredgecolor": "white",
-                "markeredgewidth": 0.4,
-                "markersize": 5,
-                "label": name,
-            }
-            error = np.minimum(work.error, _WORST)
-            for axes, x, y in (
-                (by_steps, work.steps, error),
-                (by_time, 1e3 * work.time, error),
-                (cost, work.steps, 1e3 * work.time),
-            ):
-                axes.loglog(x, y, **style)
-        _label(by_steps, "steps a period", "relative error of the orbit")
-        _label(by_time, "time (ms)", "relative error of the orbit")
-        _label(cost, "steps a period", "time (ms)")
-        for axes in (by_steps, by_time):
-            for target in targets:
+        panels = figure.subplots(1, len(known_to), sharey=True, sharex=True, squeeze=False)[0]
+        floor = min(known_to.values())
+        for axes, (kind, error) in zip(panels, known_to.items(), strict=True):
+            for index, (name, work) in enumerate(methods.items()):
+                shown = (work.errors[kind] <= _WORST) & (work.errors[kind] >= floor / 10)
+                axes.loglog(
+                    work.time[shown] * 1e3, work.errors[kind][shown], label=name, **_line_style(index)
+                )
+            for target in targets.get(kind, ()):
                 axes.axhline(target, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
-        key.axis("off")
-        key.legend(*by_steps.get_legend_handles_labels(), loc="center", ncols=2, handlelength=4)
+            axes.set_ylim(floor / 10, _WORST)
+            axes.axhspan(floor / 10, error, color=LIGHT, zorder=0.5, linewidth=0)
+            axes.annotate(
+                "below the reference's own error", (0.02, 0.02), xycoords="axes fraction", color=GREY
+            )
+            axes.yaxis.set_major_locator(LogLocator(numticks=9))
+            axes.set_xlabel("time of a solution (ms)")
+            axes.set_title(kind)
+        panels[0].set_ylabel("relative error")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=5, handlelength=3)
     return figure
 
 
-def _label(axes: Axes, x: str, y: str) -> None:
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+def _line_style(index: int) -> dict[str, Any]:
+    return {
+        "color": _COLORS[index % len(_COLORS)],
+        "marker": _MARKERS[index % len(_MARKERS)],
+        "linestyle": _LINES[index // len(_COLORS) % len(_LINES)],
+        "markeredgecolor": "white",
+        "markeredgewidth": 0.4,
+        "markersize": 5.5,
+    }

@@ -1,11 +1,9 @@
 """Methods side by side on one problem: at equal steps and at equal accuracy."""
 
 import math
-import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -20,10 +18,13 @@ from solve.system import PeriodicSystem
 from solve.units import checked_rtol, speed_in_si
 
 TARGETS = (1e-3, 1e-6)
-"""Relative errors of the orbit at which methods are compared unless the caller names others."""
+"""Relative errors at which methods are compared unless the caller names others."""
+
+ORBIT, MULTIPLIERS = "orbit", "multipliers"
+"""Whose error is brought to a target; that of the multipliers where there is no load and so no orbit."""
 
 _REFERENCE_RTOL = 1e-12
-_FIRST_STEPS = 8
+_FIRST_STEPS = 2
 _CLOSE = 1.02
 """Ratio of steps at which the bisection for the least number stops."""
 
@@ -34,17 +35,22 @@ _REPEATS = 5
 _ENOUGH = 0.1
 """Seconds after which a measurement of time is not repeated any more."""
 
+_BEYOND = 1e-3
+"""Part of the finest target to which errors are followed, so that a picture shows the trend."""
+
 
 @dataclass(frozen=True)
 class Row:
     """One method on one number of steps a period: those `asked` for, and those of its grid.
 
-    Errors are relative, against the reference; NaN, as is time (s), where there is no result: `reason`
-    says why. at: "equal steps" or "equal accuracy"; target: the error to reach in the latter.
+    Errors are relative, against the reference; NaN, as is time (s, the shortest of some runs), where
+    there is no result: `reason` says why. The orbit's is NaN without a load too. at: "equal steps" or
+    "equal accuracy"; target: the error to reach in the latter. followed: whether the steps follow the
+    fastest mode, or the method damps what they do not; otherwise the multipliers may be false.
     """
 
     method: str
-    order: int
+    order: float
     steps: int | None
     at: str
     asked: int | None = None
@@ -52,17 +58,23 @@ class Row:
     multiplier_error: float = math.nan
     time: float = math.nan
     verdict: str | None = None
+    followed: bool = True
     target: float | None = None
     reason: str | None = None
     warnings: list[str] = field(default_factory=list)
 
+    def error(self, of: str) -> float:
+        """Of ORBIT or MULTIPLIERS."""
+        return self.orbit_error if of == ORBIT else self.multiplier_error
+
 
 @dataclass(frozen=True)
 class Comparison:
-    """reference: the converged orbit. rows: the comparison. measured: further points of each method,
-    rising in steps, for a work–precision picture."""
+    """reference: the converged orbit. judged_by: ORBIT or MULTIPLIERS, whose errors the targets are. rows:
+    the comparison. measured: further points of each method, rising in steps, for a work–precision picture."""
 
     reference: Orbit
+    judged_by: str
     rows: list[Row]
     measured: list[Row]
 
@@ -90,9 +102,9 @@ def compare(
     """Every method (by default all that there are) against a converged reference.
 
     At equal steps: each number in `steps`, by default four about the number that resolves the fastest
-    mode. At equal accuracy: the least steps whose orbit is right to the target. `progress` is told what
-    is under way. Raises SolveError subclasses for bad input and where no periodic solution exists; a
-    method that fails says so in its row.
+    mode. At equal accuracy: the least steps whose orbit is right to the target, or whose multipliers are
+    where there is no load. `progress` is told what is under way. Raises SolveError subclasses for bad
+    input and where no periodic solution exists; a method that fails says so in its row.
     """
     omega = speed_in_si(speed)
     for count in steps or []:
@@ -102,15 +114,17 @@ def compare(
     rules = [chosen(method) for method in methods or [name for name in METHODS if name != "auto"]]
     progress("reference")
     reference = periodic(system, omega, rtol=_REFERENCE_RTOL)
+    judged_by = ORBIT if reference.q.any() else MULTIPLIERS
+    finest = max(_BEYOND * min(goals), 10 * max(reference.error_estimate))
     rows, measured = [], []
     for rule in rules:
-        contestant = _Contestant(reference, rule)
+        contestant = _Contestant(reference, rule, judged_by)
         progress(contestant.name)
         rows += [contestant.measured(count, "equal steps") for count in steps or usual_steps(system, omega)]
-        trace = contestant.refined(min(goals))
+        trace = contestant.refined(min(*goals, finest))
         measured += trace
         rows += [contestant.at_accuracy(goal, trace) for goal in goals]
-    return Comparison(reference, rows, measured)
+    return Comparison(reference, judged_by, rows, measured)
 
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
@@ -135,17 +149,13 @@ def label(method: Method) -> str:
 class _Contestant:
     """One method against the reference."""
 
-    def __init__(self, reference: Orbit, method: Method):
+    def __init__(self, reference: Orbit, method: Method, judged_by: str):
         system, speed = reference.system, reference.speed
         self.reference = reference.certified.solution
+        self.judged_by = judged_by
         self.method = method.settled(system, speed)
         self.name = label(self.method)
         self.refinement = Refinement(system, speed, self.method, orbit=True)
-
-    @cached_property
-    def reach(self) -> float:
-        """ω_max T: about as many steps resolve the fastest mode."""
-        return float(np.abs(self.refinement.frozen).max()) * self.refinement.system.period
 
     @property
     def least(self) -> int:
@@ -155,22 +165,23 @@ class _Contestant:
     def measured(self, steps: int, at: str, target: float | None = None) -> Row:
         """Errors and time on a number of steps, or the reason why there are none."""
         blank = Row(self.name, self.method.order, None, at, asked=steps, target=target)
+        if steps > self.refinement.most:
+            return replace(blank, reason=self._limit)
         try:
             solution, seconds = self._timed(steps)
         except (SolveError, np.linalg.LinAlgError) as refusal:
-            return replace(blank, reason=str(refusal))
+            return replace(blank, reason=self._unnamed(str(refusal)))
         orbit_error, multiplier_error = differences(solution, self.reference)
+        unresolved = self.refinement.unresolved_modes(solution.grid.steps)
         return replace(
             blank,
             steps=solution.grid.steps,
-            orbit_error=float(orbit_error),
+            orbit_error=float(orbit_error) if self.judged_by == ORBIT else math.nan,
             multiplier_error=float(multiplier_error),
             time=seconds,
             verdict=verdict(solution.Phi, solution.multipliers.values, 0.0),
-            warnings=[
-                *self.method.concerns,
-                *self.refinement.unresolved_modes(solution.grid.steps),
-            ],
+            followed=not unresolved,
+            warnings=[*map(self._unnamed, self.method.concerns), *unresolved],
         )
 
     def refined(self, goal: float) -> list[Row]:
@@ -180,14 +191,14 @@ class _Contestant:
         while steps <= self.refinement.most:
             row = self.measured(steps, "doubled steps")
             trace.append(row)
-            if row.orbit_error <= goal or 2 * row.time > _PATIENCE or self._stalled(trace):
+            if row.error(self.judged_by) <= goal or 2 * row.time > _PATIENCE or self._stalled(trace):
                 break
             steps *= 2
         return trace
 
     def at_accuracy(self, goal: float, trace: list[Row]) -> Row:
         """The least steps that reach the goal, by bisection between two points of the trace."""
-        reached = next((k for k, row in enumerate(trace) if row.orbit_error <= goal), None)
+        reached = next((k for k, row in enumerate(trace) if row.error(self.judged_by) <= goal), None)
         if reached is None:
             out = Row(self.name, self.method.order, None, "equal accuracy", target=goal)
             return replace(out, reason=f"out of reach: {self._obstacle(goal, trace)}")
@@ -201,9 +212,10 @@ class _Contestant:
 
     def _error(self, steps: int) -> float:
         try:
-            return differences(self._solved(steps), self.reference)[0]
+            orbit, multipliers = differences(self._solved(steps), self.reference)
         except (SolveError, np.linalg.LinAlgError):
             return math.inf
+        return orbit if self.judged_by == ORBIT else multipliers
 
     def _solved(self, steps: int) -> Solution:
         self.refinement.refuse(steps)
@@ -212,30 +224,42 @@ class _Contestant:
             return self.refinement.solved(steps)
 
     def _timed(self, steps: int) -> tuple[Solution, float]:
-        """The solution and the median of the times that repeated runs take."""
+        """The solution and the shortest of the times that repeated runs take."""
         times: list[float] = []
         while True:
             start = time.perf_counter()
             solution = self._solved(steps)
             times.append(time.perf_counter() - start)
             if len(times) == _REPEATS or sum(times) > _ENOUGH:
-                return solution, statistics.median(times)
+                return solution, min(times)
 
     def _stalled(self, trace: list[Row]) -> bool:
         """Whether three doublings of steps that resolve the fastest mode have gained nothing."""
-        errors = [row.orbit_error for row in trace if (row.steps or 0) > self.reach]
+        reach = self.refinement.reach
+        errors = [row.error(self.judged_by) for row in trace if (row.steps or 0) > reach]
         return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
+
+    def _unnamed(self, refusal: str) -> str:
+        """A refusal without the method's name, beside which it will stand."""
+        return refusal.removeprefix(f"{self.method.name}: ").removeprefix(f"{self.method.name} ")
+
+    @property
+    def _limit(self) -> str:
+        n = self.refinement.system.n
+        return f"takes at most {self.refinement.most} steps a period for n = {n}"
 
     def _obstacle(self, goal: float, trace: list[Row]) -> str:
         done = [row for row in trace if row.reason is None]
         if not done:
-            return trace[-1].reason or "" if trace else f"more than {self.refinement.most} steps do not fit"
+            return trace[-1].reason or "" if trace else self._limit
         last = done[-1]
-        so_far = f"{last.orbit_error:.1e} with {last.steps} steps"
+        error = last.error(self.judged_by)
+        so_far = f"{error:.1e} with {last.steps} steps"
         if self.method.order == 0 or self._stalled(trace):
             return f"{so_far}, and more steps gain nothing"
-        power = 1 / self.method.curve_order
-        needed = f"about {(last.steps or 1) * (last.orbit_error / goal) ** power:.0e} needed"
         if 2 * last.time > _PATIENCE:
-            return f"{so_far} and {last.time:.1f} s, {needed}"
-        return f"{so_far}, {needed}, {self.refinement.most} fit in memory"
+            so_far += f" and {last.time:.1f} s"
+        order = self.method.curve_order if self.judged_by == ORBIT else self.method.order
+        if math.isfinite(order):
+            so_far += f", about {(last.steps or 1) * (error / goal) ** (1 / order):.0e} needed"
+        return so_far if 2 * last.time > _PATIENCE else f"{so_far}, {self._limit}"

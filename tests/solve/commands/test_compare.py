@@ -2,10 +2,13 @@
 
 import csv
 import json
+import math
 
+import numpy as np
 import pytest
 
 from solve.commands.app import run
+from solve.methods.choice import METHODS
 
 ARGUMENTS = (
     "manipulator", "--method", "newmark", "--method", "rk4", "--steps", "300", "--steps", "600",
@@ -62,22 +65,75 @@ def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeyp
     assert command("compare", *ARGUMENTS, "--plot", "work.png").status == 0
     assert (tmp_path / "work.png").read_bytes().startswith(b"\x89PNG")
     (figure,) = figures
-    by_steps, by_time, cost, key = figure.axes
-    assert [axes.get_xlabel() for axes in (by_steps, by_time, cost)] == [
-        "steps a period",
-        "time (ms)",
-        "steps a period",
-    ]
-    for axes in (by_steps, by_time, cost):
-        assert [line.get_label() for line in axes.lines if not line.get_label().startswith("_")] == [
-            "newmark",
-            "rk4",
-        ]
+    orbit, multipliers = figure.axes
+    assert [axes.get_title() for axes in figure.axes] == ["orbit", "multipliers"]
+    for axes in figure.axes:
+        assert [line.get_label() for line in axes.lines[:2]] == ["newmark", "rk4"]
         assert axes.get_xscale() == axes.get_yscale() == "log"
-    assert [line.get_ydata()[0] for line in by_steps.lines[2:]] == [1e-3]
-    errors = by_steps.lines[0].get_ydata()
-    assert errors[-1] <= 1e-3 < errors[-2], "steps are doubled until the target is reached"
-    assert [text.get_text() for text in key.get_legend().get_texts()] == ["newmark", "rk4"]
+        assert axes.get_xlabel() == "time of a solution (ms)"
+    assert [line.get_ydata()[0] for line in orbit.lines[2:]] == [1e-3]
+    assert len(multipliers.lines) == 2, "targets are those of the orbit"
+    for line in orbit.lines[:2]:
+        errors = line.get_ydata()
+        assert errors[-1] <= 1e-6 < errors[-2], "the trend is followed beyond the target"
+    (key,) = figure.legends
+    assert [text.get_text() for text in key.get_texts()] == ["newmark", "rk4"]
+
+
+def test_the_picture_tells_every_method_and_draws_what_is_in_its_range():
+    from solve.output.work_precision import Work, work_precision_figure
+
+    errors = np.array([np.inf, 40.0, 0.5, 1e-4, 1e-9, 0.0])
+    work = Work(np.arange(1.0, 7.0), {"orbit": errors})
+    made = work_precision_figure("all", dict.fromkeys(METHODS, work), {"orbit": 1e-8}, {"orbit": [1e-3]})
+    lines = made.axes[0].lines[: len(METHODS)]
+    assert len({(line.get_color(), line.get_marker(), line.get_linestyle()) for line in lines}) == len(
+        METHODS
+    )
+    assert (
+        len({line.get_color() for line in lines})
+        == len({line.get_marker() for line in lines})
+        == len(METHODS)
+    )
+    for line in lines:
+        np.testing.assert_array_equal(line.get_ydata(), [0.5, 1e-4, 1e-9])
+        np.testing.assert_array_equal(line.get_xdata(), [3e3, 4e3, 5e3])
+
+
+def test_without_load_the_multipliers_are_judged(command):
+    """Mathieu's equation has no orbit but rest; |ρ| by step counts as the order says."""
+    arguments = ("mathieu", "--method", "newmark", "--method", "rk4", "--steps", "40")
+    ran = command("compare", *arguments, "--rtol", "1e-4", "--rtol", "1e-6", "--json")
+    found = json.loads(ran.out)
+    assert found["judged_by"] == "multipliers"
+    assert all(row["orbit_error"] is None for row in found["rows"])
+    newmark, rk4 = ([row for row in found["rows"] if row["method"] == name] for name in ("newmark", "rk4"))
+    for rows, order in ((newmark, 2), (rk4, 4)):
+        equal, coarse, fine = rows
+        assert equal["steps"] == 40
+        assert 0.8e-4 < coarse["multiplier_error"] <= 1e-4
+        assert 0.8e-6 < fine["multiplier_error"] <= 1e-6
+        ratio = math.log(coarse["multiplier_error"] / fine["multiplier_error"])
+        assert ratio / math.log(fine["steps"] / coarse["steps"]) == pytest.approx(order, abs=0.15)
+    ran = command("compare", *arguments, "--rtol", "1e-3")
+    assert "At equal accuracy: multipliers right to 0.001" in ran.out
+    assert not [line for line in ran.out.splitlines() if " 0.0e+00" in line]
+
+
+def test_false_multipliers_and_verdicts_are_marked_in_the_table(command):
+    """The cam at 100 rpm: no method follows its fastest mode on 100 steps, and Radau alone damps it."""
+    arguments = ("cam", "--case", "1", "--speed", "100 rpm", "--steps", "100", "--rtol", "0.9")
+    methods = ("--method", "radau", "--method", "newmark", "--gamma", "0.4")
+    ran = command("compare", *arguments, *methods)
+    lines = [line for line in ran.out.split("At equal accuracy")[0].splitlines() if line.strip()]
+    assert max(map(len, ran.out.splitlines())) <= 80
+    marked = {line.split()[0]: line.split()[-1] for line in lines if "  100  " in line}
+    assert (marked["radau"], marked["newmark"]) == ("asymptotic", "*≠")
+    assert "* ω_max h is beyond what the method follows or damps: multipliers may be false" in lines
+    assert "≠ not the truth's verdict" in lines
+    assert any(line.startswith("newmark gamma 0.4: with gamma = 0.4 < 1/2") for line in lines)
+    rows = json.loads(command("compare", *arguments, *methods, "--json").out)["rows"]
+    assert [row["followed"] for row in rows[::2]] == [True, False]
 
 
 def test_rows_are_saved(tmp_path):

@@ -112,7 +112,7 @@ def test_a_method_beyond_its_stability_limit_says_what_to_do():
     row = rows(compare(stiff, SPEED, ["rk4"], steps=[100], targets=[0.5]), "equal steps")[0]
     assert math.isnan(row.orbit_error)
     assert row.verdict is None
-    assert "rk4 with 100 steps" in row.reason
+    assert "with 100 steps" in row.reason
     assert "at least" in row.reason
 
 
@@ -128,6 +128,37 @@ def test_an_unstable_method_shows_in_its_verdict():
     row = rows(compare(oscillator(), SPEED, [solve.Newmark(0.0, 0.0)], [6], [0.9]), "equal steps")[0]
     assert row.verdict == "unstable"
     assert any("gamma = 0 < 1/2" in text for text in row.warnings)
+
+
+def test_steps_that_do_not_follow_the_fastest_mode_are_told():
+    """ω_max h = 2π 100 / (3 · 50) = 4.2, which Newmark neither follows nor damps, and Radau damps."""
+    found = compare(oscillator(stiffness=1e4), SPEED, ["newmark", "radau"], steps=[50, 400], targets=[0.5])
+    followed = {(row.method, row.steps): row.followed for row in rows(found, "equal steps")}
+    assert followed == {
+        ("newmark", 50): False,
+        ("newmark", 400): True,
+        ("radau", 50): True,
+        ("radau", 400): True,
+    }
+
+
+def test_spectral_methods_on_too_many_steps_say_how_many_they_take():
+    found = compare(oscillator(), SPEED, ["fourier", "hill"], steps=[5000], targets=[0.5])
+    for row in rows(found, "equal steps"):
+        assert row.reason == "takes at most 1000 steps a period for n = 1"
+
+
+def test_without_load_the_multipliers_reach_the_targets():
+    def free(phase, speed):
+        M, C, K, d = oscillator()._matrices(phase, speed)
+        return M, C, K, 0 * d
+
+    found = compare(solve.PeriodicSystem(free, ["q"]), SPEED, ["newmark", "rk4"], steps=[50], targets=[1e-4])
+    assert found.judged_by == "multipliers"
+    for row in found.rows:
+        assert math.isnan(row.orbit_error)
+        assert row.multiplier_error == pytest.approx(true_errors(row.method, row.steps)[1], rel=0.05)
+        assert row.at == "equal steps" or row.multiplier_error <= 1e-4
 
 
 def test_usual_steps_surround_those_that_resolve_the_fastest_mode():
