@@ -65,15 +65,16 @@ class Member:
             axial = exact.axial_mass(self.axial_number(omega)) * self.mu * self.L
         return np.concatenate((bending, axial), axis=1)
 
-    def exact_shapes(self, omega: float, xi: Array) -> tuple[Array, Array]:
-        """Axial and transverse displacement (points, 6) at ξ of an element for its unit freedoms."""
-        at = np.array([omega])
+    def exact_shapes(self, omega: Array | float, xi: Array, order: int = 0) -> tuple[Array, Array]:
+        """Axial and transverse displacement (..., points, 6) at ξ of an element that vibrates at ω (...), for
+        its unit freedoms, or their derivatives of an order by x."""
+        at = np.asarray(omega, dtype=float)
         scale = np.array([1.0, self.L, 1.0, self.L])
-        axial, transverse = np.zeros((2, len(xi), 6))
-        b = 0.0 if self.link.inextensible else float(self.axial_number(at)[0])
-        axial[:, :2] = exact.axial_shapes(b, xi)
-        transverse[:, 2:] = exact.bending_shapes(float(self.bending_number(at)[0]), xi) * scale
-        return axial, transverse
+        axial, transverse = np.zeros((2, *at.shape, len(xi), 6))
+        b = np.zeros_like(at) if self.link.inextensible else self.axial_number(at)
+        axial[..., :2] = exact.axial_shapes(b, xi, order)
+        transverse[..., 2:] = exact.bending_shapes(self.bending_number(at), xi, order) * scale
+        return axial / self.L**order, transverse / self.L**order
 
     def interior_count(self, omega: Array) -> Array:
         """Frequencies below ω (b,) of the elements with their ends clamped: J0 of thesis (5.21)."""

@@ -95,30 +95,37 @@ def axial_mass(b: Array) -> Array:
     return np.stack(g, axis=-1) / (2 * b * sine**2)[..., None]
 
 
-def bending_shapes(l: float, xi: Array) -> Array:  # noqa: E741
-    """Transverse displacement (points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2: thesis (5.5)."""
-    l = max(l, _SMALLEST)  # noqa: E741
-    # Decaying from either end instead of cosh and sinh, which are alike where l is large.
+def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
+    """Transverse displacement (..., points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2, or its derivative of an
+    order by ξ: thesis (5.5)."""
+    l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
     ends = np.array([0.0, 1.0])
-    values, slopes = _waves(l, ends), _waves_slope(l, ends)
-    unit = np.stack((values[0], slopes[0], values[1], slopes[1]))
-    return _waves(l, xi) @ np.linalg.inv(unit)
+    values, slopes = _waves(l, ends, 0), _waves(l, ends, 1)
+    unit = np.stack((values, slopes), axis=-2).reshape(*l.shape, 4, 4)
+    return _waves(l, xi, order) @ np.linalg.inv(unit)
 
 
-def axial_shapes(b: float, xi: Array) -> Array:
-    """Axial displacement (points, 2) at ξ = x/L for unit u1, u2: thesis (5.10); linear at b = 0."""
-    if b == 0.0:
-        return np.stack((1 - xi, xi), axis=-1)
-    return np.sin(b * np.stack((1 - xi, xi), axis=-1)) / np.sin(b)
+def axial_shapes(b: Array, xi: Array, order: int = 0) -> Array:
+    """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of an order by ξ:
+    thesis (5.10); linear at b = 0."""
+    b = np.maximum(np.asarray(b, dtype=float), 1e-30)[..., None, None]
+    ends = np.stack((1 - xi, xi), axis=-1)
+    return (b * np.array([-1, 1])) ** order * np.sin(b * ends + order * math.pi / 2) / np.sin(b)
 
 
-def _waves(l: float, xi: Array) -> Array:  # noqa: E741
-    return np.stack((np.sin(l * xi), np.cos(l * xi), np.exp(-l * xi), np.exp(-l * (1 - xi))), axis=-1)
+def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
+    """Derivatives by ξ of what solves the equation of bending, (..., points, 4).
 
-
-def _waves_slope(l: float, xi: Array) -> Array:  # noqa: E741
-    parts = (np.cos(l * xi), -np.sin(l * xi), -np.exp(-l * xi), np.exp(-l * (1 - xi)))
-    return l * np.stack(parts, axis=-1)
+    Decaying from either end instead of cosh and sinh, which are alike where l is large.
+    """
+    l, turned = l[..., None], order * math.pi / 2  # noqa: E741
+    parts = (
+        np.sin(l * xi + turned),
+        np.cos(l * xi + turned),
+        (-1) ** order * np.exp(-l * xi),
+        np.exp(-l * (1 - xi)),
+    )
+    return l[..., None] ** order * np.stack(parts, axis=-1)
 
 
 def clamped(l: Array) -> Array:  # noqa: E741

@@ -63,7 +63,7 @@ class StructureModel(Model):
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
         """Transverse displacement (k,) in m from the rigid motion, at a fraction (0 … 1) of a link's length,
         for q (n, k) at phases (k,). Raises UnknownNameError and ValueOutOfBoundsError."""
-        return self._point(link, fraction).deflection(self._angle(phase), q)
+        return self.point(link, fraction).deflection(self._angle(phase), q)
 
     def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
         """Axial stress (k,) in Pa, E (u′ ∓ (h/2) v″), on the surface "plus" or "minus" of a link at a
@@ -73,9 +73,11 @@ class StructureModel(Model):
         """
         if surface not in SURFACES:
             raise UnknownNameError("surface", surface, SURFACES)
-        return self._point(link, fraction).stress(self._angle(phase), q, surface)
+        return self.point(link, fraction).stress(self._angle(phase), q, surface)
 
-    def _point(self, link: str, fraction: float) -> Point:
+    def point(self, link: str, fraction: float) -> Point:
+        """The place at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
+        ValueOutOfBoundsError."""
         names = [each.name for each in self.beams.freedoms.links]
         if link not in names:
             raise UnknownNameError(f"link of {self.name}", link, names)

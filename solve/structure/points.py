@@ -26,26 +26,26 @@ class Point:
     def deflection(self, angle: Array, q: Array) -> Array:
         """Transverse displacement (k,) in m for angles (k, links) and coordinates (n, k)."""
         member, element = self.beams.members[self.number], self.beams.freedoms.elements[self.number]
-        _, xi = self._place
-        return self._local(angle, q) @ element.displacement(member.L, np.array([xi]))[1][0]
+        _, xi = self.place
+        return self.local(angle, q) @ element.displacement(member.L, np.array([xi]))[1][0]
 
     def stress(self, angle: Array, q: Array, surface: str) -> Array:
         """E (u′ ∓ (h/2) v″) (k,) in Pa at the surface plus or minus."""
         properties, member = self.beams.properties, self.beams.members[self.number]
-        _, xi = self._place
+        _, xi = self.place
         elongation, curvature = self.beams.freedoms.elements[self.number].strains(member.L, np.array([xi]))
         half = SURFACES[surface] * properties.height[self.number] / 2
-        return properties.E[self.number] * (self._local(angle, q) @ (elongation - half * curvature)[0])
+        return properties.E[self.number] * (self.local(angle, q) @ (elongation - half * curvature)[0])
 
-    def _local(self, angle: Array, q: Array) -> Array:
+    def local(self, angle: Array, q: Array) -> Array:
         """Values (k, freedoms) of the element's own freedoms."""
-        freedoms, (first, _) = self.beams.freedoms, self._place
+        freedoms, (first, _) = self.beams.freedoms, self.place
         whole = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
         ground = whole[:, freedoms.indices[self.number][first]]
         return np.einsum("kij,kj->ki", rotations(freedoms, self.number, angle[:, self.number]), ground)
 
     @property
-    def _place(self) -> tuple[int, float]:
+    def place(self) -> tuple[int, float]:
         """The element and ξ there."""
         count = self.beams.members[self.number].count
         place = self.fraction * count

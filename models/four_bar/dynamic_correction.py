@@ -1,0 +1,124 @@
+"""Few elements a link, corrected by dynamic stiffness at the lowest frequency (thesis 7.4.1).
+
+At every position M and K of the cubic elements give way to the exact ones at ω1, the lowest frequency
+there: M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis iterates towards ω1 from the cubic
+elements' frequency; Wittrick and Williams give it at once. The first mode is then exact, the others are
+those of matrices that were made for another frequency.
+
+The shapes that belong to ω1 cannot follow a rigid motion, so that −M(ω1) q̈_r is not the work of its
+inertia. That is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as N solves the equation of vibration at
+ω1 and a_r is linear along a link: the secant of D over ω², where M(ω1) is its tangent.
+"""
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import UnknownNameError
+from solve.structure.eigen import lowest_modes
+from solve.structure.elements import EXACT
+from solve.structure.model import StructureModel
+from solve.structure.points import SURFACES, Point
+from solve.structure.wittrick_williams import exact_frequencies
+from solve.system import Matrices, PeriodicSystem
+
+LOADS = ("consistent", "nodal")
+"""∫ ρA N(ω1)ᵀ a_r dx, and what the thesis takes for it: M(ω1) q̈_r."""
+
+_DEFLECTIONS = {"crank_tip": 1.0, "coupler_midpoint": 0.5, "follower_midpoint": 0.5}
+_STRESSES = {"crank_root": 0.0, "coupler_midpoint": 0.5, "follower_midpoint": 0.5}
+"""Places whose deflection and stresses are outputs: fractions of the length of the link that they name."""
+
+_FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
+"""Options of the model that the correction is made for."""
+
+
+class Corrected(PeriodicSystem):
+    """The four-bar of a model with its number of elements, cubic ones, corrected at ω1.
+
+    load: one of LOADS. Outputs are the model's, by the exact shapes at ω1. Raises UnknownNameError for
+    another load, or a model with options that the correction is not made for.
+    """
+
+    def __init__(self, model: StructureModel, load: str = "consistent"):
+        if load not in LOADS:
+            raise UnknownNameError("load of the corrected model", load, LOADS)
+        for option, value in _FIXED.items():
+            if model.options[option] != value:
+                raise UnknownNameError(
+                    f"value of option {option} of the corrected model", str(model.options[option]), [value]
+                )
+        cubic, exact = (
+            type(model)(model.module, model.case, {**model.options, "element": kind}, model.parameters)
+            for kind in ("cubic", EXACT)
+        )
+        super().__init__(self._equations, cubic.coordinates, cubic.period)
+        self.model, self.load = model, load
+        self._cubic, self._exact = cubic, exact
+        self.name = f"{model.name}, {load} load"
+        self.outputs, self.units, self.meanings = cubic.outputs, cubic.units, cubic.meanings
+
+    def lowest(self, phase: Array) -> Array:
+        """ω1 (m,) in rad/s of the exact links at phases (m,)."""
+        return exact_frequencies(self._exact.at_positions(phase), 1)[:, 0]
+
+    def _equations(self, phase: Array, speed: float) -> Matrices:
+        omega, D, M = self._at_lowest(phase)
+        squared = (omega**2)[:, None, None]
+        K = D + squared * M
+        inertia, _, static, load = self._cubic.at(phase, speed)
+        rigid = -np.linalg.solve(inertia, load[..., None])
+        d = (D - static) @ rigid / squared if self.load == "consistent" else -M @ rigid
+        return M, self._damping(M, K), K, d[..., 0]
+
+    def _at_lowest(self, phase: Array) -> tuple[Array, Array, Array]:
+        """ω1 (m,), D and M (m, n, n) at ω1."""
+        positions, omega = self._exact.at_positions(phase), self.lowest(phase)
+        every = np.arange(len(omega))
+        return omega, positions.dynamic_stiffness(every, omega), positions.dynamic_mass(every, omega)
+
+    def _damping(self, M: Array, K: Array) -> Array:
+        """The ratio ζ of every mode at every position."""
+        frequencies, vectors = lowest_modes(M, K, self.n)
+        shapes = M @ vectors
+        ratio = self._exact.beams.properties.damping_ratio
+        return (shapes * (2 * ratio * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
+
+    def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
+        """Transverse displacement (k,) in m from the rigid motion, as the model's."""
+        return self._deflection(self._exact.point(link, fraction), self.lowest(phase), phase, q)
+
+    def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
+        """Axial stress (k,) in Pa on the surface "plus" or "minus", as the model's."""
+        if surface not in SURFACES:
+            raise UnknownNameError("surface", surface, SURFACES)
+        return self._stress(self._exact.point(link, fraction), surface, self.lowest(phase), phase, q)
+
+    def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+        omega, D, M = self._at_lowest(phase)
+        K = D + (omega**2)[:, None, None] * M
+        values = {"strain_energy": np.einsum("ik,kij,jk->k", q, K, q, optimize=True) / 2}
+        for place, fraction in _DEFLECTIONS.items():
+            point = self._exact.point(place.split("_")[0], fraction)
+            values[f"{place}_deflection"] = self._deflection(point, omega, phase, q)
+        for place, fraction in _STRESSES.items():
+            point = self._exact.point(place.split("_")[0], fraction)
+            for surface in SURFACES:
+                values[f"{place}_stress_{surface}"] = self._stress(point, surface, omega, phase, q)
+        return {name: values[name] for name in self.outputs}
+
+    def _deflection(self, point: Point, omega: Array, phase: Array, q: Array) -> Array:
+        _, shapes = self._shapes(point, omega, 0)
+        return np.einsum("ki,ki->k", point.local(self._exact.beams.angle(phase), q), shapes)
+
+    def _stress(self, point: Point, surface: str, omega: Array, phase: Array, q: Array) -> Array:
+        properties = self._exact.beams.properties
+        (elongation, _), (_, curvature) = (self._shapes(point, omega, order) for order in (1, 2))
+        half = SURFACES[surface] * properties.height[point.number] / 2
+        local = point.local(self._exact.beams.angle(phase), q)
+        return properties.E[point.number] * np.einsum("ki,ki->k", local, elongation - half * curvature)
+
+    def _shapes(self, point: Point, omega: Array, order: int) -> tuple[Array, Array]:
+        """Axial and transverse displacement (k, 6) at the point, or their derivatives by x, at ω1 (k,)."""
+        member, (_, xi) = self._exact.beams.members[point.number], point.place
+        axial, transverse = member.exact_shapes(omega, np.array([xi]), order)
+        return axial[:, 0], transverse[:, 0]
