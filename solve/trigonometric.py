@@ -1,10 +1,18 @@
 """Trigonometric interpolation of smooth periodic quantities."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from solve.arrays import Array
+
+_FIRST, _MOST = 64, 1024
+"""Samples of a period at which interpolation begins, and beyond which it is given up."""
+
+_AGREED = 1e-8
+"""Relative error of the midpoints by which twice as many samples are exact but for rounding: the error
+falls geometrically."""
 
 
 class Trigonometric:
@@ -25,3 +33,19 @@ class Trigonometric:
         angle = np.outer(phase, self._orders)
         waves = np.concatenate((np.cos(angle), np.sin(angle)), axis=1)
         return (waves @ self._coefficients).reshape(len(angle), *self._shape)
+
+
+def interpolated(function: Callable[[Array], Array], period: float) -> Callable[[Array], Array]:
+    """A function of phases (m,) with values (m, ...) by its interpolant, from as many samples as make that
+    exact but for rounding; the function itself where it is not smooth enough."""
+    phase = np.linspace(0.0, period, _FIRST, endpoint=False)
+    samples = function(phase)
+    while 2 * len(phase) <= _MOST:
+        middles = phase + period / (2 * len(phase))
+        between, found = function(middles), Trigonometric(samples, period)
+        error = np.abs(found(middles) - between).max()
+        samples = np.stack((samples, between), axis=1).reshape(-1, *samples.shape[1:])
+        phase = np.stack((phase, middles), axis=1).ravel()
+        if error <= _AGREED * np.abs(samples).max():
+            return Trigonometric(samples, period)
+    return function

@@ -1,5 +1,6 @@
 """Damping of moving beams from one ratio ζ (thesis 6.2)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,17 +10,10 @@ from solve.arrays import Array
 from solve.structure.beams import Beams
 from solve.structure.eigen import lowest_frequencies, modes
 from solve.structure.positions import Positions
-from solve.trigonometric import Trigonometric
+from solve.trigonometric import interpolated
 
 _POSITIONS = 36
 """Positions over which the lowest frequencies are averaged for Rayleigh damping."""
-
-_FIRST, _MOST = 64, 1024
-"""Samples of a turn at which interpolation of C begins, and beyond which it is given up."""
-
-_AGREED = 1e-8
-"""Relative error of the midpoints by which twice as many samples are exact but for rounding: the error
-falls geometrically."""
 
 
 @dataclass(frozen=True)
@@ -54,26 +48,18 @@ class Modal:
 
     def __call__(self, phase: Array) -> Array:
         """C (m, n, n) at phases (m,)."""
-        return self._at_positions(phase) if self._interpolant is None else self._interpolant(phase)
-
-    def _at_positions(self, phase: Array) -> Array:
-        M, K = Positions(self.beams, phase).matrices()
-        frequencies, vectors = modes(M, K)
-        shapes = M @ vectors
-        ratio = self.beams.properties.damping_ratio
-        return (shapes * (2 * ratio * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
+        return self._everywhere(phase)
 
     @cached_property
-    def _interpolant(self) -> Trigonometric | None:
-        """None where C is not smooth enough."""
-        phase = np.linspace(0.0, self.period, _FIRST, endpoint=False)
-        samples = self._at_positions(phase)
-        while 2 * len(phase) <= _MOST:
-            middles = phase + self.period / (2 * len(phase))
-            between, found = self._at_positions(middles), Trigonometric(samples, self.period)
-            error = np.abs(found(middles) - between).max()
-            samples = np.stack((samples, between), axis=1).reshape(-1, *samples.shape[1:])
-            phase = np.stack((phase, middles), axis=1).ravel()
-            if error <= _AGREED * np.abs(samples).max():
-                return Trigonometric(samples, self.period)
-        return None
+    def _everywhere(self) -> Callable[[Array], Array]:
+        return interpolated(self._at_positions, self.period)
+
+    def _at_positions(self, phase: Array) -> Array:
+        return modal_damping(*Positions(self.beams, phase).matrices(), self.beams.properties.damping_ratio)
+
+
+def modal_damping(M: Array, K: Array, ratio: float) -> Array:
+    """C = MΦ diag(2ζω) ΦᵀM (m, n, n) that gives every mode of M and K (m, n, n) the ratio ζ."""
+    frequencies, vectors = modes(M, K)
+    shapes = M @ vectors
+    return (shapes * (2 * ratio * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
