@@ -10,16 +10,20 @@ inertia. That is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as
 ω1 and a_r is linear along a link: the secant of D over ω², where M(ω1) is its tangent.
 """
 
+from collections.abc import Callable
+from functools import cached_property
+
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import UnknownNameError
-from solve.structure.eigen import lowest_modes
+from solve.structure.damping import modal_damping
 from solve.structure.elements import EXACT
 from solve.structure.model import StructureModel
 from solve.structure.points import SURFACES, Point
 from solve.structure.wittrick_williams import exact_frequencies
 from solve.system import Matrices, PeriodicSystem
+from solve.trigonometric import interpolated
 
 LOADS = ("consistent", "nodal")
 """∫ ρA N(ω1)ᵀ a_r dx, and what the thesis takes for it: M(ω1) q̈_r."""
@@ -57,9 +61,12 @@ class Corrected(PeriodicSystem):
         self.name = f"{model.name}, {load} load"
         self.outputs, self.units, self.meanings = cubic.outputs, cubic.units, cubic.meanings
 
-    def lowest(self, phase: Array) -> Array:
+    @cached_property
+    def lowest(self) -> Callable[[Array], Array]:
         """ω1 (m,) in rad/s of the exact links at phases (m,)."""
-        return exact_frequencies(self._exact.at_positions(phase), 1)[:, 0]
+        return interpolated(
+            lambda phase: exact_frequencies(self._exact.at_positions(phase), 1)[:, 0], self.period
+        )
 
     def _equations(self, phase: Array, speed: float) -> Matrices:
         omega, D, M = self._at_lowest(phase)
@@ -68,7 +75,7 @@ class Corrected(PeriodicSystem):
         inertia, _, static, load = self._cubic.at(phase, speed)
         rigid = -np.linalg.solve(inertia, load[..., None])
         d = (D - static) @ rigid / squared if self.load == "consistent" else -M @ rigid
-        return M, self._damping(M, K), K, d[..., 0]
+        return M, self._damping(phase), K, d[..., 0]
 
     def _at_lowest(self, phase: Array) -> tuple[Array, Array, Array]:
         """ω1 (m,), D and M (m, n, n) at ω1."""
@@ -76,12 +83,16 @@ class Corrected(PeriodicSystem):
         every = np.arange(len(omega))
         return omega, positions.dynamic_stiffness(every, omega), positions.dynamic_mass(every, omega)
 
-    def _damping(self, M: Array, K: Array) -> Array:
+    @cached_property
+    def _damping(self) -> Callable[[Array], Array]:
         """The ratio ζ of every mode at every position."""
-        frequencies, vectors = lowest_modes(M, K, self.n)
-        shapes = M @ vectors
-        ratio = self._exact.beams.properties.damping_ratio
-        return (shapes * (2 * ratio * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
+
+        def at_positions(phase: Array) -> Array:
+            omega, D, M = self._at_lowest(phase)
+            K = D + (omega**2)[:, None, None] * M
+            return modal_damping(M, K, self._exact.beams.properties.damping_ratio)
+
+        return interpolated(at_positions, self.period)
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
         """Transverse displacement (k,) in m from the rigid motion, as the model's."""
