@@ -21,7 +21,7 @@ from solve.errors import (
     ValueOutOfBoundsError,
 )
 from solve.generated import ROOT, model_module
-from solve.sampling import Sampler
+from solve.sampling import ConditionSampler, Sampler
 from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
@@ -32,19 +32,31 @@ if TYPE_CHECKING:
 _PHASES = 720
 """Phases of a period at which conditions on the parameters are looked at."""
 
+_TOGETHER = 4096
+"""Sets of parameters whose conditions are looked at together."""
+
 Options = Mapping[str, Any]
 
 
 class Model(PeriodicSystem):
     """A system whose matrices, outputs and bounds come from a generated module."""
 
-    def __init__(self, module: ModuleType, case: str, options: Options, parameters: Mapping[str, float]):
+    def __init__(
+        self,
+        module: ModuleType,
+        case: str,
+        options: Options,
+        parameters: Mapping[str, float],
+        case_speed: str | None = None,
+    ):
+        """case_speed: that which the case names, with unit."""
         self.module = module
         self.name: str = module.NAME
-        self.case = case
+        self.case, self.case_speed = case, case_speed
         self.options = _checked_options(module, self.declared_options(module), options)
         self.parameters = _checked_parameters(module, parameters)
         self._p = np.array([self.parameters[name] for name, *_ in module.PARAMETERS])
+        self._condition_samplers: dict[tuple[str, ...], ConditionSampler] = {}
         self._require_conditions()
         matrices, declared = self._equations()
         super().__init__(matrices, [name for name, *_ in declared], module.PERIOD)
@@ -57,11 +69,55 @@ class Model(PeriodicSystem):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
-        return _rebuilt, (type(self), self.module.__file__, self.case, self.options, self.parameters)
+        numbers = self.case, self.options, self.parameters, self.case_speed
+        return _rebuilt, (type(self), self.module.__file__, *numbers)
 
     def varied(self, parameters: Mapping[str, float]) -> "Model":
         """The same model with some parameters changed (SI units). Raises ValueOutOfBoundsError."""
-        return type(self)(self.module, self.case, self.options, {**self.parameters, **parameters})
+        changed = {**self.parameters, **parameters}
+        return type(self)(self.module, self.case, self.options, changed, self.case_speed)
+
+    def require_bounds(self, parameters: Mapping[str, float]) -> None:
+        """Raise ValueOutOfBoundsError where a value leaves the bounds of its parameter."""
+        _checked_parameters(self.module, {**self.parameters, **parameters})
+
+    def admits(self, names: Sequence[str], values: Array) -> Array:
+        """Whether bounds and conditions hold (P,) with the parameters of these names at values (P, v)."""
+        found = np.asarray(np.isfinite(values).all(axis=1))
+        bounds = {name: bound for name, _, _, bound in self.module.PARAMETERS}
+        for name, column in zip(names, values.T, strict=True):
+            for clause in filter(None, bounds[name].split(", ")):
+                found &= holds(clause, column)
+        if any(not set(names).isdisjoint(concerned) for *_, concerned in self._conditions):
+            found[found] = self._turns(names, values[found])
+        return found
+
+    def _turns(self, names: Sequence[str], values: Array) -> Array:
+        """Whether the conditions hold all over the period (P,)."""
+        sampler = self._condition_sampler(tuple(names))
+        phase = self._positions if sampler.over_phase else self._positions[:1]
+        different, group = np.unique(values, axis=0, return_inverse=True)
+        hold = np.zeros(len(different), dtype=bool)
+        for at in np.array_split(np.arange(len(different)), math.ceil(len(different) / _TOGETHER)):
+            margins = sampler(np.tile(phase, len(at)), np.repeat(different[at], len(phase), axis=0))
+            hold[at] = (margins > 0).reshape(len(at), -1).all(axis=1)
+        return hold[group.ravel()]
+
+    def _condition_sampler(self, names: tuple[str, ...]) -> ConditionSampler:
+        if names not in self._condition_samplers:
+            free = [list(self.parameters).index(name) for name in names]
+            conditions = self.module.conditions(**self._own_options)
+            self._condition_samplers[names] = ConditionSampler(conditions, self._p, free)
+        return self._condition_samplers[names]
+
+    @property
+    def _conditions(self) -> Sequence[tuple[str, str, Sequence[str]]]:
+        """Text, meaning and parameters of each condition."""
+        return getattr(self.module, "CONDITIONS", ())
+
+    @property
+    def _positions(self) -> Array:
+        return (np.arange(_PHASES) + 0.5) * (self.module.PERIOD / _PHASES)
 
     def _equations(self) -> tuple[Callable[[Array, float], Sequence[Array]], Sequence[tuple[str, str, str]]]:
         """The matrices over phase and speed, and name, unit and meaning of the coordinates in use."""
@@ -87,13 +143,11 @@ class Model(PeriodicSystem):
 
     def _require_conditions(self) -> None:
         """Refuse parameters that contradict each other, such as lengths of a linkage that cannot turn."""
-        conditions = getattr(self.module, "CONDITIONS", ())
-        if not conditions:
+        if not self._conditions:
             return
-        phase = (np.arange(_PHASES) + 0.5) * (self.module.PERIOD / _PHASES)
-        margins = self.module.conditions(**self._own_options)(phase[None], self._p).full()
+        margins = self.module.conditions(**self._own_options)(self._positions[None], self._p).full()
         units = {name: unit for name, unit, *_ in self.module.PARAMETERS}
-        for (condition, meaning, names), margin in zip(conditions, margins, strict=True):
+        for (condition, meaning, names), margin in zip(self._conditions, margins, strict=True):
             if not (margin > 0).all():
                 given = ", ".join(f"{name} = {self.parameters[name]:g} {units[name]}" for name in names)
                 raise ValueOutOfBoundsError(
@@ -174,7 +228,7 @@ def loaded(
             f"case '{chosen.name}' of {module.NAME} gives no value for {', '.join(missing[:8])}; "
             f"add it to the case file or set it: {missing[0]}=NUMBER"
         )
-    return _kind(module)(module, chosen.name, options, values), chosen.speed
+    return _kind(module)(module, chosen.name, options, values, chosen.speed), chosen.speed
 
 
 def _kind(module: ModuleType) -> type[Model]:
@@ -187,9 +241,14 @@ def _kind(module: ModuleType) -> type[Model]:
 
 
 def _rebuilt(
-    kind: type[Model], path: str, case: str, options: Options, parameters: Mapping[str, float]
+    kind: type[Model],
+    path: str,
+    case: str,
+    options: Options,
+    parameters: Mapping[str, float],
+    case_speed: str | None,
 ) -> Model:
-    return kind(model_module(Path(path)), case, options, parameters)
+    return kind(model_module(Path(path)), case, options, parameters, case_speed)
 
 
 def model_names() -> list[str]:
@@ -304,9 +363,10 @@ def _checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[st
     return checked
 
 
-def holds(clause: str, value: float) -> bool:
+def holds(clause: str, value: Any) -> Any:
+    """Whether a bound such as "> 0" or "integer" holds for a number, or for each of an array."""
     if clause == "integer":
-        return value == int(value)
+        return value % 1 == 0
     relation, limit = clause.split()
     number = float(limit)
     return {">": value > number, ">=": value >= number, "<": value < number, "<=": value <= number}[relation]

@@ -67,6 +67,24 @@ class PointSampler:
         return self._evaluate(phase[:, None], speed[:, None], values)
 
 
+class ConditionSampler:
+    """A generated `conditions` function where every phase has values of its own for some parameters."""
+
+    def __init__(self, conditions: "casadi.Function", parameters: Array, free: Sequence[int]):
+        """over_phase: whether the conditions depend on the phase at all."""
+        import casadi
+
+        phase = casadi.SX.sym("phase")  # pyright: ignore[reportAttributeAccessIssue]
+        values, p = _freed(parameters, free)
+        (margins,) = conditions.call([phase, p], True, False)
+        self.over_phase = any(casadi.which_depends(margins, phase, 1, False))
+        self._evaluate = _Mapped(casadi.Function("conditions", [phase, values], [margins]))
+
+    def __call__(self, phase: Array, values: Array) -> Array:
+        """Margins (k, conditions), positive where a condition holds, at phases (k,) and values (k, v)."""
+        return self._evaluate(phase[:, None], values)
+
+
 class OutputSampler:
     """A generated `outputs` function where every phase has its own speed, state and free parameters."""
 

@@ -1,6 +1,6 @@
 """Points of a family solved many at once: what is shared between them, and who needs more."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,12 @@ from solve.methods.auto import PHASES, RESOLVABLE, Auto
 from solve.methods.gauss import Gauss
 from solve.methods.method import Method
 from solve.methods.radau import Radau
+
+_LARGEST = 40
+"""Coordinates up to which points gain from each other; tables of larger ones only fill the memory."""
+
+_WORTH = 4
+"""Points that differ in speed alone from which terms of their own are worth learning."""
 
 
 class Batch:
@@ -41,7 +47,7 @@ class Batch:
         """Speeds (k,) of points (k, v)."""
         if SPEED in self.family.names:
             return points[:, self.family.names.index(SPEED)]
-        return np.full(len(points), self.family.system(points[0])[1])
+        return np.full(len(points), self.family.speed)
 
     def solved(self, points: Array) -> Iterator[Found | Unsound]:
         """Points (k, v), in groups as they come; positions are those among the points."""
@@ -71,8 +77,10 @@ class Batch:
         if not isinstance(self.method, (Auto, *BATCHED)):
             return False
         try:
-            system, speed = self.family.system(points[0])
-            system.checked(speed)
+            system = self.family.example
+            if system.n > _LARGEST:
+                return False
+            system.checked(float(self.speeds(points[:1])[0]))
             if self.steps is not None and not 1 <= self.steps <= Radau().most_steps(system.n) // 2:
                 return False
             if self._separation is None and not system.breaks:
@@ -82,19 +90,27 @@ class Batch:
         return not system.breaks
 
     def _chunks(self, points: Array) -> Iterator[tuple[Array, Chunk]]:
-        """The points whose entries separate, and the others; positions (k,) of each."""
-        separation, represented = self._separation, np.zeros(len(points), dtype=bool)
-        assert separation is not None
-        if separation.separable:
-            coefficients, represented = separation.coefficients(points)
-            if represented.any():
-                shared = Separated(separation, points[represented], coefficients[represented])
-                yield np.flatnonzero(represented), shared
-        if not represented.all():
-            yield (
-                np.flatnonzero(~represented),
-                Sampled(self.family, points[~represented], separation.n, separation.period),
-            )
+        """The points whose entries separate, all of them or over speed alone, and the others; positions
+        (k,) of each."""
+        shared, every = self._separation, np.arange(len(points))
+        assert shared is not None
+        others = yield from _represented(shared, points, every)
+        for alike in self._alike(points, others):
+            if len(alike) >= _WORTH:
+                own = Separation(self.family, points[alike], shared.period, shared.n)
+                left = yield from _represented(own, points, alike)
+                others = np.setdiff1d(others, np.setdiff1d(alike, left))
+        if len(others):
+            yield others, Sampled(self.family, points[others], shared.n, shared.period)
+
+    def _alike(self, points: Array, positions: Array) -> list[Array]:
+        """The positions, apart by the values of the parameters, where the speed varies beside these."""
+        free = [k for k, name in enumerate(self.family.names) if name != SPEED]
+        if len(positions) == 0 or not 0 < len(free) < len(self.family.names):
+            return []
+        _, group = np.unique(points[positions][:, free], axis=0, return_inverse=True)
+        order = np.argsort(group.ravel(), kind="stable")
+        return np.split(positions[order], np.flatnonzero(np.diff(group.ravel()[order])) + 1)
 
     def _methods(self, chunk: Chunk) -> Iterator[tuple[Gauss | Radau, Array]]:
         """The method of each point, as `Auto.settled` chooses it."""
@@ -106,3 +122,15 @@ class Batch:
         for method, positions in ((Radau(), every[stiff]), (Gauss(), every[~stiff])):
             if len(positions):
                 yield method, positions
+
+
+def _represented(
+    separation: Separation, points: Array, positions: Array
+) -> Generator[tuple[Array, Chunk], None, Array]:
+    """Those of the positions that the terms represent, and their chunk; returns the others."""
+    if not separation.separable:
+        return positions
+    coefficients, fits = separation.coefficients(points[positions])
+    if fits.any():
+        yield positions[fits], Separated(separation, points[positions[fits]], coefficients[fits])
+    return positions[~fits]

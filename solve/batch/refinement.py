@@ -164,7 +164,8 @@ class Refinement:
 
     def _parts(self, steps: int, points: int) -> list[Array]:
         """Positions of the points, split so that each part fits into memory."""
-        size = self.engine.bytes_a_step(self.collocation, self.chunk.n, self.orbit) * steps
+        own = (len(self.collocation.c) + 1) * self.chunk.bytes_a_phase
+        size = (self.engine.bytes_a_step(self.collocation, self.chunk.n, self.orbit) + own) * steps
         parts = min(points, math.ceil(points * size / _MEMORY))
         return np.array_split(np.arange(points), parts) if points else []
 

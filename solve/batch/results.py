@@ -30,6 +30,9 @@ FAILED = -1
 METHODS = tuple(choice.METHODS)
 """Names of methods, by position."""
 
+_FEWEST = 8
+"""Points prepared together, however large."""
+
 _MEMORY = 2**23
 """Bytes that the frozen coefficients of points prepared together may take."""
 
@@ -116,12 +119,14 @@ def gathered(
     batch: Batch, points: Array, wish: Wish | None = None, progress: Callable[[int], None] | None = None
 ) -> Results:
     """All the points (P, v); progress is told the number of points done."""
-    system, _ = batch.family.system(points[0])
-    results, done = Results.blank(len(points), system.n, wish or Wish()), 0
-    size = chunk_size(system.n)
+    n = batch.family.example.n
+    results, done = Results.blank(len(points), n, wish or Wish()), 0
+    size = chunk_size(n)
     for start in range(0, len(points), size):
         keeper = _Keeper(batch, points[start : start + size], results, start)
         for found in batch.solved(keeper.points):
+            if len(found.positions) == 0:
+                continue
             if isinstance(found, Found):
                 keeper.keep(found)
             else:
@@ -134,7 +139,7 @@ def gathered(
 
 def chunk_size(n: int) -> int:
     """Points with n coordinates that are prepared together."""
-    return max(32, _MEMORY // (8 * FROZEN_PHASES * (3 * n**2 + n)))
+    return max(_FEWEST, _MEMORY // (8 * FROZEN_PHASES * (3 * n**2 + n)))
 
 
 @dataclass(frozen=True)
@@ -186,7 +191,7 @@ class _Keeper:
         wish, points = self.results.wish, self.points[found.positions]
         if not (wish.names or wish.spectra):
             return
-        system, _ = self.batch.family.system(points[0])
+        system = self.batch.family.example
         order = [*system.coordinates, *system.outputs]
         outputs = any(name in system.outputs for name in (*wish.names, *wish.spectra))
         signals = Signals(self.batch.family, points, self.batch.speeds(points), curves, outputs)

@@ -67,8 +67,11 @@ class Separation:
         self._points = _spread(points)
         phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
         samples = family.entries(phases, self._points)
+        finite = np.isfinite(samples).all(axis=(1, 2))
+        # Points without a system teach nothing.
+        samples, self._points = samples[finite], self._points[finite]
         rows, columns, self._active = _pivots(samples)
-        self.separable = bool(np.isfinite(samples).all()) and len(rows) < _MOST_TERMS
+        self.separable = len(samples) > 0 and len(rows) < _MOST_TERMS
         used, self._rows = _numbered(rows)
         taken, self._columns = _numbered(columns)
         self._points, self._taken = self._points[used], phases[taken]
@@ -135,6 +138,8 @@ class Chunk(Protocol):
     points: Array
     n: int
     period: float
+    bytes_a_phase: int
+    """Memory that a point's own tables take a phase."""
 
     def tables(self, key: Hashable, phase: Array, positions: Array) -> tuple[Tables, Array]:
         """Tables at the phases and coefficients of the points at the positions (p,); equal keys stand for
@@ -144,6 +149,8 @@ class Chunk(Protocol):
 
 class Separated:
     """Points whose entries separate."""
+
+    bytes_a_phase = 0
 
     def __init__(self, separation: Separation, points: Array, coefficients: Array):
         self.points, self.n, self.period = points, separation.n, separation.period
@@ -158,6 +165,7 @@ class Sampled:
 
     def __init__(self, family: Family, points: Array, n: int, period: float):
         self.points, self.n, self.period = points, n, period
+        self.bytes_a_phase = 8 * (3 * n**2 + n)
         self._family = family
 
     def tables(self, key: Hashable, phase: Array, positions: Array) -> tuple[Tables, Array]:
@@ -180,6 +188,8 @@ def _pivots(samples: Array) -> tuple[Array, Array, Array]:
     size = np.abs(samples).max(axis=1, keepdims=True)
     rest = samples / np.where(size > 0, size, 1.0)
     T, k, E = samples.shape
+    if T == 0:
+        return np.empty((0, E), dtype=int), np.empty((0, E), dtype=int), np.empty((0, E), dtype=bool)
     every, rows, columns, active = np.arange(E), [], [], []
     while len(rows) < _MOST_TERMS:
         row, column = np.unravel_index(np.abs(rest).reshape(T * k, E).argmax(axis=0), (T, k))

@@ -128,7 +128,7 @@ def _record(found: "Chart", cuts: "Sequence[Cut]") -> dict[str, Any]:
                     "values": cut.values,
                     "at": {cut.across: cut.value},
                     "spectral_radius": cut.spectral_radius,
-                    "stable": cut.stable,
+                    "stable": [None if math.isnan(one) else bool(one) for one in cut.stable],
                     "crossings": [{"at": at, "kind": kind} for at, kind in cut.crossings],
                 }
                 for cut in cuts

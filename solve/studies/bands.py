@@ -9,6 +9,7 @@ from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.engines import chosen_engine
 from solve.batch.family import over_speed
+from solve.batch.results import Wish, gathered
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import chosen
 from solve.methods.method import Method
@@ -39,11 +40,14 @@ _INSIDE = 15
 """Further points of every band, to find its largest multiplier and stable speeds inside it."""
 
 _SPLITS = 8
+_DARK = -2
+"""State of speeds without a result."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """low, high: edges in rad/s, those of the range where the band goes on beyond it (open).
+    """low, high: edges in rad/s; open: the band goes on beyond the range there, or up to a speed without a
+    result.
 
     kind: the multiplier that leaves the unit circle: "+1" (period T), "-1" (period 2T) or "complex".
     spectral_radius: the largest that was met inside.
@@ -59,11 +63,11 @@ class Band:
 
 class Bands(list[Band]):
     """Bands, rising. spacing: the largest distance in rad/s of neighbouring speeds that were solved;
-    narrower bands may be missed."""
+    narrower bands may be missed. notes: what is doubtful about them, such as speeds without a result."""
 
-    def __init__(self, found: Iterable[Band], spacing: float):
+    def __init__(self, found: Iterable[Band], spacing: float, notes: Sequence[str] = ()):
         super().__init__(found)
-        self.spacing = spacing
+        self.spacing, self.notes = spacing, notes
 
 
 def bands(
@@ -98,15 +102,25 @@ def bands(
         if progress:
             progress(solved[0])
 
-    batch = Batch(
-        over_speed(system), points, chosen(method), chosen_engine(engine)[0], rtol=checked_rtol(rtol)
-    )
+    used, notes = chosen_engine(engine)
+    batch = Batch(over_speed(system), points, chosen(method), used, rtol=checked_rtol(rtol))
     asked = judge(batch, count)
     known = _closer(asked, asked(points), turning)
     middle = 1 + np.flatnonzero(np.abs(known.multipliers[1:-1, 0]) > _ALIVE)
     spacing = float(np.diff(known.points[:, 0]).max())
     known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
-    return Bands(_Runs(asked, tolerance).bands(_rising(known)), spacing)
+    if known.failed.any():
+        notes = [*notes, _failures(batch, known.points[known.failed])]
+    return Bands(_Runs(asked, tolerance).bands(_rising(known)), spacing, notes)
+
+
+def _failures(batch: Batch, points: Array) -> str:
+    rpm = points[:, 0] * 30 / np.pi
+    reason = gathered(batch, points[:1], Wish(warnings=False)).failures[0]
+    return (
+        f"{len(points)} speeds between {rpm.min():.6g} and {rpm.max():.6g} rpm give no result, and bands "
+        f"end open beside them: {reason}"
+    )
 
 
 Turning = Callable[[Array], Array]
@@ -196,7 +210,9 @@ class _Runs:
         state = _state(known)
         changes = np.flatnonzero(np.diff(state))
         speeds = known.points[:, 0]
-        borders = np.concatenate((speeds[:1], self._borders(known, changes, state), speeds[-1:]))
+        between, dark = self._borders(known, changes, state)
+        borders = np.concatenate((speeds[:1], between, speeds[-1:]))
+        dark = np.concatenate(([True], dark, [True]))
         starts, ends = np.append(0, changes + 1), np.append(changes, len(state) - 1)
         runs = np.flatnonzero(state[starts] >= 0)
         low, high = borders[runs], borders[runs + 1]
@@ -211,32 +227,37 @@ class _Runs:
             if radius <= 1 + GROWTH:
                 continue
             split[at] = mixed[at]
-            open_ends = bool(first == 0), bool(last == len(state) - 1)
             edge = float(low[at]), float(high[at])
+            open_ends = bool(dark[run]), bool(dark[run + 1])
             found.append(Band(*edge, KINDS[state[first]], float(radius), *open_ends))
         return found, looked[np.flatnonzero(np.repeat(split, _INSIDE))]
 
-    def _borders(self, known: Judged, changes: Array, state: Array) -> Array:
-        """Speeds between known ones at which the state changes."""
+    def _borders(self, known: Judged, changes: Array, state: Array) -> tuple[Array, Array]:
+        """Speeds between known ones at which the state changes (k,), and whether there a speed without a
+        result stands in the way (k,): the border is then the last that is known to be unstable."""
         low, high = known.points[changes], known.points[changes + 1]
         borders, scale = np.empty(len(changes)), np.abs(high).max(axis=0, initial=0.0)
         loses, wins = state[changes] < 0, state[changes + 1] < 0
         kind_only = ~(loses | wins)
         stable, unstable = np.where(loses[:, None], low, high), np.where(loses[:, None], high, low)
-        places, _ = edges(self.judge, stable[~kind_only], unstable[~kind_only], scale, self.tolerance)
-        borders[~kind_only] = places[:, 0]
+        dark = (state[changes] == _DARK) | (state[changes + 1] == _DARK)
+        borders[dark] = unstable[dark, 0]
+        crossed = ~(kind_only | dark)
+        places, _ = edges(self.judge, stable[crossed], unstable[crossed], scale, self.tolerance)
+        borders[crossed] = np.where(np.isnan(places), unstable[crossed], places)[:, 0]
+        dark[crossed] = np.isnan(places[:, 0])
         if kind_only.any():
             kinds = state[changes][kind_only]
 
             def differs(points: Array, lines: Array) -> Array:
                 found = self.judge(points)
-                return found.stable | (found.kinds != kinds[lines])
+                return ~found.unstable | (found.kinds != kinds[lines])
 
             ends = sectioned(differs, low[kind_only], high[kind_only], scale, self.tolerance)
             borders[kind_only] = (ends[0] + ends[1])[:, 0] / 2
-        return borders
+        return borders, dark
 
 
 def _state(known: Judged) -> Array:
-    """Positions in KINDS (k,), or -1 where stable."""
-    return np.where(known.stable, -1, known.kinds)
+    """Positions in KINDS (k,), -1 where stable, _DARK where nothing is known."""
+    return np.where(known.unstable, known.kinds, np.where(known.failed, _DARK, -1))

@@ -30,11 +30,13 @@ _REAL = 1e-6
 
 @dataclass(frozen=True)
 class Judged:
-    """Points (k, v) and what is known of them: stable (k,), that no multiplier lies outside the unit circle
-    by more than its error, failed points counting as stable; multipliers (k, N), falling in modulus."""
+    """Points (k, v) and what is known of them: unstable (k,), that a multiplier lies outside the unit circle
+    by more than its error; stable (k,), that none does; neither where the point failed. multipliers (k, N),
+    falling in modulus."""
 
     points: Array
     stable: Array
+    unstable: Array
     multipliers: Array
 
     @classmethod
@@ -42,16 +44,22 @@ class Judged:
         failed = results.verdicts == FAILED
         radius = results.spectral_radius
         beyond = radius - 1 > np.maximum(results.errors[:, 1] * radius, UNIT_CIRCLE)
-        return cls(points, failed | ~beyond, np.where(failed[:, None], 0.0, results.multipliers))
+        multipliers = np.where(failed[:, None], 0.0, results.multipliers)
+        return cls(points, ~(failed | beyond), ~failed & beyond, multipliers)
 
     def __getitem__(self, some: Array) -> "Judged":
-        return Judged(self.points[some], self.stable[some], self.multipliers[some])
+        return Judged(*(getattr(self, name)[some] for name in Judged.__annotations__))
 
     def __add__(self, other: "Judged") -> "Judged":
         if len(other.points) == 0:
             return self
         parts = ((getattr(self, name), getattr(other, name)) for name in Judged.__annotations__)
         return Judged(*map(np.concatenate, parts))
+
+    @property
+    def failed(self) -> Array:
+        """Where nothing is known (k,)."""
+        return ~(self.stable | self.unstable)
 
     @property
     def kinds(self) -> Array:
@@ -119,14 +127,15 @@ def sectioned(
 def edges(
     judge: Judge, stable: Array, unstable: Array, scale: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Where stability is lost between stable and unstable points (E, v): places (E, v) and kinds (E,).
+    """Where stability is lost between stable and unstable points (E, v): places (E, v) and kinds (E,); NaN
+    where a point that failed stands in the way.
 
     Near a multiplier at +1 or -1 the signs of det(I - Φ) and det(I + Φ) tell the sides apart, which
     unlike moduli pass through zero smoothly.
     """
     if len(stable) == 0:
         return stable, np.zeros(0, dtype=int)
-    low, high = sectioned(lambda points, _: ~judge(points).stable, stable, unstable, scale, _NEAR)
+    low, high = sectioned(lambda points, _: judge(points).unstable, stable, unstable, scale, _NEAR)
     before, after = judge(low), judge(high)
     passes = (before.gaps[:, :2] > 0) & (after.gaps[:, :2] < 0)
     kinds = np.where(passes.any(axis=1), passes.argmax(axis=1), KINDS.index("complex"))
@@ -134,25 +143,34 @@ def edges(
     def lost(points: Array, lines: Array) -> Array:
         found, kind = judge(points), kinds[lines]
         sign = found.gaps[np.arange(len(points)), np.minimum(kind, 1)] < 0
-        return np.where(kind == KINDS.index("complex"), ~found.stable, sign)
+        return np.where(kind == KINDS.index("complex"), found.unstable, sign & ~found.failed)
 
     low, high = sectioned(lost, low, high, scale, tolerance)
-    return (low + high) / 2, kinds
+    return _middles(judge, low, high), kinds
+
+
+def _middles(judge: Judge, low: Array, high: Array) -> Array:
+    """Places between (E, v); NaN where one of the ends failed."""
+    known = ~(judge(low).failed | judge(high).failed)
+    return np.where(known[:, None], (low + high) / 2, np.nan)
 
 
 def crossings(
     judge: Judge, known: Judged, lines: Array, along: int, scale: Array, tolerance: float
 ) -> tuple[Array, Array, Array]:
     """Where stability changes between known neighbours on lines (k,) along one of the quantities: line
-    (c,), place (c, v) and kind (c,) of each. Stable stretches between two unstable neighbours are found
-    where one of these has a multiplier beyond +1 and the other beyond -1."""
+    (c,), place (c, v) and kind (c,) of each; none beside points that failed. Stable stretches between two
+    unstable neighbours are found where one of these has a multiplier beyond +1 and the other beyond -1."""
     order = np.lexsort((known.points[:, along], lines))
     first, last = order[:-1], order[1:]
     neighbours = lines[first] == lines[last]
-    changes = neighbours & (known.stable[first] != known.stable[last])
+    changes = neighbours & (known.unstable[first] != known.unstable[last])
+    changes &= ~(known.failed[first] | known.failed[last])
     one, other = first[changes], last[changes]
     stable, unstable = (np.where(known.stable[one] == side, one, other) for side in (True, False))
     places, kinds = edges(judge, known.points[stable], known.points[unstable], scale, tolerance)
+    sure = np.isfinite(places).all(axis=1)
+    one, places, kinds = one[sure], places[sure], kinds[sure]
     apart, further, found = _slivers(judge, known, first[neighbours], last[neighbours], scale, tolerance)
     return (
         np.concatenate((lines[one], lines[apart])),
@@ -174,7 +192,7 @@ def _slivers(
     end = known.points[np.where(rising[first], last, first)]
     leaves = sectioned(lambda points, _: judge(points).gaps[:, 0] > 0, start, end, scale, tolerance)
     enters = sectioned(lambda points, _: judge(points).gaps[:, 1] < 0, start, end, scale, tolerance)
-    sides = [(low + high) / 2 for low, high in (leaves, enters)]
+    sides = [_middles(judge, *ends) for ends in (leaves, enters)]
     apart = np.linalg.norm(sides[0] - start, axis=1) < np.linalg.norm(sides[1] - start, axis=1)
     kinds = np.repeat([0, 1], apart.sum())
     return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
@@ -210,13 +228,14 @@ def _descended(judge: Judge, start: Array, span: Array, way: Array, t: Array, h:
         trials = np.clip(trials, t[:, :1] + 1e-3 * width[:, None], t[:, 2:] - 1e-3 * width[:, None])
         points = start[:, None] + trials[:, :, None] * span[:, None]
         found = judge(points.reshape(-1, start.shape[1]))
-        unstable = ~found.stable.reshape(-1, 3)
-        met.append(found[np.flatnonzero(~found.stable)])
+        unstable, failed = found.unstable.reshape(-1, 3), found.failed.reshape(-1, 3)
+        met.append(found[np.flatnonzero(found.unstable)])
         new = found.gaps[np.arange(len(found.points)), np.repeat(way, 3)].reshape(-1, 3)
         t, h = _lowest(np.concatenate((t, trials), axis=1), np.concatenate((h, new), axis=1))
-        goes_on = ~unstable.any(axis=1) & (t[:, 2] - t[:, 0] > _CLOSE)
+        goes_on = ~(unstable | failed).any(axis=1) & (t[:, 2] - t[:, 0] > _CLOSE)
         start, span, way, t, h = (part[goes_on] for part in (start, span, way, t, h))
-    nothing = Judged(np.empty((0, start.shape[1])), np.empty(0, dtype=bool), np.empty((0, 1), dtype=complex))
+    none = np.empty(0, dtype=bool)
+    nothing = Judged(np.empty((0, start.shape[1])), none, none, np.empty((0, 1), dtype=complex))
     return functools.reduce(lambda known, more: more + known, met, nothing)
 
 

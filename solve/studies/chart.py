@@ -1,7 +1,8 @@
 """Stability over two quantities: spectral radius, verdict, and the boundaries between."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.engines import chosen_engine
-from solve.batch.family import SPEED, Built, Family, Variants
+from solve.batch.family import SPEED, Built, Family, variants
 from solve.batch.results import FAILED, Results, Wish, gathered
 from solve.batch.spectra import VERDICTS
+from solve.batch.spread import Task, spread
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
 from solve.floquet import Stability, floquet
-from solve.load import Model, loaded
+from solve.load import Model, load
 from solve.methods.choice import chosen
 from solve.methods.method import Method
 from solve.studies.boundaries import KINDS, Judge, Judged, crossings, hidden, judge
@@ -30,7 +32,8 @@ _PROMISING = 0.3
 class Cut:
     """A line through a chart: values (k,) of the quantity `along`, `across` held at `value`.
 
-    crossings: where stability is lost or won, and the multiplier that leaves the unit circle.
+    spectral_radius and stable (k,): 1 or 0, NaN where a point failed. crossings: where stability is lost or
+    won, and the multiplier that leaves the unit circle.
     """
 
     along: str
@@ -67,8 +70,8 @@ class Chart:
 
     @property
     def system(self) -> PeriodicSystem:
-        """The system at the first point."""
-        return self.family.system(np.array([self.x[0], self.y[0]]))[0]
+        """A system of the chart: the model as it was given, or the first that could be built."""
+        return self.family.example
 
     @property
     def spectral_radius(self) -> Array:
@@ -93,6 +96,11 @@ class Chart:
         return np.where(verdicts == FAILED, np.nan, found).reshape(self.shape)
 
     @property
+    def _judged(self) -> Judged:
+        points = np.column_stack([part.ravel() for part in np.meshgrid(self.x, self.y)])
+        return Judged.of(points, self.results)
+
+    @property
     def verdicts(self) -> Array:
         """Texts (ny, nx): "asymptotically stable", "stable", "unstable" or "failed"."""
         return np.array([*VERDICTS, "failed"])[self.results.verdicts].reshape(self.shape)
@@ -100,8 +108,8 @@ class Chart:
     @property
     def kinds(self) -> Array:
         """Texts (ny, nx): the largest multiplier of unstable points, "+1", "-1" or "complex"."""
-        known = Judged.of(np.empty((len(self.results), 2)), self.results)
-        return np.where(known.stable, "", np.array(KINDS)[known.kinds]).reshape(self.shape)
+        known = self._judged
+        return np.where(known.unstable, np.array(KINDS)[known.kinds], "").reshape(self.shape)
 
     @property
     def failures(self) -> dict[tuple[int, int], str]:
@@ -128,8 +136,8 @@ class Chart:
         lines = np.zeros(len(every.points))
         _, places, kinds = crossings(asked, every, lines, 1 - held, self.scale, self.tolerance)
         found = [(float(place[1 - held]), KINDS[kind]) for place, kind in zip(places, kinds, strict=True)]
-        radius = np.abs(known.multipliers[:, 0])
-        return Cut(names[1 - held], names[held], value, values, radius, known.stable, found)
+        radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
+        return Cut(names[1 - held], names[held], value, values, radius, _truth(known), found)
 
     def cut_at(self, name: str, value: float) -> Cut:
         """The same by the name of the quantity that is held. Raises UnknownNameError."""
@@ -163,6 +171,7 @@ def chart(
     boundaries: bool = True,
     progress: Callable[[int], None] | None = None,
     engine: str = "auto",
+    executor: Executor | None = None,
 ) -> Chart:
     """Stability over two quantities, each {name: values}: parameters in SI units, or "speed".
 
@@ -170,19 +179,22 @@ def chart(
     a function that builds a system from the two values by name. speed: where it is not among the two, by
     default that of the case. Boundaries are found between the points to `tolerance` of the range of the
     values, thin unstable tongues between stable points among them. progress is told the number of points
-    solved so far. engine: as in `sweep`. Raises SolveError subclasses for bad input; a point that fails
-    is NaN with its reason.
+    solved so far. engine: as in `sweep`. With an executor parts of the grid are handed to it. Raises
+    SolveError subclasses for bad input; a point that fails, such as a linkage that cannot turn, is NaN with
+    its reason, and boundaries end beside it.
     """
     (x_name, xs), (y_name, ys) = _axis("x", x), _axis("y", y)
     if x_name == y_name:
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
-    family = _family(model, (x_name, y_name), speed, case)
-    for at in (np.array([xs.min(), ys.min()]), np.array([xs.max(), ys.max()])):
-        family.system(at)
     points = np.column_stack([part.ravel() for part in np.meshgrid(xs, ys)])
-    used, notes = chosen_engine(engine)
-    batch = Batch(family, points, chosen(method), used, rtol=checked_rtol(rtol))
-    results = gathered(batch, points, Wish(warnings=False), progress)
+    family = _family(model, (x_name, y_name), points, speed, case)
+    _, notes = chosen_engine(engine)
+    task = Task(family, chosen(method), engine, checked_rtol(rtol), Wish(warnings=False))
+    batch = task.batch(points)
+    if executor is None:
+        results = gathered(batch, points, task.wish, progress)
+    else:
+        results = spread(task, points, executor, progress)
     made = Chart(x_name, xs, y_name, ys, family, results, [], batch, tolerance, notes)
     if not boundaries:
         return made
@@ -193,8 +205,12 @@ def chart(
         if progress:
             progress(solved[0])
 
-    found = _boundaries(made, Judged.of(points, results), judge(batch, count))
-    return Chart(x_name, xs, y_name, ys, family, results, found, batch, tolerance, notes)
+    return replace(made, boundaries=_boundaries(made, made._judged, judge(batch, count)))
+
+
+def _truth(known: Judged) -> Array:
+    """Stability (k,) as 1 or 0, NaN where a point failed."""
+    return np.where(known.failed, np.nan, known.stable)
 
 
 def _axis(which: str, given: Mapping[str, Sequence[float | str] | Array]) -> tuple[str, Array]:
@@ -217,21 +233,30 @@ def _axis(which: str, given: Mapping[str, Sequence[float | str] | Array]) -> tup
 def _family(
     model: str | PeriodicSystem | Callable[..., PeriodicSystem],
     names: tuple[str, str],
+    points: Array,
     speed: float | str | None,
     case: str | None,
 ) -> Family:
-    of_case: str | None = None
     if isinstance(model, str):
-        model, of_case = loaded(model, case, None, {}, {})
-    omega = speed if speed is not None else of_case
+        model = load(model, case)
+    elif case is not None:
+        raise ValueOutOfBoundsError(
+            f"case '{case}' is for the name of a model; a system has its numbers already"
+        )
+    omega = speed if speed is not None or not isinstance(model, Model) else model.case_speed
     if omega is None and SPEED not in names:
         raise MissingValueError("no speed given; give one, or make it one of the two quantities")
     omega = None if omega is None else speed_in_si(omega)
     if isinstance(model, Model):
-        return Variants(model, names, omega)
+        model.require_motion()
+        found = variants(model, names, omega)
+        for extreme in (points[0], points[-1]):
+            values = dict(zip(names, map(float, extreme), strict=True))
+            model.require_bounds({name: value for name, value in values.items() if name != SPEED})
+        return found
     if isinstance(model, PeriodicSystem):
         raise UnknownNameError(f"quantity of {model.name}", next(n for n in names if n != SPEED), [SPEED])
-    return Built(model, names, omega)
+    return Built(model, names, points, omega)
 
 
 def _boundaries(chart: Chart, known: Judged, asked: Judge) -> list[Boundary]:
@@ -239,10 +264,10 @@ def _boundaries(chart: Chart, known: Judged, asked: Judge) -> list[Boundary]:
     index = np.arange(ny * nx).reshape(ny, nx)
     return contours(
         (chart.x, chart.y),
-        known.stable.reshape(ny, nx),
+        _truth(known).reshape(ny, nx),
         _lines(chart, known, asked, index, along=0),
         _lines(chart, known, asked, index.T, along=1),
-        lambda points: asked(points).stable,
+        lambda points: ~asked(points).unstable,
     )
 
 

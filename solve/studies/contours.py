@@ -43,12 +43,15 @@ def contours(
     columns: Crossings,
     is_stable: Callable[[Array], Array],
 ) -> list[Boundary]:
-    """Boundaries on the grid of the axes x (nx,), y (ny,), from stable (ny, nx) and the crossings of its
-    rows and columns; is_stable (points (k, 2)) is asked where a cell allows two ways."""
+    """Boundaries on the grid of the axes x (nx,), y (ny,), from stable (ny, nx), NaN where unknown, and the
+    crossings of its rows and columns; is_stable (points (k, 2)) is asked where a cell allows two ways.
+    Cells about which something is unknown have no boundary."""
     rims = _Rims(axes, rows, columns)
     joined, open_ = [], []
-    for cell, rim in rims.cells():
-        arcs = _unstable_arcs(rim, bool(stable[cell[1], cell[0]]))
+    for (i, j), rim in rims.cells():
+        if len(rim) % 2 or np.isnan(stable[j : j + 2, i : i + 2]).any():
+            continue
+        arcs = _unstable_arcs(rim, bool(stable[j, i]))
         if len(arcs) > 1:
             open_.append(arcs)
         else:

@@ -22,7 +22,7 @@ from solve.methods.choice import chosen
 from solve.methods.method import Method
 from solve.studies.campbell import Combination, Frequencies, combinations, divisions, mean_frequencies
 from solve.system import PeriodicSystem
-from solve.units import checked_rtol, speed_in_si
+from solve.units import checked_rtol, speeds_given
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 """Figures of a quantity whose maxima count."""
@@ -116,7 +116,7 @@ class CriticalSpeeds:
 
 def critical_speeds(
     system: PeriodicSystem,
-    speeds: Sequence[float | str] | Array,
+    speeds: str | Sequence[float | str] | Array,
     quantity: str | None = None,
     figure: str = "max_abs",
     orders: int = 20,
@@ -126,7 +126,8 @@ def critical_speeds(
     progress: Callable[[int], None] | None = None,
     engine: str = "auto",
 ) -> CriticalSpeeds:
-    """Critical speeds between the lowest and the highest of the speeds (rad/s, or texts with unit).
+    """Critical speeds between the lowest and the highest of the speeds (rad/s, texts with unit, or one text
+    such as "100:900:81 rpm").
 
     quantity: a coordinate or output, by default the first coordinate; figure: its max_abs, rms, max, min
     or mean. Speeds are added where fewer than 24 lie between two divisions of the lowest frequency of an
@@ -134,7 +135,7 @@ def critical_speeds(
     progress is told the number of points solved so far. engine: as in `sweep`. Raises SolveError
     subclasses for bad input.
     """
-    omegas = np.unique([speed_in_si(speed) for speed in speeds])
+    omegas = np.unique(speeds_given(speeds))
     if len(omegas) < 2:
         raise ValueOutOfBoundsError(
             "critical speeds need at least two speeds; give a range such as '100:900:81 rpm'"

@@ -1,22 +1,20 @@
 """The periodic solution over many speeds, a row of figures a speed."""
 
-import copy
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, overload
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.batch import Batch
 from solve.batch.engines import chosen_engine
 from solve.batch.family import over_speed
 from solve.batch.figures import FIGURES
-from solve.batch.results import FAILED, METHODS, Results, Wish, chunk_size, gathered
+from solve.batch.results import FAILED, METHODS, Results, Wish, gathered
 from solve.batch.spectra import VERDICTS
+from solve.batch.spread import Task, spread
 from solve.errors import UnknownNameError
 from solve.floquet import ErrorEstimate
 from solve.methods.choice import chosen
@@ -104,12 +102,15 @@ class Sweep:
 
     @property
     def unstable(self) -> list[tuple[float, float, str]]:
-        """Runs of neighbouring unstable speeds: from, to (rad/s, half way to the stable neighbours) and the
-        kind of the largest multiplier; `bands` refines their edges."""
+        """Runs of neighbouring unstable speeds: from, to (rad/s, half way to stable neighbours, not beyond
+        the last known speed beside failed ones) and the kind of the largest multiplier; `bands` refines
+        their edges."""
         order = np.argsort(self.speeds)
         speeds, known = self.speeds[order], Judged.of(self.speeds[order, None], self.results[order])
-        kinds = np.where(known.stable, -1, known.kinds)
-        middles = np.concatenate((speeds[:1], (speeds[1:] + speeds[:-1]) / 2, speeds[-1:]))
+        kinds = np.where(known.unstable, known.kinds, -1)
+        between = np.where(known.failed[:-1], speeds[1:], (speeds[1:] + speeds[:-1]) / 2)
+        between = np.where(known.failed[1:], speeds[:-1], between)
+        middles = np.concatenate((speeds[:1], between, speeds[-1:]))
         starts = np.concatenate(([0], np.flatnonzero(np.diff(kinds)) + 1, [len(kinds)]))
         return [
             (float(middles[first]), float(middles[last]), KINDS[kinds[first]])
@@ -204,47 +205,10 @@ def sweep(
     names = tuple(known if quantities is None else dict.fromkeys(quantities))
     wish = Wish(names, tuple(spectra), harmonics if spectra else 0)
     used, notes = chosen_engine(engine)
-    results = Results.blank(len(omegas), system.n, wish)
-    part = partial(
-        _part, method=chosen(method), steps=steps, rtol=checked_rtol(rtol), wish=wish, engine=engine
-    )
+    points, family = omegas[:, None], over_speed(system)
+    task = Task(family, chosen(method), engine, checked_rtol(rtol), wish, steps, orbit=True)
     if executor is None:
-        results.insert(np.arange(len(omegas)), part(system, omegas, progress=progress))
+        results = gathered(task.batch(points), points, wish, progress)
     else:
-        _spread(results, partial(part, system), omegas, executor, progress)
+        results = spread(task, points, executor, progress)
     return Sweep(system, omegas, results, used.name, notes)
-
-
-def _spread(
-    results: Results,
-    part: Callable[[Array], Results],
-    omegas: Array,
-    executor: Executor,
-    progress: Callable[[int], None] | None,
-) -> None:
-    index = np.array_split(
-        np.arange(len(omegas)), max(1, -(-len(omegas) // chunk_size(results.multipliers.shape[1] // 2)))
-    )
-    done = 0
-    for at, found in zip(index, executor.map(part, (omegas[at] for at in index)), strict=True):
-        results.insert(at, found)
-        done += len(at)
-        if progress:
-            progress(done)
-
-
-def _part(
-    system: PeriodicSystem,
-    omegas: Array,
-    method: Method,
-    steps: int | None,
-    rtol: float,
-    wish: Wish,
-    engine: str,
-    progress: Callable[[int], None] | None = None,
-) -> Results:
-    # A copy: samplers of a model serve one thread.
-    family = over_speed(copy.copy(system))
-    points = omegas[:, None]
-    batch = Batch(family, points, method, chosen_engine(engine)[0], steps, rtol, orbit=True)
-    return gathered(batch, points, wish, progress)

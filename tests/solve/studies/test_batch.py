@@ -113,8 +113,12 @@ def test_entries_that_do_not_separate_are_sampled_point_by_point():
 
 
 def test_a_point_unlike_those_learnt_from_is_found_out():
-    family = Built(lambda kink, delta: systems.system(kinked(kink, delta), 1), ["kink", "delta"], 1.0)
     ordinary = np.column_stack((np.zeros(50), np.linspace(1, 2, 50)))
+
+    def build(kink, delta):
+        return systems.system(kinked(kink, delta), 1)
+
+    family = Built(build, ["kink", "delta"], ordinary, 1.0)
     separation = Separation(family, ordinary, 2 * np.pi, 1)
     _, fits = separation.coefficients(np.array([[0.0, 1.5], [0.3, 1.5]]))
     assert fits.tolist() == [True, False]

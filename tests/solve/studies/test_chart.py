@@ -124,6 +124,17 @@ def test_bad_input(x, y, error, text):
         solve.chart("mathieu", x, y)
 
 
+def test_the_speed_is_that_of_the_case_unless_given():
+    model = solve.load("mathieu")
+    assert solve.load("mathieu").case_speed == "1 rad/s"
+    plain, named, given = (
+        solve.chart(*of, {"delta": [1, 2]}, {"epsilon": [1, 2]}, *speed, boundaries=False).spectral_radius
+        for of, speed in (((model,), ()), (("mathieu",), ()), ((model,), (2.0,)))
+    )
+    np.testing.assert_array_equal(plain, named)
+    assert (plain != given).all()
+
+
 def test_a_speed_is_needed():
     with pytest.raises(MissingValueError, match="no speed given"):
         solve.chart(solve.load("cam"), {"k3": [1e8, 2e8]}, {"k2": [1e8, 2e8]})

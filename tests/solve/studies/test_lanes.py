@@ -96,8 +96,8 @@ def test_rows_are_exchanged_where_pivots_vanish():
 
         return systems.system(matrices, 2)
 
-    family, points = Built(swapped, ["stiffness"], 1.0), np.linspace(2, 3, 9)[:, None]
-    same(*levels(family, points, 2, solve.Radau(), 32))
+    points = np.linspace(2, 3, 9)[:, None]
+    same(*levels(Built(swapped, ["stiffness"], points, 1.0), points, 2, solve.Radau(), 32))
 
 
 @needs_compiler
@@ -109,8 +109,8 @@ def test_what_overflows_or_resonates_is_not_sound():
 
         return systems.system(of, 1)
 
-    family = Built(lambda delta: matrices(delta), ["delta"], 1.0)
     points = np.array([[-1e5], [0.5], [1.0], [2.0]])
+    family = Built(lambda delta: matrices(delta), ["delta"], points, 1.0)
     ours, theirs = levels(family, points, 1, solve.Gauss(), 256)
     assert ours.sound.tolist() == theirs.sound.tolist() == [False, True, False, True]
 
