@@ -40,6 +40,7 @@ def check(mechanism: Mechanism) -> None:
     statements += _kinematic_statements(mechanism)
     known = _dimensions(mechanism)
     for each in statements:
+        _require_finite(each)
         _require_known(each, known)
         if each.unit is None:
             dimension_of(each.what, each.expression, known)
@@ -66,20 +67,22 @@ def _require_equations(mechanism: Mechanism) -> None:
 
 def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
     moving = [each.symbol for each in mechanism.declared_coordinates]
-    accelerations = {q.rate.rate for q in moving}
-    motion = accelerations | {s for q in moving for s in (q, q.rate)}
+    rates, accelerations = {q.rate for q in moving}, {q.rate.rate for q in moving}
+    motion = {*moving} | rates | accelerations
     local = mechanism.declared_field.local if mechanism.declared_field else set()
     points = set(mechanism.declared_field.points) if mechanism.declared_field else set()
+    barred = accelerations | local | points
     energies = {
-        "kinetic energy": (mechanism.kinetic, mechanism.energy),
-        "potential energy": (mechanism.potential, mechanism.energy),
-        "dissipation": (mechanism.dissipation, mechanism.energy + "/s"),
+        "kinetic energy": (mechanism.kinetic, mechanism.energy, barred),
+        "potential energy": (mechanism.potential, mechanism.energy, barred | rates),
+        "dissipation": (mechanism.dissipation, mechanism.energy + "/s", barred),
     }
-    for what, (energy, unit) in energies.items():
-        yield _Statement(what, sympy.sympify(energy), unit, accelerations | local | points)
+    for what, (energy, unit, forbidden) in energies.items():
+        yield _Statement(what, _expression(what, energy), unit, forbidden)
     for force, along in mechanism.forces:
         what = f"virtual work of {short(force)} along {short(along)}"
-        yield _Statement(what, sympy.Mul(force, along), mechanism.energy, accelerations | local | points)
+        yield _Statement(what, sympy.Mul(force, along), mechanism.energy, barred)
+        yield _Statement(f"displacement {short(along)}", along, None, barred | rates)
     for each in mechanism.declared_coordinates:
         if each.symbol in mechanism.fundamental_motion:
             desired = mechanism.fundamental_motion[each.symbol]
@@ -96,7 +99,33 @@ def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:
             yield _Statement(f"loop of {loop}", equation, None, motion | {PHASE, SPEED})
     for condition in mechanism.conditions:
         yield _Statement(f"condition {condition.text}", condition.margin, None, motion | {SPEED})
-    yield _Statement("period", sympy.sympify(mechanism.period), "rad", motion | {PHASE, SPEED})
+    parameters = {each.symbol for each in mechanism.declared_parameters}
+    yield _Statement("period", _period(mechanism), "rad", motion | parameters | {PHASE, SPEED})
+
+
+def _period(mechanism: Mechanism) -> sympy.Expr:
+    period = _expression("period", mechanism.period)
+    if period.is_number and not period.is_positive:
+        raise DeclarationError(f"period is {period}; give a positive angle, such as 2*pi")
+    return period
+
+
+def _expression(what: str, given: Any) -> sympy.Expr:
+    """What the author set, as an expression; texts are none."""
+    try:
+        expression = sympy.sympify(given, strict=True)
+    except sympy.SympifyError:
+        expression = None
+    if not isinstance(expression, sympy.Expr):
+        raise DeclarationError(f"{what} is {given!r}; give a number or an expression")
+    return expression
+
+
+def _require_finite(statement: _Statement) -> None:
+    if statement.expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+        raise DeclarationError(
+            f"{statement.what} is not finite: {short(statement.expression)}; look for a division by zero"
+        )
 
 
 def _dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:

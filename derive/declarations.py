@@ -1,5 +1,7 @@
 """What a mechanism's author declares: each kind with its symbol, unit and meaning."""
 
+import keyword
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,6 +9,39 @@ import sympy
 
 from derive.errors import DeclarationError
 from derive.symbols import Moving
+
+RESERVED = (
+    *("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math"),
+    *("time", "multiplier_re", "multiplier_im", "exponent_re", "exponent_im"),
+)
+"""Names of generated code, and of what files of results hold besides coordinates and outputs."""
+
+_CLAUSE = r"\s*(?:(integer)|([<>]=?)\s*(-?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?))\s*"
+
+
+def require_plain(name: str) -> None:
+    """Raise DeclarationError unless generated code can use the name."""
+    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name) or name in RESERVED:
+        raise DeclarationError(
+            f'"{name}" cannot be a name: it is reserved, or no plain word of letters and digits'
+        )
+
+
+def bound_of(name: str, text: str) -> str:
+    """A bound in the one form that generated modules hold: "> 0", "integer, >= 1"; "" where there is none.
+
+    Raises DeclarationError.
+
+    >>> bound_of("z1", "integer,>=1")
+    'integer, >= 1'
+    """
+    clauses = [re.fullmatch(_CLAUSE, part) for part in text.split(",")] if text else []
+    parts = [each[1] or f"{each[2]} {each[3]}" for each in clauses if each]
+    if len(parts) < len(clauses):
+        raise DeclarationError(
+            f'{name}: the bound "{text}" is not understood; give "> 0", ">= 0", "< 1" or "integer, >= 1"'
+        )
+    return ", ".join(parts)
 
 
 @dataclass(frozen=True)

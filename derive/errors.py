@@ -29,6 +29,10 @@ class SingularMassError(DeriveError):
     """The kinetic energy leaves a coordinate, or a combination of coordinates, without inertia."""
 
 
+class ExpansionError(DeriveError):
+    """The equations of motion have no Taylor expansion about the desired motion."""
+
+
 class UnsupportedExpressionError(DeriveError):
     """An expression has no counterpart in generated code."""
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import sympy
 
-from derive.errors import SingularMassError
+from derive.errors import ExpansionError, SingularMassError
 from derive.gather import shorter
 from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
@@ -25,12 +25,15 @@ class Linearised(NamedTuple):
 def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     """Jacobians of the residual by q̈, q̇ and q where all three vanish; d is minus the residual there.
 
-    Raises SingularMassError where M is singular whatever the parameters.
+    Raises ExpansionError where an entry is not finite, SingularMassError where M is singular whatever
+    the parameters.
     """
     q = [each.symbol for each in mechanism.declared_coordinates]
-    M, C, K, d = shorter(expanded(residual, q))
-    _require_inertia(mechanism, M)
-    return Linearised(M, C, K, d)
+    matrices = expanded(residual, q)
+    _require_expansion(mechanism, matrices)
+    linearised = Linearised(*shorter(matrices))
+    _require_inertia(mechanism, linearised.M)
+    return linearised
 
 
 def expanded(residual: sympy.Matrix, q: Sequence[Moving]) -> Linearised:
@@ -40,6 +43,17 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving]) -> Linearised:
     rest = dict.fromkeys([*q, *qd, *qdd], sympy.S.Zero)
     matrices = [residual.jacobian(by) for by in (qdd, qd, q)] + [-residual]
     return Linearised(*(matrix.xreplace(rest) for matrix in matrices))
+
+
+def _require_expansion(mechanism: Mechanism, matrices: Linearised) -> None:
+    names = [each.symbol.name for each in mechanism.declared_coordinates]
+    for symbol, matrix in matrices._asdict().items():
+        for row, name in enumerate(names):
+            if matrix.row(row).has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+                raise ExpansionError(
+                    f"the equation of {name} cannot be linearised: {symbol} is not finite at the desired "
+                    "motion; state energies and forces that are smooth there (sqrt(q) is not at q = 0)"
+                )
 
 
 def _require_inertia(mechanism: Mechanism, M: sympy.Matrix) -> None:

@@ -44,7 +44,7 @@ class Source:
     @property
     def text(self) -> str:
         try:
-            return self.path.read_text(encoding="utf-8")
+            return self.path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise MechanismFileError(f"{self.path} cannot be read: {error}") from error
 

@@ -1,6 +1,5 @@
 """The problem statement that a user fills in: what a mechanism is, and nothing about methods."""
 
-import keyword
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,17 +8,21 @@ from typing import Any
 import sympy
 from sympy.core.relational import StrictGreaterThan, StrictLessThan
 
-from derive.declarations import Condition, Coordinate, Option, Output, Parameter
+from derive.declarations import (
+    Condition,
+    Coordinate,
+    Option,
+    Output,
+    Parameter,
+    bound_of,
+    require_plain,
+)
 from derive.errors import DeclarationError
 from derive.field import Field
 from derive.kinematics import Loop, four_bar, full_turn
 from derive.symbols import PHASE, SPEED, Moving
 from derive.transmission import PeriodicFunction, Series
 from derive.units import parse
-
-RESERVED = ("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math")
-CLAUSE = r"(integer|[<>]=? *-?[\d.]+(e-?\d+)?)"
-BOUND = rf"({CLAUSE}(, *{CLAUSE})*)?"
 
 
 @dataclass(slots=True)
@@ -70,7 +73,9 @@ class Mechanism:
         """
         symbols = tuple(Moving(name) for name in declared)
         for symbol, described in zip(symbols, declared.values(), strict=True):
-            unit, meaning, _ = self._described(symbol.name, described)
+            unit, meaning, bound = self._described(symbol.name, described)
+            if bound:
+                raise DeclarationError(f"{symbol.name}: a coordinate has no bound; use trust(...)")
             self._claim_moving(symbol)
             self.declared_coordinates.append(Coordinate(symbol, unit, meaning))
         return symbols
@@ -309,7 +314,9 @@ class Mechanism:
 
     def limit(self, output: str, bound: str, beyond: str) -> None:
         """Bound an output, such as ">= 0", and say in `beyond` what is true where it leaves the bound."""
-        self._described(output, ("1", beyond, bound))
+        *_, bound = self._described(output, ("1", beyond, bound))
+        if not bound or "integer" in bound:
+            raise DeclarationError(f'limit: {output} needs a bound such as ">= 0" or "> -1, < 1"')
         names = ["drive_torque", *(each.name for each in self.declared_outputs)]
         if output not in names:
             raise DeclarationError(f"limit: {output} is no output; declared: {', '.join(names)}")
@@ -348,11 +355,7 @@ class Mechanism:
             )
         unit, meaning, bound = (*described, "")[:3]
         parse(unit)
-        if not re.fullmatch(BOUND, bound):
-            raise DeclarationError(
-                f'{name}: the bound "{bound}" is not understood; give "> 0", ">= 0", "< 1" or "integer, >= 1"'
-            )
-        return unit, meaning, bound
+        return unit, meaning, bound_of(name, bound)
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:
         for unknown in loop.unknowns:
@@ -370,10 +373,7 @@ class Mechanism:
 
     def _claim(self, name: str) -> None:
         """Refuse a name that is reserved or taken."""
-        if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name) or name in RESERVED:
-            raise DeclarationError(
-                f'"{name}" cannot be a name: it is reserved, or no plain word of letters and digits'
-            )
+        require_plain(name)
         if name in self.names():
             raise DeclarationError(
                 f'"{name}" is declared twice (q, qd and qdd are a coordinate and its derivatives)'

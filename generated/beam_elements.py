@@ -6,7 +6,7 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "2823b9e9ceb995cc9bb1caf735e6df7dfd34cf5394f4f89119ba1c86f6ec3271"
+DERIVE_SHA256 = "5ecdc72248a1d9ec361bfe54b5f7dbbc14cf7bd5795857fd3e75f8f78791d853"
 SYMPY_VERSION = "1.14.0"
 BODY_SHA256 = "08214016695c19ad867a812f77068bc6837ffaa8332ed149a90d25869d65836f"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.

@@ -5,8 +5,8 @@ import pytest
 import sympy
 from modules import module_of
 
-from derive import Mechanism, cos, rate, sin
-from derive.errors import SingularMassError
+from derive import Mechanism, cos, rate, sin, sqrt
+from derive.errors import ExpansionError, SingularMassError
 from derive.gather import gathered
 from derive.symbols import SPEED
 
@@ -86,6 +86,15 @@ def test_a_combination_without_kinetic_energy_is_named():
     pair, (q1, q2, m) = two_masses()
     pair.kinetic = m * rate(q1 + q2) ** 2 / 2
     with pytest.raises(SingularMassError, match="no inertia to q1 with q2"):
+        module_of(pair)
+
+
+def test_a_force_without_a_tangent_is_named():
+    pair, (q1, q2, m) = two_masses()
+    (length,) = pair.parameters(length=("m", "length", "> 0"))
+    pair.kinetic = m * (rate(q1) ** 2 + rate(q2) ** 2) / 2
+    pair.force(-m * pair.speed**2 * sqrt(q2 * length), along=q2)
+    with pytest.raises(ExpansionError, match="equation of q2 cannot be linearised: K is not finite"):
         module_of(pair)
 
 

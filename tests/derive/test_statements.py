@@ -40,7 +40,7 @@ def test_unit_and_meaning_are_needed(described):
         oscillator()[0].coordinates(q2=described)
 
 
-@pytest.mark.parametrize("bound", ["positive", ">", "> x", "0 <", "> 0 < 1", "> 0,", "integers"])
+@pytest.mark.parametrize("bound", ["positive", ">", "> x", "0 <", "> 0 < 1", "> 0,", "integers", "> 1.2.3"])
 def test_bounds_that_are_not_understood(bound):
     with pytest.raises(DeclarationError, match=r"the bound .* is not understood"):
         oscillator()[0].parameters(m2=("kg", "mass", bound))
@@ -53,7 +53,33 @@ def test_bounds_that_are_understood(bound):
     assert one.declared_parameters[-1].bound == bound
 
 
-@pytest.mark.parametrize("name", ["phase", "speed", "parameters", "casadi", "lambda", "_x", "µ"])
+@pytest.mark.parametrize(
+    ("bound", "form"), [(">0", "> 0"), ("integer,>=1", "integer, >= 1"), (">-1E-3 ,<.5", "> -1E-3, < .5")]
+)
+def test_bounds_have_one_form_however_they_are_spaced(bound, form):
+    one, q, *_ = oscillator()
+    one.parameters(m2=("kg", "mass", bound))
+    assert one.declared_parameters[-1].bound == form
+    if "integer" not in bound:
+        one.output("where", q, "m", "displacement")
+        one.limit("where", bound, beyond="it is elsewhere")
+        assert one.limits == [("where", form, "it is elsewhere")]
+
+
+@pytest.mark.parametrize("bound", ["", "integer", "integer, >= 1"])
+def test_limits_need_a_bound_that_a_curve_can_keep(bound):
+    with pytest.raises(DeclarationError, match="limit: drive_torque needs a bound such as"):
+        oscillator()[0].limit("drive_torque", bound, beyond="the motor stalls")
+
+
+def test_coordinates_have_no_bound():
+    with pytest.raises(DeclarationError, match=r"q2: a coordinate has no bound; use trust"):
+        oscillator()[0].coordinates(q2=("m", "displacement", "> 0"))
+
+
+@pytest.mark.parametrize(
+    "name", ["phase", "speed", "parameters", "casadi", "lambda", "_x", "µ", "time", "multiplier_re"]
+)
 def test_reserved_names(name):
     with pytest.raises(DeclarationError, match=f'"{name}" cannot be a name'):
         oscillator()[0].parameters(**{name: ("kg", "mass")})
@@ -101,6 +127,51 @@ def test_an_acceleration_in_an_energy():
     one, q, m, _ = oscillator()
     one.kinetic = m * q * rate(rate(q)) / 2
     with pytest.raises(UnknownSymbolError, match="kinetic energy holds qdd, which cannot stand there"):
+        check(one)
+
+
+def test_a_rate_in_the_potential_energy_or_in_a_displacement():
+    """Lagrange's equations as they are derived have no term for either."""
+    one, q, m, k = oscillator()
+    one.potential += m * q * rate(q) * one.speed
+    with pytest.raises(UnknownSymbolError, match="potential energy holds qd, which cannot stand there"):
+        check(one)
+    one, q, _, k = oscillator()
+    one.force(k * q, along=rate(q) / one.speed)
+    with pytest.raises(UnknownSymbolError, match=r"displacement .* holds qd, which cannot stand there"):
+        check(one)
+
+
+@pytest.mark.parametrize("attribute", ["kinetic", "potential", "dissipation", "period"])
+@pytest.mark.parametrize("given", [None, "k*q**2", [1]])
+def test_what_is_no_expression(attribute, given):
+    one, *_ = oscillator()
+    setattr(one, attribute, given)
+    with pytest.raises(DeclarationError, match=r" is .*; give a number or an expression"):
+        check(one)
+
+
+@pytest.mark.parametrize("number", [sympy.nan, sympy.oo, sympy.zoo])
+def test_expressions_that_are_not_finite(number):
+    one, q, _, k = oscillator()
+    one.output("worst", k * q * number, "N", "force")
+    with pytest.raises(DeclarationError, match=r"output worst is not finite: .*division by zero"):
+        check(one)
+
+
+@pytest.mark.parametrize("period", [0, -2 * sympy.pi])
+def test_periods_are_positive(period):
+    one, *_ = oscillator()
+    one.period = period
+    with pytest.raises(DeclarationError, match=r"period is .*; give a positive angle"):
+        check(one)
+
+
+def test_periods_are_known_before_the_numbers_are():
+    one, q, _, k = oscillator()
+    (z,) = one.parameters(z=("1", "teeth"))
+    one.potential, one.period = z * k * q**2, 2 * sympy.pi * z
+    with pytest.raises(UnknownSymbolError, match="period holds z, which cannot stand there"):
         check(one)
 
 
