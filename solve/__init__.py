@@ -4,6 +4,7 @@ from solve.errors import SolveError
 from solve.floquet import Stability, floquet
 from solve.load import load
 from solve.methods.gauss import Gauss
+from solve.methods.hill import boundaries
 from solve.methods.newmark import Newmark
 from solve.methods.radau import Radau
 from solve.methods.runge_kutta import RungeKutta4
@@ -32,6 +33,7 @@ __all__ = [
     "Sweep",
     "Variation",
     "bands",
+    "boundaries",
     "chart",
     "critical_speeds",
     "floquet",

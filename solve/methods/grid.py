@@ -1,5 +1,6 @@
 """The steps of one turn: nodes on the phase, with every jump of the matrices at the end of a step."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,11 +25,15 @@ class Grid:
 
     @classmethod
     def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
-        """About `steps` steps of equal length; with breaks, equal within each piece between two."""
+        """About `steps` steps of equal length; with breaks, equal within each piece between two.
+
+        Every piece gets more steps when the steps are doubled, however short it is: two grids alike in a
+        piece would agree there on what neither resolves.
+        """
         if not breaks:
             return cls(np.linspace(0.0, period, steps + 1), np.zeros(steps, dtype=bool))
         ends, jump_at_zero = _pieces(period, breaks)
-        counts = np.maximum(1, np.round(steps * np.diff(ends) / period).astype(int))
+        counts = _counts(steps, np.diff(ends) / period)
         pieces = [
             np.linspace(a, b, k, endpoint=False) for a, b, k in zip(ends, ends[1:], counts, strict=False)
         ]
@@ -81,3 +86,13 @@ def _pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
         elif phase - ends[-1] > same:
             ends.append(phase)
     return np.array([*ends, period]), jump_at_zero
+
+
+def _counts(steps: int, lengths: Array) -> Array:
+    """Steps of the pieces: in proportion to their lengths (k,), of the period, and of short ones enough."""
+    k = len(lengths)
+    least = max(1 + int(math.log2(max(steps / k, 1.0))), steps // (8 * k))
+    short = steps * lengths < least
+    left = steps - least * short.sum()
+    shared = np.round(left * lengths / max(lengths[~short].sum(), np.finfo(float).tiny))
+    return np.where(short, least, np.maximum(shared, least)).astype(int)

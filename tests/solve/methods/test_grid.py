@@ -54,3 +54,12 @@ def test_breaks_that_differ_by_rounding_are_one_break(breaks):
     grid = Grid.uniform(10, PERIOD, (0.0, *breaks))
     assert grid.h.min() > 0.2
     np.testing.assert_allclose(grid.nodes[:-1][grid.at_break], [0.0, 1.0], atol=1e-14)
+
+
+@given(st.sets(st.integers(1, 9999), min_size=1, max_size=5), st.integers(6, 2000))
+def test_doubled_steps_are_more_in_every_piece(places, steps):
+    """Or two grids would agree on what happens inside a piece too short for either."""
+    breaks = tuple(place * PERIOD / 10_000 for place in sorted(places))
+    edges = np.array([0.0, *breaks, PERIOD]) - 1e-6
+    counts = [np.histogram(Grid.uniform(m, PERIOD, breaks).nodes[:-1], edges)[0] for m in (steps, 2 * steps)]
+    assert (counts[1] > counts[0]).all()

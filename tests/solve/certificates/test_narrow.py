@@ -1,0 +1,64 @@
+"""Features of the matrices that are narrower than the steps: seen, unseen, and between breaks."""
+
+import numpy as np
+import pytest
+
+from solve import PeriodicSystem, floquet, periodic
+
+IMPULSE, DAMPING, STIFFNESS = 0.5, 0.2, 4.0
+
+
+def struck(place, width, breaks=()):
+    """q″ + 0.2 q′ + (4 + bump) q = cos φ, the bump a Gaussian of area 1/2."""
+
+    def matrices(phase, speed):
+        away = np.remainder(phase - place + np.pi, 2 * np.pi) - np.pi
+        bump = IMPULSE * np.exp(-((away / width) ** 2)) / (width * np.sqrt(np.pi))
+        one = np.ones((len(phase), 1, 1))
+        return one, DAMPING * one, (STIFFNESS + bump)[:, None, None], np.cos(phase)[:, None]
+
+    return PeriodicSystem(matrices, ["q"], breaks=breaks)
+
+
+def kicked():
+    """Multipliers in the limit of no width: a kick of q′ by -q/2 once a turn of the constant system."""
+    from scipy.linalg import expm
+
+    turn = expm(2 * np.pi * np.array([[0.0, 1.0], [-STIFFNESS, -DAMPING]]))
+    return np.linalg.eigvals(turn @ np.array([[1.0, 0.0], [-IMPULSE, 1.0]]))
+
+
+@pytest.mark.parametrize("place", np.linspace(0.1, 6.1, 9))
+@pytest.mark.parametrize("method", ["auto", "radau"])
+def test_a_thousandth_of_the_turn_is_seen(place, method):
+    found = floquet(struck(place, 2 * np.pi / 1000), 1.0, method)
+    assert found.warnings == []
+    np.testing.assert_allclose(np.abs(found.multipliers), np.abs(kicked()), rtol=1e-4)
+
+
+def test_what_lies_between_all_samples_is_not_seen():
+    """The limit of every method that samples; that of the bump is 6 % in the spectral radius."""
+    place, width = 3.402101183476623, 2 * np.pi / 3000
+    unseen = floquet(struck(place, width), 1.0)
+    free = np.exp(-DAMPING / 2 * 2 * np.pi)
+    assert unseen.spectral_radius == pytest.approx(free, rel=1e-9)
+    assert unseen.warnings == []
+    assert np.abs(kicked()).max() > 1.05 * free
+    enough = floquet(struck(place, width), 1.0, steps=3000)
+    np.testing.assert_allclose(np.abs(enough.multipliers), np.abs(kicked()), rtol=1e-4)
+
+
+@pytest.mark.parametrize("part", [300, 3000, 30_000])
+@pytest.mark.parametrize("place", [0.9, 2.4, 5.1])
+def test_breaks_on_either_side_let_every_width_be_seen(place, part):
+    width = 2 * np.pi / part
+    edges = (place - 6 * width, place + 6 * width)
+    found = periodic(struck(place, width, edges), 1.0)
+    truth = periodic(struck(place, width), 1.0, steps=2 * part, rtol=1e-6)
+    error = np.abs(found.at(truth.phase) - truth.q).max() / np.abs(truth.q).max()
+    assert error <= 1e-8
+    assert abs(found.spectral_radius / truth.spectral_radius - 1) < 1e-8
+    assert found.warnings == truth.warnings == []
+    few = floquet(struck(place, width, edges), 1.0, steps=6, rtol=1e-12)
+    miss = abs(few.spectral_radius / truth.spectral_radius - 1)
+    assert miss <= 10 * few.error_estimate.multipliers
