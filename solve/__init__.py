@@ -15,6 +15,7 @@ from solve.studies.chart import Chart, chart
 from solve.studies.critical_speeds import CriticalSpeeds, critical_speeds
 from solve.studies.frequencies import Frequencies, Variation, frequencies, frequencies_over
 from solve.studies.sweep import Sweep, sweep
+from solve.studies.sweeps import Sweeps, sweeps, variants
 from solve.system import PeriodicSystem
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "SolveError",
     "Stability",
     "Sweep",
+    "Sweeps",
     "Variation",
     "bands",
     "boundaries",
@@ -42,4 +44,6 @@ __all__ = [
     "load",
     "periodic",
     "sweep",
+    "sweeps",
+    "variants",
 ]

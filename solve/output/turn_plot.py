@@ -1,7 +1,7 @@
 """Picture of one quantity over the turn at several speeds, a curve a speed."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
@@ -19,10 +19,10 @@ from solve.system import PeriodicSystem
 MOST_CURVES = 12
 """Speeds whose curves one picture can tell apart."""
 
-_DASHES: tuple[tuple[float, ...], ...] = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
+DASHES: tuple[tuple[float, ...], ...] = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 """In turn, so that curves differ on a black and white print too."""
 
-_LIGHTEST = 0.8
+LIGHTEST = 0.8
 """Place in the colour map beyond which lines fade into the page."""
 
 
@@ -43,34 +43,42 @@ def checked_turn(system: PeriodicSystem, name: str, curves: int) -> str:
 def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     """A coordinate or output over one period, a curve a speed, the slowest darkest; the orbits are of one
     system. Raises UnknownNameError and ValueOutOfBoundsError."""
-    system = orbits[0].system
-    checked_turn(system, name, len(orbits))
+    checked_turn(orbits[0].system, name, len(orbits))
+    ordered = sorted(orbits, key=lambda orbit: orbit.speed)
+    labelled_by = {f"{orbit.speed * 30 / math.pi:.6g}": orbit for orbit in ordered}
+    return curves_figure(labelled_by, name, "speed (rpm)", reverse=True)
+
+
+def curves_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: bool = False) -> Figure:
+    """A coordinate or output over one period, a curve an orbit, by their labels; the systems of the orbits
+    have one period and the same names."""
+    system = next(iter(orbits.values())).system
     with styled():
         figure = new_figure(3.3)
         figure.suptitle(f"{title_of(system)}: {name.replace('_', ' ')} over one turn", fontweight="bold")
         axes = figure.subplots()
-        _draw_curves(axes, sorted(orbits, key=lambda orbit: orbit.speed), name)
+        _draw_curves(axes, orbits, name)
         axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
         axes.set_xlim(0.0, math.degrees(system.period))
         axes.xaxis.set_major_locator(MultipleLocator(math.degrees(system.period) / 12))
         axes.set_xlabel("phase (°)")
-        figure.legend(title="speed (rpm)", loc="outside right center", handlelength=2.4, reverse=True)
+        figure.legend(title=title, loc="outside right center", handlelength=2.4, reverse=reverse)
     return figure
 
 
-def _draw_curves(axes: Axes, orbits: Sequence[Orbit], name: str) -> None:
-    system = orbits[0].system
-    phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits) + 1)
-    curves = [orbit.signal(name)(phase) for orbit in orbits]
+def _draw_curves(axes: Axes, orbits: Mapping[str, Orbit], name: str) -> None:
+    system = next(iter(orbits.values())).system
+    phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits.values()) + 1)
+    curves = [orbit.signal(name)(phase) for orbit in orbits.values()]
     factor, unit = prefixed(system.units.get(name, ""), max(float(np.abs(values).max()) for values in curves))
-    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, len(orbits)))
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, LIGHTEST, len(orbits)))
     axes.axhline(0.0, color=GREY, linewidth=0.7)
-    for k, (orbit, values) in enumerate(zip(orbits, curves, strict=True)):
+    for k, (label, values) in enumerate(zip(orbits, curves, strict=True)):
         axes.plot(
             np.degrees(phase),
             values * factor,
             color=colours[k],
-            dashes=_DASHES[k % len(_DASHES)],
-            label=f"{orbit.speed * 30 / math.pi:.6g}",
+            dashes=DASHES[k % len(DASHES)],
+            label=label,
         )
     axes.set_ylabel(labelled(name, unit))

@@ -1,0 +1,1 @@
+"""What `python -m models.four_bar` can do, one file a command."""

@@ -1,0 +1,133 @@
+"""`python -m models.four_bar linkage`: the rigid linkage."""
+
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from solve.commands.parse import numbers
+from solve.errors import ValueOutOfBoundsError
+
+if TYPE_CHECKING:
+    from models.four_bar.linkage import Linkage
+
+
+def linkage(
+    set: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=NUMBER", help="Set a parameter, in SI units; repeatable."),
+    ] = None,
+    cases: Annotated[str | None, typer.Option(metavar="FILE", help="Another case file (.toml).")] = None,
+    case: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Case of the case file; the first by default.")
+    ] = None,
+    speed: Annotated[
+        str | None,
+        typer.Option(metavar='"300 rpm"', help="Crank speed with unit, for forces and torque."),
+    ] = None,
+    branch: Annotated[str, typer.Option(metavar="open|crossed", help="Branch of assembly.")] = "open",
+    position: Annotated[
+        str | None,
+        typer.Option(
+            metavar='"70 deg"',
+            help="Crank angle t1 to look at, with unit; also where the crank cannot turn fully.",
+        ),
+    ] = None,
+    coupler_point: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y",
+            help="Coupler point whose path to trace: metres from A, along AB and at +90°; repeatable; "
+            "the coupler's middle by default.",
+        ),
+    ] = None,
+    plot: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Draw positions, coupler curves and the turn: .png, .pdf or .svg."),
+    ] = None,
+    base_planes: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Draw Barker's base planes with the linkage in them.")
+    ] = None,
+    json_: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+) -> None:
+    """Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces."""
+    from models.four_bar.linkage import Linkage
+    from models.four_bar.parameters import CASES, chosen
+    from models.four_bar.record import linkage_record
+    from solve.units import speed_in_si, with_unit
+
+    files = [_picture(file) for file in (plot, base_planes)]
+    values = chosen(case, CASES if cases is None else Path(cases), numbers("--set", set or []))
+    links = Linkage(*(values.parameters[name] for name in ("L1", "L2", "L3", "L4")), branch=branch)
+    of_case = values.speed if speed is None else speed
+    omega = None if of_case is None else speed_in_si(of_case)
+    t1 = None if position is None else with_unit(position, "rad")
+    points = [_point(text) for text in coupler_point or ()] or [complex(links.L2 / 2)]
+    record = linkage_record(values.case, values.parameters, links, omega, t1, points)
+    _draw(files, links, values.parameters, omega, points, t1)
+    _tell(record, json_, [file for file in files if file])
+
+
+def _picture(file: str | None) -> Path | None:
+    if file is None:
+        return None
+    from solve.output.files import PICTURES, checked
+
+    return checked(file, PICTURES, "picture")
+
+
+def _point(text: str) -> complex:
+    """A coupler point X + iY from "X,Y"."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueOutOfBoundsError(
+            f"--coupler-point is '{text}'; write two numbers X,Y in metres, "
+            "such as --coupler-point 0.164,0.05"
+        )
+    return complex(x, y)
+
+
+def _draw(
+    files: Sequence[Path | None],
+    linkage: "Linkage",
+    parameters: Mapping[str, float],
+    speed: float | None,
+    points: Sequence[complex],
+    position: float | None,
+) -> None:
+    positions, planes = files
+    if not (positions or planes):
+        return
+    from models.four_bar.base_planes import base_planes_figure
+    from models.four_bar.draw import linkage_figure
+    from models.four_bar.forces import bodies
+    from solve.output.style import save_figure
+
+    if positions:
+        save_figure(linkage_figure(linkage, bodies(parameters), speed, points, position), positions)
+    if planes:
+        save_figure(base_planes_figure(linkage), planes)
+
+
+def _tell(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) -> None:
+    from rich.console import Console
+
+    from models.four_bar.report import linkage_report
+    from solve.output.record import plain
+
+    if as_json:
+        print(json.dumps(plain(record), ensure_ascii=False, allow_nan=False), flush=True)
+    else:
+        Console(highlight=False).print(linkage_report(record))
+    for line in [
+        *(f"warning: {text}" for text in record["warnings"]),
+        *(f"wrote {file}" for file in written),
+    ]:
+        print(line, file=sys.stderr)

@@ -1,0 +1,196 @@
+"""`python -m models.four_bar study`: response over speed for several values of a parameter or option."""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from models.four_bar.commands.groups import FourBar
+from solve.commands.groups import Results
+from solve.commands.parse import number
+from solve.commands.speeds import Speeds, progressing
+from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import RenderableType
+
+    from solve.output.contents import Contents
+    from solve.structure.model import StructureModel
+    from solve.studies.sweeps import Sweeps
+    from solve.system import PeriodicSystem
+
+_FIGURES = {"max": "max_abs", "rms": "rms"}
+_MOST_CURVES = 12
+_RPM = 30 / math.pi
+_USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"
+
+
+def study(
+    four_bar: FourBar,
+    speeds: Speeds,
+    results: Results,
+    over: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME=A,B,C", help="Parameter (SI units) or option with its values, or NAME=A:B:N."
+        ),
+    ] = None,
+    of: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Coordinate or output; repeatable; the follower's midpoint stress by default.",
+        ),
+    ] = None,
+    figure: Annotated[
+        str, typer.Option(metavar="max|rms", help="What of its modulus over a turn to keep.")
+    ] = "max",
+    corrected: Annotated[
+        bool,
+        typer.Option("--corrected", help="Add one element a link corrected by dynamic stiffness."),
+    ] = False,
+    rtol: Annotated[
+        float, typer.Option(metavar="R", parser=number, help="Relative error of each solution.")
+    ] = 1e-6,
+) -> None:
+    """Stress, deflection or energy over speed for several lengths, dampings, numbers of elements, …"""
+    results.files()
+    omegas = speeds.omegas()
+    if figure not in _FIGURES:
+        raise UnknownNameError("figure", figure, _FIGURES)
+    model = four_bar.loaded()
+    title, systems = _systems(model, over, corrected)
+
+    from solve.commands.deliver import deliver
+    from solve.output.rows import shown
+    from solve.studies.sweeps import sweeps
+
+    names = shown(model, of or ["follower_midpoint_stress_plus"])
+    with progressing("study", len(omegas) * len(systems)) as progress:
+        found = sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
+    kept = _FIGURES[figure]
+    deliver(
+        results,
+        _failures(found),
+        record=lambda: _record(model, found, names, kept),
+        report=lambda: _report(model, found, names, kept, four_bar.problem.choices),
+        figure=lambda: found.plot(names, kept),
+        contents=lambda: _contents(model, found, names, kept),
+    )
+
+
+def _systems(
+    model: "StructureModel", over: str | None, corrected: bool
+) -> tuple[str, "dict[str, PeriodicSystem]"]:
+    """What varies, and the systems by its value. Raises SolveError subclasses."""
+    from models.four_bar.dynamic_correction import Corrected
+    from solve.studies.sweeps import variants
+
+    systems: dict[str, PeriodicSystem] = {}
+    title = ""
+    if over is not None:
+        name, values = _values(over)
+        systems.update(variants(model, name, values))
+        unit = next((unit for each, unit, *_ in model.module.PARAMETERS if each == name), "")
+        title = f"{name} ({unit})" if unit not in ("", "1") else name
+    elif corrected:
+        systems["as given"] = model
+    else:
+        raise MissingValueError(f"nothing varies; {_USAGE}")
+    if corrected:
+        one = type(model)(model.module, model.case, {**model.options, "elements": 1}, model.parameters)
+        systems["corrected"] = Corrected(one)
+    if len(systems) > _MOST_CURVES:
+        raise ValueOutOfBoundsError(
+            f"{len(systems)} curves over speed; allowed: up to {_MOST_CURVES} in one picture"
+        )
+    return title, systems
+
+
+def _values(over: str) -> tuple[str, "Sequence[float | str]"]:
+    """A name and its values, from NAME=A,B,C or NAME=A:B:N; options may be words."""
+    from solve.commands.parse import assignments, points
+
+    ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
+    if ":" in text:
+        return points("--over", over)
+    values = [each.strip() for each in text.split(",")]
+    if not all(values):
+        raise ValueOutOfBoundsError(f"--over is '{over}'; {_USAGE}")
+    return name, values
+
+
+def _failures(found: "Sweeps") -> list[str]:
+    """One line for each system some of whose speeds have no result."""
+    lines = []
+    for label, each in found.sweeps.items():
+        errors = [point.error for point in each.points if point.error]
+        if errors:
+            lines.append(f"{label}: {len(errors)} of {len(found.speeds)} speeds give no result: {errors[0]}")
+    return lines
+
+
+def _record(model: "StructureModel", found: "Sweeps", names: "Sequence[str]", figure: str) -> dict[str, Any]:
+    from solve.output.record import model_record, plain
+
+    return plain(
+        {
+            **model_record(model),
+            "over": found.title,
+            "figure": figure,
+            "speeds": found.speeds,
+            "systems": [
+                {
+                    "value": label,
+                    "responses": {name: each.figures(name, figure) for name in names},
+                    "spectral_radius": each.spectral_radius,
+                }
+                for label, each in found.sweeps.items()
+            ],
+            "extremes": {name: [one._asdict() for one in found.extremes(name, figure)] for name in names},
+        }
+    )
+
+
+def _report(
+    model: "StructureModel",
+    found: "Sweeps",
+    names: "Sequence[str]",
+    figure: str,
+    choices: "Sequence[str]",
+) -> "RenderableType":
+    import numpy as np
+    from rich.console import Group
+
+    from solve.output.quantities import fixed, prefixed
+    from solve.output.report import model_heading, table
+
+    head, parts = model_heading(model, choices), []
+    low, high = (f"{speed * _RPM:.6g}" for speed in (found.speeds.min(), found.speeds.max()))
+    head.add_row("over", f"{len(found.speeds)} speeds from {low} to {high} rpm")
+    for name in names:
+        values = found.figures(name, figure)
+        factor, unit = prefixed(model.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
+        shown = f"max|{name}|" if figure == "max_abs" else f"{figure} {name}"
+        made = table(f"{shown} in {unit}, for {found.title or 'each'}", "rpm", "", *found.sweeps, left=2)
+        for speed, kind, responses in found.extremes(name, figure):
+            cells = (fixed(each * factor, each * factor, 4) for each in responses)
+            made.add_row(f"{speed * _RPM:.2f}", kind, *cells)
+        made.add_row("largest", "", *(fixed(each, each, 4) for each in np.nanmax(values, axis=1) * factor))
+        made.caption = "peaks and quiet speeds of the first, among the speeds given"
+        parts.append(made)
+    return Group(head, *parts)
+
+
+def _contents(model: "StructureModel", found: "Sweeps", names: "Sequence[str]", figure: str) -> "Contents":
+    from solve.output.contents import table_contents
+    from solve.output.record import model_record
+
+    columns: dict[str, tuple[Any, str, str]] = {"speed": (found.speeds, "rad/s", "speed of rotation")}
+    for label, each in found.sweeps.items():
+        for name in names:
+            meaning = f"{figure} of {name}, {found.title} {label}"
+            columns[f"{name} {label}"] = (each.figures(name, figure), model.units.get(name, ""), meaning)
+    return table_contents(columns, model_record(model))

@@ -1,0 +1,96 @@
+"""`python -m models.four_bar study` and `corrected`: reports, JSON, pictures, files, refusals."""
+
+import json
+
+import numpy as np
+import pytest
+
+import solve
+from models.four_bar.__main__ import run
+
+SPEEDS = ("--speeds", "24:34:6 rad/s")
+
+
+@pytest.fixture
+def answer(capsys, monkeypatch):
+    """Standard output and standard error of a command, which must succeed."""
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def ask(*arguments: str) -> tuple[str, str]:
+        assert run(arguments) == 0
+        written = capsys.readouterr()
+        return written.out, written.err
+
+    return ask
+
+
+def test_a_study_over_a_length_agrees_with_single_solves(answer, tmp_path):
+    picture, data = tmp_path / "study.png", tmp_path / "study.csv"
+    of = "follower_midpoint_deflection"
+    out, err = answer(
+        "study", *SPEEDS, "--over", "L4=0.547,0.65", "--of", of, "--json",
+        "--plot", str(picture), "--save", str(data),
+    )  # fmt: skip
+    record = json.loads(out)
+    assert (record["over"], [each["value"] for each in record["systems"]]) == ("L4 (m)", ["0.547", "0.65"])
+    assert err.count("wrote") == 2
+    for each in record["systems"]:
+        alone = solve.periodic(solve.load("four_bar", L4=float(each["value"])), 30.0, rtol=1e-6)
+        assert each["responses"][of][3] == pytest.approx(alone.statistics(of).max_abs, rel=1e-5)
+    assert picture.stat().st_size > 10_000
+    assert len(data.read_text().strip().splitlines()) >= 7
+
+
+def test_a_study_over_an_option_and_the_corrected_model(answer):
+    out, _ = answer("study", *SPEEDS, "--over", "elements=1", "--corrected")
+    assert "elements" in out
+    assert "corrected" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_several_quantities_rms_and_damping(answer):
+    out, _ = answer(
+        "study", *SPEEDS, "--over", "zeta=0.02,0.06", "--figure", "rms", "--json",
+        "--of", "crank_root_stress_plus", "--of", "strain_energy",
+    )  # fmt: skip
+    record = json.loads(out)
+    assert record["figure"] == "rms"
+    for each in record["systems"]:
+        assert set(each["responses"]) == {"crank_root_stress_plus", "strain_energy"}
+        assert np.isfinite(each["spectral_radius"]).all()
+
+
+def test_the_corrected_model_beside_others(answer, tmp_path):
+    picture = tmp_path / "corrected.png"
+    out, _ = answer("corrected", "--elements", "1", "--json", "--plot", str(picture))
+    models = {each["name"]: each for each in json.loads(out)["models"]}
+    assert set(models) == {"reference", "1", "corrected, consistent", "corrected, nodal"}
+    assert models["corrected, nodal"]["excess"] > 0.15
+    assert abs(models["corrected, consistent"]["excess"]) < 0.03
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("study",), "--speeds"),
+        (("study", *SPEEDS), "--over NAME=A,B,C"),
+        (("study", *SPEEDS, "--over", "L4=0.5,,0.6"), "--over NAME=A,B,C"),
+        (("study", *SPEEDS, "--over", "L5=0.5"), "L4"),
+        (("study", *SPEEDS, "--over", "L4=0.1,0.5"), "L4 = 0.1"),
+        (("study", *SPEEDS, "--over", "L4=0.5,0.6", "--figure", "mean"), "figure"),
+        (("study", *SPEEDS, "--over", "L4=0.5,0.6", "--of", "stress"), "coordinate or output"),
+        (("study", *SPEEDS, "--over", "L4=0.5:0.6:20"), "up to 12"),
+        (("study", *SPEEDS, "--over", "L4=0.5,0.6", "--plot", "study.doc"), "ends in '.doc'"),
+        (("corrected", "--elements", "one"), "--elements"),
+        (("corrected", "--speed", "30"), "unit"),
+        (("corrected", "--of", "stress"), "coordinate or output"),
+        (("corrected", "--option", "terms=full"), "terms"),
+    ],
+)
+def test_refusals_are_one_line(arguments, message, capsys):
+    assert run(arguments) == 2
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert message in written.err
+    assert len(written.err.strip().splitlines()) == 1

@@ -1,0 +1,80 @@
+"""Several systems over speed beside each other: oscillators whose responses are known in closed form."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.studies.sweeps import sweeps, variants
+from solve.system import PeriodicSystem
+
+SPEEDS = np.linspace(0.5, 3.5, 61)
+
+
+def oscillator(zeta):
+    """q″ + 2ζω q′ + ω² q = cos Ωt at ω = 2 rad/s."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 4 * zeta * one, 4 * one, np.cos(phase)[:, None]
+
+    return PeriodicSystem(matrices, ["q"])
+
+
+def amplitude(zeta, speed):
+    return 1 / np.hypot(4 - speed**2, 4 * zeta * speed)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return sweeps({str(z): oscillator(z) for z in (0.05, 0.2)}, SPEEDS, ["q"], "zeta")
+
+
+def test_responses(found):
+    expected = np.array([amplitude(zeta, SPEEDS) for zeta in (0.05, 0.2)])
+    assert found.figures("q") == pytest.approx(expected, rel=1e-6)
+    assert found.figures("q", "rms") == pytest.approx(expected / np.sqrt(2), rel=1e-6)
+
+
+def test_the_peak_of_the_first_with_what_the_others_do_there(found):
+    (peak,) = found.extremes("q")
+    assert (peak.speed, peak.kind) == (pytest.approx(2.0), "peak")
+    assert peak.responses == pytest.approx([amplitude(zeta, 2.0) for zeta in (0.05, 0.2)], rel=1e-6)
+
+
+def test_the_picture_has_a_curve_a_system(found):
+    figure = found.plot(["q"])
+    assert [line.get_label() for line in figure.axes[0].get_lines()] == ["0.05", "0.2"]
+    assert figure.legends[0].get_title().get_text() == "zeta"
+
+
+def test_progress_counts_the_points_of_all_systems():
+    told = []
+    sweeps({"a": oscillator(0.1), "b": oscillator(0.2)}, [1.0, 1.5], ["q"], progress=told.append)
+    assert told[-1] == 4
+
+
+def test_variants_of_a_parameter_and_of_an_option():
+    coupler = solve.load("coupler")
+    lengths = variants(coupler, "l3", [0.7, "0.8"])
+    assert {label: each.parameters["l3"] for label, each in lengths.items()} == {"0.7": 0.7, "0.8": 0.8}
+    assert [each.n for each in variants(coupler, "modes", ["1", "4"]).values()] == [1, 4]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "error", "message"),
+    [
+        ("l33", [1.0], UnknownNameError, "did you mean 'l3'"),
+        ("l3", ["long"], ValueOutOfBoundsError, "give a number in SI units"),
+        ("l3", [0.7, 0.7], ValueOutOfBoundsError, "twice"),
+        ("modes", ["40"], ValueOutOfBoundsError, "allowed"),
+    ],
+)
+def test_what_a_model_does_not_allow(name, values, error, message):
+    with pytest.raises(error, match=message):
+        variants(solve.load("coupler"), name, values)
+
+
+def test_nothing_to_vary():
+    with pytest.raises(ValueOutOfBoundsError, match="one at least"):
+        sweeps({}, [1.0], ["q"])
