@@ -166,7 +166,7 @@ def constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str,
     return "\n".join(lines)
 
 
-def literal(value: str | int | range | tuple) -> str:
+def literal(value: str | float | range | tuple) -> str:
     """A value as Python, always with double quotes."""
     if isinstance(value, tuple):
         return "(" + ", ".join(map(literal, value)) + ("," if len(value) == 1 else "") + ")"

@@ -1,18 +1,31 @@
 """The text of the module that is generated from a structure: its links and joints as data, and a
 function of the properties that the numerical assembly needs."""
 
+from collections.abc import Sequence
+
 import sympy
 
 from derive.emit import TOOLS, condition_functions, constants, functions_text, literal
 from derive.freshness import banner, seal
 from derive.function_text import Generated
 from derive.structure import ELEMENT_NAMES, Structure
+from derive.structure_outputs import Observed, observed
 
 MOST_ELEMENTS = 100
 
 DATA = """\
 # A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
 # shared where welded), whether it is inextensible. A joint: name, whether its place is held."""
+MOTION = """\
+# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
+# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average."""
+MOTION_OPTIONS = (
+    ("terms", ("instantaneous", "full"), "instantaneous"),
+    ("stiffening", ("off", "on"), "off"),
+    ("damping", ("modal", "rayleigh"), "modal"),
+)
+OBSERVED = """\
+# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1."""
 DOCUMENTATION = """\
 Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
 and the damping ratio of every mode."""
@@ -21,9 +34,10 @@ and the damping ratio of every mode."""
 def structure_text(structure: Structure, source_sha256: str, derive_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
     texts, counts = functions_text(structure, [_properties(structure), *condition_functions(structure)])
+    of_interest = observed(structure)
     parts = [
-        constants(structure, [], {"properties": counts["properties"]}),
-        _data(structure),
+        constants(structure, [each.output for each in of_interest], {"properties": counts["properties"]}),
+        _data(structure, of_interest),
         *(tool for call, tool in TOOLS.items() if any(call in text for text in texts)),
         *texts,
     ]
@@ -43,7 +57,7 @@ def _properties(structure: Structure) -> Generated:
     return Generated("properties", DOCUMENTATION, ("phase", "p"), results)
 
 
-def _data(structure: Structure) -> str:
+def _data(structure: Structure, of_interest: list[Observed]) -> str:
     links = [
         (
             *(link.name, link.start, link.end),
@@ -60,16 +74,18 @@ def _data(structure: Structure) -> str:
     return "\n".join(
         [
             DATA,
-            "LINKS = (",
-            *(f"    {literal(link)}," for link in links),
-            ")",
-            "JOINTS = (",
-            *(f"    {literal(joint)}," for joint in joints),
-            ")",
+            *_rows("LINKS", links),
+            *_rows("JOINTS", joints),
             "# Options for all links or link by link.",
-            "LINK_OPTIONS = (",
-            *(f"    {literal(option)}," for option in options),
-            ")",
+            *_rows("LINK_OPTIONS", options),
+            MOTION,
+            *_rows("MOTION_OPTIONS", MOTION_OPTIONS if structure.moves else ()),
+            OBSERVED,
+            *_rows("OBSERVED", [(each.kind, each.link, each.place) for each in of_interest]),
             f"MOVES = {structure.moves}",
         ]
     )
+
+
+def _rows(name: str, rows: Sequence[tuple]) -> list[str]:
+    return [f"{name} = (", *(f"    {literal(row)}," for row in rows), ")"] if rows else [f"{name} = ()"]

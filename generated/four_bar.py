@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "5ecdc72248a1d9ec361bfe54b5f7dbbc14cf7bd5795857fd3e75f8f78791d853"
+DERIVE_SHA256 = "4d8a005e701b9b8c5ba857ae6889527b5cf9c9a45c2abb67a702f38fdab47db5"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "26cf5f60d3510c5f4a030d9628afaef43b06d4eadddba1fe07c359ad59dc9037"
+BODY_SHA256 = "66dee90d16a11ad555d0a7fd705cf89eacc587e800804066ca931c3f8bd13ca9"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -39,7 +39,27 @@ PARAMETERS = (
 OPTIONS = (
     ("branch", ("open", "crossed"), "open"),
 )
-OUTPUTS = ()
+OUTPUTS = (
+    ("crank_tip_deflection", "m", "transverse deflection of the crank's tip from its rigid motion"),
+    ("crank_root_stress_plus", "Pa", "axial stress at the crank's root, plus surface"),
+    ("crank_root_stress_minus", "Pa", "axial stress at the crank's root, minus surface"),
+    ("coupler_midpoint_deflection", "m", "transverse deflection of the coupler's midpoint from its rigid motion"),
+    ("coupler_midpoint_stress_plus", "Pa", "axial stress at the coupler's midpoint, plus surface"),
+    ("coupler_midpoint_stress_minus", "Pa", "axial stress at the coupler's midpoint, minus surface"),
+    ("follower_midpoint_deflection", "m", "transverse deflection of the follower's midpoint from its rigid motion"),
+    ("follower_midpoint_stress_plus", "Pa", "axial stress at the follower's midpoint, plus surface"),
+    ("follower_midpoint_stress_minus", "Pa", "axial stress at the follower's midpoint, minus surface"),
+    ("O_force_x", "N", "force of joint O on the crank, along x"),
+    ("O_force_y", "N", "force of joint O on the crank, along y"),
+    ("O_moment", "N m", "moment of joint O on the crank"),
+    ("A_force_x", "N", "force of joint A on the coupler, along x"),
+    ("A_force_y", "N", "force of joint A on the coupler, along y"),
+    ("B_force_x", "N", "force of joint B on the follower, along x"),
+    ("B_force_y", "N", "force of joint B on the follower, along y"),
+    ("C_force_x", "N", "force of joint C on the follower, along x"),
+    ("C_force_y", "N", "force of joint C on the follower, along y"),
+    ("strain_energy", "J", "strain energy of all links"),
+)
 LIMITS = ()
 CONDITIONS = (
     ("L1 + L4 < L2 + L3", "the crank cannot turn fully", ("L1", "L2", "L3", "L4")),
@@ -67,6 +87,35 @@ JOINTS = (
 LINK_OPTIONS = (
     ("elements", range(1, 101), 1),
     ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic"),
+)
+# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
+# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average.
+MOTION_OPTIONS = (
+    ("terms", ("instantaneous", "full"), "instantaneous"),
+    ("stiffening", ("off", "on"), "off"),
+    ("damping", ("modal", "rayleigh"), "modal"),
+)
+# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1.
+OBSERVED = (
+    ("deflection", "crank", 1.0),
+    ("stress_plus", "crank", 0.0),
+    ("stress_minus", "crank", 0.0),
+    ("deflection", "coupler", 0.5),
+    ("stress_plus", "coupler", 0.5),
+    ("stress_minus", "coupler", 0.5),
+    ("deflection", "follower", 0.5),
+    ("stress_plus", "follower", 0.5),
+    ("stress_minus", "follower", 0.5),
+    ("force_x", "crank", 0.0),
+    ("force_y", "crank", 0.0),
+    ("moment", "crank", 0.0),
+    ("force_x", "coupler", 0.0),
+    ("force_y", "coupler", 0.0),
+    ("force_x", "follower", 1.0),
+    ("force_y", "follower", 1.0),
+    ("force_x", "follower", 0.0),
+    ("force_y", "follower", 0.0),
+    ("strain_energy", "", 0.0),
 )
 MOVES = True
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "5ecdc72248a1d9ec361bfe54b5f7dbbc14cf7bd5795857fd3e75f8f78791d853"
+DERIVE_SHA256 = "4d8a005e701b9b8c5ba857ae6889527b5cf9c9a45c2abb67a702f38fdab47db5"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "1ee5c949a18a4c23c351142cf32e622f1119614ceedcb32a7b8bd8f495c78194"
+BODY_SHA256 = "2098ddac511003879a3bd9bcbed412ead5f4153023fbd3a65f17fb2cdd60feb8"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -49,6 +49,11 @@ LINK_OPTIONS = (
     ("elements", range(1, 101), 1),
     ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic"),
 )
+# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
+# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average.
+MOTION_OPTIONS = ()
+# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1.
+OBSERVED = ()
 MOVES = False
 
 

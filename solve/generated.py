@@ -16,7 +16,7 @@ _EVERY = (
     "PERIOD",
 )
 _EQUATIONS = ("linearised", "outputs")
-_STRUCTURE = ("LINKS", "JOINTS", "LINK_OPTIONS", "MOVES", "properties")
+_STRUCTURE = ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties")
 
 
 def model_module(path: Path) -> ModuleType:

@@ -70,10 +70,14 @@ def point_masses(freedoms: Freedoms, masses: Array) -> Array:
     return whole[:HELD, :HELD]
 
 
-def local_values(freedoms: Freedoms, link: int, angle: float, q: Array) -> Array:
-    """Values (elements, k) of the elements' own freedoms for a structure's q (N,) and the link's angle."""
-    ground = np.append(q, 0.0)[freedoms.indices[link]]
-    return ground @ rotations(freedoms, link, np.array([angle]))[0].T
+def local_values(
+    freedoms: Freedoms, link: int, angle: Array, q: Array, elements: slice = slice(None)
+) -> Array:
+    """Values (m, elements, k) of the own freedoms of a link's elements, in its axes, for a structure's
+    q (N, m) and the link's angles (m,)."""
+    whole = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
+    ground = whole[:, freedoms.indices[link][elements]]
+    return ground @ np.swapaxes(rotations(freedoms, link, angle), 1, 2)
 
 
 def rotations(freedoms: Freedoms, link: int, angle: Array) -> Array:

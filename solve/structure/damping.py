@@ -48,6 +48,8 @@ class Modal:
 
     def __call__(self, phase: Array) -> Array:
         """C (m, n, n) at phases (m,)."""
+        if self.beams.properties.damping_ratio == 0:
+            return np.zeros((len(phase), self.beams.freedoms.n, self.beams.freedoms.n))
         return self._everywhere(phase)
 
     @cached_property

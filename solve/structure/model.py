@@ -13,13 +13,17 @@ from solve.load import Model
 from solve.structure.beams import Beams, Properties
 from solve.structure.elements import EXACT
 from solve.structure.freedoms import freedoms
-from solve.structure.motion import OPTIONS, Motion
+from solve.structure.joint_forces import joint_force
+from solve.structure.motion import Motion
 from solve.structure.points import SURFACES, Point
 from solve.structure.positions import Positions
-from solve.structure.quantities import quantities
+from solve.structure.quantities import quantity
+from solve.structure.state import State
 
 if TYPE_CHECKING:
     import casadi
+
+    from solve.orbit import Turn
 
 
 class StructureModel(Model):
@@ -47,23 +51,32 @@ class StructureModel(Model):
 
     @staticmethod
     def declared_options(module: ModuleType) -> Sequence[tuple[str, Sequence[Any], Any]]:
-        return (*module.OPTIONS, *module.LINK_OPTIONS, *(OPTIONS if module.MOVES else ()))
-
-    def _declared_outputs(self) -> Sequence[tuple[str, str, str]]:
-        if not self.module.MOVES:
-            return ()
-        return [(each.name, each.unit, each.meaning) for each in quantities(self.beams)]
+        return (*module.OPTIONS, *module.LINK_OPTIONS, *module.MOTION_OPTIONS)
 
     def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
         if not self.outputs:
             return {}
-        positions = self.at_positions(phase)
-        return {each.name: each.values(positions, q) for each in quantities(self.beams)}
+        state = State(self._equation, phase, speed, q, qd, qdd)
+        numbers = {link.name: number for number, link in enumerate(self.beams.freedoms.links)}
+        return {
+            name: quantity(state, kind, numbers.get(link, 0), place)
+            for name, (kind, link, place) in zip(self.outputs, self.module.OBSERVED, strict=True)
+        }
+
+    def joint_force(self, link: str, joint: str, turn: "Turn", phase: Array) -> tuple[Array, Array, Array]:
+        """Force along x and y (N) and moment (N m), (k,) each, of a joint on a link that ends there, at
+        phases (k,) of an orbit, or of its quasi-static solution. Raises UnknownNameError."""
+        number = self._number(link)
+        ends = self.beams.freedoms.links[number][1:3]
+        if joint not in ends:
+            raise UnknownNameError(f"joint of link {link}", joint, ends)
+        state = State(self._equation, phase, turn.speed, *turn.state(phase))
+        return joint_force(state, number, ends.index(joint))
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
         """Transverse displacement (k,) in m from the rigid motion, at a fraction (0 … 1) of a link's length,
         for q (n, k) at phases (k,). Raises UnknownNameError and ValueOutOfBoundsError."""
-        return self.point(link, fraction).deflection(self._angle(phase), q)
+        return self.point(link, fraction).displacement(self._angle(phase), q)[1]
 
     def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
         """Axial stress (k,) in Pa, E (u′ ∓ (h/2) v″), on the surface "plus" or "minus" of a link at a
@@ -75,15 +88,18 @@ class StructureModel(Model):
             raise UnknownNameError("surface", surface, SURFACES)
         return self.point(link, fraction).stress(self._angle(phase), q, surface)
 
-    def point(self, link: str, fraction: float) -> Point:
-        """The place at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
-        ValueOutOfBoundsError."""
+    def _number(self, link: str) -> int:
         names = [each.name for each in self.beams.freedoms.links]
         if link not in names:
             raise UnknownNameError(f"link of {self.name}", link, names)
+        return names.index(link)
+
+    def point(self, link: str, fraction: float) -> Point:
+        """The place at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
+        ValueOutOfBoundsError."""
         if not 0 <= fraction <= 1:
             raise ValueOutOfBoundsError(f"place on link {link} is {fraction}; allowed: 0 to 1 of its length")
-        return Point(self.beams, names.index(link), fraction)
+        return Point(self.beams, self._number(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
         """The structure frozen at phases (m,)."""
@@ -141,8 +157,8 @@ class StructureModel(Model):
 
     @cached_property
     def _equation(self) -> Motion:
-        chosen = [self.options[name] for name, *_ in OPTIONS]
-        return Motion(self.beams, self._rates, self.period, *chosen)
+        chosen = {name: self.options[name] for name, *_ in self.module.MOTION_OPTIONS}
+        return Motion(self.beams, self._rates, self.period, **chosen)
 
     def _motion(self, phase: Array, speed: float) -> Sequence[Array]:
         self.require_motion()

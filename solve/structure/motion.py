@@ -14,19 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.structure.assembly import Table, rotation, rotations, spread, spread_singly
+from solve.structure.assembly import Table, local_values, rotation, spread, spread_singly
 from solve.structure.beams import Beams
 from solve.structure.damping import Modal, Rayleigh
 from solve.structure.positions import Positions
 from solve.structure.rigid import inertia_load
-
-OPTIONS = (
-    ("terms", ("instantaneous", "full"), "instantaneous"),
-    ("stiffening", ("off", "on"), "off"),
-    ("damping", ("modal", "rayleigh"), "modal"),
-)
-"""Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
-stiffen; whether ζ is every mode's at every position, or that of the lowest two on average."""
 
 
 @dataclass(frozen=True)
@@ -52,24 +44,21 @@ class Motion:
         C = self._damping(phase)
         axial = self.axial_forces(positions, K, d) if self.stiffening == "on" else None
         if self.terms == "full":
-            C = C + 2 * self._turning(_rows((speed * rate)[..., None] * positions.terms))
-            K = K + self._turning(_rows((speed**2 * second)[..., None] * positions.terms))
-            K = K + self._centrifugal(_rows((speed**2 * rate**2)[..., None] * positions.terms))
+            turning, centrifugal = self._rotary
+            C = C + 2 * turning(_rows((speed * rate)[..., None] * positions.terms))
+            K = K + turning(_rows((speed**2 * second)[..., None] * positions.terms))
+            K = K + centrifugal(_rows((speed**2 * rate**2)[..., None] * positions.terms))
         if axial is not None:
             K = K + self._geometric(self._axial_rows(positions, axial))
         return M, C, K, d
 
     def axial_forces(self, positions: Positions, K: Array, d: Array) -> list[Array]:
         """Mean quasi-static axial force (m, elements) in the elements of each link, tension positive."""
-        q = np.linalg.solve(K, d[..., None])[..., 0]
-        whole = np.concatenate((q, np.zeros((len(q), 1))), axis=1)
+        q = np.linalg.solve(K, d[..., None])[..., 0].T
         freedoms, forces = self.beams.freedoms, []
         for number, member in enumerate(self.beams.members):
-            element = freedoms.elements[number]
-            local = whole[:, freedoms.indices[number]] @ np.swapaxes(
-                rotations(freedoms, number, positions.angle[:, number]), 1, 2
-            )
-            ends = element.displacement(member.L, np.array([0.0, 1.0]))[0]
+            local = local_values(freedoms, number, positions.angle[:, number], q)
+            ends = freedoms.elements[number].displacement(member.L, np.array([0.0, 1.0]))[0]
             forces.append(local @ (ends[1] - ends[0]) * (member.EA / member.L))
         return forces
 
@@ -77,22 +66,22 @@ class Motion:
     def _damping(self) -> Callable[[Array], Array]:
         return {"modal": Modal, "rayleigh": Rayleigh}[self.damping](self.beams, self.period)
 
-    @cached_property
-    def _turning(self) -> Table:
-        """M J + P of the links, for 1, c, s, c², cs of each."""
-        return self._table(lambda M, P, J: M @ J + P)
+    def rotary(self, number: int) -> tuple[Array, Array]:
+        """M J + P and M J² + 2 P J − M of a link's elements."""
+        member, element = self.beams.members[number], self.beams.freedoms.elements[number]
+        M, P = element.mass(member.L, member.mu), element.coupling(member.L, member.mu)
+        J = rotation(element.freedoms)[2]
+        return M @ J + P, M @ J @ J + 2 * P @ J - M
 
     @cached_property
-    def _centrifugal(self) -> Table:
-        """M J² + 2 P J − M of the links, for 1, c, s, c², cs of each."""
-        return self._table(lambda M, P, J: M @ J @ J + 2 * P @ J - M)
-
-    def _table(self, local: Callable[[Array, Array, Array], Array]) -> Table:
-        freedoms, tables = self.beams.freedoms, []
-        for number, (member, element) in enumerate(zip(self.beams.members, freedoms.elements, strict=True)):
-            M, P = element.mass(member.L, member.mu), element.coupling(member.L, member.mu)
-            tables.append(spread(freedoms, number, local(M, P, rotation(element.freedoms)[2])))
-        return Table(np.concatenate(tables))
+    def _rotary(self) -> tuple[Table, Table]:
+        """The same of the whole structure, for 1, c, s, c², cs of each link."""
+        numbers = range(len(self.beams.members))
+        tables = [
+            [spread(self.beams.freedoms, number, each) for each in self.rotary(number)] for number in numbers
+        ]
+        turning, centrifugal = (Table(np.concatenate(each)) for each in zip(*tables, strict=True))
+        return turning, centrifugal
 
     @cached_property
     def _geometric(self) -> Table:

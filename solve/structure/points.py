@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.structure.assembly import rotations
+from solve.structure.assembly import local_values
 from solve.structure.beams import Beams
 
 SURFACES = {"plus": 1.0, "minus": -1.0}
@@ -23,11 +23,13 @@ class Point:
     number: int
     fraction: float
 
-    def deflection(self, angle: Array, q: Array) -> Array:
-        """Transverse displacement (k,) in m for angles (k, links) and coordinates (n, k)."""
+    def displacement(self, angle: Array, q: Array) -> tuple[Array, Array]:
+        """Axial and transverse displacement (k,) in m for angles (k, links) and coordinates (n, k)."""
         member, element = self.beams.members[self.number], self.beams.freedoms.elements[self.number]
         _, xi = self.place
-        return self.local(angle, q) @ element.displacement(member.L, np.array([xi]))[1][0]
+        local = self.local(angle, q)
+        u, v = element.displacement(member.L, np.array([xi]))
+        return local @ u[0], local @ v[0]
 
     def stress(self, angle: Array, q: Array, surface: str) -> Array:
         """E (u′ ∓ (h/2) v″) (k,) in Pa at the surface plus or minus."""
@@ -35,14 +37,14 @@ class Point:
         _, xi = self.place
         elongation, curvature = self.beams.freedoms.elements[self.number].strains(member.L, np.array([xi]))
         half = SURFACES[surface] * properties.height[self.number] / 2
-        return properties.E[self.number] * (self.local(angle, q) @ (elongation - half * curvature)[0])
+        local = self.local(angle, q)
+        return properties.E[self.number] * (local @ (elongation - half * curvature)[0])
 
     def local(self, angle: Array, q: Array) -> Array:
         """Values (k, freedoms) of the element's own freedoms."""
-        freedoms, (first, _) = self.beams.freedoms, self.place
-        whole = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
-        ground = whole[:, freedoms.indices[self.number][first]]
-        return np.einsum("kij,kj->ki", rotations(freedoms, self.number, angle[:, self.number]), ground)
+        first, _ = self.place
+        here = slice(first, first + 1)
+        return local_values(self.beams.freedoms, self.number, angle[:, self.number], q, here)[:, 0]
 
     @property
     def place(self) -> tuple[int, float]:

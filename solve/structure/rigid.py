@@ -9,26 +9,28 @@ from solve.structure.freedoms import HELD
 from solve.structure.positions import Positions
 
 
-def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
-    """−M q̈_r/Ω² (m, n) of the elements and of the joints' masses, at constant Ω.
+def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> list[Array]:
+    """q̈_r/Ω² of the elements' own freedoms in the axes of their links, (m, elements, k) for each link.
 
     rate, second (m, links): first and second derivative of the links' angles by the phase. Held freedoms
     accelerate too where their link does.
     """
-    beams, freedoms = positions.beams, positions.beams.freedoms
-    direction = np.exp(1j * positions.angle)
-    spans = beams.properties.length * (1j * second - rate**2) * direction
+    spans = _accelerated(positions, rate, second)
     joints = positions.placed(spans)
-    names = [name for name, _ in freedoms.joints]
+    return [_local(positions, number, joints, spans, second) for number in range(spans.shape[1])]
+
+
+def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
+    """−M q̈_r/Ω² (m, n) of the elements and of the joints' masses, at constant Ω."""
+    beams, freedoms = positions.beams, positions.beams.freedoms
     load = np.zeros((len(positions.phase), freedoms.n + 1))
-    for number, link in enumerate(freedoms.links):
-        start = joints[:, names.index(link.start)]
-        local = _local(positions, number, start, spans[:, number], second[:, number])
+    for number, local in enumerate(rigid_accelerations(positions, rate, second)):
         member = beams.members[number]
         forces = local @ freedoms.elements[number].mass(member.L, member.mu).T
         ground = forces @ rotations(freedoms, number, positions.angle[:, number])
         for row, each in zip(freedoms.indices[number], np.swapaxes(ground, 0, 1), strict=True):
             load[:, row] -= each
+    joints = positions.placed(_accelerated(positions, rate, second))
     masses = beams.properties.mass
     for (x, y), mass, acceleration in zip(freedoms.joint_indices, masses, joints.T, strict=True):
         load[:, x] -= mass * np.real(acceleration)
@@ -36,9 +38,16 @@ def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
     return load[:, :HELD]
 
 
-def _local(positions: Positions, number: int, start: Array, span: Array, second: Array) -> Array:
-    """Accelerations (m, elements, k) of the elements' own freedoms in the axes of their link."""
-    beams = positions.beams
+def _accelerated(positions: Positions, rate: Array, second: Array) -> Array:
+    """Second derivative by the phase of the vectors x + iy (m, links) along the links."""
+    return positions.beams.properties.length * (1j * second - rate**2) * np.exp(1j * positions.angle)
+
+
+def _local(positions: Positions, number: int, joints: Array, spans: Array, second: Array) -> Array:
+    """Accelerations (m, elements, k) of a link's own freedoms, from those of the joints and spans."""
+    beams, link = positions.beams, positions.beams.freedoms.links[number]
+    names = [name for name, _ in beams.freedoms.joints]
+    start, span = joints[:, names.index(link.start)], spans[:, number]
     count = beams.members[number].count
     backwards = np.exp(-1j * positions.angle[:, number])
     local = np.zeros((len(positions.phase), *beams.freedoms.indices[number].shape))
@@ -48,5 +57,5 @@ def _local(positions: Positions, number: int, start: Array, span: Array, second:
             along = (start[:, None] + place * span[:, None]) * backwards[:, None]
             local[:, :, i] = np.real(along) if freedom.direction == AXIAL else np.imag(along)
         elif freedom.order == 1:
-            local[:, :, i] = second[:, None]
+            local[:, :, i] = second[:, None, number]
     return local

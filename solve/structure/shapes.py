@@ -88,17 +88,17 @@ def _curve(positions: Positions, number: int, vector: Array, omega: float) -> tu
     """Places, displacements and their transverse part along a link."""
     beams = positions.beams
     member, kind = beams.members[number], beams.freedoms.kinds[number]
-    angle = positions.angle[0, number]
+    angle = positions.angle[:, number]
     xi = np.linspace(0.0, 1.0, 1 + -(-_POINTS // member.count))
     if kind == EXACT:
         axial, transverse = member.exact_shapes(omega, xi)
     else:
         axial, transverse = beams.freedoms.elements[number].displacement(member.L, xi)
-    values = local_values(beams.freedoms, number, angle, vector)
+    values = local_values(beams.freedoms, number, angle, vector[:, None])[0]
     u, v = (np.concatenate([shapes @ each for each in values]) for shapes in (axial, transverse))
     along = np.concatenate([member.L * (first + xi) for first in range(member.count)])
     joints = [name for name, _ in beams.freedoms.joints]
     start = positions.joints[0, joints.index(member.link.start)]
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = np.cos(angle[0]), np.sin(angle[0])
     places = np.column_stack((np.real(start) + along * c, np.imag(start) + along * s))
     return places, np.column_stack((u * c - v * s, u * s + v * c)), v

@@ -1,0 +1,60 @@
+"""What is of interest in a structure whose links move: deflections, stresses, joint forces, energy."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from derive.declarations import Output
+from derive.structure import Link, Structure
+
+
+class Observed(NamedTuple):
+    """An output, its kind, and the place of a link to which it belongs, from 0 at its start to 1."""
+
+    output: Output
+    kind: str
+    link: str
+    place: float
+
+
+def observed(structure: Structure) -> list[Observed]:
+    """Of a link that is clamped at one end the tip's deflection and the root's stresses, of another those
+    of its middle; what the joints bear; the strain energy of all links. Nothing of a structure at rest."""
+    if not structure.moves:
+        return []
+    energy = Output("strain_energy", None, "J", "strain energy of all links")
+    return [
+        *(each for link in structure.declared_links for each in _of_link(structure, link)),
+        *(each for joint in structure.joints for each in _of_joint(structure, joint)),
+        Observed(energy, "strain_energy", "", 0.0),
+    ]
+
+
+def _of_link(structure: Structure, link: Link) -> Iterator[Observed]:
+    clamped = [structure.rotation(link, joint) == "" for joint in (link.start, link.end)]
+    ends = clamped[0] != clamped[1]
+    deflected, strained = (float(clamped[0]), float(clamped[1])) if ends else (0.5, 0.5)
+    place = "tip" if ends else "midpoint"
+    meaning = f"transverse deflection of the {link.name}'s {place} from its rigid motion"
+    deflection = Output(f"{link.name}_{place}_deflection", None, "m", meaning)
+    yield Observed(deflection, "deflection", link.name, deflected)
+    place = "root" if ends else "midpoint"
+    for surface in ("plus", "minus"):
+        meaning = f"axial stress at the {link.name}'s {place}, {surface} surface"
+        stress = Output(f"{link.name}_{place}_stress_{surface}", None, "Pa", meaning)
+        yield Observed(stress, f"stress_{surface}", link.name, strained)
+
+
+def _of_joint(structure: Structure, joint: str) -> Iterator[Observed]:
+    """The force on the last of the links that meet there, and the moment of a clamp."""
+    links = [each for each in structure.declared_links if joint in (each.start, each.end)]
+    link = links[-1]
+    place = float(joint == link.end)
+    if joint in structure.held or len(links) > 1:
+        for axis in "xy":
+            meaning = f"force of joint {joint} on the {link.name}, along {axis}"
+            force = Output(f"{joint}_force_{axis}", None, "N", meaning)
+            yield Observed(force, f"force_{axis}", link.name, place)
+    if structure.rotation(link, joint) == "":
+        meaning = f"moment of joint {joint} on the {link.name}"
+        moment = Output(f"{joint}_moment", None, "N m", meaning)
+        yield Observed(moment, "moment", link.name, place)
