@@ -28,9 +28,8 @@ from solve.trigonometric import interpolated
 LOADS = ("consistent", "nodal")
 """∫ ρA N(ω1)ᵀ a_r dx, and what the thesis takes for it: M(ω1) q̈_r."""
 
-_DEFLECTIONS = {"crank_tip": 1.0, "coupler_midpoint": 0.5, "follower_midpoint": 0.5}
-_STRESSES = {"crank_root": 0.0, "coupler_midpoint": 0.5, "follower_midpoint": 0.5}
-"""Places whose deflection and stresses are outputs: fractions of the length of the link that they name."""
+_KINDS = ("deflection", "stress_plus", "stress_minus", "strain_energy")
+"""Outputs of the model that are corrected; the links' forces on their joints are not."""
 
 _FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
 """Options of the model that the correction is made for."""
@@ -59,7 +58,10 @@ class Corrected(PeriodicSystem):
         self.model, self.load = model, load
         self._cubic, self._exact = cubic, exact
         self.name = f"{model.name}, {load} load"
-        self.outputs, self.units, self.meanings = cubic.outputs, cubic.units, cubic.meanings
+        observed = zip(cubic.outputs, model.module.OBSERVED, strict=True)
+        self._observed = {name: place for name, place in observed if place[0] in _KINDS}
+        self.outputs = tuple(self._observed)
+        self.units, self.meanings = cubic.units, cubic.meanings
 
     @cached_property
     def lowest(self) -> Callable[[Array], Array]:
@@ -107,15 +109,16 @@ class Corrected(PeriodicSystem):
     def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
         omega, D, M = self._at_lowest(phase)
         K = D + (omega**2)[:, None, None] * M
-        values = {"strain_energy": np.einsum("ik,kij,jk->k", q, K, q, optimize=True) / 2}
-        for place, fraction in _DEFLECTIONS.items():
-            point = self._exact.point(place.split("_")[0], fraction)
-            values[f"{place}_deflection"] = self._deflection(point, omega, phase, q)
-        for place, fraction in _STRESSES.items():
-            point = self._exact.point(place.split("_")[0], fraction)
-            for surface in SURFACES:
-                values[f"{place}_stress_{surface}"] = self._stress(point, surface, omega, phase, q)
-        return {name: values[name] for name in self.outputs}
+        values = {}
+        for name, (kind, link, fraction) in self._observed.items():
+            if kind == "strain_energy":
+                values[name] = np.einsum("ik,kij,jk->k", q, K, q, optimize=True) / 2
+            elif kind == "deflection":
+                values[name] = self._deflection(self._exact.point(link, fraction), omega, phase, q)
+            else:
+                surface = kind.removeprefix("stress_")
+                values[name] = self._stress(self._exact.point(link, fraction), surface, omega, phase, q)
+        return values
 
     def _deflection(self, point: Point, omega: Array, phase: Array, q: Array) -> Array:
         _, shapes = self._shapes(point, omega, 0)
