@@ -1,6 +1,5 @@
 """The steps of one turn: nodes on the phase, with every jump of the matrices at the end of a step."""
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,8 +26,8 @@ class Grid:
     def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
         """About `steps` steps of equal length; with breaks, equal within each piece between two.
 
-        Every piece gets more steps when the steps are doubled, however short it is: two grids alike in a
-        piece would agree there on what neither resolves.
+        Every piece gets more steps when there are twice as many, or a third more (of 6 a piece or more),
+        however short it is: two grids alike in a piece would agree there on what neither resolves.
         """
         if not breaks:
             return cls(np.linspace(0.0, period, steps + 1), np.zeros(steps, dtype=bool))
@@ -89,9 +88,10 @@ def _pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
 
 
 def _counts(steps: int, lengths: Array) -> Array:
-    """Steps of the pieces: in proportion to their lengths (k,), of the period, and of short ones enough."""
+    """Steps of the pieces: in proportion to their lengths (k,), parts of the period, but for short ones,
+    which get half the steps that equal shares would give."""
     k = len(lengths)
-    least = max(1 + int(math.log2(max(steps / k, 1.0))), steps // (8 * k))
+    least = steps // (2 * k) + 1
     short = steps * lengths < least
     left = steps - least * short.sum()
     shared = np.round(left * lengths / max(lengths[~short].sum(), np.finfo(float).tiny))

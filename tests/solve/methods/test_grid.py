@@ -1,5 +1,7 @@
 """Steps of one turn, and the sides of jumps that their stages see."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -57,9 +59,14 @@ def test_breaks_that_differ_by_rounding_are_one_break(breaks):
 
 
 @given(st.sets(st.integers(1, 9999), min_size=1, max_size=5), st.integers(6, 2000))
-def test_doubled_steps_are_more_in_every_piece(places, steps):
+def test_finer_grids_have_more_steps_in_every_piece(places, steps):
     """Or two grids would agree on what happens inside a piece too short for either."""
     breaks = tuple(place * PERIOD / 10_000 for place in sorted(places))
     edges = np.array([0.0, *breaks, PERIOD]) - 1e-6
-    counts = [np.histogram(Grid.uniform(m, PERIOD, breaks).nodes[:-1], edges)[0] for m in (steps, 2 * steps)]
-    assert (counts[1] > counts[0]).all()
+
+    def counts(steps):
+        return np.histogram(Grid.uniform(steps, PERIOD, breaks).nodes[:-1], edges)[0]
+
+    assert (counts(2 * steps) > counts(steps)).all()
+    if steps >= 6 * len(edges):
+        assert (counts(math.ceil(4 * steps / 3)) > counts(steps)).all()
