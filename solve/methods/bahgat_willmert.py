@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import ResonanceError
 from solve.methods.fourier import Fourier
 from solve.system import PeriodicSystem
 
@@ -28,5 +29,11 @@ class BahgatWillmert(Fourier):
         for k, component in enumerate(load):
             rate = 2j * np.pi / system.period * k
             driven = component * np.exp(rate * phases)[:, None]
-            q += np.real(np.linalg.solve(K + rate * C + rate**2 * M, driven[..., None])[..., 0])
+            try:
+                q += np.real(np.linalg.solve(K + rate * C + rate**2 * M, driven[..., None])[..., 0])
+            except np.linalg.LinAlgError:
+                raise ResonanceError(
+                    f"order {k} of the load meets a frozen natural frequency without damping; change the "
+                    "speed, add damping, or use radau"
+                ) from None
         return q, np.nan

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.curve import FourierCurve
-from solve.errors import MatricesError
+from solve.errors import MatricesError, ResonanceError
 from solve.methods.grid import Grid
 from solve.methods.method import OneStep, Solution
 from solve.system import PeriodicSystem
@@ -18,6 +18,9 @@ MOST_UNKNOWNS = 2000
 """Largest order of a dense eigenvalue problem that is still worth waiting for."""
 
 _EPS = float(np.finfo(float).eps)
+
+_SINGULAR = 1e14
+"""Condition number of the balance from which on it counts as singular."""
 
 _DEFECTIVE = 1e4
 """Condition number of eigenvectors above which they are not to be divided by."""
@@ -76,9 +79,21 @@ class Fourier(OneStep):
         A = sum(np.einsum("jab,jk->jakb", part, _circulant(symbol)) for part, symbol in parts)
         unit = 1.0 / np.sqrt(np.abs(np.einsum("jaa->ja", M)).mean(axis=0))
         matrix = (unit[:, None, None] * A * unit).reshape(m * n, m * n)
-        u = np.linalg.solve(matrix, (d * unit).ravel()).reshape(m, n)
+        u, condition = balanced(matrix, (d * unit).ravel())
+        u = u.reshape(m, n)
         q = np.real(np.fft.ifft(smooth[:, None] * np.fft.fft(u, axis=0), axis=0)) * unit
-        return q, float(np.linalg.cond(matrix, 1))
+        return q, condition
+
+
+def balanced(matrix: Array, load: Array) -> tuple[Array, float]:
+    """The solution of the balance, and its condition number. Raises ResonanceError."""
+    condition = float(np.linalg.cond(matrix, 1))
+    if not condition < _SINGULAR:
+        raise ResonanceError(
+            "the balance of forces is singular: a Floquet multiplier is at +1, so that the forced motion "
+            "grows without bound or is not unique; change the speed or add damping"
+        )
+    return np.linalg.solve(matrix, load), condition
 
 
 def _circulant(symbol: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.curve import FourierCurve
 from solve.errors import MatricesError, ValueOutOfBoundsError
-from solve.methods.fourier import Fourier, from_exponents
+from solve.methods.fourier import Fourier, balanced, from_exponents
 from solve.methods.grid import Grid
 from solve.methods.method import Solution
 from solve.system import PeriodicSystem
@@ -196,10 +196,10 @@ def _forced(system: PeriodicSystem, speed: float, grid: Grid, N: int) -> tuple[F
     unit = 1.0 / np.sqrt(np.abs(np.diag(M[2 * N])))
     blocks = unit[:, None] * blocks * unit
     matrix = np.swapaxes(blocks, 1, 2).reshape(len(orders) * n, len(orders) * n)
-    u = np.linalg.solve(matrix, (d[N : 3 * N + 1] * unit).ravel()).reshape(-1, n)
-    q = (u * unit * smooth[:, 0])[N:]
+    u, condition = balanced(matrix, (d[N : 3 * N + 1] * unit).ravel())
+    q = (u.reshape(-1, n) * unit * smooth[:, 0])[N:]
     q[1:] *= 2.0
-    return FourierCurve(grid.nodes, q), float(np.linalg.cond(matrix, 1))
+    return FourierCurve(grid.nodes, q), condition
 
 
 def _spectrum(sampled: Callable[[Array], Array], period: float, orders: int) -> Array:

@@ -96,6 +96,13 @@ def test_a_multiplier_at_one_is_refused_for_orbits_and_named_for_floquet(method,
     assert any("from +1 (resonance or a stability boundary)" in text for text in found.warnings)
 
 
+@pytest.mark.parametrize("method", ["fourier", "hill", "bahgat-willmert"])
+@pytest.mark.parametrize("stiffness", [0.0, 1.0])
+def test_balances_of_harmonics_refuse_resonance_too(method, stiffness):
+    with pytest.raises(ResonanceError, match="change the speed"):
+        periodic(oscillator(0.0, stiffness), 1.0, method)
+
+
 @pytest.mark.parametrize("damping", [1e-6, 1e-5, 1e-4])
 def test_near_resonance_is_warned_of_with_the_distance(damping):
     """q = sin(φ)/c, and |ρ - 1| = 1 - exp(-πc)."""
