@@ -1,6 +1,8 @@
 """Generated modules: found by path, run once, never imported by name."""
 
+import hashlib
 import importlib.util
+import re
 import sys
 from functools import lru_cache
 from pathlib import Path
@@ -39,8 +41,17 @@ def beam_elements() -> ModuleType:
     return _executed(path, path.stat().st_mtime_ns)
 
 
+def _refuse_edited(path: Path) -> None:
+    """Raise ModelFileError where the text is not the one whose hash it bears."""
+    text = path.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
+    _, *sealed = re.split(r'^BODY_SHA256 = "(\w*)"\n', text, maxsplit=1, flags=re.MULTILINE)
+    if sealed and hashlib.sha256(sealed[1].encode()).hexdigest() != sealed[0]:
+        raise ModelFileError(f"'{path}' was edited; its first lines name the command that renews it")
+
+
 @lru_cache(maxsize=32)
 def _executed(path: Path, _modified: int) -> ModuleType:
+    _refuse_edited(path)
     spec = importlib.util.spec_from_file_location(f"_generated_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise ModelFileError(f"'{path.name}' cannot be read as generated code")

@@ -198,14 +198,16 @@ class Model(PeriodicSystem):
         return found
 
 
-def load(model: str, case: str | None = None, options: Options | None = None, **parameters: float) -> Model:
+def load(
+    model: str, case: str | int | None = None, options: Options | None = None, **parameters: float
+) -> Model:
     """The system of a model (a name, or the path of a mechanism file) and a case.
 
     Parameters override the case's values, in SI units as the model declares them. The first case is
     the default. Raises UnknownNameError, ModelFileError (no or stale generated code), CaseFileError,
     MissingValueError and ValueOutOfBoundsError.
     """
-    return loaded(model, case, None, options or {}, parameters)[0]
+    return loaded(model, None if case is None else str(case), None, options or {}, parameters)[0]
 
 
 def loaded(
@@ -224,9 +226,10 @@ def loaded(
     values = {**chosen.parameters, **parameters}
     missing = [name for name in known if name not in values]
     if missing:
+        where = f"case '{chosen.name}' of {module.NAME}" if chosen.name else f"{module.NAME} has no case and"
         raise MissingValueError(
-            f"case '{chosen.name}' of {module.NAME} gives no value for {', '.join(missing[:8])}; "
-            f"add it to the case file or set it: {missing[0]}=NUMBER"
+            f"{where} gives no value for {', '.join(missing[:8])}; add it to the case file or set it: "
+            f"{missing[0]}=NUMBER"
         )
     return _kind(module)(module, chosen.name, options, values, chosen.speed), chosen.speed
 
@@ -331,8 +334,8 @@ def _link_by_link(module: ModuleType, name: str, value: Any, allowed: Sequence[A
 
 
 def _checked_option(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
-    chosen = _whole(value.strip()) if isinstance(value, str) and isinstance(allowed, range) else value
-    if isinstance(chosen, bool) or chosen not in allowed:
+    chosen = _whole(value) if isinstance(allowed, range) else value
+    if not any(type(chosen) is type(each) and chosen == each for each in allowed):
         if isinstance(allowed, range):
             bounds = f"a whole number from {allowed[0]} to {allowed[-1]}"
             raise ValueOutOfBoundsError(f"option {name} of {module.NAME} is {value}; allowed: {bounds}")
@@ -340,9 +343,11 @@ def _checked_option(module: ModuleType, name: str, value: Any, allowed: Sequence
     return chosen
 
 
-def _whole(value: str | int) -> str | int:
-    """A whole number that is written as one; anything else as it is."""
-    return int(value) if isinstance(value, str) and re.fullmatch("-?[0-9]+", value) else value
+def _whole(value: Any) -> Any:
+    """A whole number that is written as one, or NumPy's; anything else as it is."""
+    if isinstance(value, np.integer):
+        return int(value)
+    return int(value) if isinstance(value, str) and re.fullmatch("-?[0-9]+", value.strip()) else value
 
 
 def _checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str, float]:

@@ -7,28 +7,10 @@ from typing import NamedTuple
 
 from solve.cases import read_cases
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.generated import ROOT, model_module
 from solve.load import holds
 
-PARAMETERS = (
-    ("L1", "m", "length of the crank", "> 0"),
-    ("L2", "m", "length of the coupler", "> 0"),
-    ("L3", "m", "length of the follower", "> 0"),
-    ("L4", "m", "length of the ground link", "> 0"),
-    ("A1", "m^2", "cross section of the crank", "> 0"),
-    ("A2", "m^2", "cross section of the coupler", "> 0"),
-    ("A3", "m^2", "cross section of the follower", "> 0"),
-    ("I1", "m^4", "second moment of area of the crank", "> 0"),
-    ("I2", "m^4", "second moment of area of the coupler", "> 0"),
-    ("I3", "m^4", "second moment of area of the follower", "> 0"),
-    ("h1", "m", "thickness of the crank in the plane of motion", "> 0"),
-    ("h2", "m", "thickness of the coupler in the plane of motion", "> 0"),
-    ("h3", "m", "thickness of the follower in the plane of motion", "> 0"),
-    ("E", "Pa", "modulus of elasticity", "> 0"),
-    ("rho", "kg/m^3", "density", "> 0"),
-    ("mA", "kg", "mass of the joint of crank and coupler", ">= 0"),
-    ("mB", "kg", "mass of the joint of coupler and follower", ">= 0"),
-    ("zeta", "1", "damping ratio of every mode", ">= 0"),
-)
+PARAMETERS = model_module(ROOT / "generated" / "four_bar.py").PARAMETERS
 """Name, unit, meaning and bound of each."""
 
 CASES = Path(__file__).with_name("cases.toml")

@@ -51,7 +51,7 @@ def linkage_record(
         record |= _turn(linkage, links, speed, points)
     if position is not None:
         record["position"] = _position(linkage, links, speed, position, points)
-    return {**record, "warnings": concerns(linkage)}
+    return {**record, "warnings": [*concerns(linkage), *_concerns_at(linkage, position)]}
 
 
 def _kind(linkage: Linkage) -> dict[str, Any]:
@@ -135,6 +135,20 @@ def concerns(linkage: Linkage) -> list[str]:
         f"the transmission angle goes from {math.degrees(gamma.min):.4g}° to {math.degrees(gamma.max):.4g}°, "
         f"outside {low:g}°–{high:g}°: forces pass badly from coupler to follower, and small errors of the "
         "lengths move the follower much"
+    ]
+
+
+def _concerns_at(linkage: Linkage, t1: float | None) -> list[str]:
+    """Warnings of one position: its transmission angle."""
+    if t1 is None:
+        return []
+    gamma = float(linkage.transmission_angle(t1))
+    if _within(gamma, gamma):
+        return []
+    low, high = (math.degrees(limit) for limit in ADVISED)
+    return [
+        f"at {math.degrees(t1):.4g}° the transmission angle is {math.degrees(gamma):.4g}°, outside "
+        f"{low:g}°–{high:g}°"
     ]
 
 

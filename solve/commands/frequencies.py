@@ -6,6 +6,7 @@ import typer
 
 from solve.commands.groups import Problem, Results
 from solve.commands.parse import points, whole
+from solve.errors import ValueOutOfBoundsError
 
 
 def frequencies(
@@ -22,7 +23,7 @@ def frequencies(
         typer.Option(metavar="N", parser=whole, help="Also at N positions of the turn, with their mean."),
     ] = None,
     over: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="NAME=A:B:N",
             help="Also over N values of a parameter: the turn's mean, or at --position where given.",
@@ -32,7 +33,9 @@ def frequencies(
 ) -> None:
     """Natural frequencies and mode shapes with the drive held still."""
     results.files()
-    varied = None if over is None else points("--over", over)
+    if over and len(over) > 1:
+        raise ValueOutOfBoundsError(f"--over is given {len(over)} times; vary one parameter a run")
+    varied = points("--over", over[0]) if over else None
     model, _ = problem.loaded(still=True)
 
     from solve.commands.deliver import deliver

@@ -74,9 +74,8 @@ class Speed:
 
         chosen = self.speed if self.speed is not None else of_case
         if chosen is None:
-            raise MissingValueError(
-                f"case '{model.case}' of {model.name} names no speed; give one, such as --speed \"600 rpm\""
-            )
+            where = f"case '{model.case}' of {model.name}" if model.case else f"{model.name} has no case and"
+            raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
         return speed_in_si(chosen)
 
 

@@ -48,7 +48,8 @@ def shapes_figure(found: Frequencies, number: int = 0) -> Figure:
         raise ValueOutOfBoundsError(
             f"{found.system.name} at one position has nothing to draw; draw the whole turn: --turn 36"
         )
-    shapes = found.shapes(number)[:_MOST_SHAPES]
+    every = found.shapes(number)
+    shapes = every[:_MOST_SHAPES]
     columns = 3 if len(shapes) in (3, 5, 6) else min(len(shapes), 4)
     rows = math.ceil(len(shapes) / columns)
     low, high = _frame(shapes)
@@ -57,7 +58,8 @@ def shapes_figure(found: Frequencies, number: int = 0) -> Figure:
     where = f" at {math.degrees(found.positions[number]):.4g}°" if moves(found.system) else ""
     with styled():
         made = new_figure(0.4 + rows * row)
-        made.suptitle(f"{title_of(found.system)}: mode shapes{where}", fontweight="bold")
+        lowest = f", the lowest {len(shapes)} of {len(every)}" if len(shapes) < len(every) else ""
+        made.suptitle(f"{title_of(found.system)}: mode shapes{where}{lowest}", fontweight="bold")
         axes = made.subplots(rows, columns, squeeze=False)
         for place in axes.flat:
             place.set_axis_off()

@@ -25,6 +25,9 @@ USUAL_COUNT = 4
 MOST = 200
 """Frequencies of a structure with exact elements, which has infinitely many."""
 
+_MOST_ENTRIES = 2**22
+"""Entries of a matrix over the positions that are looked at together; more are taken in parts."""
+
 TURN = 36
 """Positions of a turn, by default."""
 
@@ -172,16 +175,20 @@ def frequencies_over(
 def _values(system: PeriodicSystem, positions: Array, count: int | None) -> Array:
     k = _checked_count(system, count)
     if isinstance(system, StructureModel):
-        frozen = system.at_positions(positions)
-        return (
-            exact_frequencies(frozen, k)
-            if system.beams.exact_links
-            else lowest_frequencies(*frozen.matrices(), k)
-        )
+        parts = math.ceil(len(positions) * _freedoms(system) ** 2 / _MOST_ENTRIES)
+        each = (_structure_values(system, part, k) for part in np.array_split(positions, max(parts, 1)))
+        return np.concatenate(list(each))
     M, _, K, _ = system.at(positions, 0.0)
     squares = np.linalg.eigvals(np.linalg.solve(M, K))
     real = np.where(np.abs(squares.imag) > 1e-9 * np.abs(squares), np.nan, squares.real)
     return np.sort(np.sqrt(np.where(real >= 0, real, np.nan)), axis=1)[:, :k]
+
+
+def _structure_values(system: StructureModel, positions: Array, k: int) -> Array:
+    frozen = system.at_positions(positions)
+    if system.beams.exact_links:
+        return exact_frequencies(frozen, k)
+    return lowest_frequencies(*frozen.matrices(), k)
 
 
 def _checked_count(system: PeriodicSystem, count: int | None) -> int:

@@ -143,7 +143,9 @@ def test_a_model_without_outputs(folder):
 def test_parameters_may_take_the_place_of_a_case_file(folder):
     folder.generate()
     assert folder.load(**VALUES).parameters == VALUES
-    with pytest.raises(MissingValueError, match=r"gives no value for c; .* set it: c=NUMBER"):
+    with pytest.raises(
+        MissingValueError, match=r"^mine has no case and gives no value for c; .* set it: c=NUMBER"
+    ):
         folder.load(k=5.0, z=3)
     with pytest.raises(CaseFileError, match=r"no case file '.*mine.toml' for case 'soft'"):
         folder.load("soft", **VALUES)
@@ -188,6 +190,32 @@ def test_options_out_of_their_range(ready, value):
         ValueOutOfBoundsError, match=r"option modes of mine is .*; allowed: a whole number from 1 to 2"
     ):
         ready.load(options={"modes": value})
+
+
+@pytest.mark.parametrize("value", [2.0, True, 1.5])
+def test_options_in_a_range_are_no_other_numbers(ready, value):
+    with pytest.raises(ValueOutOfBoundsError, match=f"is {value}; allowed: a whole number from 1 to 2"):
+        ready.load(options={"modes": value})
+    assert type(ready.load(options={"modes": np.int64(2)}).options["modes"]) is int
+
+
+def test_a_case_may_be_named_by_its_number():
+    assert solve.load("cam", 2).parameters == solve.load("cam", case="2").parameters
+    with pytest.raises(UnknownNameError, match="unknown case of cam '7'"):
+        solve.load("cam", case=7)
+
+
+def test_code_that_was_edited_is_refused(ready):
+    head, body = "# Renew with: python -m derive mine.py\n", GENERATED.format(sha256="", outputs="()")
+    body = body.replace('MECHANISM_SHA256 = ""', "")
+    sealed = f'MECHANISM_SHA256 = "{hashlib.sha256(MECHANISM.encode()).hexdigest()}"\n'
+    sealed = f'{head}{sealed}BODY_SHA256 = "{hashlib.sha256(body.encode()).hexdigest()}"\n{body}'
+    for text in (sealed, sealed.replace("\n", "\r\n")):
+        ready.generate(text=text)
+        assert ready.load().name == "mine"
+    ready.generate(text=sealed.replace("p[0] + casadi", "2 * p[0] + casadi"))
+    with pytest.raises(ModelFileError, match="was edited; its first lines name the command that renews it"):
+        ready.load()
 
 
 def test_unknown_options_and_values(ready):

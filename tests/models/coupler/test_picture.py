@@ -1,5 +1,9 @@
 """The picture of the bent coupler: read back from the drawn figure, and what its command refuses."""
 
+import re
+import shlex
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,6 +11,7 @@ import solve
 from models.coupler.__main__ import run
 from models.coupler.picture import bent, coupler_figure, round_magnification
 from models.coupler.published import TABLE_2, link_angles
+from solve.commands.app import run as run_solve
 
 LABEL = "coupler, deflection magnified"
 
@@ -123,3 +128,19 @@ def test_bad_input_is_refused_in_one_line(arguments, message, tmp_path, monkeypa
 def test_a_speed_is_asked_for(capsys):
     assert run(["--plot", "bent.png"]) == 2
     assert "names no speed; give one, such as --speed" in capsys.readouterr().err
+
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "coupler.md"
+
+
+@pytest.mark.parametrize(
+    "line", re.findall(r"python -m (?:solve|models\.coupler) [^`\n]+", PAGE.read_text(encoding="utf-8"))
+)
+def test_every_command_of_the_page_runs(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    _, _, program, *arguments = shlex.split(line)
+    assert {"solve": run_solve, "models.coupler": run}[program](arguments) == 0, capsys.readouterr().err
+    if "--plot" in arguments:
+        assert (tmp_path / arguments[arguments.index("--plot") + 1]).stat().st_size > 10_000
+    else:
+        assert "q1" in capsys.readouterr().out

@@ -56,6 +56,15 @@ def test_json(answer):
     assert record["coupler_curves"][0]["point"] == [0.164, 0.0]
 
 
+def test_a_position_with_a_bad_transmission_angle_is_warned_of(answer):
+    """Where the crank lies on the ground link: cos γ = (L2² + L3² - (L4 - L1)²) / (2 L2 L3)."""
+    given = [part for text in ("L1=0.15", "L2=0.5", "L3=0.4", "L4=0.4") for part in ("--set", text)]
+    gamma = math.degrees(math.acos((0.5**2 + 0.4**2 - 0.25**2) / (2 * 0.5 * 0.4)))
+    err = answer(*given, "--position", "0 deg")[1]
+    assert f"at 0° the transmission angle is {gamma:.4g}°, outside 40°–140°" in err
+    assert "at 90°" not in answer(*given, "--position", "90 deg")[1]
+
+
 def test_json_agrees_with_the_linkage(answer):
     record = json.loads(
         answer("--json", "--branch", "crossed", "--position", "1 rad", "--coupler-point", "0.1,0.2")[0]

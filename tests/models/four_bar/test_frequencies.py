@@ -5,14 +5,9 @@ import pytest
 
 import solve
 from models.four_bar.linkage import Linkage
-from models.four_bar.parameters import PARAMETERS
 from solve.errors import SolveError
 
 PHASES = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-
-
-def test_the_model_and_the_linkage_have_the_same_parameters():
-    assert solve.load("four_bar").module.PARAMETERS == PARAMETERS
 
 
 @pytest.mark.parametrize("branch", ["open", "crossed"])

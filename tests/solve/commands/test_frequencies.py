@@ -158,10 +158,39 @@ BAD = {
     "too many": (("portal_frame", "--count", "4"), ("count is 4", "1 … 3")),
     "a turn of one position": (("four_bar", "--turn", "1"), ("turn of 1", "2 or more")),
     "over an unknown parameter": (("four_bar", "--over", "L5=1:2:3"), ("'L5'", "did you mean")),
+    "over two parameters": (
+        ("four_bar", "--over", "L2=0.3:0.4:2", "--over", "L3=0.5:0.6:2"),
+        ("given 2 times", "one parameter"),
+    ),
     "over no range": (("four_bar", "--over", "L2=1:2"), ("L2=1:2", "L2=A:B:N")),
     "modes of no structure": (("cam", "--modes"), ("cam has no links",)),
     "a picture of nothing": (("cam", "--plot", "cam.png"), ("nothing to draw", "--turn 36")),
 }
+
+
+def test_many_positions_are_taken_in_parts(monkeypatch):
+    from solve.studies import frequencies as study
+
+    model = solve.load("four_bar", options={"elements": 3})
+    phases = np.linspace(0.0, 6.0, 11)
+    together = solve.frequencies(model, phases).values
+    looked_at = []
+    at_positions = type(model).at_positions
+    monkeypatch.setattr(
+        type(model), "at_positions", lambda self, p: (looked_at.append(len(p)), at_positions(self, p))[1]
+    )
+    monkeypatch.setattr(study, "_MOST_ENTRIES", 3 * study.frequencies(model).freedoms ** 2)
+    looked_at.clear()
+    in_parts = solve.frequencies(model, phases).values
+    assert max(looked_at) <= 3
+    np.testing.assert_allclose(in_parts, together, rtol=1e-12)
+
+
+def test_the_picture_says_of_how_many_modes_it_shows_some():
+    model = solve.load("four_bar", options={"elements": 3})
+    titles = [solve.frequencies(model, 0.5, count).plot().get_suptitle() for count in (8, 10)]
+    assert titles[0].endswith("mode shapes at 28.65°")
+    assert titles[1].endswith("mode shapes at 28.65°, the lowest 8 of 10")
 
 
 @pytest.mark.parametrize("name", BAD)
