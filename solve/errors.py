@@ -58,6 +58,10 @@ class ResonanceError(SolveError):
     """I - Φ is singular: a multiplier at +1, so that no or no unique periodic solution exists."""
 
 
+class NoResultError(SolveError):
+    """None of many points has a result."""
+
+
 class FileError(SolveError):
     """A file that cannot be read or written, or whose type is unknown."""
 

@@ -15,8 +15,15 @@ from solve.methods.radau import Radau
 FROZEN_PHASES = 128
 """At which the certificate freezes the coefficients."""
 
-_FEWER, _DOUBT, _FAR = 16, 1.2, 1e-3
-"""Every so many-th of the phases serves where even another exponent, and a factor, change nothing."""
+_EVERY = np.arange(FROZEN_PHASES)
+_STAGES = _EVERY[::16], _EVERY[8::16], _EVERY[4::8], np.flatnonzero(_EVERY % 4)
+"""The phases in the order in which they are asked for, as long as more could change anything."""
+
+_DOUBT, _FAR = 1.2, 1e-3
+"""An exponent and a factor that change nothing where few phases serve."""
+
+_SAME, _CLOSE = 0.1, 0.3
+"""Relative change by further phases that counts as none, unless as close as this to what is allowed."""
 
 
 class Doubts:
@@ -50,18 +57,24 @@ class Doubts:
     def _survivors(self, stiffness: Stiffness, limit: float, radius: Array) -> tuple[Array, Array]:
         """What a period leaves of modes beyond the limit, and whether there are none such.
 
-        A few of the phases tell where that matters clearly or clearly not; all of them tell elsewhere.
+        A few of the phases tell where that matters clearly or clearly not, some more where it has
+        settled; all of them tell elsewhere.
         """
-        few = stiffness.eigenvalues(_FEWER)
-        lost, follows = surviving(few, self.period, limit), np.zeros(len(few), dtype=bool)
-        beyond = np.abs(few).max(axis=(1, 2)) * self.period > limit
-        matters = beyond & (lost**_DOUBT * _FAR > self.rtol * radius)
-        matters_not = lost ** (1 / _DOUBT) < _FAR * self.rtol * radius
-        unsure = np.flatnonzero(~(matters | matters_not))
-        if len(unsure):
-            every = stiffness[unsure].eigenvalues()
-            lost[unsure] = surviving(every, self.period, limit)
-            follows[unsure] = np.abs(every).max(axis=(1, 2)) * self.period <= limit
+        lost, follows = np.ones(len(radius)), np.zeros(len(radius), dtype=bool)
+        open_, known = np.arange(len(radius)), np.empty((len(radius), 0, 2 * self._chunk.n))
+        for phases in _STAGES:
+            known = np.concatenate((known, stiffness[open_].eigenvalues(phases)), axis=1)
+            before, found = lost[open_], surviving(known, self.period, limit)
+            allowed = self.rtol * radius[open_]
+            matters = found**_DOUBT * _FAR > allowed
+            matters_not = found ** (1 / _DOUBT) < _FAR * allowed
+            same = (np.abs(found - before) < _SAME * found) & (np.abs(found - allowed) > _CLOSE * allowed)
+            beyond = np.abs(known).max(axis=(1, 2)) * self.period > limit
+            lost[open_], follows[open_] = found, ~beyond
+            still = ~((beyond & (matters | same)) | matters_not)
+            open_, known = open_[still], known[still]
+            if len(open_) == 0:
+                break
         return lost, follows
 
 

@@ -46,12 +46,14 @@ _ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps"
 @dataclass(frozen=True)
 class Wish:
     """What to keep of a point beside its stability: figures of the quantities `names`, amplitudes of so
-    many harmonics of some of them, the texts of warnings."""
+    many harmonics of some of them, the texts of warnings; meetings: whether multipliers that meet on the
+    unit circle are looked at, of which the verdict may be "unstable" though none is outside."""
 
     names: tuple[str, ...] = ()
     spectra: tuple[str, ...] = ()
     harmonics: int = 0
     warnings: bool = True
+    meetings: bool = True
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ class _Keeper:
         """Points that were solved together."""
         at, results = self.start + found.positions, self.results
         results.multipliers[at], results.errors[at] = found.spectra.values, found.errors
-        results.verdicts[at] = verdicts(found.Phi, found.spectra, found.errors[:, 1])
+        results.verdicts[at] = verdicts(found.Phi, found.spectra, found.errors[:, 1], results.wish.meetings)
         results.steps[at], results.methods[at] = found.steps, METHODS.index(found.method.name)
         if self.results.wish.warnings:
             self._keep_doubts(found)

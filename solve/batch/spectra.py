@@ -69,14 +69,17 @@ class Spectra:
         return np.where(scale > 0, largest / np.where(scale > 0, scale, 1.0), nothing)
 
 
-def verdicts(Phi: Array, spectra: Spectra, error: Array) -> Array:
-    """Positions (P,) in VERDICTS, as `floquet.verdict` judges a single Φ."""
+def verdicts(Phi: Array, spectra: Spectra, error: Array, meetings: bool = True) -> Array:
+    """Positions (P,) in VERDICTS, as `floquet.verdict` judges a single Φ; without `meetings`, by the moduli
+    alone."""
     modulus = np.abs(spectra.values)
     radius = spectra.radius
     absolute = np.where(radius > 0, error, 0.0) * np.minimum(radius, 1.0)
     tolerance = np.maximum(absolute, UNIT_CIRCLE)[:, None]
     found = np.where((modulus < 1 - tolerance).all(axis=1), 0, 1)
     found[(modulus > 1 + tolerance).any(axis=1)] = 2
+    if not meetings:
+        return found
     on_circle = (np.abs(modulus - 1) <= tolerance)[:, :, None] & ~np.eye(modulus.shape[1], dtype=bool)
     distance = np.abs(spectra.values[:, :, None] - spectra.values[:, None, :])
     close = (on_circle & (distance <= np.sqrt(tolerance)[:, :, None])).any(axis=(1, 2))

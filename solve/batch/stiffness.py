@@ -42,9 +42,9 @@ class Stiffness:
             return np.all(inside, axis=(0, 1, 3))
         return _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
 
-    def eigenvalues(self, every: int = 1) -> Array:
-        """Frozen eigenvalues (P, k, 2n), at every so many-th of the phases."""
-        n, (M, C, K) = self._n, np.moveaxis(self._fields[..., ::every], (1, 2), (3, 4))
+    def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
+        """Frozen eigenvalues (P, k, 2n) at some of the phases, all by default."""
+        n, (M, C, K) = self._n, np.moveaxis(self._fields[..., phases], (1, 2), (3, 4))
         if n == 1:
             return _quadratic(*(part[..., 0, 0] for part in (M, C, K)))
         rate = np.zeros((*M.shape[:2], 2 * n, 2 * n))

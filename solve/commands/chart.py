@@ -103,7 +103,11 @@ def _held(text: str) -> tuple[str, float]:
 def _failures(found: "Chart") -> list[str]:
     if not found.failures:
         return []
-    return [f"{len(found.failures)} points give no result: {next(iter(found.failures.values()))}"]
+    reason = next(iter(found.failures.values()))
+    total = found.spectral_radius.size
+    return [
+        f"{len(found.failures)} of {total} points give no result, and boundaries end beside them: {reason}"
+    ]
 
 
 def _record(found: "Chart", cuts: "Sequence[Cut]") -> dict[str, Any]:

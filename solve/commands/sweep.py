@@ -1,5 +1,6 @@
 """`solve sweep`: response and stability over many speeds."""
 
+import itertools
 import math
 import re
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from solve.load import Model
     from solve.output.contents import Contents
     from solve.studies.sweep import Point, Sweep
+
+_WIDTH = 48
+"""Characters of a line of 80 that columns of quantities may take, beside speed, radius and stability."""
 
 _MOST_ROWS = 60
 """Rows of the table; of more speeds every k-th is shown."""
@@ -177,9 +181,15 @@ def _report(found: "Sweep", names: "Sequence[str]", choices: "Sequence[str]") ->
     sizes = {name: float(np.nanmax(found.figures(name), initial=0.0)) for name in names}
     scales = {name: prefixed(found.system.units.get(name, ""), size) for name, size in sizes.items()}
     columns = [f"max|{name}| ({unit})" if unit else f"max|{name}|" for name, (_, unit) in scales.items()]
+    fitting = max(
+        1, sum(width <= _WIDTH for width in itertools.accumulate(len(each) + 2 for each in columns))
+    )
+    scales = dict(itertools.islice(scales.items(), fitting))
     every = math.ceil(len(found.points) / _MOST_ROWS)
     title = "Over speed" if every == 1 else f"Over speed: one in {every} of {len(found.points)}"
-    made = table(title, "rpm", *columns, "|ρ|", "stability", left=0)
+    made = table(title, "rpm", *columns[:fitting], "|ρ|", "stability", left=0)
+    if fitting < len(names):
+        made.caption = "others by --show NAME, all by --json"
     for point in found.points[::every]:
         row = [
             fixed(point.statistics[name].max_abs * factor, sizes[name] * factor, 6)

@@ -13,7 +13,7 @@ from solve.batch.results import Wish, gathered
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import chosen
 from solve.methods.method import Method
-from solve.studies.boundaries import KINDS, Judge, Judged, edges, hidden, judge, sectioned
+from solve.studies.boundaries import ALIVE, KINDS, Judge, Judged, edges, hidden, judge, sectioned
 from solve.system import PeriodicSystem
 from solve.units import checked_rtol, speeds_given
 
@@ -32,9 +32,6 @@ _DEAD = 1e-2
 
 _HALVINGS = 3
 """Of the distance of two speeds between which multipliers may meet."""
-
-_ALIVE = 0.5
-"""Modulus from which multipliers are watched for meeting."""
 
 _INSIDE = 15
 """Further points of every band, to find its largest multiplier and stable speeds inside it."""
@@ -106,7 +103,7 @@ def bands(
     batch = Batch(over_speed(system), points, chosen(method), used, rtol=checked_rtol(rtol))
     asked = judge(batch, count)
     known = _closer(asked, asked(points), turning)
-    middle = 1 + np.flatnonzero(np.abs(known.multipliers[1:-1, 0]) > _ALIVE)
+    middle = np.arange(1, len(known.points) - 1)
     spacing = float(np.diff(known.points[:, 0]).max())
     known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
     if known.failed.any():
@@ -178,7 +175,7 @@ def _closer(asked: Judge, known: Judged, turning: Turning) -> Judged:
 
 def _distance(multipliers: Array) -> Array:
     """Least difference of angle (k,) among multipliers (k, N) above the real axis."""
-    watched = (np.imag(multipliers) > 0) & (np.abs(multipliers) > _ALIVE)
+    watched = (np.imag(multipliers) > 0) & (np.abs(multipliers) > ALIVE)
     apart = 1e3 * (1 + np.arange(multipliers.shape[1]))
     angles = np.sort(np.where(watched, np.angle(multipliers), apart), axis=1)
     return np.diff(angles, axis=1).min(axis=1)

@@ -14,11 +14,16 @@ from solve.floquet import UNIT_CIRCLE
 KINDS = ("+1", "-1", "complex")
 """Which multiplier leaves the unit circle: period T, period 2T, or a pair."""
 
-_STABILITY = Wish(warnings=False)
+_STABILITY = Wish(warnings=False, meetings=False)
 _TOGETHER = 64
 """Points that one call of the judge should have at least."""
 
-_SEARCHES = 10
+ALIVE = 0.5
+"""Modulus of the largest multiplier from which instability is looked for next to stable points."""
+
+_SEARCHES, _HOPEFUL = 10, 0.5
+"""Parabolas a minimum, each of which must promise to bring it down to this part of itself."""
+
 _CLOSE = 1e-10
 _NEAR = 1e-5
 """Part of the scale to which an edge is bracketed before its kind is told."""
@@ -136,7 +141,7 @@ def edges(
     if len(stable) == 0:
         return stable, np.zeros(0, dtype=int)
     low, high = sectioned(lambda points, _: judge(points).unstable, stable, unstable, scale, _NEAR)
-    before, after = judge(low), judge(high)
+    before, after = _both(judge, low, high)
     passes = (before.gaps[:, :2] > 0) & (after.gaps[:, :2] < 0)
     kinds = np.where(passes.any(axis=1), passes.argmax(axis=1), KINDS.index("complex"))
 
@@ -145,13 +150,43 @@ def edges(
         sign = found.gaps[np.arange(len(points)), np.minimum(kind, 1)] < 0
         return np.where(kind == KINDS.index("complex"), found.unstable, sign & ~found.failed)
 
+    smooth = np.flatnonzero(passes.any(axis=1))
+    aimed = _aimed(judge, before[smooth], after[smooth], kinds[smooth], scale, tolerance)
+    low[smooth], high[smooth] = aimed
     low, high = sectioned(lost, low, high, scale, tolerance)
     return _middles(judge, low, high), kinds
 
 
+def _aimed(
+    judge: Judge, before: Judged, after: Judged, kinds: Array, scale: Array, tolerance: float
+) -> tuple[Array, Array]:
+    """Brackets (E, v) of zeros of the gaps of these kinds, which are positive before and negative after:
+    narrowed to the tolerance where the chord between them aims well enough."""
+    low, high, every = before.points, after.points, np.arange(len(kinds))
+    if len(low) == 0:
+        return low, high
+    across = high - low
+    part = np.abs(across / np.where(scale > 0, scale, 1.0)).max(axis=1)
+    reach = 0.4 * tolerance / np.where(part > 0, part, 1.0)
+    above, below = (found.gaps[every, kinds] for found in (before, after))
+    aim = above / (above - below)
+    ends = [low + np.clip(aim + way * reach, 0.0, 1.0)[:, None] * across for way in (-1, 1)]
+    lost = [(found.gaps[every, kinds] < 0) & ~found.failed for found in _both(judge, *ends)]
+    first, second = (found[:, None] for found in lost)
+    narrowed = np.where(first, low, np.where(second, ends[0], ends[1]))
+    return narrowed, np.where(first, ends[0], np.where(second, ends[1], high))
+
+
+def _both(judge: Judge, low: Array, high: Array) -> tuple[Judged, Judged]:
+    """What is known of two rows of points."""
+    found, every = judge(np.concatenate((low, high))), np.arange(len(low))
+    return found[every], found[every + len(low)]
+
+
 def _middles(judge: Judge, low: Array, high: Array) -> Array:
     """Places between (E, v); NaN where one of the ends failed."""
-    known = ~(judge(low).failed | judge(high).failed)
+    before, after = _both(judge, low, high)
+    known = ~(before.failed | after.failed)
     return np.where(known[:, None], (low + high) / 2, np.nan)
 
 
@@ -206,6 +241,7 @@ def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promisin
     """
     gaps = np.stack([part.gaps for part in (before, middle, after)], axis=1)
     alright = before.stable & middle.stable & after.stable
+    alright &= np.abs(middle.multipliers[:, 0]) > ALIVE
     least = (gaps[:, 1] < np.minimum(gaps[:, 0], gaps[:, 2])) & alright[:, None]
     line, way = np.nonzero(least)
     place = np.linalg.norm(middle.points - before.points, axis=1)[line]
@@ -233,6 +269,7 @@ def _descended(judge: Judge, start: Array, span: Array, way: Array, t: Array, h:
         new = found.gaps[np.arange(len(found.points)), np.repeat(way, 3)].reshape(-1, 3)
         t, h = _lowest(np.concatenate((t, trials), axis=1), np.concatenate((h, new), axis=1))
         goes_on = ~(unstable | failed).any(axis=1) & (t[:, 2] - t[:, 0] > _CLOSE)
+        goes_on &= _vertex(t, h)[1] < _HOPEFUL * h[:, 1]
         start, span, way, t, h = (part[goes_on] for part in (start, span, way, t, h))
     none = np.empty(0, dtype=bool)
     nothing = Judged(np.empty((0, start.shape[1])), none, none, np.empty((0, 1), dtype=complex))

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import SolveError
 from solve.system import PeriodicSystem
 
 _PHASES = 64
@@ -16,7 +17,8 @@ _SECANTS = 4
 @dataclass(frozen=True)
 class Frequencies:
     """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a
-    speed: values (P, n), rising, in rad/s at speeds (P,). Where K is not positive they count as 0."""
+    speed: values (P, n), rising, in rad/s at speeds (P,). Where K is not positive they count as 0; NaN at
+    speeds without matrices."""
 
     system: PeriodicSystem
     speeds: Array
@@ -40,12 +42,16 @@ class Combination:
 def mean_frequencies(system: PeriodicSystem, speeds: Array) -> Frequencies:
     """At speeds (P,) in rad/s, 0 for the mechanism at rest."""
     phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
-    means = []
-    for speed in speeds:
-        M, _, K, _ = system.at(phase, float(speed))
+    means = np.full((len(speeds), system.n), np.nan)
+    for mean, speed in zip(means, speeds, strict=True):
+        try:
+            M, _, K, _ = system.at(phase, float(speed))
+        except SolveError:
+            # The solution at this speed fails for the same reason, and says so.
+            continue
         squares = np.sort(np.real(np.linalg.eigvals(np.linalg.solve(M, K))), axis=1)
-        means.append(np.sqrt(np.maximum(squares, 0.0)).mean(axis=0))
-    return Frequencies(system, speeds, np.array(means))
+        mean[:] = np.sqrt(np.maximum(squares, 0.0)).mean(axis=0)
+    return Frequencies(system, speeds, means)
 
 
 def divisions(frequencies: Frequencies, orders: int) -> list[tuple[int, int, float]]:
@@ -89,13 +95,14 @@ def _crossed(frequencies: Frequencies, frequency: Frequency, orders: int) -> Ite
     speeds, values = frequencies.speeds, frequency(frequencies.values)
     for order in range(1, orders + 1):
         excess = values - order * speeds
-        for at in np.flatnonzero(np.sign(excess[:-1]) != np.sign(excess[1:])):
+        known = np.isfinite(excess[:-1] + excess[1:])
+        for at in np.flatnonzero(known & (np.sign(excess[:-1]) != np.sign(excess[1:]))):
             low, high = float(speeds[at]), float(speeds[at + 1])
             below, above = float(excess[at]), float(excess[at + 1])
             for _ in range(_SECANTS):
                 middle = low - below * (high - low) / (above - below)
                 here = float(frequency(frequencies.at(middle))) - order * middle
-                if here == 0.0 or not low < middle < high:
+                if here == 0.0 or not low < middle < high or np.isnan(here):
                     break
                 if (here < 0) == (above < 0):
                     high, above = middle, here

@@ -14,7 +14,7 @@ from solve.batch.family import SPEED, Built, Family, variants
 from solve.batch.results import FAILED, Results, Wish, gathered
 from solve.batch.spectra import VERDICTS
 from solve.batch.spread import Task, spread
-from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import MissingValueError, NoResultError, UnknownNameError, ValueOutOfBoundsError
 from solve.floquet import Stability, floquet
 from solve.load import Model, load
 from solve.methods.choice import chosen
@@ -195,6 +195,9 @@ def chart(
         results = gathered(batch, points, task.wish, progress)
     else:
         results = spread(task, points, executor, progress)
+    if (results.verdicts == FAILED).all():
+        reason = next(iter(results.failures.values()))
+        raise NoResultError(f"none of the {len(points)} points gives a result: {reason}")
     made = Chart(x_name, xs, y_name, ys, family, results, [], batch, tolerance, notes)
     if not boundaries:
         return made

@@ -188,7 +188,7 @@ def critical_speeds(
 def _refined_grid(omegas: Array, lowest: float, orders: int) -> Array:
     """The speeds, and others so that orders of the lowest frequency up to `orders` are resolved."""
     low, high = omegas[0], omegas[-1]
-    if lowest <= 0:
+    if not lowest > 0:
         return omegas
     first, last = lowest / high, min(lowest / low, orders + 1.0)
     if last <= first:

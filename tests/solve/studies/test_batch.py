@@ -1,8 +1,10 @@
 """Many points at once give what each gives alone."""
 
 import copy
+import multiprocessing
 import pickle
-from concurrent.futures import ThreadPoolExecutor
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -199,6 +201,35 @@ def test_bounds_of_frozen_modes_are_never_wrong(seed, n, scale):
     frozen = np.array([np.abs(system.frozen_eigenvalues(speed, 32)).max() for speed in speeds])
     assert not (stiffness.within(rate) & (frozen > rate * (1 + 1e-12))).any()
     np.testing.assert_allclose(np.abs(stiffness.eigenvalues()).max(axis=(1, 2)), frozen, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_chart_in_parts_is_the_same(monkeypatch):
+    """Small parts in other processes, with points that fail among them."""
+    monkeypatch.setattr("solve.batch.spread.chunk_size", lambda n: 7)
+    model = solve.load("coupler", alpha=0, cx=0, cy=0)
+    axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
+    alone, seen = solve.chart(model, *axes), []
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as executor:
+        parts = solve.chart(model, *axes, executor=executor, progress=seen.append)
+    np.testing.assert_array_equal(parts.verdicts, alone.verdicts)
+    np.testing.assert_allclose(parts.spectral_radius, alone.spectral_radius, rtol=SAME)
+    assert parts.failures == alone.failures
+    assert len(parts.boundaries) == len(alone.boundaries)
+    assert seen[:4] == [6, 12, 18, 24]
+
+
+def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
+    monkeypatch.setattr("solve.batch.spread.chunk_size", lambda n: 1)
+
+    def interrupted(done):
+        raise KeyboardInterrupt
+
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(KeyboardInterrupt):
+            solve.sweep(solve.load("cam"), np.linspace(30, 60, 400), executor=executor, progress=interrupted)
+        ended = executor.submit(time.perf_counter).result(timeout=30)
+    assert ended
 
 
 def test_an_executor_gets_parts_and_gives_the_same():

@@ -1,0 +1,142 @@
+"""Points without a result: unknown, neither stable nor unstable, and said."""
+
+import numpy as np
+import pytest
+from scipy.special import mathieu_a, mathieu_b
+
+import solve
+from solve.errors import NoResultError, ValueOutOfBoundsError
+from tests.solve import systems
+
+LOW, HIGH = 1.3, 2.6
+"""Range of delta within which the equation below has no matrices."""
+
+
+def holed(delta, epsilon):
+    """Mathieu's equation without damping, NaN between LOW and HIGH."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = (delta + epsilon * np.cos(2 * phase))[:, None, None]
+        return one, 0 * one, stiffness if not LOW < delta < HIGH else np.nan * one, 0 * one[:, 0]
+
+    return systems.system(matrices, 1, period=np.pi)
+
+
+@pytest.fixture(scope="module")
+def found():
+    x, y = {"delta": np.linspace(0.2, 4.7, 31)}, {"epsilon": np.linspace(0.5, 2.5, 9)}
+    return solve.chart(holed, x, y, 1.0)
+
+
+def test_a_chart_marks_what_it_does_not_know(found):
+    hole = np.broadcast_to((found.x > LOW) & (found.x < HIGH), found.shape)
+    np.testing.assert_array_equal(np.isnan(found.stable), hole)
+    np.testing.assert_array_equal(np.isnan(found.spectral_radius), hole)
+    np.testing.assert_array_equal(found.verdicts == "failed", hole)
+    assert not found.kinds[hole].any()
+    assert len(found.failures) == hole.sum()
+    assert "NaN or infinite" in found.failures[0, int(np.flatnonzero(hole[0])[0])]
+
+
+def test_no_boundary_is_drawn_beside_what_is_not_known(found):
+    """The tongue of order 1 ends inside the hole for large epsilon: its right edge is not seen there."""
+    for curve in found.boundaries:
+        delta, q = curve.points[:, 0], curve.points[:, 1] / 2
+        assert not ((delta > LOW) & (delta < HIGH)).any()
+        truth = [mathieu_a(0, q), mathieu_a(1, q), mathieu_b(1, q), mathieu_a(2, q), mathieu_b(2, q)]
+        assert np.abs(np.array(truth) - delta).min(axis=0).max() < 1e-6
+    assert {curve.name for curve in found.boundaries} == {"+1", "-1"}
+
+
+def test_a_cut_through_the_hole(found):
+    cut = found.cut(y=1.0)
+    hole = (cut.values > LOW) & (cut.values < HIGH)
+    np.testing.assert_array_equal(np.isnan(cut.stable), hole)
+    np.testing.assert_array_equal(np.isnan(cut.spectral_radius), hole)
+    # Of the edges b_1, a_1, b_2, a_2 the hole swallows a_1 (1.467).
+    edges = [mathieu_b(1, 0.5), mathieu_b(2, 0.5), mathieu_a(2, 0.5)]
+    assert [at for at, _ in cut.crossings] == pytest.approx(edges, abs=1e-7)
+
+
+def test_the_picture_of_a_chart_with_holes(found):
+    assert found.plot().axes
+
+
+def test_a_chart_of_nothing_is_refused():
+    with pytest.raises(NoResultError, match=r"none of the 4 points gives a result: .* NaN"):
+        solve.chart(holed, {"delta": [1.5, 2.0]}, {"epsilon": [0.5, 1.0]}, 1.0)
+
+
+@pytest.fixture(scope="module")
+def turning():
+    model = solve.load("coupler", alpha=0, cx=0, cy=0)
+    speeds = np.linspace(400.0, 560.0, 6)
+    return solve.chart(model, {"speed": speeds}, {"l2": [0.05, 0.2, 0.45, 0.59, 0.61, 0.75]})
+
+
+def test_a_linkage_that_cannot_turn_fails_point_by_point(turning):
+    # l1 + l2 < l3 + l4 = 1.6 with l1 = 1.
+    np.testing.assert_array_equal(np.isnan(turning.stable).all(axis=1), turning.y > 0.6)
+    assert not np.isnan(turning.stable[turning.y < 0.6]).any()
+    assert "the crank cannot turn fully" in turning.failures[4, 0]
+    for curve in turning.boundaries:
+        assert curve.points[:, 1].max() < 0.6
+
+
+def test_bounds_of_parameters_are_refused_at_once():
+    with pytest.raises(ValueOutOfBoundsError, match=r"l2 .* is -0.1 m; allowed: > 0"):
+        solve.chart(solve.load("coupler"), {"l2": [-0.1, 0.1]}, {"speed": [400.0, 500.0]})
+
+
+def broken(delta, low, high):
+    """An undamped Mathieu equation with epsilon = 2, without matrices between two speeds."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = (delta + 2 * np.cos(2 * phase))[:, None, None]
+        return one, 0 * one, stiffness if not low < speed < high else np.nan * one, 0 * one[:, 0]
+
+    return systems.system(matrices, 1, period=np.pi)
+
+
+def test_bands_end_open_where_speeds_fail():
+    whole = solve.bands(broken(4.0, 9, 9), np.linspace(1.2, 3.0, 20))
+    (band,) = whole
+    assert whole.notes == []
+    low, high = 1.9, 2.1
+    assert band.low < low < high < band.high
+    found = solve.bands(broken(4.0, low, high), np.linspace(1.2, 3.0, 20))
+    left, right = found
+    assert (left.open_low, left.open_high, right.open_low, right.open_high) == (False, True, True, False)
+    assert left.low == pytest.approx(band.low, rel=1e-6)
+    assert right.high == pytest.approx(band.high, rel=1e-6)
+    assert low - found.spacing <= left.high <= low
+    assert high <= right.low <= high + found.spacing
+    assert "give no result" in found.notes[0]
+    assert "NaN" in found.notes[0]
+
+
+def test_an_edge_swallowed_by_failed_speeds_is_open():
+    (band,) = solve.bands(broken(4.0, 9, 9), np.linspace(1.2, 3.0, 20))
+    system = broken(4.0, band.low - 0.1, band.low + 0.1)
+    (cut,) = solve.bands(system, np.linspace(1.2, 3.0, 20))
+    assert (cut.open_low, cut.open_high) == (True, False)
+    assert cut.low >= band.low + 0.1
+
+
+def test_unstable_runs_of_a_sweep_do_not_reach_into_the_unknown():
+    speeds = np.linspace(1.2, 3.0, 37)
+    found = solve.sweep(broken(4.0, 1.9, 2.1), speeds)
+    (_, first, _), (second, _, _) = found.unstable
+    known = speeds[~np.isnan(found.spectral_radius)]
+    assert first == known[known <= 1.9].max()
+    assert second == known[known >= 2.1].min()
+
+
+def test_critical_speeds_say_how_many_failed():
+    model = solve.load("mathieu")
+    good = solve.critical_speeds(model, "0.5:3:20 rad/s")
+    assert not good.notes
+    found = solve.critical_speeds(broken(4.0, 1.9, 2.1), np.linspace(1.2, 3.0, 20))
+    assert any("speeds give no result" in note for note in found.notes)

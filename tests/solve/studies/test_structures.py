@@ -1,0 +1,63 @@
+"""Sweeps and charts of a structure of beams: matrices assembled, not printed."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.batch.family import variants
+
+SAME = 1e-8
+"""Relative difference that the condition of a stiff structure leaves to rounding (1e-9 seen)."""
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return solve.load("four_bar")
+
+
+def test_a_sweep_is_its_single_solves(four_bar):
+    speeds = np.linspace(20.0, 40.0, 5)
+    found = solve.sweep(four_bar, speeds, rtol=1e-6)
+    for at in (1, 4):
+        orbit = solve.periodic(four_bar, speeds[at], rtol=1e-6)
+        point = found.points[at]
+        assert (point.method, point.steps, point.verdict) == (orbit.method, orbit.steps, orbit.verdict)
+        assert point.spectral_radius == pytest.approx(orbit.spectral_radius, rel=SAME)
+        assert list(point.warnings) == orbit.warnings
+        for name in (*four_bar.coordinates, *four_bar.outputs):
+            alone, ours = orbit.statistics(name), point.statistics[name]
+            for figure in ("max", "min", "mean", "rms"):
+                difference = abs(getattr(alone, figure) - getattr(ours, figure))
+                assert difference <= SAME * alone.max_abs, f"{figure} of {name}"
+
+
+@pytest.mark.parametrize("options", [{}, {"terms": "full", "stiffening": "on"}, {"damping": "rayleigh"}])
+def test_matrices_between_speeds_follow_from_three(options):
+    model = solve.load("four_bar", options=options)
+    family, phase = variants(model, ["speed", "L4"]), np.linspace(0.0, 6.0, 7)
+    points = np.array([[w, L4] for L4 in (0.53, 0.547) for w in (20.0, 23.0, 31.0, 38.0, 40.0)])
+    found = family.entries(phase, points)
+    for (speed, L4), entries in zip(points, found, strict=True):
+        system = solve.load("four_bar", options=options, L4=L4)
+        parts = [part.reshape(7, -1) for part in system.in_phase(phase, speed)]
+        start = 0
+        for part in parts:
+            ours = entries[:, start : start + part.shape[1]]
+            np.testing.assert_allclose(ours, part, rtol=0, atol=1e-13 * np.abs(part).max())
+            start += part.shape[1]
+
+
+def test_a_chart_over_speed_and_a_length(four_bar):
+    found = solve.chart(
+        four_bar,
+        {"speed": [25.0, 27.0, 29.0, 31.0, 33.0]},
+        {"L4": [0.53, 0.547, 0.75]},
+        rtol=1e-6,
+        boundaries=False,
+    )
+    assert np.isnan(found.stable[2]).all()
+    assert "cannot turn" in found.failures[2, 0]
+    for row, L4 in enumerate(found.y[:2]):
+        alone = solve.floquet(solve.load("four_bar", L4=L4), 29.0, rtol=1e-6)
+        assert found.spectral_radius[row, 2] == pytest.approx(alone.spectral_radius, rel=SAME)
+        assert found.verdicts[row, 2] == alone.verdict
