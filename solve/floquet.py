@@ -118,7 +118,7 @@ class Stability:
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
         near = self.distance_from_one
-        warnings = list(self.certified.warnings)
+        warnings = [*self.certified.warnings, *self.system.doubts(self.speed)]
         if near < NEAR_ONE:
             warnings.append(
                 f"a multiplier is only {near:.1e} from +1 (resonance or a stability boundary): "

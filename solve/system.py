@@ -120,6 +120,10 @@ class PeriodicSystem:
         """Outputs (k,) by name at phases (k,) and states q, q̇, q̈ (n, k), derivatives by time."""
         return {}
 
+    def doubts(self, speed: float) -> list[str]:
+        """Warnings about the equations themselves at a speed, whatever their solution."""
+        return []
+
     def concerns(self, turn: "Turn") -> list[str]:
         """Warnings where a solution leaves the bounds within which the model is trusted."""
         return []

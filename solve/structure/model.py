@@ -11,6 +11,7 @@ from solve.arrays import Array
 from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
 from solve.load import Model
 from solve.structure.beams import Beams, Properties
+from solve.structure.buckling import Compression
 from solve.structure.elements import EXACT
 from solve.structure.freedoms import freedoms
 from solve.structure.joint_forces import joint_force
@@ -62,6 +63,27 @@ class StructureModel(Model):
             name: quantity(state, kind, numbers.get(link, 0), place)
             for name, (kind, link, place) in zip(self.outputs, self.module.OBSERVED, strict=True)
         }
+
+    def doubts(self, speed: float) -> list[str]:
+        if not self.module.MOVES:
+            return []
+        found, ratio = [], self.beams.properties.damping_ratio
+        if ratio == 0 and self.options["terms"] == "instantaneous":
+            found.append(
+                "terms=instantaneous leaves out M'q', what M changes as the links turn: without damping that "
+                "feeds energy, and |ρ| > 1 at every speed says nothing of stability; use --option terms=full"
+            )
+        if ratio > 1 and self.options["damping"] == "modal":
+            found.append(
+                f"damping ratio {ratio:g}: beyond 1 no mode vibrates; a ratio is 0.02, not 2 (percent)"
+            )
+        if self.options["stiffening"] == "on":
+            found += self._compression.doubts(speed)
+        return found
+
+    @cached_property
+    def _compression(self) -> Compression:
+        return Compression(self._equation)
 
     def joint_force(self, link: str, joint: str, turn: "Turn", phase: Array) -> tuple[Array, Array, Array]:
         """Force along x and y (N) and moment (N m), (k,) each, of a joint on a link that ends there, at

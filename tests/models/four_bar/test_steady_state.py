@@ -8,6 +8,7 @@ import pytest
 
 import solve
 from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
+from solve.orbit import QuasiStatic
 
 PHASE = np.linspace(0, 2 * np.pi, 3601)
 
@@ -37,11 +38,25 @@ def test_follower_midpoint_and_spectral_radius_of_one_element_a_link(speed, defl
     assert degrees - parabola[1] / (2 * parabola[2]) == pytest.approx(degrees, abs=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("elements", "stress"), [(1, 99.6), (2, 146.8), (3, 118.0), (4, 129.0)])
 def test_follower_midpoint_stress_against_the_number_of_elements(elements, stress):
     found = orbit(30.0, {"elements": elements})
     assert found.statistics("follower_midpoint_stress_plus").max_abs / 1e6 == pytest.approx(stress, abs=0.05)
+
+
+@pytest.mark.slow
+def test_follower_midpoint_stress_converges():
+    """Elements with quintic shapes agree with many cubic ones, whose error falls as h²."""
+    stress = {
+        (element, elements): orbit(30.0, {"element": element, "elements": elements})
+        .statistics("follower_midpoint_stress_plus")
+        .max_abs
+        / 1e6
+        for element, elements in (("internal", 2), ("cubic", "1,2,7"), ("cubic", "1,2,8"))
+    }
+    assert stress["internal", 2] == pytest.approx(123.0, abs=0.5)
+    odd, even = stress["cubic", "1,2,7"], stress["cubic", "1,2,8"]
+    assert odd < stress["internal", 2] < even
 
 
 @pytest.mark.slow
@@ -56,16 +71,17 @@ def test_terms_that_the_instantaneous_structure_leaves_out(option, change):
     assert found == pytest.approx(change, rel=0.05)
 
 
+@pytest.mark.slow
 def test_without_damping_full_terms_conserve_and_the_instantaneous_structure_does_not():
     """M′q̇ is missing from the instantaneous structure, so that its |ρ| says nothing of stability."""
     radius = {
-        terms: solve.floquet(
-            solve.load("four_bar", options={"terms": terms}, zeta=0.0), 30.0, rtol=1e-7
-        ).spectral_radius
+        terms: solve.floquet(solve.load("four_bar", options={"terms": terms}, zeta=0.0), 30.0, rtol=1e-7)
         for terms in ("full", "instantaneous")
     }
-    assert radius["full"] == pytest.approx(1.0, abs=1e-5)
-    assert radius["instantaneous"] > 1.01
+    assert radius["full"].spectral_radius == pytest.approx(1.0, abs=1e-5)
+    assert radius["instantaneous"].spectral_radius > 1.01
+    assert not any("terms=full" in each for each in radius["full"].warnings)
+    assert any("M'q'" in each and "terms=full" in each for each in radius["instantaneous"].warnings)
 
 
 def test_rayleigh_damping_gives_the_lowest_mode_the_ratio_on_average():
@@ -131,3 +147,55 @@ def test_stress_and_deflection_at_any_point_agree_with_the_outputs():
 def test_exact_elements_have_no_equations_of_motion():
     with pytest.raises(NoMotionError, match="choose another element"):
         solve.periodic(solve.load("four_bar", options={"element": "dynamic"}), 30.0)
+
+
+def test_modal_uncoupling_is_good_at_the_follower_and_bad_at_the_coupler():
+    """Thesis 6.3: largest error over the turn at 35 rad/s, in percent of the largest deflection."""
+    model = solve.load("four_bar", options={"elements": 3})
+    truth = solve.periodic(model, 35.0, rtol=1e-7)
+    uncoupled = solve.periodic(model, 35.0, method="modal", steps=360)
+    error = {}
+    for link in ("follower", "coupler"):
+        exact, found = (values(each, f"{link}_midpoint_deflection") for each in (truth, uncoupled))
+        error[link] = 100 * np.abs(found - exact).max() / np.abs(exact).max()
+    assert error["follower"] == pytest.approx(5, abs=1)
+    assert error["coupler"] > 70
+
+
+def test_compression_beyond_eulers_load_is_said_with_link_force_and_angle():
+    """The coupler pulls and pushes what turns the follower; its own inertia is small beside mB."""
+    heavy = {"options": {"stiffening": "on"}, "mB": 20.0}
+    light = solve.load("four_bar", options={"stiffening": "on"})
+    assert light.doubts(30.0) == []
+    model = solve.load("four_bar", **heavy)
+    p = model.parameters
+    euler = np.pi**2 * p["E"] * p["I2"] / p["L2"] ** 2
+    phase = np.linspace(0, 2 * np.pi, 720, endpoint=False)
+    forces = model.output_values(phase, 1.0, *QuasiStatic(model, 1.0).state(phase))
+    angle = model.at_positions(phase).angle[:, 1]
+    along = forces["A_force_x"] * np.cos(angle) + forces["A_force_y"] * np.sin(angle)
+    limit = np.sqrt(euler / along.max())
+    (said,) = [each for each in model.doubts(1.02 * limit) if "coupler" in each]
+    assert f"Euler load of {euler:.4g} N" in said
+    degrees = float(said.split(" deg")[0].split()[-1])
+    assert degrees == pytest.approx(np.degrees(phase[along.argmax()]), abs=3)
+    assert not any("coupler" in each for each in model.doubts(0.98 * limit))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"zeta": -0.01}, "zeta .* -0.01.*>= 0"),
+        ({"L4": 0.8}, "the crank cannot turn fully"),
+        ({"L1": -1.0}, "> 0"),
+    ],
+)
+def test_numbers_that_make_no_linkage_are_refused(parameters, said):
+    with pytest.raises(ValueOutOfBoundsError, match=said):
+        solve.load("four_bar", **parameters)
+
+
+def test_a_ratio_that_was_meant_in_percent_is_doubted_and_rest_is_refused():
+    assert any("percent" in each for each in solve.load("four_bar", zeta=2.0).doubts(30.0))
+    with pytest.raises(ValueOutOfBoundsError, match="speed"):
+        solve.periodic(solve.load("four_bar"), 0.0)
