@@ -37,14 +37,20 @@ def test_a_thousandth_of_the_turn_is_seen(place, method):
 
 
 def test_what_lies_between_all_samples_is_not_seen():
-    """The limit of every method that samples; that of the bump is 6 % in the spectral radius."""
-    place, width = 3.402101183476623, 2 * np.pi / 3000
-    unseen = floquet(struck(place, width), 1.0)
-    free = np.exp(-DAMPING / 2 * 2 * np.pi)
-    assert unseen.spectral_radius == pytest.approx(free, rel=1e-9)
-    assert unseen.warnings == []
+    """The limit of every method that samples: a bump that changes the spectral radius by 6 %, at some of
+    60 places."""
+    width, free = 2 * np.pi / 3000, np.exp(-DAMPING / 2 * 2 * np.pi)
+    places = np.random.default_rng(0).uniform(0.0, 2 * np.pi, 60)
+    found = [floquet(struck(place, width), 1.0) for place in places]
+    unseen = [
+        place
+        for place, each in zip(places, found, strict=True)
+        if each.spectral_radius < 1.01 * free and each.warnings == []
+    ]
+    print(f"a bump of a width of T/3000 is not seen at {len(unseen)} of {len(places)} places")
+    assert 0 < len(unseen) < 30
     assert np.abs(kicked()).max() > 1.05 * free
-    enough = floquet(struck(place, width), 1.0, steps=3000)
+    enough = floquet(struck(unseen[0], width), 1.0, steps=3000)
     np.testing.assert_allclose(np.abs(enough.multipliers), np.abs(kicked()), rtol=1e-4)
 
 
