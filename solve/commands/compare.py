@@ -151,7 +151,7 @@ def _contents(comparison: "Comparison") -> "Contents":
         "steps": column("steps", 0, meaning="a period; 0: none"),
         "orbit_error": column("orbit_error", math.nan, "1", "relative"),
         "multiplier_error": column("multiplier_error", math.nan, "1", "relative"),
-        "time": column("time", math.nan, "s", "shortest of some runs"),
+        "time": column("time", math.nan, "s", "of the processor, shortest of some runs"),
         "verdict": column("verdict", ""),
         "at": column("at", ""),
         "followed": column("followed", True, meaning="whether the steps follow the fastest mode"),
@@ -208,7 +208,7 @@ def _table(title: str, rows: Sequence["Row"], truth: str) -> "RenderableType":
             "–" if math.isnan(row.orbit_error) else f"{row.orbit_error:.1e}",
             f"{row.multiplier_error:.1e}",
             f"{1e3 * row.time:.2f}",
-            f"{row.time / quickest:.2f}",
+            f"{row.time / quickest:.2f}" if quickest else "–",
             (row.verdict or "").removesuffix("ally stable"),
             mark,
         )

@@ -80,7 +80,7 @@ def work_precision_figure(
                 "below the reference's own error", (0.02, 0.02), xycoords="axes fraction", color=GREY
             )
             axes.yaxis.set_major_locator(LogLocator(numticks=9))
-            axes.set_xlabel("time of a solution (ms)")
+            axes.set_xlabel("processor time of a solution (ms)")
             axes.set_title(kind)
         panels[0].set_ylabel("relative error")
         handles, labels = panels[0].get_legend_handles_labels()

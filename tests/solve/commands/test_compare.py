@@ -70,7 +70,7 @@ def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeyp
     for axes in figure.axes:
         assert [line.get_label() for line in axes.lines[:2]] == ["newmark", "rk4"]
         assert axes.get_xscale() == axes.get_yscale() == "log"
-        assert axes.get_xlabel() == "time of a solution (ms)"
+        assert axes.get_xlabel() == "processor time of a solution (ms)"
     assert [line.get_ydata()[0] for line in orbit.lines[2:]] == [1e-3]
     assert len(multipliers.lines) == 2, "targets are those of the orbit"
     for line in orbit.lines[:2]:
