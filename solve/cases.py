@@ -30,7 +30,7 @@ def read_cases(path: Path, units: Mapping[str, str]) -> dict[str, Case]:
     CaseFileError, UnknownNameError for a misspelt key or parameter, UnitError for a unit of another kind.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         raise CaseFileError(
             f"case file '{path}' cannot be read ({type(error).__name__}); give another"
@@ -87,10 +87,18 @@ def _members(name: str, entry: dict[str, Any], path: Path) -> dict[str, float]:
             f"{name} in {path.name} has neither one value, nor one value and a count of 1 or more, nor a "
             "list of values; give one of these"
         )
-    for member, number in named.items():
-        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-            raise CaseFileError(f"{member} in {path.name} is {number!r}; give a finite number as its value")
-    return {member: float(number) for member, number in named.items()}
+    return {member: _finite(member, number, path) for member, number in named.items()}
+
+
+def _finite(member: str, given: Any, path: Path) -> float:
+    try:
+        number = float(given) if isinstance(given, int | float) and not isinstance(given, bool) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        shown = repr(given) if len(repr(given)) < 40 else "too large"
+        raise CaseFileError(f"{member} in {path.name} is {shown}; give a finite number as its value")
+    return number
 
 
 def _text(entry: dict[str, Any], key: str, name: str, path: Path) -> str:

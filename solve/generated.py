@@ -14,15 +14,15 @@ ROOT = Path(__file__).resolve().parents[1]
 """Folder of the packages `models` and `generated`."""
 
 _EVERY = (
-    *("NAME", "MECHANISM_SHA256", "COORDINATES", "PARAMETERS", "OPTIONS", "OUTPUTS", "LIMITS", "VALIDITY"),
-    "PERIOD",
+    *("NAME", "MECHANISM_SHA256", "BODY_SHA256", "COORDINATES", "PARAMETERS", "OPTIONS", "OUTPUTS"),
+    *("LIMITS", "VALIDITY", "PERIOD"),
 )
 _EQUATIONS = ("linearised", "outputs")
 _STRUCTURE = ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties")
 
 
 def model_module(path: Path) -> ModuleType:
-    """The generated module of a model. Raises ModelFileError where the file is something else."""
+    """The generated module of a model. Raises ModelFileError where the file is something else, or edited."""
     module = _executed(path.resolve(), path.stat().st_mtime_ns)
     contract = (*_EVERY, *(_STRUCTURE if hasattr(module, "LINKS") else _EQUATIONS))
     missing = [name for name in contract if not hasattr(module, name)]
@@ -30,7 +30,20 @@ def model_module(path: Path) -> ModuleType:
         raise ModelFileError(
             f"'{path}' is no generated code (no {missing[0]}); move it away and run derive again"
         )
+    if sha256(_body(path)) != module.BODY_SHA256:
+        raise ModelFileError(f"'{path}' was edited after derive wrote it; run derive again")
     return module
+
+
+def sha256(text: str) -> str:
+    """Hash of a text with LF line endings, as derive records it."""
+    return hashlib.sha256(text.replace("\r\n", "\n").encode()).hexdigest()
+
+
+def _body(path: Path) -> str:
+    """What follows the line of its own hash."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return re.split(r'^BODY_SHA256 = "\w*"\n', text, maxsplit=1, flags=re.MULTILINE)[-1]
 
 
 def beam_elements() -> ModuleType:

@@ -1,6 +1,5 @@
 """A periodic system from generated code and a case file."""
 
-import hashlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -12,15 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.bounds import clauses, holds, measured
 from solve.cases import Case, read_cases
 from solve.errors import (
     CaseFileError,
+    MatricesError,
     MissingValueError,
     ModelFileError,
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.generated import ROOT, model_module
+from solve.generated import ROOT, model_module, sha256
 from solve.sampling import ConditionSampler, Sampler
 from solve.system import PeriodicSystem
 
@@ -31,6 +32,12 @@ if TYPE_CHECKING:
 
 _PHASES = 720
 """Phases of a period at which conditions on the parameters are looked at."""
+
+_LOOKS = 128
+"""Phases of a period at which the matrices are looked at before a solution."""
+
+_ROUNDING = 1e-9
+"""Relative difference of matrices a period apart that counts as none."""
 
 _TOGETHER = 4096
 """Sets of parameters whose conditions are looked at together."""
@@ -86,7 +93,7 @@ class Model(PeriodicSystem):
         found = np.asarray(np.isfinite(values).all(axis=1))
         bounds = {name: bound for name, _, _, bound in self.module.PARAMETERS}
         for name, column in zip(names, values.T, strict=True):
-            for clause in filter(None, bounds[name].split(", ")):
+            for clause in clauses(bounds[name]):
                 found &= holds(clause, column)
         if any(not set(names).isdisjoint(concerned) for *_, concerned in self._conditions):
             found[found] = self._turns(names, values[found])
@@ -141,6 +148,27 @@ class Model(PeriodicSystem):
     def require_motion(self) -> None:
         """Raise NoMotionError where the model has no equations of motion."""
 
+    def checked(self, speed: float) -> None:
+        """Beyond the checks of any system: generated matrices repeat at every phase, and M, which is that
+        of a kinetic energy, is positive definite. Raises MatricesError."""
+        super().checked(speed)
+        phase = (np.arange(_LOOKS) + 0.5) * (self.period / _LOOKS)
+        first, second = self.at(phase, speed), self.at(phase + self.period, speed)
+        for symbol, part, later in zip("MCKd", first, second, strict=True):
+            change = np.abs(later - part).max()
+            if change > _ROUNDING * np.abs(part).max():
+                raise MatricesError(
+                    f"{symbol} is not periodic: after the period {self.period:.6g} it has changed by "
+                    f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
+                    "parameters that count (teeth, orders)"
+                )
+        negative = np.linalg.eigvalsh(first[0]).min(axis=1) <= 0
+        if negative.any():
+            raise MatricesError(
+                f"M is not positive definite at phase {phase[np.argmax(negative)]:.4g}: some motion there "
+                "has no or negative kinetic energy; look at the masses and the signs in the kinetic energy"
+            )
+
     def _require_conditions(self) -> None:
         """Refuse parameters that contradict each other, such as lengths of a linkage that cannot turn."""
         if not self._conditions:
@@ -149,7 +177,9 @@ class Model(PeriodicSystem):
         units = {name: unit for name, unit, *_ in self.module.PARAMETERS}
         for (condition, meaning, names), margin in zip(self._conditions, margins, strict=True):
             if not (margin > 0).all():
-                given = ", ".join(f"{name} = {self.parameters[name]:g} {units[name]}" for name in names)
+                given = ", ".join(
+                    f"{name} = {measured(self.parameters[name], units[name])}" for name in names
+                )
                 raise ValueOutOfBoundsError(
                     f"{meaning}: {condition} does not hold for {given}; choose numbers for which it does"
                 )
@@ -191,10 +221,11 @@ class Model(PeriodicSystem):
                 )
         for name, bound, meaning in self.limits:
             range_ = turn.statistics(name)
-            extreme = range_.min if bound.startswith(">") else range_.max
-            if not holds(bound, extreme):
-                reached = f"{extreme:.3g} {self.units[name]}".removesuffix(" 1")
-                found.append(f"{meaning}: {name} reaches {reached}, bound {bound}")
+            for clause in clauses(bound):
+                extreme = range_.min if clause.startswith(">") else range_.max
+                if not holds(clause, extreme):
+                    reached = measured(extreme, self.units[name], 3)
+                    found.append(f"{meaning}: {name} reaches {reached}, bound {clause}")
         return found
 
 
@@ -215,8 +246,7 @@ def loaded(
 ) -> tuple[Model, str | None]:
     """The model and the speed that its case names, if any; `cases` is another case file to use."""
     generated, case_file, mechanism = _files(model)
-    if mechanism is not None:
-        _refuse_stale(generated, mechanism, model)
+    _refuse_stale(generated, mechanism, model)
     module = model_module(generated)
     chosen = _chosen_case(Path(cases) if cases else case_file, case, module, explicit=cases is not None)
     known = [name for name, *_ in module.PARAMETERS]
@@ -259,8 +289,8 @@ def model_names() -> list[str]:
     return sorted(path.parent.name for path in (ROOT / "models").glob("*/mechanism.py"))
 
 
-def _files(model: str) -> tuple[Path, Path, Path | None]:
-    """Generated module, case file and, for a user's own model, the mechanism file."""
+def _files(model: str) -> tuple[Path, Path, Path]:
+    """Generated module, case file and mechanism file."""
     if model.endswith(".py"):
         mechanism = Path(model)
         if not mechanism.is_file():
@@ -272,17 +302,15 @@ def _files(model: str) -> tuple[Path, Path, Path | None]:
         )
     if model not in model_names():
         raise UnknownNameError("model", model, model_names())
-    generated = ROOT / "generated" / f"{model}.py"
-    if not generated.is_file():
-        raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
-    return generated, ROOT / "models" / model / "cases.toml", None
+    folder = ROOT / "models" / model
+    return ROOT / "generated" / f"{model}.py", folder / "cases.toml", folder / "mechanism.py"
 
 
 def _refuse_stale(generated: Path, mechanism: Path, model: str) -> None:
     if not generated.is_file():
         raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
-    text = mechanism.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
-    if hashlib.sha256(text.encode()).hexdigest() != model_module(generated).MECHANISM_SHA256:
+    text = mechanism.read_text(encoding="utf-8-sig", errors="replace")
+    if sha256(text) != model_module(generated).MECHANISM_SHA256:
         raise ModelFileError(
             f"'{model}' has changed since its code was generated; run: python -m derive {model}"
         )
@@ -359,19 +387,9 @@ def _checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[st
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {given[name]!r}; give a number in {unit}"
             ) from None
-        clauses = [clause for clause in bound.split(", ") if clause]
-        if not math.isfinite(value) or not all(holds(clause, value) for clause in clauses):
+        if not math.isfinite(value) or not all(holds(clause, value) for clause in clauses(bound)):
             raise ValueOutOfBoundsError(
-                f"{name} ({meaning}) is {value:g} {unit}; allowed: {bound or 'any finite number'}"
+                f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"
             )
         checked[name] = value
     return checked
-
-
-def holds(clause: str, value: Any) -> Any:
-    """Whether a bound such as "> 0" or "integer" holds for a number, or for each of an array."""
-    if clause == "integer":
-        return value % 1 == 0
-    relation, limit = clause.split()
-    number = float(limit)
-    return {">": value > number, ">=": value >= number, "<": value < number, "<=": value <= number}[relation]

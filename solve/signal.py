@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
 
 Signal = Callable[[Array], Array]
 """Values (k,) at phases (k,)."""
@@ -49,8 +50,11 @@ def _refined(signal: Signal, centre: float, width: float) -> tuple[float, float]
 def harmonics(signal: Signal, period: float, count: int, samples: int = 2048) -> tuple[Array, Array]:
     """Amplitudes [A0, A1, …] and phase angles [0, ψ1, …] of A0 + Σ A_k cos(k 2π φ/period + ψ_k).
 
-    A0 is the signed mean, the others are single-sided peak amplitudes; `count` harmonics.
+    A0 is the signed mean, the others are single-sided peak amplitudes; `count` harmonics. Raises
+    ValueOutOfBoundsError.
     """
+    if not (isinstance(count, int | np.integer) and count >= 0):
+        raise ValueOutOfBoundsError(f"harmonics are {count!r}; allowed: whole numbers from 0 on, such as 60")
     samples = max(samples, 8 * count)
     spectrum = np.fft.rfft(signal(np.arange(samples) * (period / samples)))[: count + 1] / samples
     amplitudes, angles = 2 * np.abs(spectrum), np.angle(spectrum)

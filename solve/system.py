@@ -72,7 +72,12 @@ class PeriodicSystem:
         samples are needed as twice the highest harmonic that matters. They hold for the speed at
         which they were taken; a sweep over speeds needs a function instead.
         """
-        samples = [np.asarray(part, dtype=float) for part in (M, C, K, d)]
+        if not (math.isfinite(period) and period > 0):
+            raise ValueOutOfBoundsError(f"period is {period}; allowed: a finite phase > 0, such as 2π")
+        try:
+            samples = [np.asarray(part).astype(float, casting="same_kind") for part in (M, C, K, d)]
+        except (TypeError, ValueError) as error:
+            raise MatricesError(f"the samples are no four real arrays M, C, K, d: {error}") from None
         counts = {len(part) if part.ndim else 0 for part in samples}
         if len(counts) != 1 or 0 in counts:
             raise MatricesError(

@@ -22,7 +22,10 @@ def speed_in_si(speed: float | str) -> float:
     >>> round(speed_in_si("600 rpm"), 6)
     62.831853
     """
-    omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
+    try:
+        omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
+    except (TypeError, ValueError):
+        omega = math.nan
     if not (math.isfinite(omega) and omega > 0):
         raise ValueOutOfBoundsError(f"speed is {speed}; allowed: finite and > 0, such as '600 rpm'")
     return omega
@@ -128,6 +131,6 @@ def _registry() -> "pint.UnitRegistry":
 
 def checked_rtol(rtol: float) -> float:
     """The relative tolerance itself. Raises ValueOutOfBoundsError unless it is above 1e-14 and below 1."""
-    if not 1e-14 <= rtol < 1:
+    if not (isinstance(rtol, Real) and 1e-14 <= rtol < 1):
         raise ValueOutOfBoundsError(f"rtol is {rtol}; allowed: 1e-14 up to (not including) 1, such as 1e-8")
     return float(rtol)

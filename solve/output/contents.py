@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
 from solve.floquet import Stability
 from solve.orbit import Orbit
 from solve.output.record import plain, problem_record
@@ -55,8 +56,24 @@ def orbit_contents(orbit: Orbit) -> Contents:
         "output_values": np.array(outputs).reshape(len(outputs), len(orbit.phase)),
         **_stability_arrays(orbit),
     }
-    further = {**_rates(orbit), **_stability_columns(orbit)}
-    return Contents(_curves(orbit), further, arrays, _metadata(orbit))
+    further = _joined(_rates(orbit), _stability_columns(orbit))
+    curves = _joined(_axes(orbit), _curves(orbit))
+    _joined(curves, further)
+    return Contents(curves, further, arrays, _metadata(orbit))
+
+
+def _joined(*parts: Mapping[str, Variable]) -> dict[str, Variable]:
+    """The variables of all parts, none lost to another of its name. Raises ValueOutOfBoundsError."""
+    joined: dict[str, Variable] = {}
+    for part in parts:
+        for name, variable in part.items():
+            if name in joined:
+                raise ValueOutOfBoundsError(
+                    f"'{name}' is the name of two quantities ({joined[name].meaning or 'a coordinate'}; "
+                    f"{variable.meaning or 'a coordinate'}); give the coordinate or output another"
+                )
+            joined[name] = variable
+    return joined
 
 
 def stability_contents(result: Stability) -> Contents:
@@ -75,15 +92,20 @@ def table_contents(
     return Contents(made, {}, {name: column.values for name, column in made.items()}, plain(metadata))
 
 
-def _curves(orbit: Orbit) -> dict[str, Variable]:
-    units, meanings = orbit.system.units, orbit.system.meanings
-    curves = {
+def _axes(orbit: Orbit) -> dict[str, Variable]:
+    return {
         "time": Variable("phase", orbit.time, "s", "time"),
         "phase": Variable("phase", orbit.phase, "rad", "phase of the drive"),
     }
-    for name, values in (*zip(orbit.coordinates, orbit.q, strict=True), *orbit.outputs.items()):
-        curves[name] = Variable("phase", values, units.get(name, ""), meanings.get(name, ""))
-    return curves
+
+
+def _curves(orbit: Orbit) -> dict[str, Variable]:
+    units, meanings = orbit.system.units, orbit.system.meanings
+    curves = (*zip(orbit.coordinates, orbit.q, strict=True), *orbit.outputs.items())
+    return {
+        name: Variable("phase", values, units.get(name, ""), meanings.get(name, ""))
+        for name, values in curves
+    }
 
 
 def _rates(orbit: Orbit) -> dict[str, Variable]:

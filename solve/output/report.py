@@ -130,16 +130,21 @@ def _names(turn: Turn) -> tuple[str, ...]:
 
 def _extrema(title: str, turn: Turn) -> Table:
     made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
-    degrees = 360 / turn.system.period
     for name in _names(turn):
         found = turn.statistics(name)
         factor, unit = prefixed(turn.system.units.get(name, ""), found.max_abs)
         high, low, mean = (
             fixed(value * factor, found.max_abs * factor) for value in (found.max, found.min, found.mean)
         )
-        high_at, low_at = (f"{phase * degrees:.1f}°" for phase in (found.max_phase, found.min_phase))
+        high_at, low_at = (_degrees(phase, turn) for phase in (found.max_phase, found.min_phase))
         made.add_row(name, unit, high, high_at, low, low_at, mean)
     return made
+
+
+def _degrees(phase: float, turn: Turn) -> str:
+    """A phase of the drive, the end of the turn as its beginning."""
+    rounded = round(math.degrees(phase), 1)
+    return f"{rounded if rounded < round(math.degrees(turn.system.period), 1) else 0.0:.1f}°"
 
 
 def _orders(turn: Turn) -> Table:

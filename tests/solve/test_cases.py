@@ -68,7 +68,7 @@ def entry(text):
         (entry("k1 = {value=1, unit='mm', source='s'}"), UnitError, "k1 in mine.toml: unit 'mm' does not"),
         *(
             (entry(f"k1 = {{value={v}, unit='N/m', source='s'}}"), CaseFileError, "k1 .* give a finite num")
-            for v in ("nan", "inf", "true", "'1'", "[1]")
+            for v in ("nan", "inf", "true", "'1'", "[1]", "9" * 400)
         ),
         (entry("a = {values=[1, 'x'], unit='m', source='s'}"), CaseFileError, "a2 .* give a finite number"),
         *(

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import solve
 from solve.errors import (
     CaseFileError,
+    MatricesError,
     MissingValueError,
     ModelFileError,
     UnknownNameError,
@@ -19,12 +21,14 @@ from solve.load import loaded, model_names
 from tests.solve.systems import cam_matrices
 
 MECHANISM = "# what this mechanism is\n"
-GENERATED = '''
+HEAD = """
 import math
 import casadi
 
 MECHANISM_SHA256 = "{sha256}"
-NAME, TITLE = "mine", "A mass on a modulated spring"
+BODY_SHA256 = "{body_sha256}"
+"""
+BODY = '''NAME, TITLE = "mine", "A mass on a modulated spring"
 COORDINATES = (("q", "m", "deflection"), ("r", "m", "second mode"))
 PARAMETERS = (
     ("k", "N/m", "spring", "> 0"), ("z", "1", "teeth", "integer, >= 1"), ("c", "N s/m", "damper", ""),
@@ -74,9 +78,11 @@ class Folder:
         self.mechanism.write_text(MECHANISM, encoding="utf-8")
         self._version = 0
 
-    def generate(self, outputs=FORCE, text=None):
-        sha256 = hashlib.sha256(MECHANISM.encode()).hexdigest()
-        self.generated.write_text(text or GENERATED.format(sha256=sha256, outputs=outputs), encoding="utf-8")
+    def generate(self, outputs=FORCE, text=None, body=lambda text: text):
+        stated = body(BODY.format(outputs=outputs))
+        hashes = [hashlib.sha256(part.encode()).hexdigest() for part in (MECHANISM, stated)]
+        head = HEAD.format(sha256=hashes[0], body_sha256=hashes[1])
+        self.generated.write_text(text or head + stated, encoding="utf-8")
         self._version += 1
         os.utime(self.generated, (self._version, self._version))
 
@@ -157,8 +163,8 @@ def test_parameters_may_take_the_place_of_a_case_file(folder):
         ({"k": -1.0}, r"k \(spring\) is -1 N/m; allowed: > 0"),
         ({"k": math.nan}, r"k \(spring\) is nan N/m; allowed: > 0"),
         ({"c": math.inf}, r"c \(damper\) is inf N s/m; allowed: any finite number"),
-        ({"z": 2.5}, r"z \(teeth\) is 2.5 1; allowed: integer, >= 1"),
-        ({"z": 0}, r"z \(teeth\) is 0 1; allowed: integer, >= 1"),
+        ({"z": 2.5}, r"z \(teeth\) is 2.5; allowed: integer, >= 1"),
+        ({"z": 0}, r"z \(teeth\) is 0; allowed: integer, >= 1"),
         ({"k": "soft"}, r"k \(spring\) is 'soft'; give a number in N/m"),
         ({"k": None}, r"k \(spring\) is None; give a number in N/m"),
     ],
@@ -249,6 +255,67 @@ def test_a_file_that_is_no_generated_code(folder, text):
     folder.generate(text=text)
     with pytest.raises(ModelFileError, match=r"generated/mine.py' is no generated code \(.*\); move it away"):
         folder.load(**VALUES)
+
+
+def test_code_that_was_edited_is_refused_and_line_endings_do_not_matter(ready):
+    text = ready.generated.read_text(encoding="utf-8")
+    ready.generate(text=text.replace("\n", "\r\n"))
+    assert ready.load().name == "mine"
+    ready.generate(text=text.replace("casadi.cos(2 * phase)", "casadi.cos(4 * phase)"))
+    with pytest.raises(ModelFileError, match=r"mine.py' was edited after derive wrote it; run derive again"):
+        ready.load()
+
+
+def test_a_byte_order_mark_is_no_change(ready):
+    ready.mechanism.write_text(MECHANISM, encoding="utf-8-sig")
+    ready.cases.write_text(CASES, encoding="utf-8-sig")
+    assert ready.load().case == "soft"
+
+
+def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path, monkeypatch):
+    folder = tmp_path / "models" / "mine"
+    folder.mkdir(parents=True)
+    ready.mechanism.rename(folder / "mechanism.py")
+    ready.cases.rename(folder / "cases.toml")
+    monkeypatch.setattr(sys.modules["solve.load"], "ROOT", tmp_path)
+    assert solve.load("mine").name == "mine"
+    (folder / "mechanism.py").write_text(MECHANISM + "# more\n", encoding="utf-8")
+    with pytest.raises(ModelFileError, match=r"'mine' has changed .*; run: python -m derive mine"):
+        solve.load("mine")
+
+
+def test_a_case_may_be_named_by_a_number():
+    assert solve.load("cam", 2).case == "2"
+    with pytest.raises(UnknownNameError, match="unknown case of cam '3'; known: 1, 2"):
+        solve.load("cam", 3)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        ("casadi.sin(2 * phase + 1)", "M is not positive definite at phase 1.0.*signs in the kinetic energy"),
+        ("-1", "M is not positive definite at phase 0.0.*signs in the kinetic energy"),
+        ("2 + casadi.sin(3 * phase)", "M is not periodic: after the period 3.14159 it has changed by 2"),
+    ],
+)
+def test_matrices_that_no_kinetic_energy_with_that_period_has(ready, matrix, message):
+    ready.generate(body=lambda body: body.replace("[one, p[2]", f"[({matrix}) * one, p[2]"))
+    with pytest.raises(MatricesError, match=message):
+        solve.floquet(ready.load(), "3 rad/s")
+
+
+@pytest.mark.parametrize(
+    ("bound", "found"),
+    [
+        ("> -1, < 0.25", ["x: force reaches 1.", "bound < 0.25"]),
+        (">= 0.9, < 9", ["x: force reaches 0.8", "bound >= 0.9"]),
+    ],
+)
+def test_limits_of_two_clauses_warn_of_the_one_that_does_not_hold(ready, bound, found):
+    ready.generate(body=lambda body: body.replace('"<= 1.2", "the spring yields"', f'"{bound}", "x"'))
+    warned = [text for text in solve.periodic(ready.load(), 0.1).warnings if text.startswith("x")]
+    assert len(warned) == 1
+    assert all(part in warned[0] for part in found)
 
 
 def test_renewed_code_is_read_anew(ready):

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from solve.errors import ValueOutOfBoundsError
 from solve.signal import harmonics, statistics
 
 amplitudes = st.floats(0.1, 10.0)
@@ -62,6 +63,12 @@ def test_any_number_of_harmonics_is_given_even_beyond_the_samples(count):
     if count >= 7:
         assert found[7] == pytest.approx(1.0, abs=1e-12)
     assert found.sum() == pytest.approx(float(count >= 7), abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [-1, 2.5, "60", None])
+def test_counts_of_harmonics_that_are_none(count):
+    with pytest.raises(ValueOutOfBoundsError, match=r"harmonics are .*; allowed: whole numbers from 0 on"):
+        harmonics(np.cos, 2 * np.pi, count)
 
 
 def test_an_extremum_between_two_samples_is_that_of_the_curve():

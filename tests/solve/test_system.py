@@ -89,6 +89,19 @@ def test_samples_of_different_counts_are_refused(shapes):
         PeriodicSystem.from_samples(*(np.ones(shape) for shape in shapes), ["q"])
 
 
+@pytest.mark.parametrize("K", [np.ones((4, 1, 1)) * 1j, "stiff", [[1.0], [2.0, 3.0]]])
+def test_samples_that_are_no_real_numbers_are_refused(K):
+    with pytest.raises(MatricesError, match="the samples are no four real arrays M, C, K, d"):
+        PeriodicSystem.from_samples(np.ones((4, 1, 1)), np.ones((4, 1, 1)), K, np.ones((4, 1)), ["q"])
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, np.nan])
+def test_samples_over_a_period_that_is_none(period):
+    parts = np.ones((4, 1, 1)), np.ones((4, 1, 1)), np.ones((4, 1, 1)), np.ones((4, 1))
+    with pytest.raises(ValueOutOfBoundsError, match=rf"period is {period}; allowed: a finite phase > 0"):
+        PeriodicSystem.from_samples(*parts, ["q"], period=period)
+
+
 def test_lists_and_whole_numbers_are_matrices_too():
     def listed(phase, speed):
         return tuple(part.tolist() for part in oscillator(phase, speed))

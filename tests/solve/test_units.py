@@ -82,7 +82,9 @@ def test_what_is_no_multiple_of_the_unit_is_refused(given, unit):
         conversion(given, unit)
 
 
-@pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, math.inf, "0 rpm", "-5 rpm", "nan rpm", "inf Hz"])
+@pytest.mark.parametrize(
+    "speed", [0.0, -1.0, math.nan, math.inf, "0 rpm", "-5 rpm", "nan rpm", "inf Hz", None]
+)
 def test_speeds_are_finite_and_positive(speed):
     with pytest.raises(ValueOutOfBoundsError, match=rf"speed is {speed}; allowed: finite and > 0"):
         speed_in_si(speed)
@@ -119,7 +121,7 @@ def test_a_range_through_zero_is_refused():
         speeds_in_si("0:900:4 rpm")
 
 
-@pytest.mark.parametrize("rtol", [0.0, -1e-8, 1.0, 1e-15, math.nan, math.inf])
+@pytest.mark.parametrize("rtol", [0.0, -1e-8, 1.0, 1e-15, math.nan, math.inf, None, "1e-8"])
 def test_tolerances_that_mean_nothing_are_refused(rtol):
     with pytest.raises(ValueOutOfBoundsError, match=rf"rtol is {rtol}; allowed: 1e-14 up to"):
         checked_rtol(rtol)

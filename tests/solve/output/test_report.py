@@ -31,6 +31,32 @@ def test_a_system_of_ones_own_is_reported():
     assert ["x", "mm", "694.4775", "166.5°", "305.5225", "346.5°", "500.0000"] in rows
 
 
+def test_phases_are_those_of_the_drive_however_long_the_period_is():
+    """Two turns of the drive a period: cos(φ/2 + ψ) has its maximum twice as far on as over one turn."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.4 * one, 4.0 * one, np.cos(phase / 2)[:, None]
+
+    system = solve.PeriodicSystem(matrices, ["x"], period=4 * math.pi)
+    behind = 2 * math.degrees(math.atan2(0.4 * SPEED / 2, 4.0 - (SPEED / 2) ** 2))
+    rows = [line.split() for line in text_of(orbit_report(solve.periodic(system, SPEED))).splitlines()]
+    (row,) = (row for row in rows if row[:1] == ["x"] and len(row) == 6)
+    assert [row[2], row[4]] == [f"{behind:.1f}°", f"{behind + 360:.1f}°"]
+
+
+def test_the_end_of_the_turn_is_its_beginning():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.0 * one, 40.0 * one, np.cos(phase + 1e-5)[:, None]
+
+    orbit = solve.periodic(solve.PeriodicSystem(matrices, ["x"]), SPEED)
+    assert math.degrees(orbit.statistics("x").max_phase) == pytest.approx(360.0, abs=0.01)
+    text = text_of(orbit_report(orbit))
+    assert " 0.0°" in text
+    assert "360.0°" not in text
+
+
 def test_records_are_json_without_nan():
     record = orbit_record(orbit(), harmonics=3, quasi_static=True)
     assert json.loads(json.dumps(record, allow_nan=False)) == record

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from solve.errors import FileError, MissingExtraError
+import solve
+from solve import PeriodicSystem
+from solve.errors import FileError, MissingExtraError, ValueOutOfBoundsError
 from solve.output.files import write_whole
-from tests.solve.output.problems import orbit, x_of
+from tests.solve.output.problems import chain, orbit, x_of
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +37,16 @@ def test_npz(result, tmp_path):
     assert metadata["speed"] == 3.0
     assert metadata["units"] == {"x": "m", "phi": "rad", "power": "W"}
     assert metadata["verdict"] == "asymptotically stable"
+
+
+@pytest.mark.parametrize("names", [["time", "y"], ["phase", "y"], ["y", "yd"], ["multiplier_re", "y"]])
+def test_names_that_files_hold_already_are_refused(names, tmp_path):
+    """Otherwise one of the two would be lost, the table's time among them."""
+    alike = chain(2)
+    twice = solve.periodic(PeriodicSystem(alike.at, names), 3.0, rtol=1e-3)
+    with pytest.raises(ValueOutOfBoundsError, match=r"is the name of two quantities .*give the coordinate"):
+        twice.save(tmp_path / "orbit.nc")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_csv(result, tmp_path):

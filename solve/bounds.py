@@ -1,0 +1,34 @@
+"""Bounds of parameters and outputs, as generated modules state them: "> 0", "integer, >= 1"."""
+
+from typing import Any
+
+
+def clauses(bound: str) -> list[str]:
+    """The parts of a bound that must all hold.
+
+    >>> clauses("integer, >= 1")
+    ['integer', '>= 1']
+    """
+    return bound.split(", ") if bound else []
+
+
+def holds(clause: str, value: Any) -> Any:
+    """Whether one clause holds for a number, or for each of an array.
+
+    >>> holds("> 0", 2.0)
+    True
+    """
+    if clause == "integer":
+        return value % 1 == 0
+    relation, limit = clause.split()
+    number = float(limit)
+    return {">": value > number, ">=": value >= number, "<": value < number, "<=": value <= number}[relation]
+
+
+def measured(value: float, unit: str, digits: int = 6) -> str:
+    """A value with its unit, unless that is 1.
+
+    >>> measured(20.0, "1"), measured(8e4, "N m/rad")
+    ('20', '80000 N m/rad')
+    """
+    return f"{value:.{digits}g} {unit}".removesuffix(" 1")
