@@ -1,5 +1,8 @@
 """The linearised equations as LaTeX, for reading."""
 
+from collections.abc import Mapping, Set
+from typing import Any
+
 import sympy
 
 from derive.beam import FAMILIES
@@ -27,9 +30,21 @@ def equations(mechanism: Mechanism) -> str:
         lines.append(r"% \psi: mode functions of \xi = x/l, integrated from 0 to 1; row i, column j")
     else:
         matrices = linearise(mechanism, residual(mechanism))._asdict()
-    for name, matrix in matrices.items():
-        lines.append(f"{name} = {sympy.latex(matrix, symbol_names=symbols)}")
+    plain = [f"{name} = {sympy.latex(matrix, symbol_names=symbols)}" for name, matrix in matrices.items()]
+    short = [
+        f"{name if isinstance(name, str) else sympy.latex(name)} = {sympy.latex(part, symbol_names=symbols)}"
+        for name, part in abbreviated(matrices, mechanism.names()).items()
+    ]
+    # Abbreviations are worth their names only where they make kinematics that are written out readable.
+    lines += short if 2 * len("".join(short)) < len("".join(plain)) else plain
     return "\n".join(lines)
+
+
+def abbreviated(matrices: Mapping[str, Any], taken: Set[str]) -> dict[Any, Any]:
+    """Common parts by new symbols s1, s2, …, none of them `taken`, then the matrices in these."""
+    new = (symbol for symbol in sympy.numbered_symbols("s", start=1) if symbol.name not in taken)
+    common, reduced = sympy.cse(list(matrices.values()), new, order="canonical")
+    return {**dict(common), **dict(zip(matrices, reduced, strict=True))}
 
 
 def _integrals(projection: Projection) -> dict[sympy.Symbol, str]:

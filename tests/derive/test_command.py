@@ -6,9 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import sympy
 
 from derive import freshness
 from derive.__main__ import main
+from derive.show import abbreviated
 
 ROOT = Path(__file__).resolve().parents[2]
 ROTOR = """
@@ -22,6 +24,23 @@ def mechanism():
     rotor.kinetic = J * rate(rotor.phase + q) ** 2 / 2
     rotor.potential = k * q**2 / 2
     return rotor
+"""
+
+SLIDER = """
+from derive import Mechanism, cos, rate, sin, sqrt
+
+
+def mechanism():
+    crank = Mechanism("slider", "Slider-crank with elastic shaft and rod")
+    q, u = crank.coordinates(q=("rad", "twist"), u=("m", "stretch"))
+    m, r, L, k, s1 = crank.parameters(
+        m=("kg", "slider"), r=("m", "crank"), L=("m", "rod"), k=("N m/rad", "shaft"), s1=("N/m", "rod")
+    )
+    phi = crank.phase + q
+    x = r * cos(phi) + sqrt((L + u) ** 2 - r**2 * sin(phi) ** 2)
+    crank.kinetic = m * (rate(x) ** 2 + r**2 * rate(phi) ** 2) / 2
+    crank.potential = (k * q**2 + s1 * u**2) / 2
+    return crank
 """
 
 
@@ -177,6 +196,28 @@ def test_show_prints_latex_and_writes_nothing(derive, rotor):
     assert (status, err) == (0, "")
     assert r"M = \left[\begin{matrix}J\end{matrix}\right]" in out
     assert not (rotor.parent / "generated").exists()
+
+
+def test_show_abbreviates_kinematics_that_are_written_out(derive, tmp_path):
+    """A slider-crank's M would fill a page. The parameter s1 keeps its name, and what is shown is M again
+    once the abbreviations are put back."""
+    path = tmp_path / "slider.py"
+    path.write_text(SLIDER, encoding="utf-8")
+    _, out, _ = derive("--show", path)
+    lines = dict(line.split(" = ", 1) for line in out.splitlines() if not line.startswith("%"))
+    assert list(lines)[-4:] == ["M", "C", "K", "d"]
+    assert "s_{2}" in lines
+    assert "s_{1}" not in lines
+    assert len(out) < 5000
+
+    q, L = sympy.symbols("q L")
+    root = sympy.sqrt(L**2 - sympy.sin(q) ** 2)
+    matrices = {"M": sympy.Matrix([[root, q * root]]), "K": sympy.Matrix([[1 / root]])}
+    *names, M, K = abbreviated(matrices, {"s1", "q", "L"}).items()
+    put_back = [(symbol, part) for symbol, part in reversed(names)]
+    assert names
+    assert sympy.Symbol("s1") not in dict(names)
+    assert [part.subs(put_back) for _, part in (M, K)] == list(matrices.values())
 
 
 def test_show_of_the_cam_reads_like_the_chapter(derive):

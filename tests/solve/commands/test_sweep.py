@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.errors import SolveError, UnitError, ValueOutOfBoundsError
+from solve.errors import UnitError, ValueOutOfBoundsError
 
 TABLE_2_MM = {
     600: (0.2750, 0.0090, 0.0011),
@@ -162,7 +162,7 @@ def test_python_takes_one_speed_one_text_or_many():
         ([], ValueOutOfBoundsError, "no speeds given; give some, such as '100:900:81 rpm'"),
         (np.array([]), ValueOutOfBoundsError, "no speeds given"),
         (None, ValueOutOfBoundsError, "speeds are None; give numbers in rad/s or texts such as '600 rpm'"),
-        ([[1.0, 2.0]], SolveError, r"speeds are \[\[1.0, 2.0\]\]; give numbers"),
+        ([[1.0, 2.0]], ValueOutOfBoundsError, r"speed is \[1.0, 2.0\]; allowed: finite and > 0"),
         ("600", UnitError, "speeds are '600'; give 'A:B:N unit'"),
         ([62.8, -1.0], ValueOutOfBoundsError, "speed is -1.0; allowed: finite and > 0"),
     ],
