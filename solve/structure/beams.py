@@ -86,6 +86,9 @@ class Member:
 class Beams:
     """Freedoms, properties, and angle(phase): angles (m, links) of the links at phases (m,).
 
+    carried: whether the held joints are carried along paths that the angles of the links imply, instead of
+    staying where they are.
+
     Every matrix is a Table whose rows belong to 1 and to c, s, c², cs of each link; what an exact link
     adds has 1, c, s, c², cs for each of its eight functions of frequency.
     """
@@ -93,6 +96,7 @@ class Beams:
     freedoms: Freedoms
     properties: Properties
     angle: Callable[[Array], Array]
+    carried: bool = False
 
     @cached_property
     def members(self) -> list[Member]:

@@ -1,0 +1,204 @@
+"""The run-up plan: L4 as a function of speed that keeps the stress low (thesis 7.5).
+
+A map of ratios (P, g) of stress to allowable stress, over rising speeds (P,) and lengths L4 (g,), has at
+every point a least ratio with which it can be reached: along the best path from the lowest speed the
+greatest ratio on the way. A plan is a path whose ratios stay below a cap, as near to the mechanism's own
+L4 and with as few bends as that allows.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage, sparse
+from scipy.optimize import linprog
+
+from solve.arrays import Array
+
+_BENDING = 0.03
+"""What a bend of the plan counts beside its distance from the mechanism's own L4."""
+
+_STRAIGHT = 1e-6
+"""Bend, relative to the rate, below which three points are on a line."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Piecewise linear L4 (m) over speed (rad/s), rising speeds, constant before and after.
+
+    lead (rad/s): corners are rounded by averaging L4 over the speeds from here to `lead` above, so that
+    the pivot starts and stops without a blow, and rests when the last speed is reached.
+    """
+
+    speed: Array
+    L4: Array
+    lead: float = 0.0
+
+    def __call__(self, speed: Array) -> Array:
+        """L4 (m) with its corners, at speeds of any shape."""
+        return np.interp(speed, self.speed, self.L4)
+
+    def rounded(self, speed: Array) -> tuple[Array, Array, Array]:
+        """L4 (m) and its first and second derivative by the speed, corners rounded."""
+        ahead = speed + self.lead
+        return (
+            (self._integral(ahead) - self._integral(speed)) / self.lead,
+            (self(ahead) - self(speed)) / self.lead,
+            (self._slope(ahead) - self._slope(speed)) / self.lead,
+        )
+
+    def _integral(self, speed: Array) -> Array:
+        pieces = np.diff(self.speed) * (self.L4[1:] + self.L4[:-1]) / 2
+        whole = np.concatenate(([0.0], np.cumsum(pieces)))
+        inside = np.clip(speed, self.speed[0], self.speed[-1])
+        at = np.clip(np.searchsorted(self.speed, inside, side="right") - 1, 0, len(pieces) - 1)
+        part = (inside - self.speed[at]) * (self.L4[at] + self(inside)) / 2
+        outside = np.minimum(speed - self.speed[0], 0) * self.L4[0]
+        return whole[at] + part + outside + np.maximum(speed - self.speed[-1], 0) * self.L4[-1]
+
+    def _slope(self, speed: Array) -> Array:
+        slopes = np.concatenate(([0.0], np.diff(self.L4) / np.diff(self.speed), [0.0]))
+        return slopes[np.searchsorted(self.speed, speed, side="right")]
+
+
+def arrival(ratio: Array) -> Array:
+    """Least greatest ratio (P, g) on paths from the lowest speed to each point; L4 may change at constant
+    speed, the speed does not fall."""
+    reached = np.empty_like(ratio)
+    before = np.zeros(ratio.shape[1])
+    for row, own in zip(reached, ratio, strict=True):
+        row[:] = np.maximum(own, before)
+        for order in (range(1, len(own)), range(len(own) - 2, -1, -1)):
+            step = -1 if order.step == 1 else 1
+            for j in order:
+                row[j] = min(row[j], max(own[j], row[j + step]))
+        before = row
+    return reached
+
+
+def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
+    """Lowest and highest L4 (P,) at every speed between which the ratio stays below the cap, such that one
+    leads to the next and the last holds length number `final`, if any; None where there is no such
+    passage."""
+    reach, allowed = [], ratio <= cap
+    for row in allowed:
+        runs, count = ndimage.label(row)
+        if reach:
+            kept = np.isin(runs, runs[reach[-1]]) & (runs > 0)
+            runs = np.where(kept, runs, 0)
+        reach.append(runs > 0)
+        if not count or not reach[-1].any():
+            return None
+    chosen = reach[-1]
+    if final is not None:
+        chosen = chosen & (np.arange(len(L4)) == final)
+    if not chosen.any():
+        return None
+    ends = []
+    for number in range(len(reach) - 1, -1, -1):
+        runs, _ = ndimage.label(reach[number])
+        shared = np.bincount(runs[chosen], minlength=runs.max() + 1)
+        chosen = runs == 1 + shared[1:].argmax()
+        ends.append(_edges(L4, ratio[number], cap, chosen))
+    low, high = np.array(ends[::-1]).T
+    return low, high
+
+
+def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, float]:
+    """Where the ratio passes the cap on either side of a run of lengths, or the range's end."""
+    first, last = np.flatnonzero(run)[[0, -1]]
+    found = []
+    for inner, outer in ((first, first - 1), (last, last + 1)):
+        if not 0 <= outer < len(L4) or not np.isfinite(ratio[outer]):
+            found.append(L4[inner])
+        else:
+            part = (cap - ratio[inner]) / (ratio[outer] - ratio[inner])
+            found.append(L4[inner] + min(max(part, 0.0), 1.0) * (L4[outer] - L4[inner]))
+    return found[0], found[1]
+
+
+def least_change(
+    speeds: Array, low: Array, high: Array, own: float, rate: float, ends: tuple[float | None, float | None]
+) -> Plan | None:
+    """The plan within a corridor that departs least from the own L4 (m) and bends least, with at most
+    `rate` (m a rad/s); ends: L4 at the first and last speed, where they are given. None where there is
+    none."""
+    P, step = len(speeds), np.diff(speeds)
+    low, high = low.copy(), high.copy()
+    for at, end in zip((0, -1), ends, strict=True):
+        if end is not None:
+            if not low[at] - 1e-12 <= end <= high[at] + 1e-12:
+                return None
+            low[at] = high[at] = end
+    slope = sparse.diags_array([-1 / step, 1 / step], offsets=[0, 1], shape=(P - 1, P))
+    bend = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(P - 2, P - 1)) @ slope
+    one = sparse.eye_array(P)
+    rows = [
+        [slope, None, None],
+        [-slope, None, None],
+        [one, -one, None],
+        [-one, -one, None],
+        [bend, None, -sparse.eye_array(P - 2)],
+        [-bend, None, -sparse.eye_array(P - 2)],
+    ]
+    limits = [
+        np.full(2 * (P - 1), rate),
+        np.full(P, own),
+        np.full(P, -own),
+        np.zeros(2 * (P - 2)),
+    ]
+    weights = np.gradient(speeds) / (speeds[-1] - speeds[0])
+    bending = _BENDING * (speeds[-1] - speeds[0])
+    cost = np.concatenate((np.zeros(P), weights, np.full(P - 2, bending)))
+    bounds = [*zip(low, high, strict=True), *[(0.0, None)] * (2 * P - 2)]
+    found = linprog(
+        cost, A_ub=sparse.block_array(rows, format="csr"), b_ub=np.concatenate(limits), bounds=bounds
+    )
+    return _knots(speeds, found.x[:P], rate) if found.status == 0 else None
+
+
+def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
+    """The plan with only those points at which it bends."""
+    slope = np.diff(L4) / np.diff(speeds)
+    bends = np.abs(np.diff(slope)) > _STRAIGHT * rate
+    kept = np.concatenate(([True], bends, [True]))
+    return Plan(speeds[kept], L4[kept])
+
+
+def plan_below(
+    speeds: Array,
+    L4: Array,
+    ratio: Array,
+    cap: float,
+    own: int,
+    rate: float,
+    returns: bool,
+) -> Plan | None:
+    """A plan from the lowest to the highest speed with ratios below the cap, from L4 number `own` on;
+    returns: whether the cap also lets it come back there at the highest speed. None where there is none."""
+    found = corridor(L4, ratio, cap, own if returns else None)
+    if found is None:
+        return None
+    return least_change(speeds, *found, float(L4[own]), rate, (float(L4[own]), None))
+
+
+def least_cap(
+    speeds: Array, L4: Array, ratio: Array, own: int, rate: float, returns: bool, tolerance: float = 1e-3
+) -> float:
+    """The smallest cap (to the relative tolerance, from above) for which `plan_below` has a plan."""
+    reached = arrival(ratio)[-1]
+    low = float(max(reached[own] if returns else reached.min(), ratio[0, own]))
+    high, best = low, np.inf
+    while not np.isfinite(best):
+        if plan_below(speeds, L4, ratio, high, own, rate, returns):
+            best = high
+        elif high > 1e3 * low:
+            return np.inf
+        else:
+            low, high = high, 1.1 * high
+    while best - low > tolerance * best and low < best:
+        middle = (low + best) / 2
+        if plan_below(speeds, L4, ratio, middle, own, rate, returns):
+            best = middle
+        else:
+            low = middle
+    return best
