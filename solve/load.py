@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -79,7 +79,7 @@ class Model(PeriodicSystem):
         numbers = self.case, self.options, self.parameters, self.case_speed
         return _rebuilt, (type(self), self.module.__file__, *numbers)
 
-    def varied(self, parameters: Mapping[str, float]) -> "Model":
+    def varied(self, parameters: Mapping[str, float]) -> Self:
         """The same model with some parameters changed (SI units). Raises ValueOutOfBoundsError."""
         changed = {**self.parameters, **parameters}
         return type(self)(self.module, self.case, self.options, changed, self.case_speed)

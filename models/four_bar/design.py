@@ -28,6 +28,9 @@ RESERVE = 0.03
 _KEPT = 0.75
 """Part of the greatest possible margin that a plan keeps, so that it need not bend for the rest."""
 
+_HELPS = 0.98
+"""Part of the stress needed with L4 fixed below which it is worth while to move it."""
+
 _DAMPING_STEP = 0.1
 _LEAD = 0.01
 """Part of the target speed over which corners of a plan are rounded."""
@@ -102,7 +105,7 @@ class Design:
         self.model, self.own_L4 = model, model.parameters["L4"]
         self.allowable = np.array([allowable[link.name] for link in model.beams.freedoms.links])
         if model.parameters["zeta"] <= 0:
-            raise DesignError("zeta is 0: without damping critical speeds have no finite stress; set zeta > 0")
+            raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
         if not lengths[0] <= self.own_L4 <= lengths[1]:
             raise DesignError(
                 f"the mechanism's own L4, {self.own_L4:g} m, is not between {lengths[0]:.4f} and "
@@ -172,7 +175,7 @@ class Design:
             inside = np.flatnonzero((self.speeds > peak.speed) & (self.speeds <= end))
             best = inside[self.with_return[inside].argmin()] if len(inside) else 0
             part, fixed = float(self.with_return[best]), float(self.without_pivot[best])
-            if part < fixed:
+            if part < _HELPS * fixed:
                 found.append(Beyond(peak.speed, float(self.speeds[best]), part, fixed))
         return found
 
@@ -321,7 +324,7 @@ def checked_allowable(links: list[str], given: Mapping[str, float]) -> dict[str,
             raise UnknownNameError("link", link, links)
         if not (math.isfinite(stress) and stress > 0):
             raise ValueOutOfBoundsError(
-                f"allowable stress of the {link} is {stress / 1e6:g} MPa; allowed: a stress > 0, such as 100 MPa"
+                f"allowable stress of the {link} is {stress / 1e6:g} MPa; allowed: > 0, such as 100 MPa"
             )
     missing = [link for link in links if link not in given]
     if missing:

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator
 
 from models.four_bar.verdict import Verdict
 from solve.output.plot import title_of
@@ -12,6 +13,7 @@ from solve.output.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_
 _LEVELS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 """Stress over allowable stress."""
 
+_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 _COLORS = (BLUE, GREEN, VERMILION)
 
 
@@ -21,7 +23,7 @@ def verdict_figure(found: Verdict) -> Figure:
     rows = 3 if found.trials else 2
     with styled():
         figure = new_figure(3.3 + 1.9 * (rows - 1))
-        figure.suptitle(f"{title_of(found.design.model)}: run-up under an allowable stress", fontweight="bold")
+        figure.suptitle(f"{title_of(found.design.model)}: run-up below a stress", fontweight="bold")
         axes = figure.subplots(rows, 1, height_ratios=[1.75, *[1.0] * (rows - 1)], squeeze=False)[:, 0]
         _draw_map(figure, axes[0], found)
         _draw_needed(axes[1], found)
@@ -45,7 +47,9 @@ def _draw_map(figure: Figure, axes: Axes, found: Verdict) -> None:
         axes.plot(design.speeds[top], np.full(len(top), L4), ".", color=GREY, markersize=2)
     axes.axhline(design.own_L4 * 1e3, color=GREY, linewidth=0.8, linestyle=":")
     for band in design.quiet:
-        axes.plot([max(band.start, design.speeds[0]), band.end], [design.own_L4 * 1e3] * 2, color=GREEN, lw=2.5)
+        axes.plot(
+            [max(band.start, design.speeds[0]), band.end], [design.own_L4 * 1e3] * 2, color=GREEN, lw=2.5
+        )
     if found.plan is not None:
         speeds = np.linspace(design.speeds[0], found.target, 600)
         axes.plot(speeds, found.plan.rounded(speeds)[0] * 1e3, color="white", linewidth=3.2)
@@ -54,7 +58,10 @@ def _draw_map(figure: Figure, axes: Axes, found: Verdict) -> None:
         if found.returns:
             ends = [found.plan.L4[-1] * 1e3, design.own_L4 * 1e3]
             axes.annotate(
-                "", (found.target, ends[1]), (found.target, ends[0]), arrowprops={"arrowstyle": "->", "lw": 1.6}
+                "",
+                (found.target, ends[1]),
+                (found.target, ends[0]),
+                arrowprops={"arrowstyle": "->", "lw": 1.6},
             )
     axes.set_xlabel("speed (rad/s)")
     axes.set_ylabel("$L_4$ (mm)")
@@ -62,14 +69,16 @@ def _draw_map(figure: Figure, axes: Axes, found: Verdict) -> None:
     bar = figure.colorbar(filled, ax=axes, ticks=_LEVELS, pad=0.01)
     bar.set_label("stress / allowable")
     axes.set_title(
-        "steady map, worst link; black line: 1, dots: critical speeds, thick: plan, green: quiet at its own $L_4$",
+        "steady, worst link; thin line: 1; dots: critical speeds; thick: plan; green: quiet at its own $L_4$",
         loc="left",
     )
 
 
 def _draw_needed(axes: Axes, found: Verdict) -> None:
     design = found.design
-    axes.plot(design.speeds, design.ratio[:, design.own], color=GREY, linewidth=0.8, label="steady, own $L_4$")
+    axes.plot(
+        design.speeds, design.ratio[:, design.own], color=GREY, linewidth=0.8, label="steady, $L_4$ fixed"
+    )
     axes.plot(design.speeds, design.without_pivot, color=VERMILION, label="run-up, $L_4$ fixed")
     axes.plot(design.speeds, design.with_return, color=BLUE, label="$L_4$ moves and returns")
     axes.plot(design.speeds, design.with_pivot, color=GREEN, label="$L_4$ moves")
@@ -77,6 +86,9 @@ def _draw_needed(axes: Axes, found: Verdict) -> None:
     axes.axvline(found.target, color=GREY, linewidth=0.8, linestyle="--")
     axes.set_yscale("log")
     axes.set_ylim(bottom=0.1)
+    axes.yaxis.set_major_locator(FixedLocator(_TICKS))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
     axes.set_ylabel("stress / allowable\nneeded to reach")
     axes.set_xlabel("speed (rad/s)")
     axes.legend(ncols=2, loc="upper left")
@@ -87,8 +99,11 @@ def _draw_simulated(axes: Axes, found: Verdict) -> None:
     simulated = first.simulated
     for number, (link, color) in enumerate(zip(found.design.links, _COLORS, strict=True)):
         axes.plot(simulated.time, first.ratio[:, number], color=color, label=link)
+    steady = (found.speeds - first.run_up.start) / first.run_up.acceleration
+    axes.plot(steady, found.steady.max(axis=1), color=GREY, linestyle=":", label="steady, worst")
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
-    axes.set_ylim(0, max(1.15, 1.05 * first.worst))
+    axes.set_xlim(0, simulated.time[-1])
+    axes.set_ylim(0, max(1.25, 1.05 * first.worst))
     axes.set_xlabel(f"time (s) at {first.run_up.acceleration:.3g} rad/s²")
     axes.set_ylabel("simulated stress\n/ allowable, a turn")
     right = axes.twinx()
@@ -98,4 +113,4 @@ def _draw_simulated(axes: Axes, found: Verdict) -> None:
     right.set_ylim(bottom=0)
     if found.returns:
         axes.axvspan(first.run_up.duration, simulated.time[-1], color=ORANGE, alpha=0.12, linewidth=0)
-    axes.legend(loc="upper left", ncols=3)
+    axes.legend(loc="upper left", ncols=4)

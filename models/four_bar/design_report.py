@@ -45,23 +45,25 @@ def _critical(found: Verdict) -> RenderableType:
     design = found.design
     rates = {each.speed: each.sensitivity for each in found.damping}
     made = table(
-        f"Critical speeds at L4 = {design.own_L4:.4f} m", "speed", "link", "stress/allowable", "", *design.links
+        f"Critical speeds at L4 = {design.own_L4:.4f} m",
+        "speed",
+        "link",
+        "stress/allowable",
+        "",
+        *design.links,
     )
     for peak in design.peaks:
         helps = [f"{rates[peak.speed][link]:+.2f}" for link in design.links]
         made.add_row(
             f"{peak.speed:.2f}", peak.link, f"{peak.ratio:.3f}", "limiting" if peak.ratio > 1 else "", *helps
         )
-    made.caption = "link by link: % of stress that one % more ζ brings; damping helps where negative"
-    return made
+    return Group(made, Text("links: % of stress that one % more ζ brings; damping helps where negative"))
 
 
 def _quiet(found: Verdict) -> RenderableType:
     design = found.design
     rates = {each.speed: each.sensitivity for each in found.damping}
-    made = table(
-        "Quiet bands there", "from", "to", "quietest", "stress/allowable", "damping", *design.links
-    )
+    made = table("Quiet bands there", "from", "to", "quietest", "stress/allowable", "damping", *design.links)
     for band in design.quiet:
         known = rates.get(band.quietest)
         cells = [f"{known[link]:+.2f}" for link in design.links] if known else [""] * len(design.links)
@@ -78,26 +80,25 @@ def _beyond(found: Verdict) -> RenderableType:
     )
     for each in found.design.beyond:
         made.add_row(*(f"{value:.3f}" for value in (each.peak, each.speed, each.needed, each.fixed)))
-    made.caption = "as a multiple of the allowable stress; L4 changes on the way and returns"
-    return made
+    return Group(made, Text("as a multiple of the allowable stress; L4 changes on the way and returns"))
 
 
 def _plan(found: Verdict) -> RenderableType:
     plan = found.plan
     assert plan is not None
-    made = table("Run-up plan: L4 is linear between these speeds", "speed", "L4 (m)", left=0)
+    made = table("Run-up plan", "speed", "L4 (m)", left=0)
     for speed, L4 in zip(plan.speed, plan.L4, strict=True):
         made.add_row(f"{speed:.3f}", f"{L4:.4f}")
     if found.returns:
         made.add_row("then", f"{found.design.own_L4:.4f}")
-    made.caption = f"greatest steady stress on the way {found.steady.max():.3f} of the allowable"
-    return made
+    return Group(
+        made,
+        Text(f"L4 is linear between these; steady stress at most {found.steady.max():.3f} of the allowable"),
+    )
 
 
 def _trials(found: Verdict) -> RenderableType:
-    made = table(
-        "Simulated", "within", "acceleration", "stress/allowable", "at speed", "", left=0
-    )
+    made = table("Simulated", "within", "acceleration", "stress/allowable", "at speed", "", left=0)
     for trial in found.trials:
         made.add_row(
             f"{trial.run_up.duration:.4g} s",
@@ -116,7 +117,7 @@ def verdict_contents(found: Verdict) -> Contents:
     columns = {"speed": Variable("speed", design.speeds, "rad/s", "speed of the crank")}
     for number, link in enumerate(design.links):
         own = design.stress[:, design.own, number]
-        columns[f"{link}_stress"] = Variable("speed", own, "Pa", f"largest stress of the {link} at its own L4")
+        columns[f"{link}_stress"] = Variable("speed", own, "Pa", f"largest of the {link} at its own L4")
     for name, values, meaning in (
         ("fixed", design.without_pivot, "with L4 fixed"),
         ("moving", design.with_pivot, "with L4 changing"),

@@ -19,10 +19,11 @@ from models.four_bar.run_up import Plan
 from models.four_bar.stress_map import StressMap, stress_rows
 from solve.arrays import Array
 from solve.methods.grid import Grid
-from solve.methods.period_map import states_from
 from solve.methods.radau import Radau
 from solve.structure.model import StructureModel
 from solve.structure.motion import Motion
+from solve.structure.positions import Positions
+from solve.structure.rigid import inertia_load
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8
@@ -78,9 +79,8 @@ class RunUp:
         """At crank angles (k,) from the start, φ = 0."""
         rising = phi < self._arrival
         alpha = np.where(rising, self.acceleration, 0.0)
-        speed = np.where(
-            rising, np.sqrt(self.start**2 + 2 * self.acceleration * np.minimum(phi, self._arrival)), self.target
-        )
+        square = self.start**2 + 2 * self.acceleration * np.minimum(phi, self._arrival)
+        speed = np.where(rising, np.sqrt(square), self.target)
         after = (phi - self._arrival) / self.target
         time = np.where(rising, (speed - self.start) / self.acceleration, self.duration + after)
         L4, slope, bend = self.plan.rounded(speed)
@@ -135,7 +135,7 @@ class _Carried(Motion):
 
     given: Callable[[Array], Array]
 
-    @property
+    @cached_property
     def _damping(self) -> Callable[[Array], Array]:
         return self.given
 
@@ -150,20 +150,29 @@ class _Moving:
         self._stages = self._grid.stages(np.array(self._collocation.c)).ravel()
         self._samples = np.arange(_STEPS * _SAMPLES) * (TURN / (_STEPS * _SAMPLES))
         self._beams = replace(model.beams, angle=lambda phi: self._kinematics(phi)[0], carried=True)
-        options = (model.options[name] for name in ("terms", "stiffening", "damping"))
-        rates = lambda phi: self._kinematics(phi)[1:]  # noqa: E731
-        self._motion = _Carried(self._beams, rates, TURN, *options, self._damping)
+        terms, stiffening, damping = (str(model.options[name]) for name in ("terms", "stiffening", "damping"))
+        self._motion = _Carried(
+            self._beams,
+            lambda phi: self._kinematics(phi)[1:],
+            TURN,
+            terms,
+            stiffening,
+            damping,
+            self._damping,
+        )
 
     def at_rest(self) -> Array:
-        """(q, q′) of quasi-static equilibrium where the first step has its first stage."""
-        _, _, K, d = self._motion(self._stages, 1.0)
-        q = np.linalg.solve(K[0], d[0])
+        """(q, q′) of quasi-static equilibrium at φ = 0."""
+        positions = Positions(self._beams, np.zeros(1))
+        _, K = positions.matrices()
+        _, omega, alpha = self._kinematics(np.zeros(1))
+        q = np.linalg.solve(K[0], inertia_load(positions, omega, alpha)[0])
         return np.concatenate((q, np.zeros_like(q)))
 
     def turn(self, number: int, x: Array, last: Array) -> tuple[Array, Array, Array]:
         """State and acceleration by φ at the end of turn `number`, from those at its start, and the largest
         |stress| (links,) during the turn."""
-        n, h, s = len(last), self._grid.h, len(self._collocation.c)
+        h, s = self._grid.h, len(self._collocation.c)
         drive = self._drive(number * TURN + self._stages)
         M, C, K, d = self._motion(number * TURN + self._stages, 1.0)
         speed, alpha = (part[:, None, None] for part in (drive.speed, drive.acceleration))

@@ -9,16 +9,16 @@ L4 and with as few bends as that allows.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.optimize import linprog
 
 from solve.arrays import Array
 
-_BENDING = 0.03
+_BENDING = 0.005
 """What a bend of the plan counts beside its distance from the mechanism's own L4."""
 
-_STRAIGHT = 1e-6
-"""Bend, relative to the rate, below which three points are on a line."""
+_STRAIGHT, _CLOSE = 1e-4, 1e-12
+"""Bend, relative to the rate, below which three points are on a line; lengths (m) that count as equal."""
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,14 @@ class Plan:
 def arrival(ratio: Array) -> Array:
     """Least greatest ratio (P, g) on paths from the lowest speed to each point; L4 may change at constant
     speed, the speed does not fall."""
-    reached = np.empty_like(ratio)
-    before = np.zeros(ratio.shape[1])
-    for row, own in zip(reached, ratio, strict=True):
-        row[:] = np.maximum(own, before)
-        for order in (range(1, len(own)), range(len(own) - 2, -1, -1)):
-            step = -1 if order.step == 1 else 1
-            for j in order:
-                row[j] = min(row[j], max(own[j], row[j + step]))
-        before = row
+    reached, before = np.empty_like(ratio), np.zeros(ratio.shape[1])
+    for number, own in enumerate(ratio):
+        row = np.maximum(own, before)
+        for j in range(1, len(own)):
+            row[j] = min(row[j], max(own[j], row[j - 1]))
+        for j in range(len(own) - 2, -1, -1):
+            row[j] = min(row[j], max(own[j], row[j + 1]))
+        reached[number] = before = row
     return reached
 
 
@@ -79,41 +78,51 @@ def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Ar
     """Lowest and highest L4 (P,) at every speed between which the ratio stays below the cap, such that one
     leads to the next and the last holds length number `final`, if any; None where there is no such
     passage."""
-    reach, allowed = [], ratio <= cap
-    for row in allowed:
-        runs, count = ndimage.label(row)
-        if reach:
-            kept = np.isin(runs, runs[reach[-1]]) & (runs > 0)
-            runs = np.where(kept, runs, 0)
-        reach.append(runs > 0)
-        if not count or not reach[-1].any():
-            return None
-    chosen = reach[-1]
-    if final is not None:
-        chosen = chosen & (np.arange(len(L4)) == final)
+    reach = _reached_below(ratio, cap)
+    if reach is None:
+        return None
+    chosen = reach[-1] if final is None else reach[-1] & (np.arange(len(L4)) == final)
     if not chosen.any():
         return None
     ends = []
-    for number in range(len(reach) - 1, -1, -1):
-        runs, _ = ndimage.label(reach[number])
-        shared = np.bincount(runs[chosen], minlength=runs.max() + 1)
-        chosen = runs == 1 + shared[1:].argmax()
-        ends.append(_edges(L4, ratio[number], cap, chosen))
+    for below, ratios in zip(reach[::-1], ratio[::-1], strict=True):
+        runs, count = _runs(below)
+        shared = np.bincount(runs[chosen], minlength=count + 1)
+        chosen = runs == 1 + int(shared[1:].argmax())
+        ends.append(_edges(L4, ratios, cap, chosen))
     low, high = np.array(ends[::-1]).T
     return low, high
 
 
+def _reached_below(ratio: Array, cap: float) -> Array | None:
+    """Which lengths (P, g) can be reached at every speed below the cap; None where some speed cannot."""
+    reach = ratio <= cap
+    for number in range(1, len(reach)):
+        runs, _ = _runs(reach[number])
+        reach[number] &= np.isin(runs, runs[reach[number - 1]])
+    return reach if reach.any(axis=1).all() else None
+
+
+def _runs(chosen: Array) -> tuple[Array, int]:
+    """Numbers from 1 on of the runs of neighbours that are chosen, 0 for the others, and how many."""
+    starts = np.diff(chosen, prepend=False) & chosen
+    return np.where(chosen, np.cumsum(starts), 0), int(starts.sum())
+
+
 def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, float]:
     """Where the ratio passes the cap on either side of a run of lengths, or the range's end."""
-    first, last = np.flatnonzero(run)[[0, -1]]
-    found = []
-    for inner, outer in ((first, first - 1), (last, last + 1)):
-        if not 0 <= outer < len(L4) or not np.isfinite(ratio[outer]):
-            found.append(L4[inner])
-        else:
-            part = (cap - ratio[inner]) / (ratio[outer] - ratio[inner])
-            found.append(L4[inner] + min(max(part, 0.0), 1.0) * (L4[outer] - L4[inner]))
-    return found[0], found[1]
+    ends = np.flatnonzero(run)[[0, -1]]
+    low, high = (
+        _edge(L4, ratio, cap, int(at), int(at) + step) for at, step in zip(ends, (-1, 1), strict=True)
+    )
+    return low, high
+
+
+def _edge(L4: Array, ratio: Array, cap: float, inner: int, outer: int) -> float:
+    if not 0 <= outer < len(L4) or not np.isfinite(ratio[outer]):
+        return float(L4[inner])
+    part = (cap - ratio[inner]) / (ratio[outer] - ratio[inner])
+    return float(L4[inner] + min(max(part, 0.0), 1.0) * (L4[outer] - L4[inner]))
 
 
 def least_change(
@@ -122,37 +131,30 @@ def least_change(
     """The plan within a corridor that departs least from the own L4 (m) and bends least, with at most
     `rate` (m a rad/s); ends: L4 at the first and last speed, where they are given. None where there is
     none."""
-    P, step = len(speeds), np.diff(speeds)
-    low, high = low.copy(), high.copy()
+    P, low, high = len(speeds), low.copy(), high.copy()
     for at, end in zip((0, -1), ends, strict=True):
         if end is not None:
-            if not low[at] - 1e-12 <= end <= high[at] + 1e-12:
+            if not low[at] - _CLOSE <= end <= high[at] + _CLOSE:
                 return None
             low[at] = high[at] = end
-    slope = sparse.diags_array([-1 / step, 1 / step], offsets=[0, 1], shape=(P - 1, P))
-    bend = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(P - 2, P - 1)) @ slope
-    one = sparse.eye_array(P)
+    slope = np.diff(np.eye(P), axis=0) / np.diff(speeds)[:, None]
+    bend, one, other = np.diff(slope, axis=0), np.eye(P), np.eye(P - 2)
+    # Unknown are L4, its distances from the own L4 and its bends, the latter two from above.
     rows = [
-        [slope, None, None],
-        [-slope, None, None],
-        [one, -one, None],
-        [-one, -one, None],
-        [bend, None, -sparse.eye_array(P - 2)],
-        [-bend, None, -sparse.eye_array(P - 2)],
+        np.hstack((sign * part, distance, bends))
+        for part, distance, bends in (
+            (slope, np.zeros((P - 1, P)), np.zeros((P - 1, P - 2))),
+            (one, -one, np.zeros((P, P - 2))),
+            (bend, np.zeros((P - 2, P)), -other),
+        )
+        for sign in (1, -1)
     ]
-    limits = [
-        np.full(2 * (P - 1), rate),
-        np.full(P, own),
-        np.full(P, -own),
-        np.zeros(2 * (P - 2)),
-    ]
-    weights = np.gradient(speeds) / (speeds[-1] - speeds[0])
-    bending = _BENDING * (speeds[-1] - speeds[0])
-    cost = np.concatenate((np.zeros(P), weights, np.full(P - 2, bending)))
+    limits = [np.full(2 * (P - 1), rate), np.full(P, own), np.full(P, -own), np.zeros(2 * (P - 2))]
+    whole = speeds[-1] - speeds[0]
+    cost = np.concatenate((np.zeros(P), np.gradient(speeds) / whole, np.full(P - 2, _BENDING * whole)))
     bounds = [*zip(low, high, strict=True), *[(0.0, None)] * (2 * P - 2)]
-    found = linprog(
-        cost, A_ub=sparse.block_array(rows, format="csr"), b_ub=np.concatenate(limits), bounds=bounds
-    )
+    A = sparse.csr_array(np.vstack(rows))
+    found = linprog(cost, A_ub=A, b_ub=np.concatenate(limits), bounds=bounds)
     return _knots(speeds, found.x[:P], rate) if found.status == 0 else None
 
 

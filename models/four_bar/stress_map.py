@@ -114,8 +114,7 @@ class StressMap:
     def peaks(self, speeds: Array, L4: Array) -> Peaks:
         """At every speed (P,) and every length (g,) between the ends."""
         parts = [
-            self._peaks(speeds[start : start + _TOGETHER], L4)
-            for start in range(0, len(speeds), _TOGETHER)
+            self._peaks(speeds[start : start + _TOGETHER], L4) for start in range(0, len(speeds), _TOGETHER)
         ]
         return Peaks(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 

@@ -121,9 +121,7 @@ def verdict(
     steady = np.empty((0, len(design.links))) if plan is None else design.along(plan)
     trials = [] if plan is None else trials_of(design, plan, returns, duration, progress)
     at = [*(peak.speed for peak in design.peaks), *(band.quietest for band in design.quiet[1:]), target]
-    return Verdict(
-        design, target, returns, least, plan, part, steady, trials, design.damping(np.unique(at))
-    )
+    return Verdict(design, target, returns, least, plan, part, steady, trials, design.damping(np.unique(at)))
 
 
 def trials_of(
@@ -141,9 +139,7 @@ def trials_of(
         within = duration / 2**halving
         run_up = RunUp(plan, start, within, home, _PART_RETURNING * within)
         what = f"run-up within {within:g} s"
-        simulated = simulate(
-            design.map, run_up, run_up.turns, lambda done, what=what: progress(what, done)
-        )
+        simulated = simulate(design.map, run_up, run_up.turns, lambda done, what=what: progress(what, done))
         found.append(Trial(run_up, simulated, simulated.stress / design.allowable))
         if found[-1].worst >= 1:
             break
@@ -210,4 +206,3 @@ def _trial_record(trial: Trial) -> dict[str, Any]:
         "at_time": float(trial.simulated.time[at]),
         "turns": trial.run_up.turns,
     }
-

@@ -1,0 +1,171 @@
+"""`python -m models.four_bar design`: limiting speeds, quiet bands and the run-up plan under a stress."""
+
+import re
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from models.four_bar.commands.groups import FourBar
+from solve.commands.groups import Results
+from solve.commands.speeds import progressing
+from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
+
+if TYPE_CHECKING:
+    from models.four_bar.linkage import Linkage
+    from solve.arrays import Array
+    from solve.structure.model import StructureModel
+
+_FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
+"""Speeds of the map by default, as parts of the mean lowest frequency, and the ratio of neighbours."""
+
+_FEWEST, _LENGTHS = 5, 48
+_RANGE = re.compile(r"(?P<low>[^:\s]+):(?P<high>[^:\s]+)(:(?P<count>\d+))?\s+(?P<unit>\S.*)")
+
+
+def design(
+    four_bar: FourBar,
+    results: Results,
+    allowable: Annotated[
+        str | None,
+        typer.Option(
+            metavar='"100 MPa"',
+            help='For all links, or for each: "crank=99 MPa,coupler=80 MPa,follower=90 MPa".',
+        ),
+    ] = None,
+    target: Annotated[
+        str | None,
+        typer.Option(metavar='"30 rad/s"', help="Speed to run up to; by default the method chooses."),
+    ] = None,
+    speeds: Annotated[
+        str | None,
+        typer.Option(metavar='"A:B:N unit"', help="Speeds of the map at first; narrow peaks are refined."),
+    ] = None,
+    L4: Annotated[
+        str | None,
+        typer.Option(
+            "--L4",
+            metavar='"A:B:N m"',
+            help="Range and number of ground links; by default all with a transmission angle of 40° to 140°.",
+        ),
+    ] = None,
+    time: Annotated[
+        str, typer.Option(metavar='"60 s"', help="Duration of the slowest simulated run-up.")
+    ] = "60 s",
+) -> None:
+    """Design for high speed: limiting critical speeds, quiet bands, run-up with a moving ground pivot."""
+    results.files()
+    model = four_bar.loaded()
+    model.require_motion()
+
+    from models.four_bar.design import Design
+    from models.four_bar.design_draw import verdict_figure
+    from models.four_bar.design_report import verdict_contents, verdict_report
+    from models.four_bar.verdict import verdict, verdict_record
+    from solve.commands.deliver import deliver
+    from solve.output.record import plain
+    from solve.units import speed_in_si
+
+    stresses = _allowable(model, allowable)
+    goal = None if target is None else speed_in_si(target)
+    duration = _duration(time)
+    lengths, count = _lengths(model, L4)
+    with progressing("design") as progress:
+        made = Design(
+            model, stresses, _speeds(model, speeds), lengths, count, lambda what, done: progress(done)
+        )
+        found = verdict(made, goal, duration, lambda what, done: progress(done))
+    deliver(
+        results,
+        found.warnings,
+        record=lambda: plain(verdict_record(found)),
+        report=lambda: verdict_report(found, four_bar.problem.choices),
+        figure=lambda: verdict_figure(found),
+        contents=lambda: verdict_contents(found),
+    )
+
+
+def _allowable(model: "StructureModel", text: str | None) -> dict[str, float]:
+    """Allowable stress (Pa) of each link."""
+    from models.four_bar.design import checked_allowable
+
+    links = [link.name for link in model.beams.freedoms.links]
+    if text is None:
+        raise MissingValueError('no allowable stress given; add one, such as --allowable "100 MPa"')
+    if "=" not in text:
+        return checked_allowable(links, dict.fromkeys(links, _quantity("--allowable", text, "Pa", "100 MPa")))
+    given = {}
+    for part in text.split(","):
+        name, _, value = (each.strip() for each in part.partition("="))
+        if name in given:
+            raise ValueOutOfBoundsError(f"--allowable gives {name} twice; give it once")
+        given[name] = _quantity("--allowable", value, "Pa", "crank=100 MPa")
+    return checked_allowable(links, given)
+
+
+def _quantity(flag: str, text: str, unit: str, example: str) -> float:
+    """A number with unit, also without a space between. Raises UnitError."""
+    from solve.units import with_unit
+
+    spaced = re.sub(r"^\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(?=[A-Za-z])", r"\1 ", text)
+    try:
+        return with_unit(spaced, unit)
+    except UnitError as error:
+        raise UnitError(f'{flag}: {error}; such as {flag} "{example}"') from None
+
+
+def _duration(text: str) -> float:
+    duration = _quantity("--time", text, "s", "60 s")
+    if not 0 < duration <= 3600:
+        raise ValueOutOfBoundsError(f"--time is {text}; allowed: above 0 and up to 3600 s, such as '60 s'")
+    return duration
+
+
+def _speeds(model: "StructureModel", text: str | None) -> "Array":
+    """Speeds (rad/s) of the map at first, rising."""
+    import numpy as np
+
+    from models.four_bar.stress_map import spaced
+    from solve.structure.eigen import lowest_frequencies
+    from solve.units import speeds_in_si
+
+    if text is None:
+        phase = np.linspace(0.0, model.period, 36, endpoint=False)
+        mean = float(lowest_frequencies(*model.at_positions(phase).matrices(), 1).mean())
+        return np.array(spaced(_FIRST * mean, _LAST * mean, _RATIO))
+    found = np.unique(speeds_in_si(text))
+    if len(found) < _FEWEST:
+        raise ValueOutOfBoundsError(
+            f"--speeds is '{text}'; a map needs {_FEWEST} different speeds at least, "
+            'such as --speeds "5:45:60 rad/s"'
+        )
+    return found
+
+
+def _lengths(model: "StructureModel", text: str | None) -> tuple[tuple[float, float], int]:
+    """Least and greatest L4 (m), and how many between. Raises LinkageError where the crank cannot turn."""
+    from models.four_bar.design import allowed_lengths
+    from solve.units import conversion
+
+    if text is None:
+        return allowed_lengths(_linkage(model, model.parameters["L4"])), _LENGTHS
+    usage = f'--L4 is \'{text}\'; write "A:B:N unit", N lengths from A to B, such as --L4 "0.52:0.63:48 m"'
+    found = _RANGE.fullmatch(text.strip())
+    if not found:
+        raise UnitError(usage)
+    try:
+        low, high = (float(found[name]) * conversion(found["unit"], "m") for name in ("low", "high"))
+    except ValueError:
+        raise UnitError(usage) from None
+    count = int(found["count"] or _LENGTHS)
+    if not 0 < low <= high or count < 2:
+        raise ValueOutOfBoundsError(usage + ", A not above B, N at least 2")
+    for length in (low, high):
+        _linkage(model, length).require_full_turn()
+    return (low, high), count
+
+
+def _linkage(model: "StructureModel", L4: float) -> "Linkage":
+    from models.four_bar.linkage import Linkage
+
+    L1, L2, L3 = (model.parameters[name] for name in ("L1", "L2", "L3"))
+    return Linkage(L1, L2, L3, L4, str(model.options["branch"]))
