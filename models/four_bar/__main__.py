@@ -6,12 +6,13 @@ from collections.abc import Sequence
 import typer
 
 from models.four_bar.commands.corrected import corrected
+from models.four_bar.commands.design import design
 from models.four_bar.commands.linkage import linkage
 from models.four_bar.commands.study import study
 from solve.commands.app import run as run_commands
 from solve.commands.groups import flattened
 
-COMMANDS = (linkage, study, corrected)
+COMMANDS = (linkage, study, corrected, design)
 
 _NAME = "python -m models.four_bar"
 

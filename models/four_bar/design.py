@@ -118,7 +118,7 @@ class Design:
         if self.ratio[0, self.own] > 1:
             raise DesignError(
                 f"at {self.speeds[0]:.4g} rad/s, the lowest speed, the stress is already "
-                f"{self.ratio[0, self.own]:.4g} of the allowable one; begin --speeds lower or allow more"
+                f"{self.ratio[0, self.own]:.4g} times the allowable one; begin --speeds lower or allow more"
             )
 
     @property
@@ -324,7 +324,7 @@ def checked_allowable(links: list[str], given: Mapping[str, float]) -> dict[str,
             raise UnknownNameError("link", link, links)
         if not (math.isfinite(stress) and stress > 0):
             raise ValueOutOfBoundsError(
-                f"allowable stress of the {link} is {stress / 1e6:g} MPa; allowed: > 0, such as 100 MPa"
+                f"allowable stress of the {link} is {stress / 1e6:g} MPa; allowed: finite, > 0, like 100 MPa"
             )
     missing = [link for link in links if link not in given]
     if missing:

@@ -1,0 +1,201 @@
+"""The design method: what it finds, the command, its refusals; Table 4.1 under 100 MPa."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import solve
+from models.four_bar.__main__ import run
+from models.four_bar.design import Design, DesignError, allowed_lengths, checked_allowable
+from models.four_bar.linkage import Linkage
+from models.four_bar.verdict import verdict
+from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+
+LINKS = ("crank", "coupler", "follower")
+SMALL = ("--speeds", "8:33:24 rad/s", "--L4", "0.53:0.63:9 m", "--time", "4 s")
+KEYS = {
+    "model", "case", "parameters", "options", "allowable", "speeds", "L4", "own_L4", "stress", "error",
+    "limiting", "critical", "quiet", "quiet_of", "beyond", "least_ratio", "damping", "target", "returns",
+    "least", "smallest_allowable", "verdict", "text", "plan", "trials", "safe_acceleration", "warnings",
+}  # fmt: skip
+
+
+def designed(stress=100e6, speeds=(8.0, 33.0), lengths=(0.53, 0.63), **parameters):
+    model = solve.load("four_bar", **parameters)
+    start = np.geomspace(*speeds, 24)
+    return Design(model, dict.fromkeys(LINKS, stress), start, lengths, 9)
+
+
+@pytest.fixture(scope="module")
+def design():
+    return designed()
+
+
+def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
+    low, high = allowed_lengths(Linkage(0.170, 0.328, 0.525, 0.547))
+    assert math.degrees(Linkage(0.170, 0.328, 0.525, low).transmission_extremes().min) == pytest.approx(40)
+    assert math.degrees(Linkage(0.170, 0.328, 0.525, high).transmission_extremes().max) == pytest.approx(140)
+    with pytest.raises(DesignError, match="no L4 keeps"):
+        allowed_lengths(Linkage(0.3, 0.328, 0.525, 0.547))
+
+
+def test_peaks_and_bands_are_those_of_the_stress_over_speed(design):
+    """At the own L4, against single solutions at the mean frequency's divisions 7 and 6 and beside them."""
+    assert [peak.speed for peak in design.peaks][-2:] == pytest.approx([26.1, 30.4], abs=0.15)
+    model = design.model
+    edge = design.quiet[0].end
+    names = [
+        f"{place}_stress_{side}"
+        for place in ("crank_root", "follower_midpoint")
+        for side in ("plus", "minus")
+    ]
+    for speed, above in ((0.99 * edge, False), (1.01 * edge, True)):
+        orbit = solve.periodic(model, speed, rtol=1e-6)
+        assert (max(orbit.statistics(name).max_abs for name in names) > 100e6) == above
+    assert design.quiet[0].start == 0.0
+    assert len(design.limiting) == 2
+
+
+def test_damping_changes_stress_as_a_second_solution_says(design):
+    (found,) = design.damping(np.array([26.1]))
+    for link, name in (("crank", "crank_root"), ("follower", "follower_midpoint")):
+        before, after = (
+            max(
+                solve.periodic(design.model.varied({"zeta": zeta}), 26.1, rtol=1e-6)
+                .statistics(f"{name}_stress_{side}")
+                .max_abs
+                for side in ("plus", "minus")
+            )
+            for zeta in (0.0195, 0.0205)
+        )
+        slope = math.log(after / before) / math.log(205 / 195)
+        assert found.sensitivity[link] == pytest.approx(slope, abs=0.06)
+
+
+def test_moving_the_pivot_never_needs_more(design):
+    assert (design.with_pivot <= design.with_return).all()
+    assert (design.with_return <= design.without_pivot).all()
+    assert (design.with_pivot[-10:] < 0.8 * design.without_pivot[-10:]).all()
+
+
+def test_a_plan_is_simulated_below_the_allowable_stress(design):
+    found = verdict(design, 29.0, duration=8.0)
+    assert found.plan is not None
+    assert not found.returns
+    assert found.trials[0].worst < 1
+    assert found.trials[0].worst == pytest.approx(found.steady.max(), rel=0.03)
+    assert found.safe_acceleration is not None
+    assert found.least[0] < 1 < found.least[1]
+
+
+@pytest.mark.slow
+def test_no_plan_and_the_smallest_allowable_that_has_one(design):
+    found = verdict(design, 33.0)
+    assert found.plan is None
+    assert found.trials == []
+    assert found.least[0] > 1
+    # Just above this allowable stress a plan exists, just below none.
+    for factor, exists in ((1.005, True), (0.995, False)):
+        scaled = designed(100e6 * found.least[0] * factor)
+        assert (scaled.plan(33.0, False) is not None) == exists
+
+
+def test_the_default_goal_is_beyond_a_limiting_speed_where_it_can_be_reached():
+    """At 118 MPa the quiet speed above 26.1 rad/s is reached with the pivot back in its place."""
+    found = verdict(designed(118e6, speeds=(8.0, 28.0)), duration=4.0)
+    assert found.returns
+    assert 26.3 < found.target < 28.0
+    assert found.design.without_pivot[-1] > 1
+    assert found.trials[0].worst < 1
+    assert found.trials[0].simulated.L4[-1] == pytest.approx(0.547)
+
+
+def test_json(capsys):
+    assert (
+        run(["design", "--allowable", "crank=100 MPa,coupler=90MPa,follower=100 MPa", "--json", *SMALL]) == 0
+    )
+    written = capsys.readouterr()
+    record = json.loads(written.out)
+    assert set(record) >= KEYS
+    assert record["allowable"] == {"crank": 100e6, "coupler": 90e6, "follower": 100e6}
+    assert np.shape(record["stress"]["crank"]) == (len(record["speeds"]), len(record["L4"]))
+    assert record["verdict"] == "plan"
+    assert record["plan"]["speed"][-1] == record["target"]
+    assert record["trials"][0]["greatest_ratio"] < 1
+
+
+def test_report_fits_a_terminal_and_files_are_written(capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("COLUMNS", "80")
+    picture, data = tmp_path / "design.png", tmp_path / "design.npz"
+    files = ("--plot", str(picture), "--save", str(data))
+    assert run(["design", "--allowable", "100 MPa", *SMALL, *files]) == 0
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    assert "a plan exists" in out
+    assert picture.stat().st_size > 20_000
+    with np.load(data) as saved:
+        assert saved["stress"].shape == (len(saved["speed"]), len(saved["L4"]), 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "no allowable stress given"),
+        (("--allowable", "100"), "has no unit"),
+        (("--allowable", "-5 MPa"), "is -5 MPa; allowed: finite, > 0"),
+        (("--allowable", "100 kg"), "does not convert to 'Pa'"),
+        (("--allowable", "crank=100 MPa"), "no allowable stress for coupler, follower"),
+        (("--allowable", "crnk=100 MPa"), "did you mean 'crank'"),
+        (("--allowable", "crank=1 MPa,crank=2 MPa"), "crank twice"),
+        (("--allowable", "100 MPa", "--L4", "0.5:0.9:10 m"), "cannot turn fully"),
+        (("--allowable", "100 MPa", "--L4", "0.58:0.6 m"), "own L4, 0.547 m, is not between"),
+        (("--allowable", "100 MPa", "--L4", "0.58 m"), "write"),
+        (("--allowable", "100 MPa", "--target", "30"), "has no unit"),
+        (("--allowable", "100 MPa", "--target", "90 rad/s", *SMALL), "widen --speeds"),
+        (("--allowable", "100 MPa", "--speeds", "6:7:2 rad/s"), "5 different speeds"),
+        (("--allowable", "100 MPa", "--set", "zeta=0"), "zeta is 0"),
+        (("--allowable", "100 MPa", "--time", "0 s"), "--time is 0 s"),
+        (("--allowable", "0.01 MPa", *SMALL), "times the allowable one"),
+        (("--allowable", "100 MPa", "--option", "element=dynamic"), "no equations of motion"),
+    ],
+)
+def test_refusals_are_one_line(arguments, message, capsys):
+    assert run(["design", *arguments]) == 2
+    written = capsys.readouterr()
+    assert message in written.err
+    assert (written.out, written.err.count("\n")) == ("", 1)
+
+
+def test_allowable_stresses_are_checked():
+    with pytest.raises(UnknownNameError):
+        checked_allowable(list(LINKS), {"rod": 1e8})
+    with pytest.raises(ValueOutOfBoundsError):
+        checked_allowable(list(LINKS), dict.fromkeys(LINKS, math.nan))
+    with pytest.raises(MissingValueError):
+        checked_allowable(list(LINKS), {"crank": 1e8})
+
+
+@pytest.mark.slow
+def test_table_41_under_100_MPa():
+    """3 elements a link: with L4 fixed 25.8 rad/s, with L4 up to 0.634 m 31.7 rad/s; the simulated stress
+    stays below 100 MPa all the way. The last steady state is solved again by itself."""
+    model = solve.load("four_bar", options={"elements": 3})
+    lengths = allowed_lengths(Linkage(*(model.parameters[name] for name in ("L1", "L2", "L3", "L4"))))
+    found = verdict(
+        Design(model, dict.fromkeys(LINKS, 100e6), np.geomspace(8.0, 36.0, 40), lengths, 30), duration=30.0
+    )
+    assert found.design.quiet[0].end == pytest.approx(25.8, abs=0.1)
+    assert [peak.speed for peak in found.design.limiting] == pytest.approx([27.8, 33.3], abs=0.1)
+    assert found.plan is not None
+    assert found.target == pytest.approx(31.7, abs=0.15)
+    assert all(trial.worst < 1 for trial in found.trials[:2])
+    end = solve.periodic(model.varied({"L4": float(found.plan.L4[-1])}), found.target, rtol=1e-6)
+    root = max(end.statistics(f"crank_root_stress_{side}").max_abs for side in ("plus", "minus"))
+    assert root < 100e6
+    assert found.steady[-1, 0] == pytest.approx(root / 100e6, rel=5e-3)
+    # Quiet speeds at the own L4 above critical ones need more, and less than with L4 fixed.
+    needed = {round(each.peak): each for each in found.design.beyond}
+    assert needed[28].needed == pytest.approx(1.24, abs=0.02)
+    assert needed[28].fixed == pytest.approx(1.49, abs=0.02)
