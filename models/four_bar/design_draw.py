@@ -91,7 +91,7 @@ def _draw_needed(axes: Axes, found: Verdict) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
     axes.set_ylabel("stress / allowable\nneeded to reach")
     axes.set_xlabel("speed (rad/s)")
-    axes.legend(ncols=2, loc="upper left")
+    axes.legend(ncols=2, loc="lower right")
 
 
 def _draw_simulated(axes: Axes, found: Verdict) -> None:
