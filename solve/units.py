@@ -129,6 +129,15 @@ def _registry() -> "pint.UnitRegistry":
     return registry
 
 
+def checked_tolerance(tolerance: float) -> float:
+    """The tolerance itself. Raises ValueOutOfBoundsError unless it is above 1e-15 and below 1."""
+    if not 1e-15 <= tolerance < 1:
+        raise ValueOutOfBoundsError(
+            f"tolerance is {tolerance}; allowed: 1e-15 up to (not including) 1, such as 1e-9"
+        )
+    return float(tolerance)
+
+
 def checked_rtol(rtol: float) -> float:
     """The relative tolerance itself. Raises ValueOutOfBoundsError unless it is above 1e-14 and below 1."""
     if not (isinstance(rtol, Real) and 1e-14 <= rtol < 1):

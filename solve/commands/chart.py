@@ -122,10 +122,7 @@ def _record(found: "Chart", cuts: "Sequence[Cut]") -> dict[str, Any]:
             "verdicts": found.verdicts,
             "kinds": found.kinds,
             "error_estimate": found.error_estimate,
-            "boundaries": [
-                {"kind": curve.name, "x": curve.points[:, 0], "y": curve.points[:, 1]}
-                for curve in found.boundaries
-            ],
+            "boundaries": _boundaries(found),
             "cuts": [
                 {
                     "along": cut.along,
@@ -165,7 +162,11 @@ def _report(found: "Chart", cuts: "Sequence[Cut]", choices: "Sequence[str]") -> 
         made.caption = f"and {len(curves) - _MOST_CURVES} shorter ones"
     parts.append(made if curves else Text("\nno boundary in this range"))
     for cut in cuts:
-        made = table(f"Along {cut.along} at {_span(cut.across, np.array([cut.value]))}", "at", "kind", left=0)
+        where = f"Along {cut.along} at {_span(cut.across, np.array([cut.value]))}"
+        if not cut.crossings:
+            parts.append(Text(f"\n{where}: no boundary"))
+            continue
+        made = table(where, "at", "kind", left=0)
         for at, kind in cut.crossings:
             made.add_row(_span(cut.along, np.array([at]), 9), kind)
         parts.append(made)
@@ -195,5 +196,17 @@ def _contents(found: "Chart") -> "Contents":
         "spectral_radius": (found.spectral_radius.ravel(), "1", "largest modulus of a Floquet multiplier"),
         "verdict": (found.verdicts.ravel(), "", "stability"),
         "kind": (found.kinds.ravel(), "", "largest multiplier of unstable points"),
+        "error": (
+            [found.failures.get(at, "") for at in np.ndindex(found.shape)],
+            "",
+            "why there is no result",
+        ),
     }
-    return table_contents(columns, model_record(found.system))
+    return table_contents(columns, {**model_record(found.system), "boundaries": _boundaries(found)})
+
+
+def _boundaries(found: "Chart") -> list[dict[str, Any]]:
+    return [
+        {"kind": curve.name, "x": curve.points[:, 0].tolist(), "y": curve.points[:, 1].tolist()}
+        for curve in found.boundaries
+    ]

@@ -210,7 +210,7 @@ def _contents(found: "Sweep") -> "Contents":
     system = found.system
     columns: dict[str, tuple[Any, str, str]] = {"speed": (found.speeds, "rad/s", "speed of rotation")}
     for name in (*system.coordinates, *system.outputs):
-        for figure in ("max", "min", "max_abs", "mean"):
+        for figure in ("max", "min", "max_abs", "mean", "rms"):
             meaning = f"{figure} of {system.meanings.get(name, name)}"
             columns[f"{name}_{figure}"] = (found.figures(name, figure), system.units.get(name, ""), meaning)
     points = found.points

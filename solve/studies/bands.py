@@ -15,7 +15,7 @@ from solve.methods.choice import chosen
 from solve.methods.method import Method
 from solve.studies.boundaries import ALIVE, KINDS, Judge, Judged, edges, hidden, judge, sectioned
 from solve.system import PeriodicSystem
-from solve.units import checked_rtol, speeds_given
+from solve.units import checked_rtol, checked_tolerance, speeds_given
 
 GROWTH = 1e-6
 """Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
@@ -108,7 +108,7 @@ def bands(
     known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
     if known.failed.any():
         notes = [*notes, _failures(batch, known.points[known.failed])]
-    return Bands(_Runs(asked, tolerance).bands(_rising(known)), spacing, notes)
+    return Bands(_Runs(asked, checked_tolerance(tolerance)).bands(_rising(known)), spacing, notes)
 
 
 def _failures(batch: Batch, points: Array) -> str:

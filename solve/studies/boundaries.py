@@ -229,6 +229,8 @@ def _slivers(
     enters = sectioned(lambda points, _: judge(points).gaps[:, 1] < 0, start, end, scale, tolerance)
     sides = [_middles(judge, *ends) for ends in (leaves, enters)]
     apart = np.linalg.norm(sides[0] - start, axis=1) < np.linalg.norm(sides[1] - start, axis=1)
+    # Beyond one coordinate other multipliers may be outside between the two.
+    apart[apart] = judge((sides[0] + sides[1])[apart] / 2).stable
     kinds = np.repeat([0, 1], apart.sum())
     return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
 

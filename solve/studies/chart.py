@@ -22,7 +22,7 @@ from solve.methods.method import Method
 from solve.studies.boundaries import KINDS, Judge, Judged, crossings, hidden, judge
 from solve.studies.contours import Boundary, Crossings, contours
 from solve.system import PeriodicSystem
-from solve.units import checked_rtol, speed_in_si
+from solve.units import checked_rtol, checked_tolerance, speed_in_si
 
 _PROMISING = 0.3
 """Of a gap between grid points, the part to which a parabola must bring it down to be followed."""
@@ -198,7 +198,7 @@ def chart(
     if (results.verdicts == FAILED).all():
         reason = next(iter(results.failures.values()))
         raise NoResultError(f"none of the {len(points)} points gives a result: {reason}")
-    made = Chart(x_name, xs, y_name, ys, family, results, [], batch, tolerance, notes)
+    made = Chart(x_name, xs, y_name, ys, family, results, [], batch, checked_tolerance(tolerance), notes)
     if not boundaries:
         return made
     solved = [len(points)]

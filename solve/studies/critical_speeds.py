@@ -22,7 +22,7 @@ from solve.methods.choice import chosen
 from solve.methods.method import Method
 from solve.studies.campbell import Combination, Frequencies, combinations, divisions, mean_frequencies
 from solve.system import PeriodicSystem
-from solve.units import checked_rtol, speeds_given
+from solve.units import checked_rtol, checked_tolerance, speeds_given
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 """Figures of a quantity whose maxima count."""
@@ -154,7 +154,7 @@ def critical_speeds(
     batch = Batch(
         over_speed(system), grid[:, None], chosen(method), used, rtol=checked_rtol(rtol), orbit=True
     )
-    search = _Search(batch, name, figure, tolerance, progress)
+    search = _Search(batch, name, figure, checked_tolerance(tolerance), progress)
     found = search.solved(grid)
     frequencies = mean_frequencies(system, grid)
     skipped = frequencies.values[:, 0] > (orders + 0.5) * grid

@@ -15,7 +15,7 @@ from solve.batch.figures import FIGURES
 from solve.batch.results import FAILED, METHODS, Results, Wish, gathered
 from solve.batch.spectra import VERDICTS
 from solve.batch.spread import Task, spread
-from solve.errors import UnknownNameError
+from solve.errors import StepsError, UnknownNameError
 from solve.floquet import ErrorEstimate
 from solve.methods.choice import chosen
 from solve.methods.method import Method
@@ -204,6 +204,10 @@ def sweep(
             raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
     names = tuple(known if quantities is None else dict.fromkeys(quantities))
     wish = Wish(names, tuple(spectra), harmonics if spectra else 0)
+    if steps is not None and not (isinstance(steps, int | np.integer) and steps >= 1):
+        raise StepsError(
+            f"steps is {steps!r}; allowed: whole numbers of at least 1; leave --steps out to have it chosen"
+        )
     used, notes = chosen_engine(engine)
     points, family = omegas[:, None], over_speed(system)
     task = Task(family, chosen(method), engine, checked_rtol(rtol), wish, steps, orbit=True)

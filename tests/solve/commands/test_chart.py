@@ -2,7 +2,9 @@
 
 import json
 
+import numpy as np
 import pytest
+import xarray
 from scipy.special import mathieu_a, mathieu_b
 
 CHART = ("chart", "mathieu", "--set", "zeta=0", "--x", "delta=0:6:13", "--y", "epsilon=0.1:3:7")
@@ -40,12 +42,29 @@ def test_critical_speeds_as_json(command):
     assert all(row.keys() >= keys for row in found["rows"])
 
 
+def test_points_without_a_result_are_counted_and_saved(command, tmp_path):
+    axes = ("--x", "speed=4000:5000:4 rpm", "--y", "l2=0.05:0.65:3")
+    ran = command("chart", "coupler", *axes, "--plot", "chart.png", "--save", "chart.nc", "--json")
+    assert ran.status == 0, ran.err
+    assert "4 of 12 points give no result, and boundaries end beside them" in ran.err
+    found = json.loads(ran.out)
+    assert found["spectral_radius"][2] == [None] * 4
+    assert found["verdicts"][2] == ["failed"] * 4
+    assert [(one["row"], one["column"]) for one in found["failures"]] == [(2, k) for k in range(4)]
+    saved = xarray.open_dataset(tmp_path / "chart.nc")
+    assert np.isnan(saved["spectral_radius"].values).tolist() == [False] * 8 + [True] * 4
+    assert all("cannot turn" in text for text in saved["error"].values[8:].tolist())
+    assert json.loads(saved.attrs["metadata"])["boundaries"] == found["boundaries"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (("chart", "mathieu", "--x", "delta=0:6:13"), "no --y given"),
         ((*CHART[:-1], "epsilon=3"), "write --y epsilon=A:B:N"),
         ((*CHART[:-1], "epsilom=0:3:4"), "did you mean 'epsilon'"),
+        ((*CHART, "--tolerance", "nan"), "tolerance is nan"),
+        (("chart", "four_bar", "--x", "speed=200:300:2 rpm", "--y", "L4=0.7:0.8:2"), "none of the 4 points"),
         ((*CHART, "--cut", "zeta=1"), "unknown quantity of the chart 'zeta'"),
         ((*CRITICAL, "--figure", "mean"), "unknown figure 'mean'"),
         ((*CRITICAL, "--of", "q7"), "unknown coordinate or output"),

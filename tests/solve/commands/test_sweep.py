@@ -170,3 +170,14 @@ def test_python_takes_one_speed_one_text_or_many():
 def test_python_refuses_what_is_no_speed(speeds, error, message):
     with pytest.raises(error, match=message):
         solve.sweep(solve.load("coupler"), speeds)
+
+
+def test_the_table_of_twenty_modes_keeps_its_speeds(command):
+    ran = command("sweep", "coupler", "--speeds", "3000:4000:3 rpm", "--option", "modes=20")
+    assert ran.status == 0, ran.err
+    lines = ran.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    rows = [line.split() for line in lines if line.startswith(("3000", "3500", "4000"))]
+    assert [row[0] for row in rows] == ["3000", "3500", "4000"]
+    assert {row[-1] for row in rows} == {"asymptotic"}
+    assert "--show NAME" in ran.out

@@ -72,6 +72,27 @@ def test_a_stable_sliver_between_unstable_points_has_both_edges():
     assert high - low < 0.6
 
 
+def test_no_sliver_where_another_multiplier_stays_outside():
+    """Three coordinates: between +1 and -1 a further pair grows, so that nothing there is stable."""
+
+    def build(delta, epsilon):
+        def matrices(phase, speed):
+            m = len(phase)
+            M = np.tile(np.eye(2), (m, 1, 1))
+            K = np.zeros((m, 2, 2))
+            K[:, 0, 0] = delta + epsilon * np.cos(2 * phase)
+            K[:, 1, 1] = -1.0
+            return M, 0 * M, K, np.zeros((m, 2))
+
+        return systems.system(matrices, 2, period=np.pi)
+
+    axes = {"delta": np.linspace(-6, -2, 5)}, {"epsilon": np.linspace(4, 20, 5)}
+    found = solve.chart(build, *axes, 1.0)
+    assert found.boundaries == []
+    alone = solve.chart(solve.load("mathieu", zeta=0.0), *axes, 1.0)
+    assert alone.boundaries != []
+
+
 @pytest.mark.parametrize("held", ["x", "y"])
 def test_cuts_cross_where_the_values_are(undamped, held):
     cut = undamped.cut(x=4.3) if held == "x" else undamped.cut(y=1.0)
@@ -122,6 +143,17 @@ def test_a_system_of_ones_own():
 def test_bad_input(x, y, error, text):
     with pytest.raises(error, match=text):
         solve.chart("mathieu", x, y)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-6, float("nan"), 1.0])
+def test_a_tolerance_that_cannot_be(tolerance):
+    with pytest.raises(ValueOutOfBoundsError, match="tolerance is"):
+        solve.chart("mathieu", X, Y, tolerance=tolerance)
+
+
+def test_a_case_belongs_to_a_name():
+    with pytest.raises(ValueOutOfBoundsError, match="case 'stable' is for the name of a model"):
+        solve.chart(solve.load("mathieu"), X, Y, case="stable")
 
 
 def test_the_speed_is_that_of_the_case_unless_given():

@@ -66,6 +66,14 @@ def test_divisions_and_combinations_are_exact(found):
         assert one.speed == pytest.approx(exact, rel=1e-12)
 
 
+def test_a_range_may_be_one_text():
+    text, numbers = (
+        solve.critical_speeds(oscillators(), speeds, figure="rms", orders=2)
+        for speeds in ("5:6:4 rad/s", np.linspace(5.0, 6.0, 4))
+    )
+    assert [row.speed for row in text.rows] == [row.speed for row in numbers.rows]
+
+
 def test_bad_input():
     system = oscillators()
     with pytest.raises(ValueOutOfBoundsError, match="at least two speeds"):

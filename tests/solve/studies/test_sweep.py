@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.errors import UnitError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import StepsError, UnitError, UnknownNameError, ValueOutOfBoundsError
 from tests.solve import systems
 
 
@@ -94,6 +94,8 @@ def test_unstable_runs():
         ([100.0], {"quantities": ["q9"]}, UnknownNameError, "did you mean 'q"),
         ([100.0], {"spectra": ["torque"]}, UnknownNameError, "did you mean '"),
         ([100.0], {"rtol": 0.0}, ValueOutOfBoundsError, "rtol"),
+        ([100.0], {"steps": 0}, StepsError, "steps is 0"),
+        ([100.0], {"steps": 9.5}, StepsError, "steps is 9.5"),
         ([100.0], {"method": "gaus"}, UnknownNameError, "did you mean 'gauss'"),
     ],
 )
