@@ -192,7 +192,7 @@ class PrintedVariants(Variants):
         P, k, n = len(points), len(phase), self._sampler.n
         speed, free = self._numbers(points)
         found = self._sampler(np.tile(phase, P), np.repeat(speed, k), np.repeat(free, k, axis=0))
-        found = found.reshape(P, k, -1)
+        found = found.reshape(P, k, 3 * n**2 + n)
         found[:, :, : n**2] *= (speed**2)[:, None, None]
         found[:, :, n**2 : 2 * n**2] *= speed[:, None, None]
         if self._free:

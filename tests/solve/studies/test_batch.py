@@ -151,6 +151,13 @@ def test_a_small_term_costs_no_digits(small):
     np.testing.assert_allclose(found, truth, rtol=0, atol=1e-14 * np.abs(truth).max())
 
 
+@pytest.mark.parametrize("name", ["cam", "four_bar"])
+def test_no_points_have_no_entries(name):
+    family = over_speed(solve.load(name))
+    n = family.example.n
+    assert family.entries(np.array([0.1, 0.2]), np.empty((0, 1))).shape == (0, 2, 3 * n**2 + n)
+
+
 def test_all_parameters_and_the_speed_of_a_model_vary():
     model = solve.load("cam")
     found = solve.chart(

@@ -73,16 +73,15 @@ def test_a_stable_sliver_between_unstable_points_has_both_edges():
 
 
 def test_no_sliver_where_another_multiplier_stays_outside():
-    """Three coordinates: between +1 and -1 a further pair grows, so that nothing there is stable."""
+    """Beside Mathieu's coordinate another one grows everywhere, so that nothing is stable."""
 
     def build(delta, epsilon):
         def matrices(phase, speed):
             m = len(phase)
-            M = np.tile(np.eye(2), (m, 1, 1))
+            M, C = (np.tile(np.diag(part), (m, 1, 1)) for part in ([1.0, 1.0], [0.0, -0.2]))
             K = np.zeros((m, 2, 2))
-            K[:, 0, 0] = delta + epsilon * np.cos(2 * phase)
-            K[:, 1, 1] = -1.0
-            return M, 0 * M, K, np.zeros((m, 2))
+            K[:, 0, 0], K[:, 1, 1] = delta + epsilon * np.cos(2 * phase), 2.0
+            return M, C, K, np.zeros((m, 2))
 
         return systems.system(matrices, 2, period=np.pi)
 
