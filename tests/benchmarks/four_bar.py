@@ -1,0 +1,97 @@
+"""python -m tests.benchmarks.four_bar: the elastic four-bar at scale, one thread, processor's time.
+
+One period of 90 freedoms with its multipliers; a map of stresses over 200 speeds with 3 elements a link,
+beside SciPy's Radau at one speed. Its user is given x′ = P x + f by splines and the Jacobian P, and goes
+over the turn 2n + 1 times for the periodic solution and its multipliers, or marches until the transient
+has died away, which gives no multipliers.
+"""
+
+import math
+import resource
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import solve
+from solve.arrays import Array
+from solve.system import PeriodicSystem
+
+RTOL = 1e-5
+STRESS = "follower_midpoint_stress_plus"
+SPEEDS = np.linspace(20.0, 60.0, 200)
+_NODES = 2048
+
+
+def model(elements: int) -> solve.PeriodicSystem:
+    return solve.load("four_bar", options={"elements": elements})
+
+
+def median(run: Callable[[], object], repeats: int) -> float:
+    times = []
+    for _ in range(repeats):
+        start = time.process_time()
+        run()
+        times.append(time.process_time() - start)
+    return statistics.median(times)
+
+
+class Marching:
+    """SciPy's Radau over turns at one speed, in phase time."""
+
+    def __init__(self, system: PeriodicSystem, speed: float, rtol: float):
+        phase = np.linspace(0.0, system.period, _NODES + 1)
+        rate = system.state_rate(phase, speed)
+        rate[-1] = rate[0]
+        self.spline, self.period = CubicSpline(phase, rate, bc_type="periodic"), system.period
+        self.rtol = rtol
+
+    def turn(self, x: Array) -> Array:
+        """The state (2n,) one turn later."""
+        scale = np.abs(x).reshape(2, -1).max(axis=1).repeat(len(x) // 2)
+
+        def rate(phase: float, x: Array) -> Array:
+            P = self.spline(phase)
+            return P[:, :-1] @ x + P[:, -1]
+
+        return solve_ivp(
+            rate,
+            (0.0, self.period),
+            x,
+            "Radau",
+            jac=lambda phase, x: self.spline(phase)[:, :-1],
+            rtol=self.rtol,
+            atol=self.rtol * scale,
+        ).y[:, -1]
+
+
+def start_of(orbit: solve.Orbit) -> Array:
+    """The state (2n,) in phase time at the beginning of the turn."""
+    return np.concatenate((orbit.q[:, 0], orbit.qd[:, 0] / orbit.speed))
+
+
+def map_of_stress(count: int) -> solve.Sweep:
+    return solve.sweep(model(3), SPEEDS[:count], rtol=RTOL, quantities=[STRESS])
+
+
+def main() -> None:
+    large = median(lambda: solve.periodic(model(10), 30.0, rtol=RTOL), 1)
+    print(f"90 freedoms, one period with multipliers: {large:.2f} s")
+    ours = median(lambda: map_of_stress(200), 1) / 200
+    print(f"3 elements, {STRESS} at 200 speeds with multipliers: {ours * 1e3:.0f} ms a speed")
+    system = model(3)
+    orbit = solve.periodic(system, 40.0, rtol=RTOL)
+    marching = Marching(system, 40.0, RTOL)
+    turn = median(lambda: marching.turn(start_of(orbit)), 3)
+    until_steady = math.ceil(math.log(RTOL) / math.log(orbit.spectral_radius))
+    for what, turns in (("marching", until_steady), ("shooting, with multipliers", 2 * system.n + 1)):
+        ratio = turns * turn / ours
+        print(f"SciPy's Radau at 40 rad/s, {what}: {turns} turns of {turn:.2f} s, {ratio:.0f} times as long")
+    print(f"largest resident memory: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
+
+
+if __name__ == "__main__":
+    main()

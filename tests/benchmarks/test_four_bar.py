@@ -1,0 +1,22 @@
+"""The peer of the four-bar's benchmark and the program agree on the steady state."""
+
+import numpy as np
+import pytest
+
+import solve
+from tests.benchmarks.four_bar import RTOL, SPEEDS, STRESS, Marching, map_of_stress, model, start_of
+
+
+def test_a_turn_of_radau_leads_the_periodic_state_back_to_itself():
+    orbit = solve.periodic(model(1), 30.0, rtol=RTOL)
+    start = start_of(orbit)
+    after = Marching(orbit.system, 30.0, RTOL).turn(start)
+    scale = np.abs(start).reshape(2, -1).max(axis=1).repeat(orbit.system.n)
+    assert (np.abs(after - start) / scale).max() < 1e-3
+
+
+def test_the_map_of_stresses_reaches_its_accuracy():
+    found = map_of_stress(2)
+    for speed, stress in zip(SPEEDS, found.figures(STRESS), strict=False):
+        reference = solve.periodic(model(3), float(speed), rtol=1e-8).statistics(STRESS).max_abs
+        assert stress == pytest.approx(reference, rel=10 * RTOL)
