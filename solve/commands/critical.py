@@ -116,10 +116,10 @@ def _report(found: "CriticalSpeeds", choices: "Sequence[str]") -> "RenderableTyp
     name = f"max|{found.quantity}|" if found.figure == "max_abs" else f"{found.figure} {found.quantity}"
     head.add_row("between", f"{low} and {high} rpm")
     made = table(
-        "Critical speeds in rpm",
+        f"Critical speeds in rpm; height: {name}",
         *(
             "response",
-            f"{name} ({unit})" if unit else name,
+            f"height ({unit})" if unit else "height",
             "multiplier",
             "Re ρ",
             "ω̄/k",
