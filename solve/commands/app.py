@@ -58,7 +58,12 @@ def run(arguments: Sequence[str], commands: typer.Typer = app, name: str = "solv
 
 def _misused(error: Any, name: str) -> int:
     command = error.ctx.command_path if error.ctx else name
-    return _refused(f"{error.format_message().rstrip('.')}. See: {command} --help", name)
+    message = error.format_message().rstrip(".")
+    unknown = getattr(error, "option_name", None) if message.startswith("No such option") else None
+    if unknown and any("--option" in each.opts for each in error.ctx.command.params):
+        given = unknown.lstrip("-")
+        message += f"; what belongs to the model is --option {given}=VALUE or --set {given}=NUMBER"
+    return _refused(f"{message}. See: {command} --help", name)
 
 
 def _refused(message: str, name: str) -> int:

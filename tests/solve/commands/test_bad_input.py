@@ -35,6 +35,7 @@ BAD = {
     "parameter without name": ((*CAM, "--set", "=3"), ("'=3'", "--set NAME=NUMBER")),
     "parameter with unit": ((*CAM, "--set", "k1=80 kN m"), ("80 kN m", "SI units")),
     "parameter twice": ((*CAM, "--set", "k1=1", "--set", "k1=2"), ("k1 twice",)),
+    "option of the model as a flag": ((*CAM, "--k1", "3"), ("--k1", "--option k1=VALUE or --set k1=NUMBER")),
     "option without value": ((*CAM, "--option", "load"), ("'load'", "--option NAME=VALUE")),
     "no speed": (("periodic", "cam"), ("names no speed", "--speed")),
     "speed without unit": (("periodic", "cam", "--speed", "600"), ("'600'", "no unit", "'600 rpm'")),
