@@ -1,4 +1,4 @@
-"""Two grids that agree: step doubling on the orbit and on the multipliers separately."""
+"""Two grids that agree: finer and finer steps, orbit and multipliers judged separately."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,16 +10,21 @@ from solve.arrays import Array
 from solve.errors import StepsError
 from solve.methods.auto import Auto
 from solve.methods.grid import Grid
-from solve.methods.method import Method, Solution
-from solve.methods.multipliers import rounding_error
+from solve.methods.method import Method, Solution, no_orbit
+from solve.methods.multipliers import NEGLIGIBLE, Multipliers, accumulated, rounding_error
 from solve.methods.radau import Radau
+from solve.pace import Pace, estimated, far, finished, first_steps, judged, rung, telling_steps
 from solve.system import PeriodicSystem
 
-FIRST_STEPS = 16
 _FEW_STEPS = 360
 WITNESS_RTOL = 1e-10
 """Accuracy of multipliers by which others are judged."""
 
+FADED = 1e-30
+"""Spectral radius below which multipliers are refined only as long as grids agree better and better."""
+
+_SHARP = 0.1
+"""Part of a method's own error within which its extrapolated multiplier must meet +1 to be taken for it."""
 
 _EPS = float(np.finfo(float).eps)
 
@@ -38,8 +43,12 @@ class Certified:
 def certified(
     system: PeriodicSystem, speed: float, method: Method, steps: int | None, rtol: float, orbit: bool = True
 ) -> Certified:
-    """With `steps`: that grid, judged by one twice as fine. Without: doubled until both errors of the
-    finer grid are estimated at `rtol` or less, or the precision in reach is achieved."""
+    """With `steps`: that grid, judged by one twice as fine. Without: refined until both errors of the
+    finer of two grids are estimated at `rtol` or less, or the precision in reach is achieved.
+
+    Raises ResonanceError where an orbit is asked for and a multiplier is at +1 for all that the method
+    can tell.
+    """
     refinement = Refinement(system, speed, method.settled(system, speed), orbit)
     if steps is not None:
         refinement.refuse(steps)
@@ -82,24 +91,25 @@ class Refinement:
         """The quiet vice: a method that is not L-stable keeps what its steps do not resolve."""
         if self.method.l_stable or self.resolved(steps):
             return []
+        enough = f", or at least {math.ceil(self.reach / self.method.follows)} steps"
         return [
             f"ω_max h = {self.reach / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
             f"{self.method.name} neither follows nor damps them: the multipliers may be false though the "
-            f"orbit is right; use radau, or at least {math.ceil(self.reach / self.method.follows)} steps"
+            f"orbit is right; use radau{enough if self.method.order else ''}"
         ]
 
-    def hidden_error(self, solution: Solution) -> float:
-        """Error of the multipliers that both of two grids may have, from modes that neither follows.
+    def hidden_error(self, solution: Solution, steps: int) -> float:
+        """Error of the multipliers that both of two grids may have, from modes that `steps` do not follow.
 
         An L-stable method loses such modes, which is wrong where they truly live on; any other may turn
         them into anything, and is judged by one that is L-stable.
         """
-        if self.resolved(solution.grid.steps):
+        if self.resolved(steps):
             return 0.0
         if not self.method.l_stable:
             return solution.multipliers.difference(self.witness.solution.multipliers)
-        lost = float(surviving(self.frozen, self.system.period, solution.grid.steps * self.method.follows))
-        radius = solution.multipliers.spectral_radius
+        lost = float(surviving(self.frozen, self.system.period, steps * self.method.follows))
+        radius = max(solution.multipliers.spectral_radius, NEGLIGIBLE)
         return lost / radius if lost < radius else 1.0
 
     @cached_property
@@ -120,9 +130,10 @@ class Refinement:
                 f"{self.method.name} with {steps} steps a period is beyond its stability limit; use at "
                 f"least {self.least} steps, or a method without limit (radau)"
             )
-        if steps > self.most:
+        most = self.most // 2 if self.method.order else self.most
+        if steps > most:
             raise StepsError(
-                f"{self.method.name} takes at most {self.most} steps a period for {self.system.n} "
+                f"{self.method.name} takes at most {most} steps a period for {self.system.n} "
                 f"coordinates; given: {steps}; use fewer, or leave --steps out to have it chosen"
             )
 
@@ -138,32 +149,48 @@ class Refinement:
         return self.result(chosen, errors, rtol, steps)
 
     def judged(self, steps: int, rtol: float) -> Certified:
-        chosen = self.solved(steps)
-        found = differences(chosen, self.solved(2 * steps))
-        errors = _raised(judged(found, self.orders), rounding(chosen), self.hidden_error(chosen))
+        chosen, finer = self.solved(steps), self.solved(2 * steps)
+        self.refuse_resonance(chosen, finer, 2.0)
+        errors = judged(differences(chosen, finer), self.orders)
+        errors = _raised(errors, rounding(chosen), self.hidden_error(chosen, steps))
         return self.result(chosen, errors, rtol, steps)
 
     def refined(self, rtol: float) -> Certified:
-        steps = max(FIRST_STEPS, len(self.system.breaks), math.ceil(1.2 * self.least))
+        steps, coarse = self.first()
+        pace, before = Pace(steps).onward(False, self.most), np.full(2, np.inf)
+        while True:
+            fine = self.solved(pace.steps)
+            found = differences(coarse, fine)
+            errors, floors = estimated(found, before, pace, self.orders), rounding(fine)
+            wanted = np.maximum(floors, [max(rtol, 2 * fine.defect), rtol])
+            faded = max(each.multipliers.spectral_radius for each in (coarse, fine)) < FADED
+            done = bool(finished(found, before, errors, wanted, pace, np.array([False, faded])))
+            hidden = self.hidden_error(fine, telling_steps(pace, self.method)) if done else 0.0
+            onward = pace.onward(done or bool(far(pace, errors, wanted, self.orders)), self.most)
+            if (done and hidden <= rtol) or onward.steps > self.most:
+                self.refuse_resonance(coarse, fine, pace.ratio)
+                hidden = self.hidden_error(fine, telling_steps(pace, self.method))
+                errors = _raised(errors, floors, hidden)
+                return self.result(with_digits(fine, errors[1]) if faded else fine, errors, rtol, None)
+            coarse, before, pace = fine, found, onward
+
+    def first(self) -> tuple[int, Solution]:
+        """The first grid's steps and solution, or those of a finer one where that overflows."""
+        steps = rung(max(first_steps(self.method), len(self.system.breaks), math.ceil(1.2 * self.least)))
         while True:
             try:
-                coarse, before = self.solved(steps), np.full(2, np.inf)
-                break
+                return steps, self.solved(steps)
             except StepsError:
                 steps *= 2
                 if steps > self.most:
                     raise
-        while True:
-            steps *= 2
-            fine = self.solved(steps)
-            found = differences(coarse, fine)
-            errors, floors = estimated(found, before, self.orders), rounding(fine)
-            hidden = self.hidden_error(fine)
-            wanted = np.maximum(floors, [max(rtol, 2 * fine.defect), rtol])
-            settled = finished(found, before, errors, wanted) and hidden <= rtol
-            if settled or 2 * steps > self.most:
-                return self.result(fine, _raised(errors, floors, hidden), rtol, None)
-            coarse, before = fine, found
+
+    def refuse_resonance(self, coarse: Solution, fine: Solution, ratio: float) -> None:
+        """Raise ResonanceError where the multiplier nearest to +1 goes there as the steps get finer."""
+        if self.orbit and self.method.order:
+            ours, theirs = (each.multipliers.nearest_one for each in (coarse, fine))
+            if at_one(ours, theirs, ratio, self.method.order, fine.grid.steps):
+                raise no_orbit()
 
     @property
     def orders(self) -> Array:
@@ -177,9 +204,15 @@ class Refinement:
         an L-stable method has confirmed the multipliers to within their error.
         """
         orbit, multipliers = float(errors[0]) + solution.defect, float(errors[1])
-        found = (("orbit", orbit), ("multipliers", multipliers))
-        missed = [f"{name} to {error:.1e}" for name, error in found if error > rtol]
+        found = [("orbit", orbit), ("multipliers", multipliers)]
         warnings = list(self.method.concerns)
+        if not len(solution.multipliers.values):
+            found.pop()
+            warnings.append(
+                "no multiplier keeps a digit: they are so small that nothing is left of a disturbance after "
+                "one turn, and only that is certain"
+            )
+        missed = [f"{name} to {error:.1e}" for name, error in found if error > rtol]
         if steps is not None or multipliers > rtol:
             warnings += self.unresolved_modes(solution.grid.steps)
         if missed:
@@ -209,29 +242,26 @@ def differences(coarse: Solution, fine: Solution) -> Array:
     return np.array([np.max(error / np.where(scale > 0, scale, 1.0)), multipliers])
 
 
-def judged(found: Array, orders: Array) -> Array:
-    """Errors (…, 2) of a grid, of orbit and multipliers, from the differences to one twice as fine."""
-    return found / (1 - 0.5**orders)
+def at_one(coarse: Array, fine: Array, ratio: float, order: int, steps: int) -> Array:
+    """Whether multipliers (…) of two grids, the finer one of `steps`, go to +1 as the steps get finer."""
+    change = (fine - coarse) / (ratio**order - 1)
+    return np.abs(fine + change - 1) <= np.maximum(_SHARP * np.abs(change), _EPS * max(8, steps))
 
 
-def estimated(found: Array, before: Array, orders: Array) -> Array:
-    """Errors (…, 2) of the finer of two grids from their differences and those of the grids before:
-    doubling reduces them as seen, by a factor between 2 and 2^order."""
-    known = (found > 0) & np.isfinite(before)
-    seen = np.where(known, before, 0.0) / np.where(known, found, 1.0)
-    return found / (np.minimum(np.maximum(seen, 2.0), 2.0**orders) - 1)
-
-
-def finished(found: Array, before: Array, errors: Array, wanted: Array) -> Array | np.bool:
-    """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more. Differences before are
-    needed: without them how fast the errors fall is unknown."""
-    stalled = (found >= before) & (found < 1e-6)
-    return np.isfinite(before).all(axis=-1) & ((errors <= wanted) | stalled).all(axis=-1)
+def with_digits(solution: Solution, error: float) -> Solution:
+    """The solution with those multipliers alone of which the error (relative to the spectral radius)
+    leaves a digit; the others count as unresolved."""
+    values = solution.multipliers.values
+    kept = np.abs(values) > error * solution.multipliers.spectral_radius
+    unresolved = solution.multipliers.unresolved + int((~kept).sum())
+    return solution.with_multipliers(Multipliers(values[kept], unresolved))
 
 
 def rounding(solution: Solution) -> Array:
     """Errors (2,), of orbit and multipliers, that rounding leaves in a problem of this condition."""
-    closing = 0.0 if math.isnan(solution.condition) else 8 * _EPS * solution.condition
+    closing = 0.0
+    if not math.isnan(solution.condition):
+        closing = _EPS * accumulated(solution.grid.steps) * solution.condition
     floors = closing, max(rounding_error(solution.Phi), 8 * solution.rounding)
     return np.maximum(floors, 64 * _EPS)
 

@@ -1,5 +1,6 @@
 """The periodic solution: a continuous curve over one turn, with its stability and its doubts."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -91,7 +92,9 @@ class Orbit(Stability, Turn):
 
     @property
     def samples(self) -> int:
-        return max(2048, 2 ** int(np.ceil(np.log2(_SAMPLES_PER_STEP * self.steps))))
+        """As many for every step."""
+        wanted = max(super().samples, 2 ** math.ceil(math.log2(_SAMPLES_PER_STEP * self.steps)))
+        return self.steps * math.ceil(wanted / self.steps)
 
     @property
     def phase(self) -> Array:

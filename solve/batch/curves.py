@@ -33,6 +33,13 @@ class Curves:
         values = self.coefficients[..., derivative:] @ self._powers(theta, derivative)
         return values.reshape(P, n, m * a_step)
 
+    def through(self, phase: Array) -> Array:
+        """q at phases (k,) that all points share: (P, n, k)."""
+        place = phase / self.h
+        step = np.minimum(place.astype(int), self.steps - 1)
+        powers = (place - step)[:, None] ** np.arange(self.coefficients.shape[-1])
+        return np.einsum("pnkd,kd->pnk", self.coefficients[:, :, step], powers)
+
     def at(self, phase: Array, derivative: int = 0) -> Array:
         """The same at phases (P, n, k) of their own."""
         place = np.mod(phase, self.period) / self.h

@@ -10,6 +10,7 @@ from solve.batch.stiffness import Stiffness
 from solve.batch.tables import Chunk
 from solve.certificate import surviving
 from solve.methods.gauss import Gauss
+from solve.methods.multipliers import NEGLIGIBLE
 from solve.methods.radau import Radau
 
 FROZEN_PHASES = 128
@@ -43,6 +44,7 @@ class Doubts:
         if len(open_) and self.method.l_stable:
             lost, follows = self._survivors(stiffness[open_], limit, spectra.radius[open_])
             radius = spectra.radius[open_]
+            radius = np.maximum(radius, NEGLIGIBLE)
             kept = lost < radius
             errors[open_] = np.where(kept, lost / np.where(kept, radius, 1.0), 1.0) * ~follows
             resolved[open_] = follows

@@ -76,11 +76,11 @@ class LaneEngine:
         Phi = _by_points(Phi, points)
         sound = finite(Phi)
         if not orbit:
-            return Level(Phi, None, sound, np.full(points, np.nan))
+            return Level(m, Phi, None, sound, np.full(points, np.nan))
         bound = _by_points(bound, points)
         sound = sound & (bound < _SURE) & np.isfinite(curves[:points].sum(axis=(1, 2, 3)))
         closed = _by_points(closed, points)
-        return Level(Phi, Curves(curves[:points], tables.period), sound, bound, closed)
+        return Level(m, Phi, Curves(curves[:points], tables.period), sound, bound, closed)
 
 
 @lru_cache

@@ -11,6 +11,7 @@ from solve.batch.curves import Curves
 from solve.batch.spectra import Spectra, rounding_errors
 from solve.batch.tables import Tables
 from solve.methods.collocation import Collocation
+from solve.methods.multipliers import accumulated
 from solve.methods.period_map import Steps, closed_condition, monodromy, periodic_states
 
 _EPS = float(np.finfo(float).eps)
@@ -30,13 +31,14 @@ class GridTables:
 
 @dataclass(frozen=True)
 class Level:
-    """Monodromy matrices Phi (P, N, N) and, if asked for, periodic solutions on one grid.
+    """Monodromy matrices Phi (P, N, N) and, if asked for, periodic solutions on one grid of so many steps.
 
     sound (P,): where the result is finite and the closed system regular. condition (P,): of the closed
     system (G + H) x = r, or a bound of it where closed (P, 2, N, N), G and H, allows to say more; NaN
     without an orbit.
     """
 
+    steps: int
     Phi: Array
     curves: Curves | None
     sound: Array
@@ -45,6 +47,7 @@ class Level:
 
     def __getitem__(self, points: Array) -> "Level":
         return Level(
+            self.steps,
             self.Phi[points],
             None if self.curves is None else self.curves[points],
             self.sound[points],
@@ -60,7 +63,11 @@ class Level:
     @property
     def closing_rounding(self) -> Array:
         """Error of the orbit (P,) that rounding leaves, or a bound of it."""
-        return np.maximum(8 * _EPS * np.nan_to_num(self.condition), 64 * _EPS)
+        return np.maximum(self._unit * np.nan_to_num(self.condition), 64 * _EPS)
+
+    @property
+    def _unit(self) -> float:
+        return _EPS * accumulated(self.steps)
 
     def rounding(self, wanted: Array) -> Array:
         """Errors (P, 2) of orbit and multipliers that rounding leaves, as `certificate.rounding` says of
@@ -68,7 +75,7 @@ class Level:
         found = np.column_stack((self.closing_rounding, rounding_errors(self.Phi)))
         open_ = found[:, 0] > np.maximum(wanted[:, 0], 64 * _EPS)
         if self.closed is not None and open_.any():
-            found[open_, 0] = 8 * _EPS * closed_condition(*np.moveaxis(self.closed[open_], 1, 0))
+            found[open_, 0] = self._unit * closed_condition(*np.moveaxis(self.closed[open_], 1, 0))
         return np.maximum(found, 64 * _EPS)
 
     @property
@@ -115,7 +122,7 @@ class NumpyEngine:
             Phi = monodromy(steps)
             sound = finite(Phi)
             if not orbit:
-                return Level(Phi, None, sound, np.full(P, np.nan))
+                return Level(m, Phi, None, sound, np.full(P, np.nan))
             x, condition = periodic_states(Steps(steps.A[sound], steps.b[sound]))
             curves = Curves(np.full((P, n, m, len(method.curve_powers)), np.nan), tables.period)
             curves.coefficients[sound] = _powers(
@@ -123,7 +130,7 @@ class NumpyEngine:
             )
         every = np.full(P, np.inf)
         every[sound] = condition
-        return Level(Phi, curves, np.isfinite(every), every)
+        return Level(m, Phi, curves, np.isfinite(every), every)
 
 
 def _matrices(entries: Array, n: int) -> tuple[Array, Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""Step doubling for many points at once, with the rules of the single solve's certificate."""
+"""Finer and finer grids for many points at once, with the rules of the single solve's certificate."""
 
 import math
 from collections.abc import Iterator
@@ -12,10 +12,11 @@ from solve.batch.doubts import Doubts
 from solve.batch.level import Engine, GridTables, Level
 from solve.batch.spectra import Spectra
 from solve.batch.tables import Chunk
-from solve.certificate import FIRST_STEPS, WITNESS_RTOL, estimated, finished, judged
+from solve.certificate import FADED, WITNESS_RTOL, at_one
 from solve.methods.gauss import Gauss
 from solve.methods.grid import Grid
 from solve.methods.radau import Radau
+from solve.pace import Pace, estimated, far, finished, first_steps, judged, telling_steps
 
 BATCHED = (Gauss, Radau)
 """Methods that go over many points at once."""
@@ -41,28 +42,39 @@ class Found:
 
 @dataclass(frozen=True)
 class Unsound:
-    """Points that only a single solve can judge: overflow, resonance, matrices that are not finite."""
+    """Points that only a single solve can judge: overflow, resonance, matrices that are not finite,
+    multipliers that have faded."""
 
     positions: Array
 
 
 @dataclass(frozen=True)
 class _Trace:
-    """What is known of points from the grid before: multipliers, samples of the curves, and the
-    differences (k, 2) that it made."""
+    """What is known of points from the grid before: its phases to compare at (p,), samples of the curves
+    there, multipliers, and the differences (k, 2) that it made."""
 
     positions: Array
     differences: Array
     spectra: Spectra | None = None
+    phase: Array | None = None
     samples: Array | None = None
 
     def __getitem__(self, some: Array) -> "_Trace":
-        return _Trace(
-            self.positions[some],
-            self.differences[some],
-            None if self.spectra is None else self.spectra[some],
-            None if self.samples is None else self.samples[some],
+        return replace(
+            self,
+            positions=self.positions[some],
+            differences=self.differences[some],
+            spectra=None if self.spectra is None else self.spectra[some],
+            samples=None if self.samples is None else self.samples[some],
         )
+
+    def beside(self, level: Level) -> "_Trace":
+        """The same points, known from this grid."""
+        if level.curves is None:
+            return replace(self, spectra=level.spectra)
+        m = level.steps
+        phase = (np.arange(4 * m) / (4 * m)) * level.curves.period
+        return replace(self, spectra=level.spectra, phase=phase, samples=level.curves.sampled(4))
 
 
 class Refinement:
@@ -78,7 +90,8 @@ class Refinement:
 
     def refined(self, positions: Array) -> Iterator[Found | Unsound]:
         """The points at the positions (k,) on as many steps as each needs."""
-        yield from self._on(FIRST_STEPS, _Trace(positions, np.full((len(positions), 2), np.inf)))
+        unknown = _Trace(positions, np.full((len(positions), 2), np.inf))
+        yield from self._on(Pace(first_steps(self.method)), unknown)
 
     def judged(self, positions: Array, steps: int) -> Iterator[Found | Unsound]:
         """The points on that many steps, judged by twice as many."""
@@ -88,41 +101,70 @@ class Refinement:
             if not sound.all():
                 yield Unsound(positions[part][~sound])
             coarse, fine = coarse[sound], fine[sound]
-            trace = _Trace(positions[part][sound], np.empty(0), coarse.spectra, _samples(coarse))
+            trace = _Trace(positions[part][sound], np.zeros((int(sound.sum()), 2))).beside(coarse)
+            resonant = self._resonant(trace, fine, 2.0)
+            if resonant.any():
+                yield Unsound(trace.positions[resonant])
+                trace, coarse, fine = trace[~resonant], coarse[~resonant], fine[~resonant]
             errors = judged(_differences(trace, fine), self.orders)
             hidden, followed = self.doubts.hidden(steps, trace.positions, coarse.spectra)
             yield self._found(steps, trace.positions, coarse, errors, hidden, followed)
 
-    def _on(self, steps: int, before: _Trace) -> Iterator[Found | Unsound]:
+    def _on(self, pace: Pace, before: _Trace) -> Iterator[Found | Unsound]:
         """The points that need at least this many steps, and then those that need more."""
-        for part in self._parts(steps, len(before.positions)):
-            found, still_open = self._compared(steps, before[part])
+        for part in self._parts(pace.steps, len(before.positions)):
+            found, still_open, further = self._compared(pace, before[part])
             yield from found
-            if len(still_open.positions):
-                yield from self._on(2 * steps, still_open)
+            for leap in (False, True):
+                points = further == leap
+                if points.any():
+                    yield from self._on(pace.onward(leap, self.most), still_open[points])
 
-    def _compared(self, steps: int, before: _Trace) -> tuple[list[Found | Unsound], _Trace]:
-        """Solve, compare with the grid before, and tell which points are still open."""
-        level = self._level(steps, before.positions)
+    def _compared(self, pace: Pace, before: _Trace) -> tuple[list[Found | Unsound], _Trace, Array]:
+        """Solve, compare with the grid before, and tell which points are still open, and which of these
+        (k,) need more than the next number of steps."""
+        level = self._level(pace.steps, before.positions)
         found: list[Found | Unsound] = []
         if not level.sound.all():
             found.append(Unsound(before.positions[~level.sound]))
             before, level = before[level.sound], level[level.sound]
-        trace = replace(before, spectra=level.spectra, samples=_samples(level))
+        trace = before.beside(level)
         if before.spectra is None:
-            return found, trace
+            return found, trace, np.zeros(len(trace.positions), dtype=bool)
         trace = replace(trace, differences=_differences(before, level))
-        errors, last = estimated(trace.differences, before.differences, self.orders), 2 * steps > self.most
+        errors = estimated(trace.differences, before.differences, pace, self.orders)
         wanted = self._wanted(level, errors)
-        settled = np.flatnonzero(finished(trace.differences, before.differences, errors, wanted) | last)
-        if len(settled):
-            hidden, followed = self.doubts.hidden(steps, trace.positions[settled], level.spectra[settled])
-            stays = (hidden <= self.rtol) | last
-            settled, hidden, followed = settled[stays], hidden[stays], followed[stays]
-            if len(settled):
-                positions = trace.positions[settled]
-                found.append(self._found(steps, positions, level[settled], errors[settled], hidden, followed))
-        return found, trace[np.setdiff1d(np.arange(len(errors)), settled)]
+        done = finished(trace.differences, before.differences, errors, wanted, pace)
+        faded = np.maximum(before.spectra.radius, level.spectra.radius) < FADED
+        further = done | far(pace, errors, wanted, self.orders)
+        last = np.array([pace.onward(bool(leap), self.most).steps > self.most for leap in (False, True)])
+        last = last[further.astype(int)]
+        ended = np.flatnonzero((done | last) & ~faded)
+        steps = telling_steps(pace, self.method)
+        hidden, followed = self.doubts.hidden(steps, trace.positions[ended], level.spectra[ended])
+        stays = (hidden <= self.rtol) | last[ended]
+        ended, hidden, followed = ended[stays], hidden[stays], followed[stays]
+        single = faded.copy()
+        single[ended] = self._resonant(before[ended], level[ended], pace.ratio)
+        if single.any():
+            found.append(Unsound(trace.positions[single]))
+        kept = ~single[ended]
+        ended, hidden, followed = ended[kept], hidden[kept], followed[kept]
+        if len(ended):
+            part = level[ended]
+            found.append(
+                self._found(pace.steps, trace.positions[ended], part, errors[ended], hidden, followed)
+            )
+        single[ended] = True
+        return found, trace[~single], further[~single]
+
+    def _resonant(self, coarse: _Trace, fine: Level, ratio: float) -> Array:
+        """Points (k,) with a multiplier that goes to +1, where an orbit is asked for."""
+        assert coarse.spectra is not None
+        if not self.orbit:
+            return np.zeros(len(coarse.positions), dtype=bool)
+        ours, theirs = coarse.spectra.nearest_one, fine.spectra.nearest_one
+        return at_one(ours, theirs, ratio, self.method.order, fine.steps)
 
     def _wanted(self, level: Level, errors: Array) -> Array:
         """Errors (k, 2) to reach: rtol, or what rounding leaves where that is more."""
@@ -170,17 +212,14 @@ class Refinement:
         return np.array_split(np.arange(points), parts) if points else []
 
 
-def _samples(level: Level) -> Array | None:
-    return None if level.curves is None else level.curves.sampled(4)
-
-
 def _differences(coarse: _Trace, fine: Level) -> Array:
     """Of the orbits, per coordinate max|difference|/max|q|, and of the multipliers (k, 2)."""
     assert coarse.spectra is not None
     found = np.zeros((len(coarse.positions), 2))
     found[:, 1] = coarse.spectra.difference(fine.spectra)
     if coarse.samples is not None and fine.curves is not None:
-        q = fine.curves.sampled(2)
+        assert coarse.phase is not None
+        q = fine.curves.through(coarse.phase)
         scale, error = np.abs(q).max(axis=2), np.abs(coarse.samples - q).max(axis=2)
         largest = scale.max(axis=1, keepdims=True)
         scale = np.where(scale > fine.closing_rounding[:, None] * largest, scale, largest)

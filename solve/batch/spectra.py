@@ -7,6 +7,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.floquet import UNIT_CIRCLE, verdict
+from solve.methods.multipliers import NEGLIGIBLE
 
 _SWEEPS = 3
 """Of balancing."""
@@ -30,14 +31,14 @@ class Spectra:
         _put_positive_first(values)
         modulus = np.abs(values)
         least = np.finfo(float).eps * np.sqrt((Phi**2).sum(axis=(1, 2)))
-        kept = modulus > least[:, None]
+        kept = modulus > np.maximum(least, NEGLIGIBLE)[:, None]
         # Frobenius' norm bounds the spectral one from both sides; between them only it decides.
         unsure = ((modulus <= least[:, None]) & (modulus > least[:, None] / math.sqrt(Phi.shape[-1]))).any(
             axis=1
         )
         if unsure.any():
             norm = np.linalg.norm(Phi[unsure], 2, axis=(1, 2))
-            kept[unsure] = modulus[unsure] > np.finfo(float).eps * norm[:, None]
+            kept[unsure] = modulus[unsure] > np.maximum(np.finfo(float).eps * norm, NEGLIGIBLE)[:, None]
         return cls(np.where(kept, values, 0.0), kept.sum(axis=1))
 
     def __getitem__(self, points: Array) -> "Spectra":
@@ -47,6 +48,13 @@ class Spectra:
     def radius(self) -> Array:
         """Largest modulus (P,)."""
         return np.abs(self.values[:, 0])
+
+    @property
+    def nearest_one(self) -> Array:
+        """The multiplier nearest to +1 (P,), with its imaginary part's modulus; 0 where none is resolved."""
+        nearest = np.abs(self.values - 1.0).argmin(axis=1)[:, None]
+        found = np.take_along_axis(self.values, nearest, axis=1)[:, 0]
+        return np.real(found) + 1j * np.abs(np.imag(found))
 
     @property
     def distance_from_one(self) -> Array:

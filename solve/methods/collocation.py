@@ -19,7 +19,10 @@ from solve.methods.period_map import Steps
 from solve.system import PeriodicSystem
 
 _MEMORY = 2**25
-"""Bytes that the stages' linear systems may take at a time: many steps at once are solved no faster."""
+"""Bytes that the stages' matrices of the steps may take that are sampled at a time."""
+
+_SYSTEMS = 2**19
+"""Bytes of stage systems that are built and solved at once: what stays in a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,11 @@ class Collocation:
         """Order of the curve between the nodes: that of the stage accelerations, s + 1, and two more."""
         return len(self.c) + 3
 
+    def bytes_a_step(self, n: int) -> int:
+        """Memory that a step of n coordinates takes: samples, stage accelerations, maps."""
+        s = len(self.c)
+        return 8 * (s * (3 * n**2 + n) + 2 * s * n * (2 * n + 1) + 20 * n**2)
+
     @cached_property
     def curve_powers(self) -> Array:
         """From q, h v and h² times the accelerations at the curve's nodes to powers of θ, (D, 2 + nodes)."""
@@ -79,14 +87,30 @@ class Collocation:
         h (m,); M, C, K (m, s, n, n) and d (m, s, n) at the stages.
         """
         m, s, n = d.shape
-        c, h, A = np.array(self.c), h[:, None, None, None], self.A[:, None, :, None]
-        A2 = (self.A @ self.A)[:, None, :, None]
-        left = h[..., None] * A * C[:, :, :, None] + h[..., None] ** 2 * A2 * K[:, :, :, None]
+        a = np.empty((m, s * n, 2 * n + 1))
+        some = max(1, _SYSTEMS // (8 * (s * n) ** 2))
+        for start in range(0, m, some):
+            part = slice(start, start + some)
+            left, right = self._stage_systems(h[part], M[part], C[part], K[part], d[part])
+            a[part] = np.linalg.solve(left, right)
+        return a.reshape(m, s, n, 2 * n + 1)
+
+    def _stage_systems(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> tuple[Array, Array]:
+        """Matrices (m, s n, s n) of the stage accelerations and their right sides (m, s n, 2n+1)."""
+        m, s, n = d.shape
+        h = h[:, None, None, None]
+        hC, hK = h * C, h * K
+        left = np.empty((m, s, n, s, n))
+        damped, stiff = self.A[:, None, :, None], (self.A @ self.A)[:, None, :, None]
+        np.multiply(hC[:, :, :, None], damped, out=left)
+        left += (h * hK)[:, :, :, None] * stiff
         stage = np.arange(s)
         left[:, stage, :, stage] += np.moveaxis(M, 1, 0)
-        right = np.concatenate((-K, -C - h * c[:, None, None] * K, d[..., None]), axis=-1)
-        a = np.linalg.solve(left.reshape(m, s * n, s * n), right.reshape(m, s * n, 2 * n + 1))
-        return a.reshape(m, s, n, 2 * n + 1)
+        right = np.empty((m, s, n, 2 * n + 1))
+        np.negative(K, out=right[..., :n])
+        np.subtract(-C, np.array(self.c)[:, None, None] * hK, out=right[..., n : 2 * n])
+        right[..., -1] = d
+        return left.reshape(m, s * n, s * n), right.reshape(m, s * n, 2 * n + 1)
 
     def steps(self, h: Array, a: Array) -> Steps:
         """The affine maps of (q, v) over the steps."""

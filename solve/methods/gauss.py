@@ -41,5 +41,8 @@ class Gauss(OneStep):
         nodes = np.polynomial.legendre.leggauss(self.order // 2)[0]
         return Collocation(tuple(map(float, (nodes + 1.0) / 2.0)))
 
+    def bytes_a_step(self, n: int) -> int:
+        return self.collocation.bytes_a_step(n)
+
     def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
         return discretise(self.collocation, system, speed, grid)

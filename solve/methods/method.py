@@ -1,6 +1,7 @@
 """What every method of this package offers: one period of a system solved on one grid."""
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,8 +15,8 @@ from solve.methods.multipliers import Multipliers
 from solve.methods.period_map import Steps, monodromy, periodic_states
 from solve.system import PeriodicSystem
 
-_MOST_MEMORY = 2**28
-"""Bytes that the maps of one period may take."""
+_MOST_MEMORY = 2**29
+"""Bytes that the solution of one period may take at its peak."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,12 @@ class Solution:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "multipliers", Multipliers.of(self.Phi))
+
+    def with_multipliers(self, multipliers: Multipliers) -> "Solution":
+        """The same with other multipliers than all of Φ."""
+        changed = copy(self)
+        object.__setattr__(changed, "multipliers", multipliers)
+        return changed
 
 
 class Method(Protocol):
@@ -124,8 +131,12 @@ class OneStep:
     def least_steps(self, frozen: Array, period: float) -> int:
         return 1
 
+    def bytes_a_step(self, n: int) -> int:
+        """Memory that a step of n coordinates takes at the peak, or somewhat less."""
+        return 80 * (2 * n + 1) ** 2
+
     def most_steps(self, n: int) -> int:
-        return _MOST_MEMORY // (8 * (2 * n + 1) ** 2)
+        return _MOST_MEMORY // self.bytes_a_step(n)
 
     def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
         raise NotImplementedError
@@ -143,8 +154,12 @@ class OneStep:
             return Solution(grid, Phi, steps=discretisation.steps)
         states, condition = periodic_states(discretisation.steps)
         if not np.isfinite(condition):
-            raise ResonanceError(
-                "I - Φ is singular: a Floquet multiplier is at +1, so that the forced motion grows without "
-                "bound or is not unique; change the speed or add damping"
-            )
+            raise no_orbit()
         return Solution(grid, Phi, discretisation.curve(states), discretisation.steps, float(condition))
+
+
+def no_orbit() -> ResonanceError:
+    return ResonanceError(
+        "I - Φ is singular: a Floquet multiplier is at +1, so that the forced motion grows without bound or "
+        "is not unique; change the speed or add damping"
+    )

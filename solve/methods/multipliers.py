@@ -6,11 +6,14 @@ import numpy as np
 
 from solve.arrays import Array
 
+NEGLIGIBLE = 1e-100
+"""Modulus below which multipliers count as unresolved: products of so different factors keep no digit."""
+
 
 @dataclass(frozen=True)
 class Multipliers:
     """values: resolved multipliers (complex), falling in modulus, + imaginary part first; unresolved:
-    how many more there are, all of them below eps‖Φ‖ and so lost in rounding."""
+    how many more there are, all of them below eps‖Φ‖ or 1e-100 and so lost in rounding."""
 
     values: Array
     unresolved: int
@@ -22,12 +25,20 @@ class Multipliers:
         values = values[np.argsort(-np.abs(values), kind="stable")]
         pairs = np.flatnonzero((values[1:] == values[:-1].conj()) & (np.imag(values[:-1]) < 0))
         values[pairs], values[pairs + 1] = values[pairs + 1].copy(), values[pairs].copy()
-        kept = np.abs(values) > np.finfo(float).eps * np.linalg.norm(Phi, 2)
+        kept = np.abs(values) > max(np.finfo(float).eps * np.linalg.norm(Phi, 2), NEGLIGIBLE)
         return cls(values[kept], int((~kept).sum()))
 
     @property
     def spectral_radius(self) -> float:
         return float(np.abs(self.values[0])) if len(self.values) else 0.0
+
+    @property
+    def nearest_one(self) -> complex:
+        """The multiplier nearest to +1, with its imaginary part's modulus; 0 where none is resolved."""
+        if not len(self.values):
+            return 0j
+        nearest = self.values[np.abs(self.values - 1.0).argmin()]
+        return complex(nearest.real, abs(nearest.imag))
 
     @property
     def distance_from_one(self) -> float:
@@ -47,6 +58,11 @@ class Multipliers:
         return largest / other.spectral_radius
 
 
+def accumulated(steps: int) -> float:
+    """Units of rounding that so many steps leave in what they make together, as measured."""
+    return max(8.0, steps / 16)
+
+
 def rounding_error(Phi: Array) -> float:
     """Error of the multipliers, relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes: as
     many times larger as the eigenvalue is ill-conditioned, and its square root in a defective pair."""
@@ -55,11 +71,12 @@ def rounding_error(Phi: Array) -> float:
     balanced, _ = matrix_balance(Phi)
     values, right = np.linalg.eig(balanced)
     radius = np.abs(values).max()
-    if radius == 0.0:
+    if radius <= NEGLIGIBLE:
         return 0.0
     perturbation = 8 * np.finfo(float).eps * np.linalg.norm(balanced, 2) / radius
     try:
-        conditions = np.linalg.norm(np.linalg.inv(right), axis=1)
+        with np.errstate(over="ignore"):
+            conditions = np.linalg.norm(np.linalg.inv(right), axis=1)
     except np.linalg.LinAlgError:
         conditions = np.array([np.inf])
     return float(min(perturbation * conditions.max(), np.sqrt(perturbation)))

@@ -41,5 +41,8 @@ class Radau(OneStep):
         inner = (roots_jacobi((self.order - 1) // 2, 1.0, 0.0)[0] + 1.0) / 2.0
         return Collocation((*map(float, inner), 1.0))
 
+    def bytes_a_step(self, n: int) -> int:
+        return self.collocation.bytes_a_step(n)
+
     def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
         return discretise(self.collocation, system, speed, grid)

@@ -1,10 +1,13 @@
 """Error estimates against the truth: at most ten times too small, not absurdly large, and no false peace."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from solve import Newmark, Radau, floquet, periodic
 from solve.errors import StepsError
+from solve.methods.choice import chosen
 from solve.methods.gauss import Gauss
 from tests.solve.systems import cam, constant, random_system
 from tests.solve.witnesses import Shooting, multiplier_error, relative_error
@@ -138,6 +141,20 @@ def test_steps_that_do_not_fit_in_memory():
         StepsError, match=r"at most \d+ steps .* given: 1000000000; use fewer, or leave --steps out"
     ):
         periodic(random_system(1, 2), 1.0, "newmark", steps=10**9)
+
+
+@pytest.mark.parametrize("method", ["newmark", "rk4", "radau", Gauss(16)])
+@pytest.mark.parametrize("n", [3, 6])
+def test_the_peak_of_memory_is_what_the_bound_counts(method, n):
+    """Twice as many steps as asked for are solved; within a factor of 2.5 of the count in any case."""
+    given, steps, rule = random_system(3, n), 1000, chosen(method)
+    periodic(given, 1.0, rule, steps=steps, rtol=0.9)
+    tracemalloc.start()
+    periodic(given, 1.0, rule, steps=steps, rtol=0.9)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak <= 1.25 * rule.bytes_a_step(n) * 2 * steps
+    assert peak >= 0.4 * rule.bytes_a_step(n) * 2 * steps
 
 
 def test_floquet_alone_states_no_error_of_an_orbit():

@@ -5,7 +5,7 @@ import pytest
 
 from solve import floquet, periodic
 from solve.errors import ResonanceError
-from tests.solve.systems import constant, system
+from tests.solve.systems import cam, constant, system
 from tests.solve.witnesses import Shooting
 
 METHODS = ["auto", "radau", "gauss"]
@@ -141,3 +141,36 @@ def test_resonance_of_a_modulated_system_is_found():
     found = floquet(system(matrices, 1, period=np.pi), 1.0, rtol=1e-11)
     assert np.abs(found.multipliers - 1).max() < 1e-5
     assert found.distance_from_one < 1e-5
+
+
+@pytest.mark.parametrize("method", ["rk4", "newmark", "hsu", "fourier", *METHODS])
+@pytest.mark.parametrize("steps", [None, 200])
+def test_all_methods_refuse_exact_resonance(method, steps):
+    """q″ + q = cos φ: no method's own error may pass for damping."""
+    with pytest.raises(ResonanceError, match=r"a Floquet multiplier is at \+1"):
+        periodic(oscillator(0.0, 1.0), 1.0, method, steps=steps, rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["rk4", "newmark"])
+def test_what_only_comes_near_to_resonance_is_solved(method):
+    orbit = periodic(oscillator(1e-3, 1.0), 1.0, method, rtol=1e-4)
+    assert orbit.statistics("q1").max == pytest.approx(1e3, rel=2e-4)
+
+
+@pytest.mark.parametrize("steps", [None, 1000, 4000, 16_000, 64_000])
+def test_rounding_of_many_steps_is_in_the_estimate(steps):
+    orbit = periodic(oscillator(1e-9, 1.0), 1.0, "rk4", steps=steps)
+    phase = np.linspace(0.0, 2 * np.pi, 777)
+    error = np.abs(orbit.at(phase)[0] - 1e9 * np.sin(phase)).max() / 1e9
+    assert error <= 10 * orbit.error_estimate.orbit
+
+
+@pytest.mark.parametrize("rpm", [1, 3, 5])
+def test_multipliers_without_a_digit_are_unresolved_and_cost_no_refinement(rpm):
+    """At 5 rpm the cam's |ρ| is about 1e-137: products of so many decades hold nothing of it."""
+    orbit = periodic(cam(), f"{rpm} rpm")
+    assert (len(orbit.multipliers), orbit.unresolved, orbit.spectral_radius) == (0, 6, 0.0)
+    assert orbit.verdict == "asymptotically stable"
+    assert orbit.steps < 5000
+    assert orbit.error_estimate.orbit <= 1e-8
+    assert any("no multiplier keeps a digit" in text for text in orbit.warnings)

@@ -95,6 +95,12 @@ def test_piecewise_constant_steps_invent_growth_in_a_turning_beam():
     assert abs(found.liouville) < 1e-9  # the volume is right all the same
 
 
+@pytest.mark.parametrize("method", ["modal"])
+def test_more_steps_are_no_remedy_for_an_approximation(method):
+    (text,) = (t for t in floquet(turning_beam(), 1.0, method, rtol=0.9).warnings if UNRESOLVED in t)
+    assert text.endswith("use radau")
+
+
 def undamped_stiff():
     """A slow mode beside one that turns 200 times as fast, both undamped: every |ρ| = 1."""
     return constant(np.eye(2), np.zeros((2, 2)), np.diag([1.7, 4e4]), lambda phase: np.ones((len(phase), 2)))

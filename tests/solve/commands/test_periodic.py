@@ -56,9 +56,11 @@ def test_harmonics_and_phases_add_up_to_the_extrema(command):
         assert len(amplitudes) == 201
         phi = np.linspace(0.0, 2 * math.pi, 20_001)
         curve = (amplitudes * np.cos(np.outer(phi, np.arange(201)) + phases)).sum(axis=1)
-        for figure, extreme, at in (("max", curve.max(), np.argmax), ("min", curve.min(), np.argmin)):
+        for figure, extreme in (("max", curve.max()), ("min", curve.min())):
             assert extreme == pytest.approx(quantity[figure], abs=2e-6 * quantity["max_abs"]), (name, figure)
-            assert phi[at(curve)] == pytest.approx(quantity[f"{figure}_phase"], abs=2e-3), (name, figure)
+            # Equal extremes a half turn apart are both right.
+            there = np.interp(quantity[f"{figure}_phase"], phi, curve)
+            assert there == pytest.approx(extreme, abs=2e-6 * quantity["max_abs"]), (name, figure)
         assert amplitudes[0] == pytest.approx(quantity["mean"], abs=1e-12 * quantity["max_abs"])
 
 

@@ -1,0 +1,92 @@
+"""How steps grow from grid to grid, and what two grids tell of the finer one's error.
+
+Numbers of steps are 16, 24, 32, 48, 64, 96, …: few different ones, so that grids are met again and what
+belongs to them can be kept. A grid is compared with the one before; how fast their differences fall tells
+the power of the steps with which the error falls, and how far the next grid should go.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.methods.method import Method
+
+_LEAST = 16
+_DAMPING_LEAST = 64
+"""Steps to begin with where stiff modes may be present that need not be followed."""
+
+_NO_GAIN = 2.0
+"""Times the differences that an error of first order would leave: larger ones are rounding."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """A grid's steps, their ratio to those of the grid before, and that grid's to the one before it."""
+
+    steps: int
+    ratio: float = math.inf
+    ratio_before: float = math.inf
+
+    def to(self, steps: int) -> "Pace":
+        return Pace(steps, steps / self.steps, self.ratio)
+
+    def onward(self, far: bool, most: int) -> "Pace":
+        """To the next rung, or to twice the steps where that is `far` and not beyond `most`."""
+        return self.to(2 * self.steps if far and 2 * self.steps <= most else rung(self.steps + 1))
+
+
+def rung(steps: int) -> int:
+    """The least of the numbers 16, 24, 32, 48, 64, … that is not below `steps`."""
+    power = 1 << (max(steps, _LEAST) - 1).bit_length()
+    return 3 * power // 4 if 3 * power // 4 >= max(steps, _LEAST) else power
+
+
+def first_steps(method: Method) -> int:
+    """Steps of the first grid."""
+    return _DAMPING_LEAST if method.l_stable else _LEAST
+
+
+def telling_steps(pace: Pace, method: Method) -> int:
+    """Steps that must follow a mode for two grids to tell its error: the coarser grid's where the method
+    damps what it does not follow, so that neither keeps it."""
+    return round(pace.steps / pace.ratio) if method.l_stable else pace.steps
+
+
+def far(pace: Pace, errors: Array, wanted: Array, orders: Array) -> Array:
+    """Whether more than the next rung is needed to bring errors (…, 2) down to the `wanted` ones (…)."""
+    nearest = rung(pace.steps + 1) / pace.steps
+    return np.asarray((errors > wanted * nearest**orders).any(axis=-1))
+
+
+def judged(found: Array, orders: Array) -> Array:
+    """Errors (…, 2) of a grid, of orbit and multipliers, from the differences to one twice as fine."""
+    return found / (1 - 0.5**orders)
+
+
+def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
+    """Errors (…, 2) of the finer of two grids from their differences, and those of the grids before: they
+    fall with the power of the steps that is seen, between 1 and the order."""
+    known = (found > 0) & np.isfinite(before)
+    if not math.isfinite(pace.ratio_before):
+        return found / (pace.ratio - 1)
+    seen = np.where(known, before, 0.0) / np.where(known, found, 1.0)
+    power = np.broadcast_to(orders, found.shape)
+    for _ in range(3):
+        # before / found = (ratio_before^p - 1) / (1 - ratio^-p).
+        power = np.log1p(seen * (1 - pace.ratio**-power)) / math.log(pace.ratio_before)
+    return found / (pace.ratio ** np.clip(power, 1.0, orders) - 1)
+
+
+def finished(
+    found: Array, before: Array, errors: Array, wanted: Array, pace: Pace, faded: Array | bool = False
+) -> Array | np.bool:
+    """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more, which is looked for in
+    small differences and in those of `faded` quantities (…, 2). Differences before are needed: without
+    them how fast the errors fall is unknown."""
+    if not math.isfinite(pace.ratio_before):
+        return np.zeros(found.shape[:-1], dtype=bool)
+    no_gain = _NO_GAIN * (1 - 1 / pace.ratio) / (pace.ratio_before - 1)
+    stalled = (found >= no_gain * before) & ((found < 1e-6) | faded)
+    return ((errors <= wanted) | stalled).all(axis=-1)

@@ -1,0 +1,57 @@
+"""Estimates from two grids of any ratio, held against errors that follow a known power of the steps."""
+
+import numpy as np
+import pytest
+
+from solve.methods.gauss import Gauss
+from solve.methods.radau import Radau
+from solve.pace import Pace, estimated, far, finished, first_steps, rung
+
+
+def test_rungs_are_twos_and_threes():
+    rungs = [rung(1)]
+    while rungs[-1] < 1000:
+        rungs.append(rung(rungs[-1] + 1))
+    assert rungs == [16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024]
+    assert [rung(steps) for steps in rungs] == rungs
+
+
+def test_a_method_that_damps_stiff_modes_begins_with_more_steps():
+    assert first_steps(Radau()) > first_steps(Gauss())
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0, 4.0, 9.0])
+@pytest.mark.parametrize("steps", [(16, 24, 32), (16, 24, 48), (16, 32, 64), (24, 32, 48)])
+def test_estimates_follow_the_power_of_the_steps(power, steps):
+    errors = np.array([float(m) ** -power for m in steps])
+    pace = Pace(steps[0]).to(steps[1]).to(steps[2])
+    found, before = -np.diff(errors)[::-1, None] * np.ones(2)
+    estimate = estimated(found, before, pace, np.array([10.0, 10.0]))
+    np.testing.assert_array_less(errors[2] / 2, estimate)
+    np.testing.assert_array_less(estimate, 3 * errors[2])
+    assert not finished(found, before, estimate, estimate / 2, pace)
+    assert finished(found, before, estimate, estimate, pace)
+
+
+def test_two_grids_alone_do_not_finish():
+    pace = Pace(16).to(24)
+    found, unknown = np.full(2, 1e-12), np.full(2, np.inf)
+    errors = estimated(found, unknown, pace, np.array([8.0, 9.0]))
+    assert not finished(found, unknown, errors, np.full(2, 1e-6), pace)
+
+
+def test_differences_that_no_longer_fall_are_rounding():
+    pace, wanted = Pace(32).to(64).to(128), np.full(2, 1e-13)
+    noise = np.array([3e-13, 2e-13])
+    assert finished(noise, noise, noise, wanted, pace)
+    assert not finished(1e6 * noise * 10, 1e6 * noise * 10, noise, wanted, pace)
+
+
+def test_the_next_grid_goes_as_far_as_the_order_promises():
+    pace, orders, wanted = Pace(48).to(64), np.array([8.0, 9.0]), np.full(2, 1e-6)
+    near, distant = np.full(2, 1e-6 * 1.4**8), np.full(2, 1e-6 * 1.6**9)
+    assert not far(pace, near, wanted, orders)
+    assert far(pace, distant, wanted, orders)
+    assert pace.onward(False, 10_000).steps == 96
+    assert pace.onward(True, 10_000).steps == 128
+    assert pace.onward(True, 100).steps == 96
