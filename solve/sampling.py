@@ -1,7 +1,8 @@
 """Matrices at many phases from a CasADi function, without a Python call a phase."""
 
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,12 +14,20 @@ if TYPE_CHECKING:
 _CHUNK = 256
 """Phases an evaluation: large enough to hide the call, small enough to build at once."""
 
+_MOST_DEGREE = 4
+"""Of a polynomial of the speed."""
+
+_MOST_KEPT = 2**24
+"""Bytes of tables up to which they are kept."""
+
 
 class Sampler:
     """M, C, K (m, n, n) and d (m, n) of a generated `linearised` function at fixed parameters.
 
-    The parameters are folded into the expressions, and a mapped function writes into NumPy memory;
-    one sampler serves one thread.
+    The parameters are folded into the expressions. Where the entries are polynomials of the speed, as
+    those of most mechanisms are, their coefficients are sampled once for a grid of phases and kept, so
+    that the next solve on this grid, at any speed, is one product of matrices. One sampler serves one
+    thread.
     """
 
     def __init__(self, linearised: "casadi.Function", parameters: Array):
@@ -27,26 +36,43 @@ class Sampler:
         self.n = linearised.size1_out("d")
         phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")  # pyright: ignore[reportAttributeAccessIssue]
         entries = _by_rows(linearised.call([phase, speed, casadi.DM(parameters)], True, False))
-        folded = casadi.Function("matrices", [phase, speed], [entries])
-        mapped = folded.map("matrices_mapped", "serial", _CHUNK, [1], [])
-        self._buffer, self._evaluate = mapped.buffer()
-        self._phase, self._speed = np.zeros(_CHUNK), np.zeros(1)
-        self._entries = np.zeros((_CHUNK, 3 * self.n**2 + self.n))
-        self._buffer.set_arg(0, self._phase.data)  # pyright: ignore[reportCallIssue]
-        self._buffer.set_arg(1, self._speed.data)  # pyright: ignore[reportCallIssue]
-        self._buffer.set_res(0, self._entries.data)  # pyright: ignore[reportCallIssue]
+        self._terms = _powers(entries, speed)
+        if self._terms is None:
+            self._evaluate = _Mapped(casadi.Function("matrices", [phase, speed], [entries]))
+        else:
+            self._evaluate = _Mapped(casadi.Function("matrices", [phase], [self._terms.values]))
+        self._kept: dict[bytes, Array] = {}
 
     def __call__(self, phase: Array, speed: float) -> tuple[Array, Array, Array, Array]:
         n, m = self.n, len(phase)
-        entries = np.empty((m, 3 * n**2 + n))
-        self._speed[0] = speed
-        for start in range(0, m, _CHUNK):
-            count = min(_CHUNK, m - start)
-            self._phase[:count] = phase[start : start + count]
-            self._evaluate()
-            entries[start : start + count] = self._entries[:count]
+        entries = self._entries(phase, speed)
         M, C, K = (entries[:, k * n**2 : (k + 1) * n**2].reshape(m, n, n) for k in range(3))
         return M, C, K, entries[:, 3 * n**2 :]
+
+    def _entries(self, phase: Array, speed: float) -> Array:
+        """M, C, K by rows and d (m, 3n² + n)."""
+        if self._terms is None:
+            return self._evaluate(phase[:, None], np.full((len(phase), 1), speed))
+        rows = np.zeros((len(self._terms.entry), 3 * self.n**2 + self.n))
+        rows[range(len(rows)), self._terms.entry] = speed**self._terms.power
+        return self._table(phase) @ rows
+
+    def _table(self, phase: Array) -> Array:
+        """The terms (m, R) at the phases."""
+        key = phase.tobytes()
+        if key not in self._kept:
+            if sum(table.nbytes for table in self._kept.values()) > _MOST_KEPT:
+                self._kept.clear()
+            self._kept[key] = self._evaluate(phase[:, None])
+        return self._kept[key]
+
+
+class _Terms(NamedTuple):
+    """Coefficients of powers of the speed, `values` (R): to which entry and which power each belongs."""
+
+    values: "casadi.SX"
+    entry: Array
+    power: Array
 
 
 class PointSampler:
@@ -134,6 +160,23 @@ def _freed(parameters: Array, free: Sequence[int]) -> tuple["casadi.SX", "casadi
     for position, index in enumerate(free):
         p[index] = values[position]
     return values, p
+
+
+def _powers(entries: "casadi.SX", speed: "casadi.SX") -> _Terms | None:
+    """The entries as polynomials of the speed; None where they are none."""
+    import casadi
+
+    parts, entry, power = [], [], []
+    for k in range(_MOST_DEGREE + 1):
+        part = casadi.substitute(entries, speed, 0) / math.factorial(k)
+        present = [i for i in range(part.shape[0]) if not part[i].is_zero()]
+        parts.append(part[present])
+        entry += present
+        power += [k] * len(present)
+        entries = casadi.densify(casadi.jacobian(entries, speed))
+        if entries.is_zero():
+            return _Terms(casadi.vertcat(*parts), np.array(entry, dtype=int), np.array(power, dtype=int))
+    return None
 
 
 def _by_rows(matrices: Sequence["casadi.SX"]) -> "casadi.SX":

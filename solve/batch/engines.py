@@ -2,9 +2,9 @@
 
 from functools import lru_cache
 
-from solve.batch.compiler import CompilerError
 from solve.batch.level import Engine, NumpyEngine
 from solve.errors import SolveError, UnknownNameError
+from solve.kernel.compiler import CompilerError
 
 ENGINES = ("auto", "compiled", "numpy")
 

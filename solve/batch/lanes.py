@@ -1,40 +1,19 @@
 """The same grid in compiled code: eight points side by side in vector registers."""
 
-import ctypes
-from functools import lru_cache
-from pathlib import Path
-
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.compiler import compiled
 from solve.batch.curves import Curves
 from solve.batch.level import GridTables, Level, finite
 from solve.batch.tables import Tables
+from solve.kernel.library import LANES, library, run
 from solve.methods.collocation import Collocation
 
-LANES = 8
-_SOURCE = Path(__file__).with_name("lanes.c")
 _SURE = 1e12
 """Bound of the closed system's condition up to which it is regular without doubt."""
 
-_DOUBLES = ctypes.POINTER(ctypes.c_double)
-
-
-class _Problem(ctypes.Structure):
-    """`problem` of lanes.c."""
-
-    _fields_ = (
-        ("groups", ctypes.c_long),
-        ("steps", ctypes.c_long),
-        ("h", ctypes.c_double),
-        ("terms", ctypes.c_int),
-        ("own", ctypes.c_int),
-        ("entry", ctypes.POINTER(ctypes.c_int)),
-        *((name, _DOUBLES) for name in ("stages", "nodes", "coefficients")),
-        *((name, _DOUBLES) for name in ("A", "A2", "b", "bA", "c", "powers")),
-        *((name, _DOUBLES) for name in ("Phi", "closed", "bound", "curves")),
-    )
+_LANE_TABLES = 1
+"""`own` of lanes.c: every lane has tables of its own."""
 
 
 class LaneEngine:
@@ -43,7 +22,7 @@ class LaneEngine:
     name = "compiled"
 
     def __init__(self) -> None:
-        _library(1, Collocation((1.0,)), False)
+        library(Collocation((1.0,)).size(1, False))
 
     def bytes_a_step(self, method: Collocation, n: int, orbit: bool) -> int:
         return 8 * n * (2 * len(method.curve_powers) + 12) if orbit else 8
@@ -58,21 +37,19 @@ class LaneEngine:
             "stages": _own(tables.stages, groups),
             "nodes": np.zeros(1) if tables.nodes is None else _own(tables.nodes, groups),
             "coefficients": _grouped(coefficients, groups),
-            **{name: np.ascontiguousarray(part) for name, part in _weights(method).items()},
+            **method.weights,
         }
-        entry = tables.stages.entry.astype(np.intc)
-        arrays = {**inputs, "Phi": Phi, "closed": closed, "bound": bound, "curves": curves}
-        problem = _Problem(
+        run(
+            "level",
+            method.size(n, orbit),
+            {**inputs, "Phi": Phi, "closed": closed, "bound": bound, "curves": curves},
+            tables.stages.entry,
             groups=groups,
             steps=m,
             h=tables.period / m,
-            terms=len(entry),
-            own=tables.stages.table.ndim == 3,
-            entry=entry.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
-            **{name: part.ctypes.data_as(_DOUBLES) for name, part in arrays.items()},
+            terms=len(tables.stages.entry),
+            own=_LANE_TABLES if tables.stages.table.ndim == 3 else 0,
         )
-        if _library(n, method, orbit).level(ctypes.byref(problem)):
-            raise MemoryError(f"no memory for {m} steps of {n} coordinates")
         Phi = _by_points(Phi, points)
         sound = finite(Phi)
         if not orbit:
@@ -81,23 +58,6 @@ class LaneEngine:
         sound = sound & (bound < _SURE) & np.isfinite(curves[:points].sum(axis=(1, 2, 3)))
         closed = _by_points(closed, points)
         return Level(m, Phi, Curves(curves[:points], tables.period), sound, bound, closed)
-
-
-@lru_cache
-def _library(n: int, method: Collocation, orbit: bool) -> ctypes.CDLL:
-    sizes = {
-        "N": n,
-        "S": len(method.c),
-        "NODES": len(method.curve_nodes),
-        "STIFF": int(method.stiffly_accurate),
-        "ORBIT": int(orbit),
-    }
-    return compiled(_SOURCE, sizes)
-
-
-def _weights(method: Collocation) -> dict[str, Array]:
-    A, b = method.A, method.b
-    return {"A": A, "A2": A @ A, "b": b, "bA": b @ A, "c": np.array(method.c), "powers": method.curve_powers}
 
 
 def _own(tables: Tables, groups: int) -> Array:

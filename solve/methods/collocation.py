@@ -13,6 +13,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.curve import Curve
+from solve.kernel.library import Size
 from solve.methods.grid import Grid
 from solve.methods.method import Discretisation
 from solve.methods.period_map import Steps
@@ -64,6 +65,17 @@ class Collocation:
     def curve_order(self) -> int:
         """Order of the curve between the nodes: that of the stage accelerations, s + 1, and two more."""
         return len(self.c) + 3
+
+    @cached_property
+    def weights(self) -> dict[str, Array]:
+        """The method's numbers by the names of the compiled kernels."""
+        A, b = self.A, self.b
+        found = {"A": A, "A2": A @ A, "b": b, "bA": b @ A, "c": np.array(self.c), "powers": self.curve_powers}
+        return {name: np.ascontiguousarray(part) for name, part in found.items()}
+
+    def size(self, n: int, orbit: bool) -> Size:
+        """What the compiled kernels need to know of the method for n coordinates."""
+        return Size(n, len(self.c), len(self.curve_nodes), self.stiffly_accurate, orbit)
 
     def bytes_a_step(self, n: int) -> int:
         """Memory that a step of n coordinates takes: samples, stage accelerations, maps."""

@@ -6,14 +6,12 @@ from functools import cached_property
 import numpy as np
 
 from solve.errors import ValueOutOfBoundsError
-from solve.methods.collocation import Collocation, discretise
-from solve.methods.grid import Grid
-from solve.methods.method import Discretisation, OneStep
-from solve.system import PeriodicSystem
+from solve.methods.collocated import Collocated
+from solve.methods.collocation import Collocation
 
 
 @dataclass(frozen=True)
-class Gauss(OneStep):
+class Gauss(Collocated):
     """Collocation at the Gauss points of even order 4 … 16. A-stable, but not L-stable: |R(∞)| = 1."""
 
     order: int = 10
@@ -32,17 +30,7 @@ class Gauss(OneStep):
         """A step resolves about as many radians as it has stages, less one for safety."""
         return self.order / 2 - 1
 
-    @property
-    def curve_order(self) -> int:
-        return min(self.order, self.collocation.curve_order)
-
     @cached_property
     def collocation(self) -> Collocation:
         nodes = np.polynomial.legendre.leggauss(self.order // 2)[0]
         return Collocation(tuple(map(float, (nodes + 1.0) / 2.0)))
-
-    def bytes_a_step(self, n: int) -> int:
-        return self.collocation.bytes_a_step(n)
-
-    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
-        return discretise(self.collocation, system, speed, grid)

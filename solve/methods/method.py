@@ -146,16 +146,19 @@ class OneStep:
         with np.errstate(over="ignore", invalid="ignore"):
             Phi = monodromy(discretisation.steps)
         if not np.isfinite(Phi).all():
-            raise StepsError(
-                f"{self.name} with {grid.steps} steps overflows within one period; use more steps or "
-                "the default method"
-            )
+            raise overflow(self.name, grid.steps)
         if not orbit:
             return Solution(grid, Phi, steps=discretisation.steps)
         states, condition = periodic_states(discretisation.steps)
         if not np.isfinite(condition):
             raise no_orbit()
         return Solution(grid, Phi, discretisation.curve(states), discretisation.steps, float(condition))
+
+
+def overflow(method: str, steps: int) -> StepsError:
+    return StepsError(
+        f"{method} with {steps} steps overflows within one period; use more steps or the default method"
+    )
 
 
 def no_orbit() -> ResonanceError:

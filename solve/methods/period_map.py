@@ -16,7 +16,7 @@ from solve.arrays import Array
 BLOCKS = 32
 """Number of blocks at which products stop and the orthogonal factorisation takes over."""
 
-_SINGULAR = 1e-14
+SINGULAR = 1e-14
 """Reciprocal condition number of the closed cyclic system below which it counts as singular."""
 
 
@@ -150,7 +150,7 @@ def _cyclic(blocks: Steps) -> tuple[Array, Array]:
 def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
     """x of (G + H) x = r (..., N, 1), and the condition number of G + H measured against (G, H)."""
     condition = closed_condition(G, H)
-    singular = ~(condition < 1 / _SINGULAR)
+    singular = ~(condition < 1 / SINGULAR)
     x = np.linalg.solve(np.where(singular[..., None, None], np.eye(G.shape[-1]), G + H), r)
     return np.where(singular[..., None, None], np.nan, x), np.where(singular, np.inf, condition)
 

@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import solve
-from solve.batch import compiler, engines, lanes
-from solve.batch.compiler import CompilerError
+from solve.batch import engines
 from solve.batch.engines import EngineError
 from solve.batch.family import Built, over_speed
 from solve.batch.lanes import LaneEngine
 from solve.batch.level import GridTables, NumpyEngine
 from solve.batch.tables import Sampled, Separated, Separation
+from solve.kernel import compiler, library
+from solve.kernel.compiler import CompilerError
 from solve.methods.grid import Grid
 from tests.solve import systems
 
@@ -120,7 +121,7 @@ def own_cache(tmp_path, monkeypatch):
     """An empty cache, and nothing remembered of earlier compilers."""
 
     def forget():
-        for remembered in (compiler._compiler, lanes._library, engines._lanes):
+        for remembered in (compiler._compiler, library.library, engines._lanes):
             remembered.cache_clear()
 
     forget()
@@ -139,11 +140,11 @@ def script(path, text):
 @needs_compiler
 def test_libraries_are_kept(own_cache):
     LaneEngine()
-    (library,) = own_cache.iterdir()
-    made = library.stat().st_mtime_ns
-    lanes._library.cache_clear()
+    (made,) = own_cache.iterdir()
+    written = made.stat().st_mtime_ns
+    library.library.cache_clear()
     LaneEngine()
-    assert [file.stat().st_mtime_ns for file in own_cache.iterdir()] == [made]
+    assert [file.stat().st_mtime_ns for file in own_cache.iterdir()] == [written]
 
 
 def test_a_broken_compiler_is_told_of_in_one_line(own_cache, tmp_path, monkeypatch):

@@ -18,13 +18,16 @@ class CompilerError(Exception):
     """No compiled code: there is no C compiler, or it fails. The message is one line."""
 
 
-def compiled(source: Path, sizes: Mapping[str, int]) -> ctypes.CDLL:
-    """The library of a C file with the sizes as macros. Raises CompilerError."""
+def compiled(source: Path, sizes: Mapping[str, int], kept: bool = False) -> ctypes.CDLL:
+    """The library of a C file with the sizes as macros; with `kept`, only if it is in the cache. Raises
+    CompilerError."""
     compiler, identity = _compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
     text = "\0".join((source.read_text(encoding="utf-8"), identity, *_FLAGS, *macros))
     library = _folder() / f"{source.stem}-{hashlib.sha256(text.encode()).hexdigest()[:24]}.so"
     if not library.is_file():
+        if kept:
+            raise CompilerError(f"{source.name} has not been compiled for {dict(sizes)}")
         _compile([compiler, *_FLAGS, *macros, str(source), "-lm"], library)
     try:
         return ctypes.CDLL(str(library))

@@ -10,6 +10,9 @@
 #include <string.h>
 
 #define LANES 8
+#define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
+#define LANE 1
+#define SEGMENT 2
 #define NX (2 * N)                 /* state: q, dq/dphase */
 #define W (NX + ORBIT)             /* columns of an affine map: the state, and 1 */
 #define ROWS (S * N)
@@ -29,16 +32,17 @@ typedef struct {
     long groups, steps;
     double h;
     int terms;                     /* R */
-    int own;                       /* whether every lane has tables of its own */
+    int own;                       /* whether every lane has tables of its own: SEGMENT or LANE */
     const int *entry;              /* (R), rising: where a term belongs */
-    const double *stages;          /* (steps S, R), own: (groups, steps S, R, LANES) */
-    const double *nodes;           /* (steps, R), own: (groups, steps, R, LANES); unless STIFF */
+    const double *stages;          /* (steps S, R), LANE: (groups, steps S, R, LANES), SEGMENT: (LANES, steps S, R) */
+    const double *nodes;           /* the same for steps instead of steps S; unless STIFF */
     const double *coefficients;    /* (groups, R, LANES) */
     const double *A, *A2, *b, *bA, *c, *powers;
     double *Phi;                   /* (groups, NX, NX, LANES) */
     double *closed;                /* (groups, 2, NX, NX, LANES): G and H of G x_0 + H x_0 = r */
     double *bound;                 /* (groups, LANES): at least the condition of G + H */
     double *curves;                /* (groups LANES, N, steps, D) */
+    double *maps;                  /* (LANES, steps, NX, W): of the steps; or null */
 } problem;
 
 static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
@@ -64,7 +68,14 @@ static inline int any(mask m) {
 static void matrices(const problem *p, long group, const double *tables, long phase, long phases, lane *e) {
     const loose *c = (const loose *)(p->coefficients + group * p->terms * LANES);
     int last = -1;
-    if (p->own) {
+    if (p->own == SEGMENT) {
+        for (int l = 0; l < LANES; l++) {
+            const double *t = tables + (l * phases + phase) * ENTRIES;
+            for (int r = 0; r < ENTRIES; r++) e[r][l] = t[r];
+        }
+        return;
+    }
+    if (p->own == LANE) {
         const loose *t = (const loose *)tables + (group * phases + phase) * p->terms;
         for (int r = 0; r < p->terms; r++) e[p->entry[r]] = t[r];
         return;
@@ -329,12 +340,8 @@ static void balance(long blocks, const lane *maps, double *unit) {
         }
 }
 
-/* Starts x (blocks, NX) of the blocks of the closed chain x_k+1 = A_k x_k + b_k, by structured orthogonal
-   factorisation: neighbouring rows are joined, pair by pair and level by level. */
-static void close_chain(const problem *p, long group, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
-    long counts[64], levels = 0, used = 0;
-    double unit[NX];
-    balance(blocks, maps, unit);
+/* Rows G x_k + H x_{k+1} = r of so many blocks, in balanced units, from their affine maps. */
+static void rows_of(long blocks, const lane *maps, const double *unit, lane *rows) {
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) {
             lane *row = rows + (k * NX + i) * ROW;
@@ -343,20 +350,61 @@ static void close_chain(const problem *p, long group, long blocks, const lane *m
             row[NX + i] -= 1.0;
             row[2 * NX] = -maps[(k * NX + i) * W + NX] / unit[i];
         }
-    for (long count = blocks; count > 1; count = (count + 1) / 2) {
-        counts[levels++] = count;
-        for (long k = 0; k + 1 < count; k += 2)
-            join(rows + k * NX * ROW, rows + (k + 1) * NX * ROW, z, saved + used++ * NX * CYCLIC, rows + k / 2 * NX * ROW);
+}
+
+/* Join neighbouring rows until one is left: a row of the first state and of the last. */
+static void reduce(long count, lane *rows, lane *z, lane *saved) {
+    for (; count > 1; count = (count + 1) / 2) {
+        for (long k = 0; k + 1 < count; k += 2) {
+            join(rows + k * NX * ROW, rows + (k + 1) * NX * ROW, z, saved, rows + k / 2 * NX * ROW);
+            saved += NX * CYCLIC;
+        }
         if (count % 2) memcpy(rows + count / 2 * NX * ROW, rows + (count - 1) * NX * ROW, NX * ROW * sizeof(lane));
     }
+}
+
+/* The states between x_0 and the end, which `reduce` has eliminated. */
+static void expand(long count, const lane *saved, lane *x, const lane *end) {
+    if (count < 2) return;
+    const long pairs = count / 2, starts = (count + 1) / 2;
+    expand(starts, saved + pairs * NX * CYCLIC, x, end);
+    for (long k = starts - 1; k > 0; k--) memcpy(x + 2 * k * NX, x + k * NX, NX * sizeof(lane));
+    for (long k = 0; k < pairs; k++)
+        between(saved + k * NX * CYCLIC, x + 2 * k * NX, 2 * k + 2 < count ? x + (2 * k + 2) * NX : end, x + (2 * k + 1) * NX);
+}
+
+/* Starts x (blocks, NX) of the blocks of a closed chain. */
+static void close_chain(const problem *p, long group, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
+    double unit[NX];
+    balance(blocks, maps, unit);
+    rows_of(blocks, maps, unit, rows);
+    reduce(blocks, rows, z, saved);
     close_row(p, group, rows, z, x);
-    for (long level = levels - 1; level >= 0; level--) {
-        const long count = counts[level], pairs = count / 2, starts = (count + 1) / 2;
-        used -= pairs;
-        for (long k = starts - 1; k > 0; k--) memcpy(x + 2 * k * NX, x + k * NX, NX * sizeof(lane));
-        for (long k = 0; k < pairs; k++)
-            between(saved + (used + k) * NX * CYCLIC, x + 2 * k * NX, x + (2 * k + 2 < count ? 2 * k + 2 : 0) * NX, x + (2 * k + 1) * NX);
-    }
+    expand(blocks, saved, x, x);
+    for (long k = 0; k < blocks; k++)
+        for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
+}
+
+/* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
+static void close_segments(const problem *p, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
+    static const lane none = {0};
+    double unit[NX];
+    lane *whole = rows + blocks * NX * ROW, *kept = saved + blocks * NX * CYCLIC;
+    lane starts[LANES * NX], ends[NX];
+    balance(blocks, maps, unit);
+    rows_of(blocks, maps, unit, rows);
+    reduce(blocks, rows, z, saved);
+    for (int l = 0; l < LANES; l++)
+        for (int i = 0; i < NX * ROW; i++) whole[l * NX * ROW + i] = none + rows[i][l];
+    reduce(LANES, whole, z, kept);
+    close_row(p, 0, whole, z, starts);
+    expand(LANES, kept, starts, starts);
+    for (int i = 0; i < NX; i++)
+        for (int l = 0; l < LANES; l++) {
+            x[i][l] = starts[l * NX + i][0];
+            ends[i][l] = starts[(l + 1) % LANES * NX + i][0];
+        }
+    expand(blocks, saved, x, ends);
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
 }
@@ -407,6 +455,10 @@ static void trace(const problem *p, long length, const lane *starts, const lane 
     memcpy(x + p->steps * NX, x, NX * sizeof(lane));
 }
 
+static lane next_lane(lane x) { return (lane){x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[0]}; }
+
+static lane last_lane(lane x) { return (lane){x[7], x[0], x[1], x[2], x[3], x[4], x[5], x[6]}; }
+
 /* Powers of theta in every step, from states and accelerations. */
 static void draw(const problem *p, long group, const lane *x, const lane *a, const lane *starts) {
     const double h = p->h;
@@ -414,8 +466,12 @@ static void draw(const problem *p, long group, const lane *x, const lane *a, con
         for (int i = 0; i < N; i++) {
             lane data[NODES], power[D];
             data[0] = h * h * (STIFF ? a[(k ? k - 1 : p->steps - 1) * ROWS + (S - 1) * N + i] : starts[k * N + i]);
+            if (STIFF && !k && p->own == SEGMENT) data[0] = last_lane(data[0]);
             for (int j = 0; j < S; j++) data[1 + j] = h * h * a[k * ROWS + j * N + i];
-            if (NODES > S + 1) data[NODES - 1] = h * h * starts[(k + 1) % p->steps * N + i];
+            if (NODES > S + 1) {
+                data[NODES - 1] = h * h * starts[(k + 1) % p->steps * N + i];
+                if (k + 1 == p->steps && p->own == SEGMENT) data[NODES - 1] = next_lane(data[NODES - 1]);
+            }
             power[0] = x[k * NX + i];
             power[1] = h * x[k * NX + N + i];
             for (int d = 2; d < D; d++) {
@@ -429,63 +485,106 @@ static void draw(const problem *p, long group, const lane *x, const lane *a, con
         }
 }
 
+/* Room for the work on one group. */
+typedef struct {
+    long length, blocks;           /* steps a block, blocks of a lane */
+    lane *memory, *e, *rows, *map, *sum, *next, *maps, *z, *saved, *chain, *x0, *stages, *a, *x, *starts;
+} room;
+
+static int open_room(const problem *p, long most_blocks, room *r) {
+    const long wanted = p->steps < most_blocks ? p->steps : most_blocks;
+    const size_t widest = 2 * NX * CYCLIC > NX * (2 * NX + 1) ? 2 * NX * CYCLIC : NX * (2 * NX + 1);
+    r->length = (p->steps + wanted - 1) / wanted;
+    r->blocks = (p->steps + r->length - 1) / r->length;
+    const size_t B = r->blocks + LANES;
+    size_t size = ENTRIES + (size_t)ROWS * COLS + 3 * NX * W + B * NX * W;
+    if (ORBIT) size += widest + B * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + N) + NX;
+    r->memory = aligned_alloc(sizeof(lane), size * sizeof(lane));
+    if (!r->memory) return 1;
+    r->e = r->memory, r->rows = r->e + ENTRIES, r->map = r->rows + ROWS * COLS;
+    r->sum = r->map + NX * W, r->next = r->sum + NX * W, r->maps = r->next + NX * W;
+    r->z = r->maps + B * NX * W, r->saved = r->z + widest, r->chain = r->saved + B * NX * CYCLIC;
+    r->x0 = r->chain + B * NX * ROW, r->stages = r->x0 + B * NX, r->a = r->stages + p->steps * ROWS * W;
+    r->x = r->a + p->steps * ROWS, r->starts = r->x + (p->steps + 1) * NX;
+    memset(r->e, 0, ENTRIES * sizeof(lane));
+    return 0;
+}
+
+/* sum = map after sum. */
+static void append(room *r, const lane *map) {
+    follow(map, r->sum, r->next);
+    lane *t = r->sum;
+    r->sum = r->next;
+    r->next = t;
+}
+
+/* Stage accelerations of every step, as affine functions of its start, and the maps of the blocks. */
+static void advance(const problem *p, long group, room *r) {
+    int careful = 0;
+    for (long block = 0; block < r->blocks; block++) {
+        identity(r->sum);
+        for (long k = block * r->length; k < (block + 1) * r->length && k < p->steps; k++) {
+            build(p, group, k, r->e, r->rows);
+            if (any(eliminate(r->rows, careful)) && !careful) {
+                careful = 1;
+                build(p, group, k, r->e, r->rows);
+                eliminate(r->rows, careful);
+            }
+            substitute(r->rows);
+            if (ORBIT)
+                for (int i = 0; i < ROWS; i++)
+                    memcpy(r->stages + (k * ROWS + i) * W, r->rows + i * COLS + ROWS, W * sizeof(lane));
+            step_map(p, r->rows, r->map);
+            if (p->maps)
+                for (int i = 0; i < NX * W; i++)
+                    for (int l = 0; l < LANES; l++) p->maps[(l * p->steps + k) * NX * W + i] = r->map[i][l];
+            append(r, r->map);
+        }
+        memcpy(r->maps + block * NX * W, r->sum, NX * W * sizeof(lane));
+    }
+    identity(r->sum);
+    for (long block = 0; block < r->blocks; block++) append(r, r->maps + block * NX * W);
+}
+
+/* Curves from the starts of the blocks. */
+static void write(const problem *p, long group, const room *r) {
+    for (int i = 0; i < NX; i++)
+        for (int j = 0; j < NX; j++) ((loose *)p->Phi)[(group * NX + i) * NX + j] = r->sum[i * W + j];
+    if (!ORBIT) return;
+    trace(p, r->length, r->x0, r->stages, r->x, r->a);
+    if (!STIFF)
+        for (long k = 0; k < p->steps; k++) acceleration(p, group, k, r->x + k * NX, r->e, r->starts + k * N);
+    draw(p, group, r->x, r->a, r->starts);
+}
+
 /* Solve the groups one after another; 1 where memory is missing, else 0. */
 int level(const problem *p) {
-    const long blocks_wanted = p->steps < 32 ? p->steps : 32;
-    const long length = (p->steps + blocks_wanted - 1) / blocks_wanted;
-    const long blocks = (p->steps + length - 1) / length;
-    const size_t widest = 2 * NX * CYCLIC > NX * (2 * NX + 1) ? 2 * NX * CYCLIC : NX * (2 * NX + 1);
-    size_t size = ENTRIES + (size_t)ROWS * COLS + 3 * NX * W + blocks * NX * W;
-    if (ORBIT)
-        size += widest + blocks * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + N) + NX;
-    lane *memory = aligned_alloc(sizeof(lane), size * sizeof(lane));
-    if (!memory) return 1;
-    lane *e = memory, *rows = e + ENTRIES, *map = rows + ROWS * COLS, *sum = map + NX * W, *next = sum + NX * W;
-    lane *maps = next + NX * W;
-    lane *z = maps + blocks * NX * W, *saved = z + widest, *chain = saved + blocks * NX * CYCLIC;
-    lane *x0 = chain + blocks * NX * ROW, *stages = x0 + blocks * NX, *a = stages + p->steps * ROWS * W, *x = a + p->steps * ROWS;
-    lane *starts = x + (p->steps + 1) * NX;
-    memset(e, 0, ENTRIES * sizeof(lane));
+    room r;
+    if (open_room(p, BLOCKS, &r)) return 1;
     for (long group = 0; group < p->groups; group++) {
-        int careful = 0;
-        for (long block = 0; block < blocks; block++) {
-            identity(sum);
-            for (long k = block * length; k < (block + 1) * length && k < p->steps; k++) {
-                build(p, group, k, e, rows);
-                if (any(eliminate(rows, careful)) && !careful) {
-                    careful = 1;
-                    build(p, group, k, e, rows);
-                    eliminate(rows, careful);
-                }
-                substitute(rows);
-                if (ORBIT)
-                    for (int i = 0; i < ROWS; i++)
-                        memcpy(stages + (k * ROWS + i) * W, rows + i * COLS + ROWS, W * sizeof(lane));
-                step_map(p, rows, map);
-                follow(map, sum, next);
-                lane *t = sum;
-                sum = next;
-                next = t;
-            }
-            memcpy(maps + block * NX * W, sum, NX * W * sizeof(lane));
-        }
-        identity(sum);
-        for (long block = 0; block < blocks; block++) {
-            follow(maps + block * NX * W, sum, next);
-            lane *t = sum;
-            sum = next;
-            next = t;
-        }
-        for (int i = 0; i < NX; i++)
-            for (int j = 0; j < NX; j++) ((loose *)p->Phi)[(group * NX + i) * NX + j] = sum[i * W + j];
-        if (ORBIT) {
-            close_chain(p, group, blocks, maps, saved, chain, z, x0);
-            trace(p, length, x0, stages, x, a);
-            if (!STIFF)
-                for (long k = 0; k < p->steps; k++) acceleration(p, group, k, x + k * NX, e, starts + k * N);
-            draw(p, group, x, a, starts);
-        }
+        advance(p, group, &r);
+        if (ORBIT) close_chain(p, group, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
+        write(p, group, &r);
     }
-    free(memory);
+    free(r.memory);
+    return 0;
+}
+
+/* Solve one point whose period the lanes share, a segment of so many steps each; 1 as above. */
+int segments(const problem *p) {
+    room r;
+    if (open_room(p, BLOCKS / LANES, &r)) return 1;
+    advance(p, 0, &r);
+    lane *whole = r.chain;                                       /* free until the chain is closed */
+    for (int l = 0; l < LANES; l++)
+        for (int i = 0; i < NX * W; i++) {
+            const lane none = {0};
+            whole[l * NX * W + i] = none + r.sum[i][l];
+        }
+    identity(r.sum);
+    for (int l = 0; l < LANES; l++) append(&r, whole + l * NX * W);
+    if (ORBIT) close_segments(p, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
+    write(p, 0, &r);
+    free(r.memory);
     return 0;
 }

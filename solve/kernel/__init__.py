@@ -1,0 +1,1 @@
+"""Compiled code: C text, compiled at first use where the machine has a compiler."""

@@ -1,0 +1,67 @@
+"""The compiled kernels of lanes.c: eight points, or eight segments of one period, side by side."""
+
+import ctypes
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.kernel.compiler import CompilerError, compiled
+
+LANES = 8
+_SOURCE = Path(__file__).with_name("lanes.c")
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+class Size(NamedTuple):
+    """What a library is compiled for: coordinates, stages, accelerations behind the curve of a step,
+    whether a step ends at a stage, whether orbits are wanted."""
+
+    n: int
+    stages: int
+    nodes: int
+    stiff: bool
+    orbit: bool
+
+
+class _Problem(ctypes.Structure):
+    """`problem` of lanes.c."""
+
+    _fields_ = (
+        ("groups", ctypes.c_long),
+        ("steps", ctypes.c_long),
+        ("h", ctypes.c_double),
+        ("terms", ctypes.c_int),
+        ("own", ctypes.c_int),
+        ("entry", ctypes.POINTER(ctypes.c_int)),
+        *((name, _DOUBLES) for name in ("stages", "nodes", "coefficients")),
+        *((name, _DOUBLES) for name in ("A", "A2", "b", "bA", "c", "powers")),
+        *((name, _DOUBLES) for name in ("Phi", "closed", "bound", "curves", "maps")),
+    )
+
+
+@lru_cache
+def library(size: Size, kept: bool = False) -> ctypes.CDLL:
+    """The library for a size; with `kept`, only if it has been compiled before. Raises CompilerError."""
+    names = ("N", "S", "NODES", "STIFF", "ORBIT")
+    return compiled(_SOURCE, dict(zip(names, map(int, size), strict=True)), kept)
+
+
+def run(
+    kernel: str, size: Size, arrays: Mapping[str, Array], entry: Array | None = None, **numbers: float
+) -> None:
+    """Call a kernel with arrays and numbers by the names in `problem`; results are written into the arrays.
+
+    Raises CompilerError, MemoryError.
+    """
+    indices = np.ascontiguousarray(np.zeros(1) if entry is None else entry, dtype=np.intc)
+    pointers = {name: part.ctypes.data_as(_DOUBLES) for name, part in arrays.items()}
+    problem = _Problem(entry=indices.ctypes.data_as(ctypes.POINTER(ctypes.c_int)), **pointers, **numbers)
+    if getattr(library(size), kernel)(ctypes.byref(problem)):
+        raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
+
+
+__all__ = ["LANES", "CompilerError", "Size", "library", "run"]
