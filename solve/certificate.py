@@ -188,7 +188,7 @@ class Refinement:
     def refuse_resonance(self, coarse: Solution, fine: Solution, ratio: float) -> None:
         """Raise ResonanceError where the multiplier nearest to +1 goes there as the steps get finer."""
         if self.orbit and self.method.order:
-            ours, theirs = (each.multipliers.nearest_one for each in (coarse, fine))
+            ours, theirs = (np.array(each.multipliers.nearest_one) for each in (coarse, fine))
             if at_one(ours, theirs, ratio, self.method.order, fine.grid.steps):
                 raise no_orbit()
 
@@ -242,7 +242,7 @@ def differences(coarse: Solution, fine: Solution) -> Array:
     return np.array([np.max(error / np.where(scale > 0, scale, 1.0)), multipliers])
 
 
-def at_one(coarse: Array, fine: Array, ratio: float, order: int, steps: int) -> Array:
+def at_one(coarse: Array, fine: Array, ratio: float, order: float, steps: int) -> Array:
     """Whether multipliers (…) of two grids, the finer one of `steps`, go to +1 as the steps get finer."""
     change = (fine - coarse) / (ratio**order - 1)
     return np.abs(fine + change - 1) <= np.maximum(_SHARP * np.abs(change), _EPS * max(8, steps))

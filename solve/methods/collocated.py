@@ -1,7 +1,5 @@
 """A collocation method as a method of a period: in compiled code where that is at hand, else in NumPy."""
 
-from functools import cached_property
-
 import numpy as np
 
 from solve.arrays import Array
@@ -28,7 +26,7 @@ class Collocated(OneStep):
     def curve_order(self) -> int:
         return min(self.order, self.collocation.curve_order)
 
-    @cached_property
+    @property
     def collocation(self) -> Collocation:
         raise NotImplementedError
 

@@ -1,7 +1,7 @@
 """Gauss methods (J. C. Butcher, Math. Comp. 18 (1964) 50-64): order 2s, keep |ρ| = 1 where it is 1."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 
 import numpy as np
 
@@ -30,7 +30,12 @@ class Gauss(Collocated):
         """A step resolves about as many radians as it has stages, less one for safety."""
         return self.order / 2 - 1
 
-    @cached_property
+    @property
     def collocation(self) -> Collocation:
-        nodes = np.polynomial.legendre.leggauss(self.order // 2)[0]
-        return Collocation(tuple(map(float, (nodes + 1.0) / 2.0)))
+        return _collocation(self.order)
+
+
+@cache
+def _collocation(order: int) -> Collocation:
+    nodes = np.polynomial.legendre.leggauss(order // 2)[0]
+    return Collocation(tuple(map(float, (nodes + 1.0) / 2.0)))

@@ -1,7 +1,7 @@
 """Radau IIA (B. L. Ehle, 1969; E. Hairer, G. Wanner, Solving ODEs II, IV.5): L-stable, order 2s - 1."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 
 from scipy.special import roots_jacobi
 
@@ -25,7 +25,12 @@ class Radau(Collocated):
                 f"order of radau is {self.order}; allowed: 3, 5, 7, 9, 11, 13; try order 9"
             )
 
-    @cached_property
+    @property
     def collocation(self) -> Collocation:
-        inner = (roots_jacobi((self.order - 1) // 2, 1.0, 0.0)[0] + 1.0) / 2.0
-        return Collocation((*map(float, inner), 1.0))
+        return _collocation(self.order)
+
+
+@cache
+def _collocation(order: int) -> Collocation:
+    inner = (roots_jacobi((order - 1) // 2, 1.0, 0.0)[0] + 1.0) / 2.0
+    return Collocation((*map(float, inner), 1.0))
