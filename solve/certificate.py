@@ -11,7 +11,7 @@ from solve.errors import StepsError
 from solve.methods.auto import Auto
 from solve.methods.grid import Grid
 from solve.methods.method import Method, Solution, no_orbit
-from solve.methods.multipliers import NEGLIGIBLE, Multipliers, accumulated, rounding_error
+from solve.methods.multipliers import NEGLIGIBLE, Multipliers, accumulated, most_rounding, rounding_error
 from solve.methods.radau import Radau
 from solve.pace import Pace, estimated, far, finished, first_steps, judged, rung, telling_steps
 from solve.system import PeriodicSystem
@@ -161,8 +161,8 @@ class Refinement:
         while True:
             fine = self.solved(pace.steps)
             found = differences(coarse, fine)
-            errors, floors = estimated(found, before, pace, self.orders), rounding(fine)
-            wanted = np.maximum(floors, [max(rtol, 2 * fine.defect), rtol])
+            errors = estimated(found, before, pace, self.orders)
+            wanted = within_reach(fine, errors, np.array([max(rtol, 2 * fine.defect), rtol]))
             faded = max(each.multipliers.spectral_radius for each in (coarse, fine)) < FADED
             done = bool(finished(found, before, errors, wanted, pace, np.array([False, faded])))
             hidden = self.hidden_error(fine, telling_steps(pace, self.method)) if done else 0.0
@@ -170,7 +170,7 @@ class Refinement:
             if (done and hidden <= rtol) or onward.steps > self.most:
                 self.refuse_resonance(coarse, fine, pace.ratio)
                 hidden = self.hidden_error(fine, telling_steps(pace, self.method))
-                errors = _raised(errors, floors, hidden)
+                errors = _raised(errors, rounding(fine), hidden)
                 return self.result(with_digits(fine, errors[1]) if faded else fine, errors, rtol, None)
             coarse, before, pace = fine, found, onward
 
@@ -255,6 +255,15 @@ def with_digits(solution: Solution, error: float) -> Solution:
     kept = np.abs(values) > error * solution.multipliers.spectral_radius
     unresolved = solution.multipliers.unresolved + int((~kept).sum())
     return solution.with_multipliers(Multipliers(values[kept], unresolved))
+
+
+def within_reach(solution: Solution, errors: Array, wanted: Array) -> Array:
+    """Errors (2,) to ask for: the wanted ones, or what rounding leaves where that is more and errors are
+    low enough for it to matter."""
+    most = max(most_rounding(solution.Phi, solution.multipliers.spectral_radius), 8 * solution.rounding)
+    if (errors <= wanted).all() or errors[1] > max(most, wanted[1], 64 * _EPS):
+        return wanted
+    return np.maximum(rounding(solution), wanted)
 
 
 def rounding(solution: Solution) -> Array:

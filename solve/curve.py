@@ -1,5 +1,6 @@
 """The continuous curve of a solution over the phase: polynomials by steps, or a Fourier series."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -59,11 +60,16 @@ class Curve:
         step = np.clip(np.searchsorted(nodes, wrapped, side="right") - 1, 0, len(nodes) - 2)
         h = nodes[step + 1] - nodes[step]
         theta = ((wrapped - nodes[step]) / h)[:, None]
-        value = np.zeros((len(wrapped), self.coefficients.shape[2]))
-        for power in range(len(self.coefficients) - 1, derivative - 1, -1):
-            factor = np.prod(np.arange(power - derivative + 1, power + 1))
-            value = value * theta + factor * self.coefficients[power, step]
-        return (value / h[:, None] ** derivative).T
+        powers = np.arange(derivative, len(self.coefficients))
+        terms = self.coefficients[derivative:, step]
+        if derivative:
+            factors = [math.perm(power, derivative) for power in powers.tolist()]
+            terms *= np.array(factors, dtype=float)[:, None, None]
+        value = terms[-1]
+        for term in terms[-2::-1]:
+            value *= theta
+            value += term
+        return (value / h[:, None] ** derivative).T if derivative else value.T
 
 
 @dataclass(frozen=True)

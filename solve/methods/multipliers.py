@@ -1,5 +1,6 @@
 """Floquet multipliers from the monodromy matrix."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,12 @@ class Multipliers:
         values = values[np.argsort(-np.abs(values), kind="stable")]
         pairs = np.flatnonzero((values[1:] == values[:-1].conj()) & (np.imag(values[:-1]) < 0))
         values[pairs], values[pairs + 1] = values[pairs + 1].copy(), values[pairs].copy()
-        kept = np.abs(values) > max(np.finfo(float).eps * np.linalg.norm(Phi, 2), NEGLIGIBLE)
+        modulus, eps = np.abs(values), np.finfo(float).eps
+        norm = np.linalg.norm(Phi)
+        if ((modulus <= eps * norm) & (modulus > eps * norm / math.sqrt(len(Phi)))).any():
+            # Frobenius' norm bounds the spectral one from both sides; between them only it decides.
+            norm = np.linalg.norm(Phi, 2)
+        kept = modulus > max(eps * norm, NEGLIGIBLE)
         return cls(values[kept], int((~kept).sum()))
 
     @property
@@ -50,12 +56,23 @@ class Multipliers:
         spectral radius; infinite where that is 0 and ours is not."""
         from scipy.optimize import linear_sum_assignment
 
-        ours, theirs = (np.pad(s.values, (0, s.unresolved)) for s in (self, other))
+        ours, theirs = (np.append(s.values, np.zeros(s.unresolved)) for s in (self, other))
         distance = np.abs(ours[:, None] - theirs)
-        largest = float(distance[linear_sum_assignment(distance)].max())
+        nearest = distance.argmin(axis=1)
+        if len(set(nearest.tolist())) < len(nearest):
+            # Two have the same nearest neighbour.
+            nearest = linear_sum_assignment(distance)[1]
+        largest = float(distance[np.arange(len(nearest)), nearest].max(initial=0.0))
         if other.spectral_radius == 0.0:
             return 0.0 if largest == 0.0 else np.inf
         return largest / other.spectral_radius
+
+
+def most_rounding(Phi: Array, radius: float) -> float:
+    """What `rounding_error` cannot exceed, from the spectral radius."""
+    if radius <= NEGLIGIBLE:
+        return 0.0
+    return math.sqrt(8 * float(np.finfo(float).eps * np.linalg.norm(Phi)) / radius)
 
 
 def accumulated(steps: int) -> float:
