@@ -103,26 +103,33 @@ class Collocation:
         some = max(1, _SYSTEMS // (8 * (s * n) ** 2))
         for start in range(0, m, some):
             part = slice(start, start + some)
-            left, right = self._stage_systems(h[part], M[part], C[part], K[part], d[part])
-            a[part] = np.linalg.solve(left, right)
+            system = self._stage_systems(h[part], M[part], C[part], K[part])
+            right = np.concatenate((system[..., s * n :], d[part].reshape(-1, s * n, 1)), axis=-1)
+            a[part] = np.linalg.solve(system[..., : s * n], right)
+        # From the powers of h that belong to h² times the acceleration, and to h v.
+        a[..., :n] /= h[:, None, None] ** 2
+        a[..., n : 2 * n] /= h[:, None, None]
         return a.reshape(m, s, n, 2 * n + 1)
 
-    def _stage_systems(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> tuple[Array, Array]:
-        """Matrices (m, s n, s n) of the stage accelerations and their right sides (m, s n, 2n+1)."""
-        m, s, n = d.shape
+    def _stage_systems(self, h: Array, M: Array, C: Array, K: Array) -> Array:
+        """Matrices of the stage accelerations, and behind their columns those that multiply q and h v:
+        (m, s n, s n + 2n); all of them are combinations of M, hC and h²K with constant weights."""
+        m, s, n = M.shape[:3]
         h = h[:, None, None, None]
-        hC, hK = h * C, h * K
-        left = np.empty((m, s, n, s, n))
-        damped, stiff = self.A[:, None, :, None], (self.A @ self.A)[:, None, :, None]
-        np.multiply(hC[:, :, :, None], damped, out=left)
-        left += (h * hK)[:, :, :, None] * stiff
-        stage = np.arange(s)
-        left[:, stage, :, stage] += np.moveaxis(M, 1, 0)
-        right = np.empty((m, s, n, 2 * n + 1))
-        np.negative(K, out=right[..., :n])
-        np.subtract(-C, np.array(self.c)[:, None, None] * hK, out=right[..., n : 2 * n])
-        right[..., -1] = d
-        return left.reshape(m, s * n, s * n), right.reshape(m, s * n, 2 * n + 1)
+        terms = np.concatenate((M, h * C, h**2 * K), axis=-1)
+        system = np.empty((m, s, n, (s + 2) * n))
+        for i, weights in enumerate(self._stage_weights(n)):
+            system[:, i] = (terms[:, i].reshape(m * n, 3 * n) @ weights).reshape(m, n, -1)
+        return system.reshape(m, s * n, -1)
+
+    def _stage_weights(self, n: int) -> list[Array]:
+        """For each stage the weights (3n, (s + 2) n) of M, hC, h²K in its equations."""
+        s, A = len(self.c), self.A
+        rows = np.zeros((s, 3, s + 2))
+        rows[:, 0, :s] = np.eye(s)
+        rows[:, 1, :s], rows[:, 2, :s] = A, A @ A
+        rows[:, 2, s], rows[:, 1, s + 1], rows[:, 2, s + 1] = -1.0, -1.0, -np.array(self.c)
+        return [np.kron(row, np.eye(n)) for row in rows]
 
     def steps(self, h: Array, a: Array) -> Steps:
         """The affine maps of (q, v) over the steps."""
