@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 import solve
+from solve.methods import segments
 from solve.methods.grid import Grid
-from tests.benchmarks import peers
+from tests.benchmarks import casadi_peers, peers
 
 ACCURACY = 1e-6
 SPECTRAL_RADIUS = 0.0701120372
 REPEATS = 5
-OURS = "solve.periodic"
+OURS = 4
+"""Of the contenders, the first ones are this package's own calls."""
 
 Result = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Phases (k,), q (3, k) and the multipliers."""
@@ -38,23 +40,43 @@ def reference():
 
 def certified() -> Result:
     """The user's own call: accuracy asked for, error estimated, warnings and all."""
-    orbit = solve.periodic(cam(), peers.SPEED, rtol=1e-5)
+    orbit = solve.periodic(cam(), peers.SPEED, rtol=ACCURACY)
     return orbit.phase, orbit.q, orbit.multipliers
 
 
 def one_grid() -> Result:
     """The same method on one grid, its error unjudged as the peers' are."""
-    grid = Grid.uniform(300, cam().period)
+    grid = Grid.uniform(304, cam().period)
     solution = solve.Radau().solution(cam(), peers.SPEED, grid, True)
+    assert solution.curve is not None
     phase = grid.nodes[:-1]
     return phase, solution.curve(phase), solution.multipliers.values
 
 
+def by(engine: bool, run: Callable[[], Result]) -> Callable[[], Result]:
+    """The run in NumPy alone, or in compiled segments from the first grid on."""
+
+    def chosen() -> Result:
+        ready = segments.ready
+        segments.ready = lambda method, n, steps: engine and steps % 8 == 0 and segments.prepare(method, n)
+        try:
+            return run()
+        finally:
+            segments.ready = ready
+
+    return chosen
+
+
 CONTENDERS = [
-    Contender(OURS, certified),
-    Contender("radau, one grid of 300 steps", one_grid),
+    Contender("one grid, Radau, 304 steps: compiled", by(True, one_grid)),
+    Contender("one grid, Radau, 304 steps: NumPy", by(False, one_grid)),
+    Contender("solve.periodic, certified: compiled", by(True, certified)),
+    Contender("solve.periodic, certified: NumPy", by(False, certified)),
+    Contender("CasADi mapaccum RK4, 9300 steps", lambda: casadi_peers.mapaccum(9300)),
+    Contender("CasADi cvodes, matrix equation", lambda: casadi_peers.cvodes(4e-9)),
+    Contender("SciPy DOP853 shooting", lambda: peers.dop853_shooting(2e-7)),
     Contender("RK4 loop, 9300 steps", lambda: peers.runge_kutta_loop(9300)),
-    Contender("DOP853 shooting", lambda: peers.dop853_shooting(2e-7)),
+    Contender("SciPy solve_bvp, orbit alone", lambda: peers.boundary_values(1e-6, 9000), repeats=1),
     Contender("Newmark 3n loop, 800 000 steps", lambda: peers.newmark_loop(800_000), repeats=1),
 ]
 

@@ -5,7 +5,7 @@ phases (k,), q (3, k) and the multipliers.
 """
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_bvp, solve_ivp
 
 SPEED = 20 * np.pi
 PERIOD = 2 * np.pi / SPEED
@@ -115,3 +115,22 @@ def dop853_shooting(rtol):
     Phi, c = maps[-1, :, :6], maps[-1, :, 6]
     x = maps[:, :, :6] @ np.linalg.solve(np.eye(6) - Phi, c) + maps[:, :, 6]
     return SPEED * t, x[:, :3].T, np.linalg.eigvals(Phi)
+
+
+def boundary_values(tol, nodes=1000):
+    """solve_bvp on the periodic orbit alone, which gives no multipliers."""
+
+    def rate(t, x):
+        parts = [state_matrices(each) for each in t]
+        P, f = (np.array(part) for part in zip(*parts, strict=True))
+        return (np.einsum("kij,jk->ki", P, x) + f).T
+
+    def jacobian(t, x):
+        return np.moveaxis([state_matrices(each)[0] for each in t], 0, -1)
+
+    def closing(start, end):
+        return start - end
+
+    t = np.linspace(0.0, PERIOD, nodes + 1)
+    found = solve_bvp(rate, closing, t, np.zeros((6, len(t))), fun_jac=jacobian, tol=tol, max_nodes=100_000)
+    return SPEED * found.x, found.y[:3], np.empty(0)
