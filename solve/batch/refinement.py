@@ -139,24 +139,41 @@ class Refinement:
         further = done | far(pace, errors, wanted, self.orders)
         last = np.array([pace.onward(bool(leap), self.most).steps > self.most for leap in (False, True)])
         last = last[further.astype(int)]
+        closed = faded.copy()
+        if faded.any():
+            found.append(Unsound(trace.positions[faded]))
         ended = np.flatnonzero((done | last) & ~faded)
-        steps = telling_steps(pace, self.method)
-        hidden, followed = self.doubts.hidden(steps, trace.positions[ended], level.spectra[ended])
-        stays = (hidden <= self.rtol) | last[ended]
-        ended, hidden, followed = ended[stays], hidden[stays], followed[stays]
-        single = faded.copy()
-        single[ended] = self._resonant(before[ended], level[ended], pace.ratio)
-        if single.any():
-            found.append(Unsound(trace.positions[single]))
-        kept = ~single[ended]
-        ended, hidden, followed = ended[kept], hidden[kept], followed[kept]
         if len(ended):
-            part = level[ended]
-            found.append(
-                self._found(pace.steps, trace.positions[ended], part, errors[ended], hidden, followed)
+            stays = self._ended(
+                pace, before[ended], trace[ended], level[ended], errors[ended], last[ended], found
             )
-        single[ended] = True
-        return found, trace[~single], further[~single]
+            closed[ended] = stays
+        return found, trace[~closed], further[~closed]
+
+    def _ended(
+        self,
+        pace: Pace,
+        before: _Trace,
+        trace: _Trace,
+        level: Level,
+        errors: Array,
+        last: Array,
+        found: list[Found | Unsound],
+    ) -> Array:
+        """Put points whose grids agree among what is found, unless modes that these do not follow matter
+        and grids are not at their `last` (k,); which points that are (k,)."""
+        hidden, followed = self.doubts.hidden(
+            telling_steps(pace, self.method), trace.positions, level.spectra
+        )
+        stays = (hidden <= self.rtol) | last
+        resonant = stays & self._resonant(before, level, pace.ratio)
+        if resonant.any():
+            found.append(Unsound(trace.positions[resonant]))
+        good = stays & ~resonant
+        if good.any():
+            positions, part = trace.positions[good], level[good]
+            found.append(self._found(pace.steps, positions, part, errors[good], hidden[good], followed[good]))
+        return stays
 
     def _resonant(self, coarse: _Trace, fine: Level, ratio: float) -> Array:
         """Points (k,) with a multiplier that goes to +1, where an orbit is asked for."""

@@ -18,6 +18,7 @@ from solve.batch.batch import Batch
 from solve.batch.engines import chosen_engine
 from solve.batch.family import over_speed
 from solve.batch.results import Wish, gathered
+from solve.methods import segments
 from solve.methods.choice import chosen
 
 REPEATS = 5
@@ -39,13 +40,13 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
 def median(run: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Median time in seconds after one run to warm up."""
+    """Median processor time in seconds after one run to warm up."""
     run()
     times = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = time.process_time()
         run()
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     return statistics.median(times)
 
 
@@ -80,10 +81,22 @@ def cam_sweeps() -> None:
     compiled = median(lambda: solve.sweep(cam, SPEEDS, rtol=RTOL, quantities=q))
     numpy = median(lambda: solve.sweep(cam, SPEEDS, rtol=RTOL, quantities=q, engine="numpy"), 3)
     sample = SPEEDS[::20]
-    one = median(lambda: [solve.periodic(cam, speed, rtol=RTOL).statistics("q1") for speed in sample], 1) * 20
+
+    def one_by_one() -> float:
+        return median(lambda: [solve.periodic(cam, w, rtol=RTOL).statistics("q1") for w in sample], 1) * 20
+
+    ready = segments.ready
+    try:
+        segments.ready = lambda method, n, steps: steps % 8 == 0 and segments.prepare(method, n)
+        single = one_by_one()
+        segments.ready = lambda method, n, steps: False
+        one = one_by_one()
+    finally:
+        segments.ready = ready
     _say("cam, 200 speeds, orbit: compiled lanes", compiled, 200, 1.0)
     _say("  NumPy batch", numpy, 200, numpy / compiled)
-    _say("  solve.periodic one by one (10 speeds × 20)", one, 200, one / compiled)
+    _say("  solve.periodic one by one, compiled (10 × 20)", single, 200, single / compiled)
+    _say("  solve.periodic one by one, NumPy (10 × 20)", one, 200, one / compiled)
 
 
 def cam_chart() -> None:
