@@ -137,7 +137,7 @@ def floquet(
     """Floquet multipliers of the system at a speed (rad/s, or a text with unit such as "600 rpm").
 
     With `steps`, the method's result on that many steps, its error estimated from twice as many;
-    without, steps are doubled until the estimated error is `rtol` or less. Raises SolveError
+    without, steps grow until the estimated error is `rtol` or less. Raises SolveError
     subclasses for bad input, matrices or steps.
     """
     omega, rule = speed_in_si(speed), chosen(method)

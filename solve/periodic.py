@@ -18,7 +18,7 @@ def periodic(
     """The T-periodic solution at a speed (rad/s, or a text with unit such as "600 rpm").
 
     With `steps`, the method's result on that many steps, its error estimated from twice as many;
-    without, steps are doubled until the estimated errors of orbit and multipliers are `rtol` or less.
+    without, steps grow until the estimated errors of orbit and multipliers are `rtol` or less.
     Raises ResonanceError where a multiplier is at +1, and other SolveError subclasses for bad input,
     matrices or steps.
 
