@@ -6,13 +6,15 @@ from collections.abc import Sequence
 import typer
 
 from models.four_bar.commands.corrected import corrected
+from models.four_bar.commands.curve import curve
 from models.four_bar.commands.design import design
 from models.four_bar.commands.linkage import linkage
+from models.four_bar.commands.modes import modes
 from models.four_bar.commands.study import study
 from solve.commands.app import run as run_commands
 from solve.commands.groups import flattened
 
-COMMANDS = (linkage, study, corrected, design)
+COMMANDS = (linkage, study, corrected, modes, curve, design)
 
 _NAME = "python -m models.four_bar"
 

@@ -69,6 +69,11 @@ class Element:
         axial = np.array([each.direction == AXIAL for each in self.freedoms])
         return shapes * axial, shapes * ~axial
 
+    def rotation(self, L: float, xi: Array) -> Array:
+        """Rotation v′ (points, k) of the axis at ξ for each unit freedom."""
+        bending = np.array([each.direction == BENDING for each in self.freedoms])
+        return self._derivative(L, xi, 1) * bending
+
     def _derivative(self, L: float, xi: Array, order: int) -> Array:
         """Derivative by x of the shape functions (points, k) at ξ."""
         coefficients = polynomial.polyder(self.coefficients, order, axis=1)

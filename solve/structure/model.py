@@ -12,6 +12,7 @@ from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
 from solve.load import Model
 from solve.structure.beams import Beams, Properties
 from solve.structure.buckling import Compression
+from solve.structure.contributions import LINEAR, Contributions, contributions
 from solve.structure.elements import EXACT
 from solve.structure.freedoms import freedoms
 from solve.structure.joint_forces import joint_force
@@ -109,6 +110,41 @@ class StructureModel(Model):
         if surface not in SURFACES:
             raise UnknownNameError("surface", surface, SURFACES)
         return self.point(link, fraction).stress(self._angle(phase), q, surface)
+
+    def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
+        """Places x + iy (k,) in m, rigid and with deflections q (n, k), of a point that a section carries
+        at the fraction `along` (0 … 1) of a link, `across` m beside its axis; the first held joint is at 0.
+
+        Raises UnknownNameError and ValueOutOfBoundsError.
+        """
+        point, positions = self.point(link, along), self.at_positions(phase)
+        start = [name for name, _ in self.beams.freedoms.joints].index(self.module.LINKS[point.number][1])
+        direction = np.exp(1j * positions.angle[:, point.number])
+        rigid = along * self.beams.properties.length[point.number] + 1j * across
+        u, v = point.displacement(positions.angle, q)
+        moved = u + 1j * v - across * point.rotation(positions.angle, q)
+        places = positions.joints[:, start] + rigid * direction
+        return places, places + moved * direction
+
+    def modal_contributions(
+        self, turn: "Turn", output: str, count: int = 4, samples: int = 720
+    ) -> Contributions:
+        """What the lowest modes of each position, followed along the turn, give to a deflection or stress
+        of an orbit, or of its quasi-static solution. Raises UnknownNameError, ValueOutOfBoundsError."""
+        kind, link, place = self.require_part_of_modes(output)
+        if not 1 <= count <= self.n:
+            raise ValueOutOfBoundsError(f"{count} modes asked for; allowed: 1 to {self.n}")
+        phase = np.linspace(0.0, self.period, samples + 1)
+        state = State(self._equation, phase, turn.speed, *turn.state(phase))
+        return contributions(state, output, kind, self._number(link), place, count)
+
+    def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
+        """Kind, link and place of an output that is linear in the deflections. Raises UnknownNameError."""
+        observed = zip(self.outputs, self.module.OBSERVED, strict=True)
+        linear = {name: each for name, each in observed if each[0] in LINEAR}
+        if output not in linear:
+            raise UnknownNameError(f"deflection or stress of {self.name}", output, linear)
+        return linear[output]
 
     def _number(self, link: str) -> int:
         names = [each.name for each in self.beams.freedoms.links]

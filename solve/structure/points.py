@@ -31,6 +31,12 @@ class Point:
         u, v = element.displacement(member.L, np.array([xi]))
         return local @ u[0], local @ v[0]
 
+    def rotation(self, angle: Array, q: Array) -> Array:
+        """Rotation v′ (k,) of the link's axis."""
+        member, element = self.beams.members[self.number], self.beams.freedoms.elements[self.number]
+        _, xi = self.place
+        return self.local(angle, q) @ element.rotation(member.L, np.array([xi]))[0]
+
     def stress(self, angle: Array, q: Array, surface: str) -> Array:
         """E (u′ ∓ (h/2) v″) (k,) in Pa at the surface plus or minus."""
         properties, member = self.beams.properties, self.beams.members[self.number]

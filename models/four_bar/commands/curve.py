@@ -1,0 +1,121 @@
+"""`python -m models.four_bar curve`: a coupler curve beside its rigid one (thesis Figs. 8.3, 8.4)."""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from models.four_bar.commands.groups import FourBar
+from solve.commands.groups import Results
+from solve.commands.parse import number
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from models.four_bar.coupler_curve import CouplerCurve
+    from solve.orbit import Orbit
+    from solve.output.contents import Contents
+
+_SAMPLES = 721
+
+
+def curve(
+    four_bar: FourBar,
+    results: Results,
+    speed: Annotated[
+        str, typer.Option(metavar='"30 rad/s"', help="Speed with unit: rpm, rad/s or Hz.")
+    ] = "30 rad/s",
+    along: Annotated[
+        float, typer.Option(metavar="S", parser=number, help="Place on the coupler, 0 at A to 1 at B.")
+    ] = 0.5,
+    across: Annotated[
+        float, typer.Option(metavar="M", parser=number, help="Distance beside its axis, in m.")
+    ] = 0.0,
+    quasi_static: Annotated[
+        bool, typer.Option("--quasi-static", help="The kinetostatic curve instead of the full one.")
+    ] = False,
+    rtol: Annotated[
+        float, typer.Option(metavar="R", parser=number, help="Relative error of the solution.")
+    ] = 1e-6,
+) -> None:
+    """The curve of a point of the coupler beside that of the rigid linkage."""
+    results.files()
+    model = four_bar.loaded()
+
+    import numpy as np
+
+    import solve
+    from models.four_bar.coupler_curve import coupler_curve, curve_figure
+    from solve.commands.deliver import deliver
+
+    orbit = solve.periodic(model, speed, rtol=rtol)
+    turn = orbit.quasi_static if quasi_static else orbit
+    found = coupler_curve(model, turn, along, across, np.linspace(0.0, model.period, _SAMPLES))
+    title = f"Coupler curve at {orbit.speed:.6g} rad/s" + (", quasi-static" if quasi_static else "")
+    deliver(
+        results,
+        orbit.warnings,
+        record=lambda: _record(orbit, found, along, across),
+        report=lambda: _report(orbit, found, four_bar.problem.choices),
+        figure=lambda: curve_figure(title, found),
+        contents=lambda: _contents(orbit, found),
+    )
+
+
+def _columns(found: "CouplerCurve") -> "dict[str, tuple[Any, str, str]]":
+    import numpy as np
+
+    columns: dict[str, tuple[Any, str, str]] = {"phase": (found.phase, "rad", "phase of the drive")}
+    for name, places in (("rigid", found.rigid), ("flexible", found.elastic)):
+        columns[f"{name}_x"] = (np.real(places), "m", f"x of the point of the {name} linkage")
+        columns[f"{name}_y"] = (np.imag(places), "m", f"y of the point of the {name} linkage")
+    return columns
+
+
+def _record(orbit: "Orbit", found: "CouplerCurve", along: float, across: float) -> dict[str, Any]:
+    from solve.output.record import model_record, plain
+
+    distance = abs(found.deviation)
+    return plain(
+        {
+            **model_record(orbit.system),
+            "speed": orbit.speed,
+            "along": along,
+            "across": across,
+            "max_deviation": distance.max(),
+            "at": found.phase[distance.argmax()],
+            "rms_deviation": (distance[:-1] ** 2).mean() ** 0.5,
+            "error_estimate": orbit.error_estimate._asdict(),
+            "curve": {name: values for name, (values, *_) in _columns(found).items()},
+        }
+    )
+
+
+def _report(orbit: "Orbit", found: "CouplerCurve", choices: "list[str]") -> "RenderableType":
+    import numpy as np
+    from rich.console import Group
+
+    from solve.output.quantities import fixed, prefixed
+    from solve.output.report import heading, table
+
+    parts = {"distance": abs(found.deviation)}
+    parts |= {"along x": np.real(found.deviation), "along y": np.imag(found.deviation)}
+    largest = parts["distance"].max()
+    factor, unit = prefixed("m", largest)
+    made = table("Deviation from the rigid curve", "", f"max|…| ({unit})", "at", f"rms ({unit})")
+    for name, values in parts.items():
+        at = np.abs(values).argmax()
+        made.add_row(
+            name,
+            fixed(abs(values[at]) * factor, largest * factor, 5),
+            f"{math.degrees(found.phase[at]):.1f}°",
+            fixed(float(np.sqrt((values[:-1] ** 2).mean())) * factor, largest * factor, 5),
+        )
+    return Group(heading(orbit.system, orbit.speed, choices), made)
+
+
+def _contents(orbit: "Orbit", found: "CouplerCurve") -> "Contents":
+    from solve.output.contents import table_contents
+    from solve.output.record import model_record
+
+    return table_contents(_columns(found), {**model_record(orbit.system), "speed": orbit.speed})

@@ -1,0 +1,111 @@
+"""`python -m models.four_bar modes`: what each mode gives to a deflection or stress (thesis Fig. 6.4)."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from models.four_bar.commands.groups import FourBar
+from solve.commands.groups import Results
+from solve.commands.parse import number
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from solve.orbit import Orbit
+    from solve.output.contents import Contents
+    from solve.structure.contributions import Contributions
+
+
+def modes(
+    four_bar: FourBar,
+    results: Results,
+    speed: Annotated[
+        str, typer.Option(metavar='"35 rad/s"', help="Speed with unit: rpm, rad/s or Hz.")
+    ] = "35 rad/s",
+    of: Annotated[
+        str, typer.Option(metavar="NAME", help="A deflection or stress among the outputs.")
+    ] = "follower_midpoint_deflection",
+    count: Annotated[int, typer.Option(metavar="N", min=1, help="Number of modes.")] = 4,
+    rtol: Annotated[
+        float, typer.Option(metavar="R", parser=number, help="Relative error of the solution.")
+    ] = 1e-6,
+) -> None:
+    """What the modes of each position give to a deflection or stress over one turn."""
+    results.files()
+    model = four_bar.loaded()
+
+    import solve
+    from solve.commands.deliver import deliver
+
+    model.require_part_of_modes(of)
+    orbit = solve.periodic(model, speed, rtol=rtol)
+    found = model.modal_contributions(orbit, of, count)
+
+    def figure() -> Any:
+        from solve.output.contributions_plot import contributions_figure
+
+        return contributions_figure(model, found, orbit.speed)
+
+    deliver(
+        results,
+        orbit.warnings,
+        record=lambda: _record(orbit, found),
+        report=lambda: _report(orbit, found, four_bar.problem.choices),
+        figure=figure,
+        contents=lambda: _contents(orbit, found),
+    )
+
+
+def _record(orbit: "Orbit", found: "Contributions") -> dict[str, Any]:
+    from solve.output.record import model_record, plain
+
+    return plain(
+        {
+            **model_record(orbit.system),
+            "speed": orbit.speed,
+            "quantity": found.output,
+            "unit": orbit.system.units[found.output],
+            "phase": found.phase,
+            "total": found.total,
+            "modes": [
+                {"frequency": frequencies, "contribution": values, "max_abs": abs(values).max()}
+                for frequencies, values in zip(found.frequencies, found.values, strict=True)
+            ],
+            "error_estimate": orbit.error_estimate._asdict(),
+        }
+    )
+
+
+def _report(orbit: "Orbit", found: "Contributions", choices: "list[str]") -> "RenderableType":
+    from rich.console import Group
+
+    from solve.output.quantities import fixed, prefixed
+    from solve.output.report import heading, table
+
+    largest = abs(found.total).max()
+    factor, unit = prefixed(orbit.system.units[found.output], largest)
+    made = table(found.output, "mode", "mean ω (rad/s)", f"max|…| ({unit})", "share of max (%)")
+    for number_, (frequencies, values) in enumerate(zip(found.frequencies, found.values, strict=True), 1):
+        size = abs(values).max()
+        made.add_row(
+            str(number_),
+            f"{frequencies[:-1].mean():.3f}",
+            fixed(size * factor, largest * factor, 5),
+            f"{100 * size / largest:.1f}",
+        )
+    made.add_row("all", "", fixed(largest * factor, largest * factor, 5), "100.0")
+    return Group(heading(orbit.system, orbit.speed, choices), made)
+
+
+def _contents(orbit: "Orbit", found: "Contributions") -> "Contents":
+    from solve.output.contents import table_contents
+    from solve.output.record import model_record
+
+    unit = orbit.system.units[found.output]
+    columns: dict[str, tuple[Any, str, str]] = {
+        "phase": (found.phase, "rad", "phase of the drive"),
+        "all": (found.total, unit, f"{found.output}, all modes"),
+    }
+    for number_, values in enumerate(found.values, 1):
+        columns[f"mode_{number_}"] = (values, unit, f"{found.output}, mode {number_}")
+    return table_contents(columns, {**model_record(orbit.system), "speed": orbit.speed})

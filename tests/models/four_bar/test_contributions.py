@@ -1,0 +1,54 @@
+"""Contributions of the modes (thesis Fig. 6.4): their sum, the modes' continuity, what the thesis sees."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.structure.contributions import followed
+
+SPEED = 35.0
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return solve.periodic(solve.load("four_bar", options={"elements": 2}), SPEED, rtol=1e-6)
+
+
+@pytest.mark.parametrize("output", ["coupler_midpoint_deflection", "crank_root_stress_minus"])
+def test_all_modes_together_give_the_output(orbit, output):
+    found = orbit.system.modal_contributions(orbit, output, count=orbit.system.n, samples=90)
+    truth = orbit.system.output_values(found.phase, SPEED, *orbit.state(found.phase))[output]
+    np.testing.assert_allclose(found.values.sum(axis=0), truth, atol=1e-8 * np.abs(truth).max())
+    np.testing.assert_allclose(found.total, truth, atol=1e-12 * np.abs(truth).max())
+
+
+def test_the_first_mode_rules_the_follower_and_the_next_two_the_coupler(orbit):
+    size = {
+        link: np.abs(found.values).max(axis=1) / np.abs(found.total).max()
+        for link in ("follower", "coupler")
+        for found in [orbit.system.modal_contributions(orbit, f"{link}_midpoint_deflection")]
+    }
+    assert size["follower"][0] > 0.95
+    assert size["follower"][1:].max() < 0.1
+    assert size["coupler"][0] < 0.3
+    assert size["coupler"][1:3].min() > 0.5
+
+
+def test_modes_are_followed_through_a_crossing_with_their_signs():
+    """Two uncoupled oscillators whose frequencies cross, in axes that turn: the first stays the first."""
+    phase = np.linspace(0.0, 3.0, 62)
+    turned = np.array([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in phase])
+    stiffness = np.stack([1.0 + phase, np.full(62, 2.5)], axis=1)
+    K = np.einsum("kij,kj,klj->kil", turned, stiffness, turned)
+    found = followed(np.broadcast_to(np.eye(2), K.shape), K, 2)
+    np.testing.assert_allclose(found.frequencies[:, 0] ** 2, 1.0 + phase, rtol=1e-12)
+    along = np.einsum("ki,ki->k", found.vectors[:, :, 0], turned[:, :, 0])
+    np.testing.assert_allclose(along, along[0], rtol=1e-9)
+
+
+def test_what_has_no_modal_parts_is_refused(orbit):
+    with pytest.raises(UnknownNameError, match="deflection or stress"):
+        orbit.system.modal_contributions(orbit, "strain_energy")
+    with pytest.raises(ValueOutOfBoundsError, match="allowed: 1 to 18"):
+        orbit.system.modal_contributions(orbit, "crank_tip_deflection", count=19)

@@ -1,0 +1,97 @@
+"""Coupler curves of the flexible linkage beside the rigid ones, and the commands `curve` and `modes`."""
+
+import json
+
+import numpy as np
+import pytest
+
+import solve
+from models.four_bar.__main__ import run
+from models.four_bar.coupler_curve import coupler_curve
+from models.four_bar.linkage import Linkage
+
+PHASE = np.linspace(0, 2 * np.pi, 25)
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return solve.periodic(solve.load("four_bar"), 30.0, rtol=1e-6)
+
+
+def test_at_the_joints_the_deviation_is_theirs(orbit):
+    q = dict(zip(orbit.coordinates, orbit.at(PHASE), strict=True))
+    for along, joint in ((0.0, "A"), (1.0, "B")):
+        found = coupler_curve(orbit.system, orbit, along, 0.0, PHASE)
+        np.testing.assert_allclose(found.deviation, q[f"{joint}_x"] + 1j * q[f"{joint}_y"], atol=1e-15)
+
+
+def test_the_rigid_curve_is_the_linkages(orbit):
+    p = orbit.system.parameters
+    linkage = Linkage(*(p[name] for name in ("L1", "L2", "L3", "L4")))
+    found = coupler_curve(orbit.system, orbit, 0.3, 0.08, PHASE)
+    for phase, place in zip(PHASE, found.rigid, strict=True):
+        t2 = linkage.motion(phase, 0.0, 0.0).t[1]
+        expected = p["L1"] * np.exp(1j * phase) + (0.3 * p["L2"] + 0.08j) * np.exp(1j * t2)
+        assert place == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_point_beside_the_axis_turns_with_its_section(orbit):
+    q = dict(zip(orbit.coordinates, orbit.at(PHASE), strict=True))
+    for along, end in ((0.0, "A"), (1.0, "B")):
+        on, beside = (coupler_curve(orbit.system, orbit, along, across, PHASE) for across in (0.0, 0.05))
+        carried = 1j * q[f"coupler_{end}_turn"] * (beside.rigid - on.rigid)
+        np.testing.assert_allclose(beside.deviation - on.deviation, carried, atol=1e-15)
+
+
+@pytest.fixture
+def answer(capsys, monkeypatch):
+    """Standard output and standard error of a command, which must succeed."""
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def ask(*arguments: str) -> tuple[str, str]:
+        assert run(arguments) == 0
+        written = capsys.readouterr()
+        return written.out, written.err
+
+    return ask
+
+
+def test_the_command_curve(answer, orbit, tmp_path):
+    picture, data = tmp_path / "curve.png", tmp_path / "curve.csv"
+    out, _ = answer("curve", "--along", "1", "--plot", str(picture), "--save", str(data), "--json")
+    record = json.loads(out)
+    q = dict(zip(orbit.coordinates, orbit.at(np.linspace(0, 2 * np.pi, 721)), strict=True))
+    distance = np.hypot(q["B_x"], q["B_y"])
+    assert record["max_deviation"] == pytest.approx(distance.max(), rel=1e-6)
+    assert picture.stat().st_size > 10_000
+    assert len(data.read_text().splitlines()) > 721
+    out, _ = answer("curve")
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_the_command_modes(answer, tmp_path):
+    picture = tmp_path / "modes.png"
+    out, _ = answer("modes", "--count", "3", "--json", "--plot", str(picture))
+    record = json.loads(out)
+    assert len(record["modes"]) == 3
+    assert record["modes"][0]["max_abs"] == pytest.approx(max(map(abs, record["total"])), rel=0.05)
+    assert picture.stat().st_size > 10_000
+    out, _ = answer("modes")
+    assert max(map(len, out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("curve", "--along", "1.5"), "allowed: 0 to 1"),
+        (("curve", "--speed", "30"), "unit"),
+        (("modes", "--of", "strain_energy"), "deflection or stress"),
+        (("modes", "--count", "10"), "allowed: 1 to 9"),
+    ],
+)
+def test_bad_input_is_answered_in_one_line(arguments, said, capsys):
+    assert run(arguments) == 2
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert said in written.err
+    assert written.err.count("\n") == 1
