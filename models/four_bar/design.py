@@ -18,9 +18,9 @@ from solve.arrays import Array
 from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError
 from solve.structure.model import StructureModel
 
-_ROUNDS, _RESOLVED = 3, 0.01
-"""How often the intervals between speeds are halved at most, and the relative error of interpolation over
-one below which it is left."""
+_RESOLVED, _FINEST, _ROUNDS = 0.01, 0.25, 8
+"""Relative error of interpolation over an interval of speeds below which it is left; its relative length
+below which it is, as part of ζ, for peaks are 2ζ wide; how often intervals are halved at most."""
 
 RESERVE = 0.03
 """Part of the allowable stress that the speed to run up to leaves, where none is asked for."""
@@ -87,8 +87,9 @@ class Beyond:
 class Design:
     """What a four-bar can do under an allowable stress (Pa) of each link.
 
-    speeds (P,), L4 (g,): rad/s and m, where the map is known; stress (P, g, links) in Pa; own: the number
-    of the mechanism's own L4.
+    speeds (P,), L4 (g,): rad/s and m, where the map is known; stress (P, g, links) in Pa, error (P,) and
+    growth (P,) as in `Peaks`; missed: the largest relative error of interpolation between the speeds, found
+    where an interval was halved last; own: the number of the mechanism's own L4.
     """
 
     def __init__(
@@ -114,6 +115,7 @@ class Design:
         self.map = StressMap(model, *lengths)
         self.L4 = np.unique([*np.linspace(*lengths, count if lengths[0] < lengths[1] else 1), self.own_L4])
         self.own = int(np.searchsorted(self.L4, self.own_L4))
+        self.missed = 0.0
         self.speeds, self.stress, self.error, self.growth = self._refined(speeds, progress)
         if self.ratio[0, self.own] > 1:
             raise DesignError(
@@ -280,26 +282,28 @@ class Design:
 
     def _refined(self, speeds: Array, progress: Progress) -> tuple[Array, Array, Array, Array]:
         """Speeds, stresses, errors, growths; intervals are halved where the map between is not resolved."""
-        known = self.map.peaks(speeds, self.L4)
-        found = [speeds, known.stress, known.error, known.growth.max(axis=1)]
-        narrow = np.ones(len(speeds) - 1, dtype=bool)
+        narrow, found = np.ones(len(speeds) - 1, dtype=bool), self._points(speeds)
         for _ in range(_ROUNDS):
+            at = np.log(found[0])
+            narrow &= np.diff(at) > _FINEST * self.model.parameters["zeta"]
             if not narrow.any():
                 break
-            progress("stress map", len(found[0]))
-            middle = np.sqrt(found[0][:-1] * found[0][1:])[narrow]
-            added = self.map.peaks(middle, self.L4)
-            guess = np.exp(Akima1DInterpolator(np.log(found[0]), np.log(found[1]))(np.log(middle)))
-            guess, exact = ((part / self.allowable).max(axis=2) for part in (guess, added.stress))
-            missed = (np.abs(guess / exact - 1) > _RESOLVED).any(axis=1)
+            progress("stress map", len(at))
+            middle = ((at[:-1] + at[1:]) / 2)[narrow]
+            added = self._points(np.exp(middle))
+            guess = np.exp(Akima1DInterpolator(at, np.log(found[1]))(middle))
+            guess, exact = ((part / self.allowable).max(axis=2) for part in (guess, added[1]))
+            missed = np.abs(guess / exact - 1).max(axis=1)
             rough = np.zeros(len(narrow), dtype=bool)
-            rough[narrow] = missed
-            place = 1 + np.flatnonzero(narrow)
-            halves = np.ones(len(narrow), dtype=int) + narrow
-            narrow = np.repeat(rough, halves)
-            parts = (middle, added.stress, added.error, added.growth.max(axis=1))
-            found = [np.insert(old, place, new, axis=0) for old, new in zip(found, parts, strict=True)]
+            rough[narrow] = missed > _RESOLVED
+            self.missed = float(missed.max())
+            place, narrow = 1 + np.flatnonzero(narrow), np.repeat(rough, 1 + narrow)
+            found = [np.insert(old, place, new, axis=0) for old, new in zip(found, added, strict=True)]
         return found[0], found[1], found[2], found[3]
+
+    def _points(self, speeds: Array) -> list[Array]:
+        peaks = self.map.peaks(speeds, self.L4)
+        return [speeds, peaks.stress, peaks.error, peaks.growth.max(axis=1)]
 
 
 def allowed_lengths(linkage: Linkage, angles: tuple[float, float] = ADVISED) -> tuple[float, float]:

@@ -36,7 +36,7 @@ def _heading(found: Verdict, choices: Sequence[str]) -> Table:
     grid.add_row(
         "map",
         f"{len(design.speeds)} speeds {design.speeds[0]:.4g} … {design.speeds[-1]:.4g} rad/s times "
-        f"{len(design.L4)} lengths, error {np.nanmax(design.error):.1e}",
+        f"{len(design.L4)} lengths, error {np.nanmax(design.error):.1e}, between speeds {design.missed:.1e}",
     )
     return grid
 

@@ -237,7 +237,7 @@ def _highest(histories: Array) -> tuple[Array, Array, Array]:
     with np.errstate(invalid="ignore", divide="ignore"):
         shift = np.where(bend > 0, (after - before) / (2 * bend), 0.0)
         value = top + np.where(bend > 0, (after - before) ** 2 / (8 * bend), 0.0)
-    return value, row, (column + shift) * (2 * math.pi / k) % (2 * math.pi)
+    return np.nan_to_num(value, nan=np.inf), row, (column + shift) * (2 * math.pi / k) % (2 * math.pi)
 
 
 def spaced(low: float, high: float, ratio: float) -> Sequence[float]:

@@ -17,6 +17,9 @@ from solve.output.record import model_record
 _HALVINGS = 6
 """How often the duration of the run-up is halved at most, to find how fast is too fast."""
 
+_ROUGH = 0.05
+"""Relative error of the map beyond which it is told."""
+
 _PART_RETURNING = 0.2
 """Duration of the pivot's return as part of that of the run-up."""
 
@@ -91,7 +94,9 @@ class Verdict:
         if design.growth.max() >= 1:
             at = design.speeds[design.growth >= 1][0]
             found.append(f"from {at:.4g} rad/s on the vibration may be unstable; see: python -m solve bands")
-        if np.nanmax(design.error) > 0.02:
+        if design.missed > _ROUGH:
+            found.append(f"between its speeds the map misses up to {design.missed:.2g} of the stress")
+        if np.nanmax(design.error) > _ROUGH:
             found.append(f"the map's stresses are known to {np.nanmax(design.error):.2g} only")
         if self.plan is not None and self.trials[0].worst >= 1:
             found.append("the simulated stress exceeds the allowable one; run up more slowly or allow more")
@@ -157,6 +162,7 @@ def verdict_record(found: Verdict) -> dict[str, Any]:
         "own_L4": design.own_L4,
         "stress": dict(zip(design.links, np.moveaxis(design.stress, 2, 0), strict=True)),
         "error": float(np.nanmax(design.error)),
+        "interpolation_error": design.missed,
         "limiting": [vars(peak) for peak in design.limiting],
         "critical": [vars(peak) for peak in design.peaks],
         "quiet": [vars(band) for band in design.quiet],

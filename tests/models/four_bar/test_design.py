@@ -17,6 +17,7 @@ LINKS = ("crank", "coupler", "follower")
 SMALL = ("--speeds", "8:33:24 rad/s", "--L4", "0.53:0.63:9 m", "--time", "4 s")
 KEYS = {
     "model", "case", "parameters", "options", "allowable", "speeds", "L4", "own_L4", "stress", "error",
+    "interpolation_error",
     "limiting", "critical", "quiet", "quiet_of", "beyond", "least_ratio", "damping", "target", "returns",
     "least", "smallest_allowable", "verdict", "text", "plan", "trials", "safe_acceleration", "warnings",
 }  # fmt: skip
@@ -110,6 +111,20 @@ def test_the_default_goal_is_beyond_a_limiting_speed_where_it_can_be_reached():
     assert found.design.without_pivot[-1] > 1
     assert found.trials[0].worst < 1
     assert found.trials[0].simulated.L4[-1] == pytest.approx(0.547)
+
+
+def test_a_coarse_start_finds_the_same_map(design):
+    """Narrow peaks between the first speeds are found: halving goes on until they are resolved."""
+    model = solve.load("four_bar")
+    coarse = Design(model, dict.fromkeys(LINKS, 100e6), np.geomspace(8.0, 33.0, 7), (0.53, 0.63), 9)
+    assert coarse.missed < 0.01
+    assert [peak.speed for peak in coarse.limiting] == pytest.approx(
+        [peak.speed for peak in design.limiting], rel=5e-3
+    )
+    between = np.exp(
+        np.interp(np.log(design.speeds), np.log(coarse.speeds), np.log(coarse.ratio[:, coarse.own]))
+    )
+    assert between == pytest.approx(design.ratio[:, design.own], rel=0.03)
 
 
 def test_json(capsys):

@@ -1,0 +1,51 @@
+"""The page on the design method: its commands run as printed and give its table."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from models.four_bar.__main__ import run
+
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "four_bar_design.md").read_text(encoding="utf-8")
+COMMANDS = [line for line in PAGE.splitlines() if line.startswith("python -m models.four_bar ")]
+ROWS = [
+    [cell.strip() for cell in line.split("|")[1:-1]]
+    for line in PAGE.splitlines()
+    if re.match(r"\| \d+ \|", line)
+]
+
+
+def numbers(text):
+    return [float(each) for each in re.findall(r"\d+\.\d+|\d+", text)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", COMMANDS)
+def test_the_page_shows_what_its_commands_give(line, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', line)][3:]
+    assert run([*arguments, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    stress = record["allowable"]["crank"] / 1e6
+    (row,) = (row for row in ROWS if float(row[0]) == stress)
+    _, quiet, limiting, target, L4, least, simulated = row
+    edges = [edge for band in record["quiet"] for edge in (band["start"], band["end"])][1:]
+    assert numbers(quiet) == pytest.approx(edges, rel=1e-3)
+    assert numbers(limiting) == pytest.approx([peak["speed"] for peak in record["limiting"]], rel=3e-3)
+    assert numbers(target) == pytest.approx([record["target"]], rel=3e-3)
+    assert ("returns" in target) == record["returns"]
+    end = record["own_L4"] if record["returns"] else record["plan"]["L4"][-1]
+    assert numbers(L4) == pytest.approx([end], abs=2e-3)
+    assert numbers(least) == pytest.approx([record["smallest_allowable"]["crank"] / 1e6], rel=5e-3)
+    first = record["trials"][0]
+    assert first["duration"] == 60
+    assert numbers(simulated) == pytest.approx([first["greatest_ratio"]], rel=5e-3)
+    assert list(tmp_path.iterdir())
+
+
+def test_the_page_has_its_commands_and_pictures():
+    assert len(COMMANDS) == len(ROWS) == 2
+    for picture in re.findall(r"\]\((\S+\.png)\)", PAGE):
+        assert (Path(__file__).resolve().parents[3] / "docs" / picture).stat().st_size > 20_000
