@@ -158,10 +158,18 @@ class Design:
         values = self.ratio[:, self.own]
         inner = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
         found = []
-        for at in inner:
+        for at in map(int, inner):
             link = int((self.stress[at, self.own] / self.allowable).argmax())
-            found.append(Peak(float(self.speeds[at]), float(values[at]), self.links[link]))
+            found.append(Peak(*self._vertex(at, values), self.links[link]))
         return found
+
+    def _vertex(self, at: int, values: Array) -> tuple[float, float]:
+        """Speed and value of the maximum of a parabola through the logarithms of a maximum and its
+        neighbours."""
+        x, y = (np.log(part[at - 1 : at + 2] / part[at]) for part in (self.speeds, values))
+        square, slope, _ = np.polyfit(x, y, 2)
+        shift = -slope / (2 * square)
+        return float(self.speeds[at] * np.exp(shift)), float(values[at] * np.exp(slope * shift / 2))
 
     @property
     def limiting(self) -> list[Peak]:

@@ -119,7 +119,7 @@ def test_a_coarse_start_finds_the_same_map(design):
     coarse = Design(model, dict.fromkeys(LINKS, 100e6), np.geomspace(8.0, 33.0, 7), (0.53, 0.63), 9)
     assert coarse.missed < 0.01
     assert [peak.speed for peak in coarse.limiting] == pytest.approx(
-        [peak.speed for peak in design.limiting], rel=5e-3
+        [peak.speed for peak in design.limiting], rel=2e-3
     )
     between = np.exp(
         np.interp(np.log(design.speeds), np.log(coarse.speeds), np.log(coarse.ratio[:, coarse.own]))
