@@ -26,6 +26,9 @@ FADED = 1e-30
 _SHARP = 0.1
 """Part of a method's own error within which its extrapolated multiplier must meet +1 to be taken for it."""
 
+_ASTRAY = 0.1
+"""Angle (rad) that a mode may be misplaced by after a period for two grids to tell their error."""
+
 _EPS = float(np.finfo(float).eps)
 
 
@@ -99,12 +102,13 @@ class Refinement:
         ]
 
     def hidden_error(self, solution: Solution, steps: int) -> float:
-        """Error of the multipliers that both of two grids may have, from modes that `steps` do not follow.
+        """Error of the multipliers that both of two grids may have, from modes that `steps` do not follow,
+        or that they misplace by so much of a turn that the grids may meet by chance.
 
         An L-stable method loses such modes, which is wrong where they truly live on; any other may turn
         them into anything, and is judged by one that is L-stable.
         """
-        if self.resolved(steps):
+        if self.resolved(steps) and self.method.drift(self.reach, steps) < _ASTRAY:
             return 0.0
         if not self.method.l_stable:
             return solution.multipliers.difference(self.witness.solution.multipliers)

@@ -50,6 +50,9 @@ class March(OneStep):
     def concerns(self) -> list[str]:
         return self.base.concerns
 
+    def drift(self, angle: float, steps: int) -> float:
+        return self.base.drift(angle, steps)
+
     def least_steps(self, frozen: Array, period: float) -> int:
         return self.base.least_steps(frozen, period)
 

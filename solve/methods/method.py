@@ -77,6 +77,11 @@ class Method(Protocol):
         """ω_max h up to which the steps follow the fastest mode."""
         ...
 
+    def drift(self, angle: float, steps: int) -> float:
+        """Angle by which so many steps misplace a mode that turns `angle` in a period, where that matters
+        before the mode is lost."""
+        ...
+
     @property
     def concerns(self) -> list[str]:
         """Warnings that the method's own settings deserve."""
@@ -120,6 +125,9 @@ class OneStep:
     @property
     def follows(self) -> float:
         return 1.0
+
+    def drift(self, angle: float, steps: int) -> float:
+        return 0.0
 
     @property
     def concerns(self) -> list[str]:

@@ -55,6 +55,11 @@ class Newmark(OneStep):
         angle = np.abs(frozen).max() * period
         return max(1, int(np.ceil(angle / stability_limit(self.gamma, self.beta))))
 
+    def drift(self, angle: float, steps: int) -> float:
+        """With γ = 1/2 a mode's period is longer by (β - 1/12) (ωh)²/2 of itself; otherwise modes grow or
+        decay."""
+        return abs(self.beta - 1 / 12) / 2 * angle**3 / steps**2 if self.gamma == 0.5 else 0.0
+
     @property
     def concerns(self) -> list[str]:
         if self.gamma >= 0.5:

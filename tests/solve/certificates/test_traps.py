@@ -7,6 +7,7 @@ from solve import Newmark, Radau, floquet, periodic
 from solve.errors import StepsError
 from solve.methods.choice import METHODS, chosen
 from solve.methods.gauss import Gauss
+from tests.solve.certificates.population import member
 from tests.solve.certificates.trials import PHASES, matched_error
 from tests.solve.systems import cam, constant, random_system, system
 from tests.solve.witnesses import relative_error
@@ -119,6 +120,29 @@ def test_modes_that_a_method_damps_without_damping_are_not_lost_in_silence(metho
     np.testing.assert_allclose(np.abs(refined.multipliers), 1.0, rtol=0, atol=1e-6)
     assert refined.unresolved == 0
     assert abs(refined.liouville) < 1e-5
+
+
+def test_two_grids_that_meet_by_chance_are_not_believed():
+    """Newmark turns an undamped mode too slowly: on 32 and 64 steps by so many radians a period that the
+    multipliers of both grids meet to 1e-3, each of them 1.3 from the truth."""
+    given = member(275)
+    truth = floquet(given.system, given.speed, Radau(13), rtol=1e-13)
+    for rtol in (1e-1, 1e-2, 1e-3):
+        found = floquet(given.system, given.speed, "newmark", rtol=rtol)
+        error = matched_error(found.multipliers, truth.multipliers)
+        assert error <= 10 * found.error_estimate.multipliers
+        assert error <= rtol
+
+
+@pytest.mark.parametrize("beta", [0.0, 1 / 6, 0.25])
+def test_newmark_misplaces_a_mode_by_its_drift(beta):
+    omega, steps = 3.3, 400
+    free = constant([[1.0]], [[0.0]], [[omega**2]], lambda phase: np.ones((len(phase), 1)))
+    found = floquet(free, 1.0, Newmark(0.5, beta), steps=steps)
+    exact = 2 * np.pi * omega
+    late = np.angle(np.exp(1j * exact) / found.multipliers[0])
+    late = min(abs(late), abs(np.angle(np.exp(1j * exact) / found.multipliers[1])))
+    assert late == pytest.approx(Newmark(0.5, beta).drift(exact, steps), rel=1e-2)
 
 
 @pytest.mark.parametrize("method", ["auto", "radau", "gauss", "hsu", "newmark", "rk4"])
