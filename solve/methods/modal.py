@@ -16,7 +16,7 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Modal(OneStep):
-    """In every step the modes are those of its middle, the damping between them is left out, and each
+    """In every step the modes are those of its middle, each of unit modal mass, the damping between them is left out, and each
     modal coordinate is carried over to the next step as if the modes did not turn."""
 
     name = "modal"
@@ -48,7 +48,8 @@ class Modal(OneStep):
 
 
 def _modal_matrices(system: PeriodicSystem, phase: Array, speed: float) -> tuple[tuple[Array, ...], Array]:
-    """I, diag δ, diag ω², loads (m, n) and the modes (m, n, n), sorted by frequency, signs continued."""
+    """I, diag δ, diag ω², loads (m, n) and the modes (m, n, n), sorted by frequency, φᵀMφ = 1 (thesis
+    (6.12)), signs continued."""
     M, C, K, d = system.in_phase(phase, speed)
     squares, modes = np.linalg.eig(np.linalg.solve(M, K))
     if np.abs(np.imag(squares)).max() > 1e-9 * np.abs(squares).max():
@@ -58,7 +59,8 @@ def _modal_matrices(system: PeriodicSystem, phase: Array, speed: float) -> tuple
     order = np.argsort(np.real(squares), axis=1)
     squares = np.take_along_axis(np.real(squares), order, axis=1)
     modes = np.take_along_axis(np.real(modes), order[:, None], axis=2)
-    turned = np.einsum("kai,kai->ki", modes[1:], modes[:-1]) < 0
+    modes /= np.sqrt(np.abs(np.einsum("kai,kab,kbi->ki", modes, M, modes)))[:, None]
+    turned = np.einsum("kai,kab,kbi->ki", modes[1:], M[:-1], modes[:-1]) < 0
     modes[1:] *= np.where(np.cumsum(turned, axis=0) % 2 == 1, -1.0, 1.0)[:, None]
     left = np.linalg.inv(M @ modes)
     damping = np.einsum("kia,kab,kbi->ki", left, C, modes)
