@@ -16,8 +16,8 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Modal(OneStep):
-    """In every step the modes are those of its middle, each of unit modal mass, the damping between them is left out, and each
-    modal coordinate is carried over to the next step as if the modes did not turn."""
+    """In every step the modes are those of its middle, each of unit modal mass; the damping between them is
+    left out, and each modal coordinate is carried over to the next step as if the modes did not turn."""
 
     name = "modal"
     order = 0
