@@ -7,16 +7,20 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
+from solve.arrays import Array
 from solve.output.plot import title_of
 from solve.output.quantities import prefixed
-from solve.output.style import BLACK, GREY, new_figure, styled
+from solve.output.style import BLACK, GREY, VERMILION, new_figure, styled
 from solve.output.turn_plot import DASHES, LIGHTEST
 from solve.structure.contributions import Contributions
 from solve.structure.model import StructureModel
 
 
-def contributions_figure(model: StructureModel, found: Contributions, speed: float) -> Figure:
-    """An output over the turn, and each mode's part of it, at a speed in rad/s."""
+def contributions_figure(
+    model: StructureModel, found: Contributions, speed: float, uncoupled: Array | None = None
+) -> Figure:
+    """An output over the turn, and each mode's part of it, at a speed in rad/s; uncoupled: values (k,) of
+    the output if modes did not couple."""
     factor, unit = prefixed(model.units[found.output], float(np.abs(found.total).max()))
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, LIGHTEST, len(found.values)))
     degrees = np.degrees(found.phase)
@@ -30,6 +34,8 @@ def contributions_figure(model: StructureModel, found: Contributions, speed: flo
             dashes = DASHES[number % len(DASHES)]
             style = {"color": colours[number], "dashes": dashes, "label": f"mode {number + 1}"}
             axes.plot(degrees, values * factor, **style)
+        if uncoupled is not None:
+            axes.plot(degrees, uncoupled * factor, color=VERMILION, label="uncoupled")
         axes.set_title(model.meanings[found.output], loc="left", color=GREY)
         axes.set_xlim(0.0, math.degrees(model.period))
         axes.xaxis.set_major_locator(MultipleLocator(math.degrees(model.period) / 12))

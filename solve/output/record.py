@@ -106,6 +106,7 @@ def _quantity(turn: Turn, name: str, count: int) -> dict[str, Any]:
         "min": range_.min,
         "max_abs": range_.max_abs,
         "mean": range_.mean,
+        "rms": range_.rms,
         "max_phase": range_.max_phase,
         "min_phase": range_.min_phase,
         "harmonics": amplitudes,

@@ -1,4 +1,5 @@
-"""`python -m models.four_bar modes`: what each mode gives to a deflection or stress (thesis Fig. 6.4)."""
+"""`python -m models.four_bar modes`: what each mode gives to a deflection or stress (thesis Fig. 6.4), and
+what modes that do not couple would give (thesis Fig. 6.3)."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,9 +12,13 @@ from solve.commands.parse import number
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from solve.arrays import Array
     from solve.orbit import Orbit
     from solve.output.contents import Contents
     from solve.structure.contributions import Contributions
+
+_UNCOUPLED_STEPS = 720
+"""Steps a turn from which on more change nothing of what uncoupling errs by."""
 
 
 def modes(
@@ -26,6 +31,9 @@ def modes(
         str, typer.Option(metavar="NAME", help="A deflection or stress among the outputs.")
     ] = "follower_midpoint_deflection",
     count: Annotated[int, typer.Option(metavar="N", min=1, help="Number of modes.")] = 4,
+    uncoupled: Annotated[
+        bool, typer.Option("--uncoupled", help="Add the solution of modes that do not couple, and its error.")
+    ] = False,
     rtol: Annotated[
         float, typer.Option(metavar="R", parser=number, help="Relative error of the solution.")
     ] = 1e-6,
@@ -40,25 +48,29 @@ def modes(
     model.require_part_of_modes(of)
     orbit = solve.periodic(model, speed, rtol=rtol)
     found = model.modal_contributions(orbit, of, count)
+    alone = None
+    if uncoupled:
+        alone = solve.periodic(model, speed, "modal", _UNCOUPLED_STEPS).signal(of)(found.phase)
 
     def figure() -> Any:
         from solve.output.contributions_plot import contributions_figure
 
-        return contributions_figure(model, found, orbit.speed)
+        return contributions_figure(model, found, orbit.speed, alone)
 
     deliver(
         results,
         orbit.warnings,
-        record=lambda: _record(orbit, found),
-        report=lambda: _report(orbit, found, four_bar.problem.choices),
+        record=lambda: _record(orbit, found, alone),
+        report=lambda: _report(orbit, found, alone, four_bar.problem.choices),
         figure=figure,
-        contents=lambda: _contents(orbit, found),
+        contents=lambda: _contents(orbit, found, alone),
     )
 
 
-def _record(orbit: "Orbit", found: "Contributions") -> dict[str, Any]:
+def _record(orbit: "Orbit", found: "Contributions", alone: "Array | None") -> dict[str, Any]:
     from solve.output.record import model_record, plain
 
+    beside = {} if alone is None else {"uncoupled": {"values": alone, "error": _error(found, alone)}}
     return plain(
         {
             **model_record(orbit.system),
@@ -72,11 +84,19 @@ def _record(orbit: "Orbit", found: "Contributions") -> dict[str, Any]:
                 for frequencies, values in zip(found.frequencies, found.values, strict=True)
             ],
             "error_estimate": orbit.error_estimate._asdict(),
+            **beside,
         }
     )
 
 
-def _report(orbit: "Orbit", found: "Contributions", choices: "list[str]") -> "RenderableType":
+def _error(found: "Contributions", alone: "Array") -> float:
+    """Largest error over the turn beside the largest value."""
+    return float(abs(alone - found.total).max() / abs(found.total).max())
+
+
+def _report(
+    orbit: "Orbit", found: "Contributions", alone: "Array | None", choices: "list[str]"
+) -> "RenderableType":
     from rich.console import Group
 
     from solve.output.quantities import fixed, prefixed
@@ -94,10 +114,16 @@ def _report(orbit: "Orbit", found: "Contributions", choices: "list[str]") -> "Re
             f"{100 * size / largest:.1f}",
         )
     made.add_row("all", "", fixed(largest * factor, largest * factor, 5), "100.0")
+    if alone is not None:
+        size, error = abs(alone).max(), _error(found, alone)
+        made.add_row(
+            "uncoupled", "", fixed(size * factor, largest * factor, 5), f"{100 * size / largest:.1f}"
+        )
+        made.caption = f"uncoupled modes miss by up to {100 * error:.1f} % of the maximum"
     return Group(heading(orbit.system, orbit.speed, choices), made)
 
 
-def _contents(orbit: "Orbit", found: "Contributions") -> "Contents":
+def _contents(orbit: "Orbit", found: "Contributions", alone: "Array | None") -> "Contents":
     from solve.output.contents import table_contents
     from solve.output.record import model_record
 
@@ -108,4 +134,6 @@ def _contents(orbit: "Orbit", found: "Contributions") -> "Contents":
     }
     for number_, values in enumerate(found.values, 1):
         columns[f"mode_{number_}"] = (values, unit, f"{found.output}, mode {number_}")
+    if alone is not None:
+        columns["uncoupled"] = (alone, unit, f"{found.output}, modes that do not couple")
     return table_contents(columns, {**model_record(orbit.system), "speed": orbit.speed})

@@ -76,8 +76,20 @@ def test_the_command_modes(answer, tmp_path):
     assert len(record["modes"]) == 3
     assert record["modes"][0]["max_abs"] == pytest.approx(max(map(abs, record["total"])), rel=0.05)
     assert picture.stat().st_size > 10_000
-    out, _ = answer("modes")
+    assert "uncoupled" not in record
+    out, _ = answer("modes", "--uncoupled")
     assert max(map(len, out.splitlines())) <= 80
+
+
+def test_the_command_modes_tells_what_uncoupling_errs_by(answer, tmp_path):
+    picture, data = tmp_path / "modes.png", tmp_path / "modes.csv"
+    given = ("--uncoupled", "--option", "elements=3", "--of", "coupler_midpoint_deflection")
+    out, _ = answer("modes", *given, "--json", "--plot", str(picture), "--save", str(data))
+    record = json.loads(out)
+    assert record["uncoupled"]["error"] == pytest.approx(0.98, abs=0.01)
+    assert len(record["uncoupled"]["values"]) == len(record["phase"])
+    assert picture.stat().st_size > 10_000
+    assert "uncoupled (m)" in data.read_text().splitlines()[0]
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,9 @@ def test_records_are_json_without_nan():
     assert record["case"] is None
     assert record["parameters"] == {}
     assert len(record["coordinates"]["x"]["harmonics"]) == 4
+    assert record["coordinates"]["x"]["rms"] == pytest.approx(
+        math.hypot(0.5, 0.5**0.5 / abs(-5 + 1.2j)), rel=1e-9
+    )
     assert record["quasi_static"]["coordinates"]["x"]["max"] == pytest.approx(0.75, rel=1e-12)
     assert stability_record(solve.floquet(oscillators(), SPEED))["error_estimate"]["orbit"] is None
 
