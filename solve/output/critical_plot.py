@@ -80,7 +80,8 @@ def _draw_response(axes: Axes, system: PeriodicSystem, curves: Curves, marks: Ma
     known = np.abs(curves.response[np.isfinite(curves.response)])
     largest = float(known.max(initial=0.0))
     factor, unit = prefixed(system.units.get(curves.quantity, ""), largest)
-    axes.plot(curves.speeds * _RPM, curves.response * factor, color=BLUE)
+    speeds, response = _through(curves.speeds, curves.response, marks.responses)
+    axes.plot(speeds * _RPM, response * factor, color=BLUE)
     if largest > _MOST_DECADES * float(known.min(initial=largest)) > 0:
         axes.set_yscale("log")
     _draw_marks(axes, marks.responses, factor, BLUE)
@@ -98,7 +99,8 @@ def _draw_multiplier(axes: Axes, curves: Curves, marks: Marks) -> None:
     def rooted(values: Array) -> Array:
         return np.sign(values) * np.abs(values) ** power
 
-    axes.plot(curves.speeds * _RPM, rooted(curves.real_part), color=VERMILION, linewidth=0.9)
+    speeds, real_part = _through(curves.speeds, curves.real_part, marks.multipliers)
+    axes.plot(speeds * _RPM, rooted(real_part), color=VERMILION, linewidth=0.9)
     for sign in (1, -1):
         axes.plot(
             curves.speeds * _RPM, sign * rooted(curves.radius), color=GREY, linewidth=0.7, linestyle=":"
@@ -141,6 +143,13 @@ def _draw_campbell(axes: Axes, curves: Curves, marks: Marks) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(6))
     axes.set_ylabel("mean natural\nfrequency (Hz)")
     axes.set_title("Campbell diagram: orders of rotation, integer divisions", loc="left", color=GREY)
+
+
+def _through(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
+    """The curve's points and the maxima between them, by rising speed."""
+    at, heights = np.array([*zip(speeds, values, strict=True), *marks]).T
+    order = np.argsort(at)
+    return at[order], heights[order]
 
 
 def _draw_marks(axes: Axes, marks: Sequence[tuple[float, float]], factor: float, color: str) -> None:

@@ -48,9 +48,11 @@ class Sweeps:
         do there. Raises UnknownNameError."""
         from scipy.signal import find_peaks
 
+        responses = self.figures(quantity, figure)
         order = np.argsort(self.speeds)
-        speeds, responses = self.speeds[order], self.figures(quantity, figure)[:, order]
-        first = np.nan_to_num(responses[0], nan=0.0)
+        order = order[np.isfinite(responses[0, order])]
+        speeds, responses = self.speeds[order], responses[:, order]
+        first = responses[0]
         found = []
         for kind, sign in ((PEAK, 1.0), (QUIET, -1.0)):
             at, properties = find_peaks(sign * first, prominence=0.0)

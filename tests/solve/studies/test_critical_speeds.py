@@ -92,3 +92,11 @@ def test_the_picture_has_response_multiplier_and_campbell_diagram(found):
     assert "Re ρ" in multiplier.get_ylabel()
     assert "frequency (Hz)" in campbell.get_ylabel()
     assert len(found.plot(campbell=True).axes) == 1
+
+
+def test_the_curve_goes_through_the_maxima_that_are_marked(found):
+    for axes in found.plot().axes[:2]:
+        marks = [line for line in axes.get_lines() if line.get_marker() == "v"]
+        points = set(zip(*axes.get_lines()[0].get_data(), strict=True))
+        assert marks
+        assert all(points.issuperset(zip(*mark.get_data(), strict=True)) for mark in marks)

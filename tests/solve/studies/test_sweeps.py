@@ -42,6 +42,13 @@ def test_the_peak_of_the_first_with_what_the_others_do_there(found):
     assert peak.responses == pytest.approx([amplitude(zeta, 2.0) for zeta in (0.05, 0.2)], rel=1e-6)
 
 
+def test_a_speed_without_a_result_is_neither_peak_nor_quiet():
+    """Without damping there is no solution at resonance, 2 rad/s."""
+    found = sweeps({"0": oscillator(0.0)}, [1.2, 1.5, 2.0, 2.5, 3.0], ["q"])
+    assert np.isnan(found.figures("q")[0]).tolist() == [False, False, True, False, False]
+    assert [(each.speed, each.kind) for each in found.extremes("q")] == [(1.5, "peak")]
+
+
 def test_the_picture_has_a_curve_a_system(found):
     figure = found.plot(["q"])
     assert [line.get_label() for line in figure.axes[0].get_lines()] == ["0.05", "0.2"]
