@@ -107,13 +107,17 @@ class Design:
         self.allowable = np.array([allowable[link.name] for link in model.beams.freedoms.links])
         if model.parameters["zeta"] <= 0:
             raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
+        if not lengths[0] < lengths[1]:
+            raise DesignError(
+                f"L4 from {lengths[0]:g} to {lengths[1]:g} m leaves the pivot nowhere to go; widen the range"
+            )
         if not lengths[0] <= self.own_L4 <= lengths[1]:
             raise DesignError(
                 f"the mechanism's own L4, {self.own_L4:g} m, is not between {lengths[0]:.4f} and "
                 f"{lengths[1]:.4f} m, the lengths allowed; widen --L4"
             )
         self.map = StressMap(model, *lengths)
-        self.L4 = np.unique([*np.linspace(*lengths, count if lengths[0] < lengths[1] else 1), self.own_L4])
+        self.L4 = np.unique([*np.linspace(*lengths, count), self.own_L4])
         self.own = int(np.searchsorted(self.L4, self.own_L4))
         self.missed = 0.0
         self.speeds, self.stress, self.error, self.growth = self._refined(speeds, progress)
@@ -159,8 +163,7 @@ class Design:
         inner = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
         found = []
         for at in map(int, inner):
-            link = int((self.stress[at, self.own] / self.allowable).argmax())
-            found.append(Peak(*self._vertex(at, values), self.links[link]))
+            found.append(Peak(*self._vertex(at, values), self.worst_link(float(self.speeds[at]))))
         return found
 
     def _vertex(self, at: int, values: Array) -> tuple[float, float]:
@@ -170,6 +173,11 @@ class Design:
         square, slope, _ = np.polyfit(x, y, 2)
         shift = -slope / (2 * square)
         return float(self.speeds[at] * np.exp(shift)), float(values[at] * np.exp(slope * shift / 2))
+
+    def worst_link(self, speed: float) -> str:
+        """The link with the greatest ratio at a speed of the map, at the own L4."""
+        at = int(np.searchsorted(self.speeds, speed))
+        return self.links[int((self.stress[at, self.own] / self.allowable).argmax())]
 
     @property
     def limiting(self) -> list[Peak]:
@@ -256,6 +264,14 @@ class Design:
         part = self.until(target)
         return least_cap(part, self.L4, self._ratio_until(target), self.own, self.rate, returns)
 
+    def doubt(self, target: float) -> float:
+        """Relative error of the stresses up to a speed, of the greater of the map's two kinds."""
+        return max(self.missed, float(np.nanmax(self.error[self.speeds <= target])))
+
+    def least_resting(self, target: float) -> float:
+        """As `least_allowable` without return, where L4 may also change as far as it likes at one speed."""
+        return float(arrival(self._ratio_until(target))[-1].min())
+
     def plan(self, target: float, returns: bool) -> Plan | None:
         """The plan from the lowest speed to the target (rad/s), or None where there is none."""
         best = self.least_allowable(target, returns)
@@ -290,15 +306,14 @@ class Design:
 
     def _refined(self, speeds: Array, progress: Progress) -> tuple[Array, Array, Array, Array]:
         """Speeds, stresses, errors, growths; intervals are halved where the map between is not resolved."""
-        narrow, found = np.ones(len(speeds) - 1, dtype=bool), self._points(speeds)
+        narrow, found = np.ones(len(speeds) - 1, dtype=bool), self._points(speeds, 0, progress)
         for _ in range(_ROUNDS):
             at = np.log(found[0])
             narrow &= np.diff(at) > _FINEST * self.model.parameters["zeta"]
             if not narrow.any():
                 break
-            progress("stress map", len(at))
             middle = ((at[:-1] + at[1:]) / 2)[narrow]
-            added = self._points(np.exp(middle))
+            added = self._points(np.exp(middle), len(at), progress)
             guess = np.exp(Akima1DInterpolator(at, np.log(found[1]))(middle))
             guess, exact = ((part / self.allowable).max(axis=2) for part in (guess, added[1]))
             missed = np.abs(guess / exact - 1).max(axis=1)
@@ -309,8 +324,8 @@ class Design:
             found = [np.insert(old, place, new, axis=0) for old, new in zip(found, added, strict=True)]
         return found[0], found[1], found[2], found[3]
 
-    def _points(self, speeds: Array) -> list[Array]:
-        peaks = self.map.peaks(speeds, self.L4)
+    def _points(self, speeds: Array, before: int, progress: Progress) -> list[Array]:
+        peaks = self.map.peaks(speeds, self.L4, lambda done: progress("stress map", before + done))
         return [speeds, peaks.stress, peaks.error, peaks.growth.max(axis=1)]
 
 

@@ -13,7 +13,7 @@ from solve.output.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_
 _LEVELS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 """Stress over allowable stress."""
 
-_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
+_TICKS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 _COLORS = (BLUE, GREEN, VERMILION)
 
 
@@ -85,13 +85,13 @@ def _draw_needed(axes: Axes, found: Verdict) -> None:
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
     axes.axvline(found.target, color=GREY, linewidth=0.8, linestyle="--")
     axes.set_yscale("log")
-    axes.set_ylim(bottom=0.1)
+    axes.set_ylim(bottom=min(0.1, 0.1 * float(design.without_pivot[-1])))
     axes.yaxis.set_major_locator(FixedLocator(_TICKS))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
     axes.set_ylabel("stress / allowable\nneeded to reach")
     axes.set_xlabel("speed (rad/s)")
-    axes.legend(ncols=2, loc="lower right")
+    axes.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 0.98))
 
 
 def _draw_simulated(axes: Axes, found: Verdict) -> None:

@@ -67,7 +67,8 @@ def _quiet(found: Verdict) -> RenderableType:
     for band in design.quiet:
         known = rates.get(band.quietest)
         cells = [f"{known[link]:+.2f}" for link in design.links] if known else [""] * len(design.links)
-        hurts = "" if known is None else "hurts" if max(known.values()) > 0 else "helps"
+        worst = design.worst_link(band.quietest)
+        hurts = "" if known is None else "hurts" if known[worst] > 0 else "helps"
         made.add_row(
             f"{band.start:.2f}", f"{band.end:.2f}", f"{band.quietest:.2f}", f"{band.ratio:.3f}", hurts, *cells
         )

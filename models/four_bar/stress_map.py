@@ -111,11 +111,13 @@ class StressMap:
         """A function of the values (S,) at the places of each link: (links,)."""
         return np.array([function(own) for own in np.split(values, self._ends[1:-1])])
 
-    def peaks(self, speeds: Array, L4: Array) -> Peaks:
-        """At every speed (P,) and every length (g,) between the ends."""
-        parts = [
-            self._peaks(speeds[start : start + _TOGETHER], L4) for start in range(0, len(speeds), _TOGETHER)
-        ]
+    def peaks(self, speeds: Array, L4: Array, progress: Callable[[int], None] | None = None) -> Peaks:
+        """At every speed (P,) and every length (g,) between the ends; progress is told the speeds done."""
+        parts = []
+        for start in range(0, len(speeds), _TOGETHER):
+            parts.append(self._peaks(speeds[start : start + _TOGETHER], L4))
+            if progress:
+                progress(min(start + _TOGETHER, len(speeds)))
         return Peaks(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
     def _peaks(self, speeds: Array, L4: Array) -> Peaks:

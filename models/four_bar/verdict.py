@@ -72,10 +72,7 @@ class Verdict:
     def text(self) -> str:
         """The answer in one sentence."""
         if self.plan is None:
-            return (
-                f"no plan exists: a run-up to {self.target:.4g} rad/s needs at least "
-                f"{self.least[0]:.4g} times the allowable stress"
-            )
+            return self._refusal
         ends = "L4 back at its own length" if self.returns else f"L4 = {self.plan.L4[-1]:.4f} m at the end"
         first = self.trials[0]
         outcome = "stays below" if first.worst < 1 else "exceeds"
@@ -83,6 +80,23 @@ class Verdict:
             f"a plan exists to {self.target:.4g} rad/s, {ends}; simulated within {first.run_up.duration:g} s "
             f"its stress {outcome} the allowable one, at most {first.worst:.4g} of it"
         )
+
+    @property
+    def _refusal(self) -> str:
+        design, least = self.design, self.least[0]
+        doubt = design.doubt(self.target)
+        absolute = np.unique(design.allowable) / 1e6 * least
+        found = f"a run-up to {self.target:.4g} rad/s needs at least {least:.4g} times the allowable stress"
+        if len(absolute) == 1:
+            found += f", {absolute[0]:.4g} MPa"
+        if least * (1 - doubt) > 1:
+            found = f"no plan exists: {found}"
+        else:
+            found = f"no plan was found: {found}, which the map knows to {doubt:.1g} only"
+        if design.least_resting(self.target) <= 1:
+            found += "; below it L4 would have to change within less speed: begin --speeds lower"
+        highest = design.speeds[np.flatnonzero(design.with_pivot <= 1)[-1]]
+        return f"{found}; up to {highest:.4g} rad/s the allowable stress is enough"
 
     @property
     def warnings(self) -> list[str]:

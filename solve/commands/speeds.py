@@ -29,14 +29,14 @@ class Speeds:
 
 
 @contextmanager
-def progressing(what: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
+def progressing(what: str, total: int | None = None) -> Iterator[Callable[..., None]]:
     """A bar on standard error with the remaining time, where a person looks at it; told the number of
-    points done."""
+    points done and, if it changes, what they are."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        yield lambda done, what=what: bar.update(task, completed=done, description=what)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
 """Speeds of the map by default, as parts of the mean lowest frequency, and the ratio of neighbours."""
 
-_FEWEST, _LENGTHS = 5, 48
+_FEWEST, _LENGTHS, _MOST_LENGTHS = 5, 48, 200
 _RANGE = re.compile(r"(?P<low>[^:\s]+):(?P<high>[^:\s]+)(:(?P<count>\d+))?\s+(?P<unit>\S.*)")
 
 
@@ -70,10 +70,13 @@ def design(
     duration = _duration(time)
     lengths, count = _lengths(model, L4)
     with progressing("design") as progress:
-        made = Design(
-            model, stresses, _speeds(model, speeds), lengths, count, lambda what, done: progress(done)
+
+        def tell(what: str, done: int) -> None:
+            progress(done, what)
+
+        found = verdict(
+            Design(model, stresses, _speeds(model, speeds), lengths, count, tell), goal, duration, tell
         )
-        found = verdict(made, goal, duration, lambda what, done: progress(done))
     deliver(
         results,
         found.warnings,
@@ -157,8 +160,8 @@ def _lengths(model: "StructureModel", text: str | None) -> tuple[tuple[float, fl
     except ValueError:
         raise UnitError(usage) from None
     count = int(found["count"] or _LENGTHS)
-    if not 0 < low <= high or count < 2:
-        raise ValueOutOfBoundsError(usage + ", A not above B, N at least 2")
+    if not 0 < low < high or not 2 <= count <= _MOST_LENGTHS:
+        raise ValueOutOfBoundsError(usage + f", A below B, N from 2 to {_MOST_LENGTHS}")
     for length in (low, high):
         _linkage(model, length).require_full_turn()
     return (low, high), count

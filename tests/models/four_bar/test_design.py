@@ -1,7 +1,9 @@
 """The design method: what it finds, the command, its refusals."""
 
+import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -38,6 +40,8 @@ def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
     low, high = allowed_lengths(Linkage(0.170, 0.328, 0.525, 0.547))
     assert math.degrees(Linkage(0.170, 0.328, 0.525, low).transmission_extremes().min) == pytest.approx(40)
     assert math.degrees(Linkage(0.170, 0.328, 0.525, high).transmission_extremes().max) == pytest.approx(140)
+    with pytest.raises(DesignError, match="nowhere to go"):
+        designed(lengths=(0.547, 0.547))
     with pytest.raises(DesignError, match="no L4 keeps"):
         allowed_lengths(Linkage(0.3, 0.328, 0.525, 0.547))
 
@@ -97,10 +101,43 @@ def test_no_plan_and_the_smallest_allowable_that_has_one(design):
     assert found.plan is None
     assert found.trials == []
     assert found.least[0] > 1
+    assert "no plan exists" in found.text
+    assert f"{100 * found.least[0]:.4g} MPa" in found.text
+    highest = float(re.findall(r"up to ([\d.]+) rad/s the allowable", found.text)[0])
+    assert design.plan(highest - 0.01, False) is not None
+    assert design.plan(highest + 0.5, False) is None
     # Just above this allowable stress a plan exists, just below none.
     for factor, exists in ((1.005, True), (0.995, False)):
         scaled = designed(100e6 * found.least[0] * factor)
         assert (scaled.plan(33.0, False) is not None) == exists
+
+
+def test_a_need_within_the_error_of_the_map_is_no_proof(design):
+    """Where L4 is greatest, a hundredth above 1 is not told from 1 by a map that errs by two."""
+    found = verdict(design, 33.0)
+    assert design.doubt(33.0) == max(design.missed, design.error.max())
+    near = dataclasses.replace(found, least=(1 + 0.5 * design.doubt(33.0), found.least[1]))
+    assert "no plan was found" in near.text
+    assert "no plan exists" not in near.text
+
+
+def test_progress_is_told_while_the_map_is_made():
+    told = []
+    model = solve.load("four_bar")
+    start = np.geomspace(8.0, 12.0, 12)
+    Design(model, dict.fromkeys(LINKS, 1e8), start, (0.53, 0.63), 9, lambda *said: told.append(said))
+    assert told[:2] == [("stress map", 8), ("stress map", 12)]
+    assert [done for _, done in told] == sorted(done for _, done in told)
+
+
+def test_the_worst_link_of_a_quiet_speed_decides_whether_damping_helps(design):
+    """Against the allowable stresses, not the stresses: a weak coupler is the worst link."""
+    model = design.model
+    weak = Design(
+        model, {"crank": 1e9, "coupler": 5e7, "follower": 1e9}, np.geomspace(8, 26, 20), (0.53, 0.63), 9
+    )
+    assert {weak.worst_link(float(speed)) for speed in weak.speeds} == {"coupler"}
+    assert design.worst_link(float(design.speeds[-1])) == "crank"
 
 
 def test_the_default_goal_is_beyond_a_limiting_speed_where_it_can_be_reached():
@@ -167,6 +204,8 @@ def test_report_fits_a_terminal_and_files_are_written(capsys, monkeypatch, tmp_p
         (("--allowable", "100 MPa", "--L4", "0.5:0.9:10 m"), "cannot turn fully"),
         (("--allowable", "100 MPa", "--L4", "0.58:0.6 m"), "own L4, 0.547 m, is not between"),
         (("--allowable", "100 MPa", "--L4", "0.58 m"), "write"),
+        (("--allowable", "100 MPa", "--L4", "0.547:0.547:9 m"), "A below B"),
+        (("--allowable", "100 MPa", "--L4", "0.53:0.63:1000000 m"), "N from 2 to 200"),
         (("--allowable", "100 MPa", "--target", "30"), "has no unit"),
         (("--allowable", "100 MPa", "--target", "90 rad/s", *SMALL), "widen --speeds"),
         (("--allowable", "100 MPa", "--speeds", "6:7:2 rad/s"), "5 different speeds"),

@@ -9,6 +9,7 @@ import pytest
 
 import solve
 from models.four_bar.__main__ import run
+from models.four_bar.stress_map import StressMap
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "four_bar_design.md").read_text(encoding="utf-8")
 COMMANDS = [line for line in PAGE.splitlines() if line.startswith("python -m models.four_bar ")]
@@ -53,6 +54,18 @@ def test_the_page_shows_what_its_commands_give(line, capsys, tmp_path, monkeypat
     root = max(alone.statistics(f"crank_root_stress_{side}").max_abs for side in ("plus", "minus"))
     row = record["stress"]["crank"][int(np.argmin(np.abs(np.array(record["speeds"]) - at)))]
     assert np.interp(L4, record["L4"], row) == pytest.approx(root, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_the_page_says_what_more_elements_change():
+    (said,) = re.findall(
+        r"elements a link give (\d+\.\d) MPa, eight (\d+\.\d) \((\d+) rad/s, L4 = (0\.\d+) m\)", PAGE
+    )
+    *stresses, speed, L4 = map(float, said)
+    for elements, stress in zip((3, 8), stresses, strict=True):
+        model = solve.load("four_bar", options={"elements": elements})
+        found = StressMap(model, L4, L4, 1).peaks(np.array([speed]), np.array([L4])).stress
+        assert stress == pytest.approx(found.max() / 1e6, rel=2e-3)
 
 
 def test_the_page_has_its_commands_and_pictures():
