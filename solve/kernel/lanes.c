@@ -410,23 +410,20 @@ static void close_segments(const problem *p, long blocks, const lane *maps, lane
 }
 
 /* Acceleration (N) that the equation of motion gives to a state at a node. */
-static void acceleration(const problem *p, long group, long step, const lane *x, lane *e, lane *a) {
+static void acceleration(const problem *p, long group, long step, const lane *x, lane *e, lane *z, lane *a) {
     matrices(p, group, p->nodes, step, p->steps, e);
-    lane *M = e;
-    const lane *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
+    const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
     for (int i = 0; i < N; i++) {
-        a[i] = d[i];
-        for (int j = 0; j < N; j++) a[i] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
+        lane *row = z + i * (N + 1);
+        memcpy(row, M + i * N, N * sizeof(lane));
+        row[N] = d[i];
+        for (int j = 0; j < N; j++) row[N] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
     }
-    for (int k = 0; k < N; k++)
-        for (int i = k + 1; i < N; i++) {
-            const lane l = M[i * N + k] / M[k * N + k];
-            for (int j = k + 1; j < N; j++) M[i * N + j] -= l * M[k * N + j];
-            a[i] -= l * a[k];
-        }
+    reflect(z, N, N, N + 1);
     for (int i = N - 1; i >= 0; i--) {
-        for (int j = i + 1; j < N; j++) a[i] -= M[i * N + j] * a[j];
-        a[i] /= M[i * N + i];
+        lane s = z[i * (N + 1) + N];
+        for (int j = i + 1; j < N; j++) s -= z[i * (N + 1) + j] * a[j];
+        a[i] = s / z[i * (N + 1) + i];
     }
 }
 
@@ -553,7 +550,7 @@ static void write(const problem *p, long group, const room *r) {
     if (!ORBIT) return;
     trace(p, r->length, r->x0, r->stages, r->x, r->a);
     if (!STIFF)
-        for (long k = 0; k < p->steps; k++) acceleration(p, group, k, r->x + k * NX, r->e, r->starts + k * N);
+        for (long k = 0; k < p->steps; k++) acceleration(p, group, k, r->x + k * NX, r->e, r->rows, r->starts + k * N);
     draw(p, group, r->x, r->a, r->starts);
 }
 
