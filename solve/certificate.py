@@ -29,6 +29,12 @@ _SHARP = 0.1
 _ASTRAY = 0.1
 """Angle (rad) that a mode may be misplaced by after a period for two grids to tell their error."""
 
+_PHASES = 1021
+"""Evenly spaced phases at which the orders of the matrices are looked for: no multiple of any grid's."""
+
+_ALIAS = 0.01
+"""Part of the tolerance that orders may have that samples do not tell: a resonance may enlarge them."""
+
 _EPS = float(np.finfo(float).eps)
 
 
@@ -117,6 +123,25 @@ class Refinement:
         return lost / radius if lost < radius else 1.0
 
     @cached_property
+    def content(self) -> Array:
+        """Parts of orders 0, 1, … in M, C, K or d, whichever is larger; the largest order of each has 1."""
+        phases = np.arange(_PHASES) * (self.system.period / _PHASES)
+        M, C, K, d = self.system.in_phase(phases, self.speed)
+        unit = 1.0 / np.sqrt(np.maximum(np.abs(np.einsum("kii->ki", M)).mean(axis=0), np.finfo(float).tiny))
+        scaled = (*(unit[:, None] * part * unit for part in (M, C, K)), d * unit)
+        sizes = [np.abs(np.fft.rfft(part.reshape(_PHASES, -1), axis=0)).max(axis=1) for part in scaled]
+        return np.max([size / max(size.max(), np.finfo(float).tiny) for size in sizes], axis=0)
+
+    def alias_error(self, finest: int) -> float:
+        """Error of orbit and multipliers that evenly spaced samples cannot tell: orders of the matrices above
+        half the finest grid's steps, such as 48 teeth, may look like lower ones on every grid. A series
+        needs the orders about them too."""
+        if not self.method.samples_evenly or self.system.breaks:
+            return 0.0
+        seen = finest // 4 if math.isinf(self.method.order) else finest // 2
+        return float(self.content[seen + 1 :].sum())
+
+    @cached_property
     def witness(self) -> Certified:
         """The multipliers by a method that is L-stable."""
         return certified(self.system, self.speed, Radau(), None, WITNESS_RTOL, orbit=False)
@@ -156,7 +181,8 @@ class Refinement:
         chosen, finer = self.solved(steps), self.solved(2 * steps)
         self.refuse_resonance(chosen, finer, 2.0)
         errors = judged(differences(chosen, finer), self.orders)
-        errors = _raised(errors, rounding(chosen), self.hidden_error(chosen, steps))
+        hidden = self.hidden_error(chosen, steps)
+        errors = _raised(errors, rounding(chosen), self.alias_error(2 * steps), hidden)
         return self.result(chosen, errors, rtol, steps)
 
     def refined(self, rtol: float) -> Certified:
@@ -170,11 +196,12 @@ class Refinement:
             faded = max(each.multipliers.spectral_radius for each in (coarse, fine)) < FADED
             done = bool(finished(found, before, errors, wanted, pace, np.array([False, faded])))
             hidden = self.hidden_error(fine, telling_steps(pace, self.method)) if done else 0.0
+            alias = self.alias_error(pace.steps) if done else 0.0
             onward = pace.onward(done or bool(far(pace, errors, wanted, self.orders)), self.most)
-            if (done and hidden <= rtol) or onward.steps > self.most:
+            if (done and max(hidden, alias / _ALIAS) <= rtol) or onward.steps > self.most:
                 self.refuse_resonance(coarse, fine, pace.ratio)
                 hidden = self.hidden_error(fine, telling_steps(pace, self.method))
-                errors = _raised(errors, rounding(fine), hidden)
+                errors = _raised(errors, rounding(fine), self.alias_error(pace.steps), hidden)
                 return self.result(with_digits(fine, errors[1]) if faded else fine, errors, rtol, None)
             coarse, before, pace = fine, found, onward
 
@@ -279,10 +306,10 @@ def rounding(solution: Solution) -> Array:
     return np.maximum(floors, 64 * _EPS)
 
 
-def _raised(errors: Array, floors: Array, hidden: float) -> Array:
-    """Errors (2,) estimated from two grids, raised by what no two grids show: rounding, and modes that
-    neither follows."""
-    return np.maximum(np.maximum(errors, floors), [0.0, hidden])
+def _raised(errors: Array, floors: Array, alias: float, hidden: float) -> Array:
+    """Errors (2,) estimated from two grids, raised by what no two grids show: rounding, orders of the
+    matrices that they see alike, and modes that neither follows."""
+    return np.maximum(np.maximum(errors, floors), [alias, max(alias, hidden)])
 
 
 def surviving(frozen: Array, period: float, limit: float) -> Array:

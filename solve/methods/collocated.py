@@ -23,6 +23,10 @@ class Collocated(OneStep):
         return self.order / 2 - 1
 
     @property
+    def samples_evenly(self) -> bool:
+        return False
+
+    @property
     def curve_order(self) -> int:
         return min(self.order, self.collocation.curve_order)
 

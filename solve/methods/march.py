@@ -50,6 +50,10 @@ class March(OneStep):
     def concerns(self) -> list[str]:
         return self.base.concerns
 
+    @property
+    def samples_evenly(self) -> bool:
+        return self.base.samples_evenly
+
     def drift(self, angle: float, steps: int) -> float:
         return self.base.drift(angle, steps)
 

@@ -77,6 +77,12 @@ class Method(Protocol):
         """ω_max h up to which the steps follow the fastest mode."""
         ...
 
+    @property
+    def samples_evenly(self) -> bool:
+        """Whether all samples of a grid are equally far apart, so that some orders of the matrices look like
+        others to it."""
+        ...
+
     def drift(self, angle: float, steps: int) -> float:
         """Angle by which so many steps misplace a mode that turns `angle` in a period, where that matters
         before the mode is lost."""
@@ -125,6 +131,10 @@ class OneStep:
     @property
     def follows(self) -> float:
         return 1.0
+
+    @property
+    def samples_evenly(self) -> bool:
+        return True
 
     def drift(self, angle: float, steps: int) -> float:
         return 0.0

@@ -5,6 +5,9 @@ a library that an earlier process has left in the cache is taken, and many grids
 """
 
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +22,7 @@ LOOK_AFTER, COMPILE_AFTER = 16, 512
 _OWN_SEGMENTS = 2
 """`own` of lanes.c: the lanes are segments of one period."""
 
+_numpy_alone = ContextVar("_numpy_alone", default=False)
 _solved: Counter[Size] = Counter()
 _ready: dict[Size, bool] = {}
 
@@ -33,9 +37,20 @@ class Segments(NamedTuple):
     curve: Array
 
 
+@contextmanager
+def in_numpy() -> Iterator[None]:
+    """Grids go through NumPy whatever is compiled, for times to be compared: only some numbers of steps
+    suit compiled code."""
+    token = _numpy_alone.set(True)
+    try:
+        yield
+    finally:
+        _numpy_alone.reset(token)
+
+
 def ready(method: Collocation, n: int, steps: int) -> bool:
     """Whether compiled code is at hand for a grid of so many steps, after one grid more of this kind."""
-    if steps % LANES:
+    if steps % LANES or _numpy_alone.get():
         return False
     size = method.size(n, True)
     _solved[size] += 1

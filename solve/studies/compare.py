@@ -12,6 +12,7 @@ from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.floquet import verdict
 from solve.methods.choice import METHODS, chosen
 from solve.methods.method import Method, Solution
+from solve.methods.segments import in_numpy
 from solve.orbit import Orbit
 from solve.periodic import periodic
 from solve.system import PeriodicSystem
@@ -103,8 +104,9 @@ def compare(
 
     At equal steps: each number in `steps`, by default four about the number that resolves the fastest
     mode. At equal accuracy: the least steps whose orbit is right to the target, or whose multipliers are
-    where there is no load. `progress` is told what is under way. Raises SolveError subclasses for bad
-    input and where no periodic solution exists; a method that fails says so in its row.
+    where there is no load. All methods run in NumPy. `progress` is told what is under way. Raises
+    SolveError subclasses for bad input and where no periodic solution exists; a method that fails says so
+    in its row.
     """
     omega = speed_in_si(speed)
     for count in steps or []:
@@ -220,7 +222,7 @@ class _Contestant:
     def _solved(self, steps: int) -> Solution:
         self.refinement.refuse(steps)
         # A method that grows without bound says so by its errors, not by overflow warnings.
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), in_numpy():
             return self.refinement.solved(steps)
 
     def _timed(self, steps: int) -> tuple[Solution, float]:

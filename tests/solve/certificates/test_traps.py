@@ -10,7 +10,7 @@ from solve.methods.gauss import Gauss
 from tests.solve.certificates.population import member
 from tests.solve.certificates.trials import PHASES, matched_error
 from tests.solve.systems import cam, constant, random_system, system
-from tests.solve.witnesses import relative_error
+from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 KEEPING = [name for name in METHODS if name != "auto" and not chosen(name).l_stable]
 DENSE = ("fourier", "hill", "bahgat-willmert")
@@ -196,3 +196,29 @@ def test_every_method_states_up_to_where_it_follows(name):
     enough = int(np.ceil(np.abs(given.frozen_eigenvalues(1.0)).max() * 2 * np.pi / chosen(name).follows)) | 1
     assert not any(UNRESOLVED in text for text in floquet(given, 1.0, name, steps=enough, rtol=0.9).warnings)
     assert any(UNRESOLVED in text for text in floquet(given, 1.0, name, steps=enough - 3, rtol=0.9).warnings)
+
+
+@pytest.mark.parametrize("teeth", [32, 48, 96])
+@pytest.mark.parametrize(
+    ("name", "rtol"),
+    [("rk4", 1e-3), ("hsu", 1e-2), ("newmark", 1e-2), ("fourier", 1e-6), ("hill", 1e-6), ("auto", 1e-6)],
+)
+def test_teeth_that_all_grids_see_alike(teeth, name, rtol):
+    """Evenly spaced samples of 16, 24 and 48 steps take cos 48φ for 1, and a series of few orders has none
+    of it."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        K = 0.4 + 0.3 * np.cos(teeth * phase)[:, None, None]
+        return one, 0.1 * one, K, (1.0 + np.cos(phase))[:, None]
+
+    given = system(matrices, 1)
+    found, truth = periodic(given, 1.0, name, rtol=rtol), Shooting(given, 1.0)
+    errors = (
+        relative_error(found.at(PHASES), truth.states(PHASES)[:1]),
+        multiplier_error(found.multipliers, truth.multipliers),
+    )
+    assert max(errors) <= rtol
+    fixed = periodic(given, 1.0, name, steps=teeth // 4 + 1, rtol=rtol)
+    error = relative_error(fixed.at(PHASES), truth.states(PHASES)[:1])
+    assert error <= 10 * fixed.error_estimate.orbit
