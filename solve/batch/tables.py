@@ -26,8 +26,8 @@ _NEGLIGIBLE = 4e-15
 _FITS = 1e-12
 """Relative error at the check phases up to which a point is represented."""
 
-_MOST_KEPT = 2**22
-"""Bytes of tables up to which they are kept."""
+_MOST_KEPT = 2**26
+"""Bytes that the tables kept for the next points may take together."""
 
 _CHECKS = np.array([0.1357, 0.7311])
 """Where points are checked, in periods."""
@@ -105,13 +105,13 @@ class Separation:
         return Tables(np.ascontiguousarray(table), self.entry, self.n)
 
     def cached(self, key: Hashable, phase: Array) -> Tables:
-        """The same, kept for the next time that the key is given."""
-        if key not in self._kept:
-            made = self.tables(phase)
-            if made.table.nbytes > _MOST_KEPT:
-                return made
-            self._kept[key] = made
-        return self._kept[key]
+        """The same, kept for the next time that the key is given; the oldest make room."""
+        if key in self._kept:
+            return self._kept[key]
+        made = self._kept[key] = self.tables(phase)
+        while sum(kept.table.nbytes for kept in self._kept.values()) > _MOST_KEPT:
+            self._kept.pop(next(iter(self._kept)))
+        return made
 
     def coefficients(self, points: Array) -> tuple[Array, Array]:
         """Coefficients (P, R), and whether each point is represented (P,)."""

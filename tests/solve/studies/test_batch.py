@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import solve
+from solve.batch import tables
 from solve.batch.family import Built, Speeds, over_speed
 from solve.batch.spectra import VERDICTS, Spectra, rounding_errors, verdicts
 from solve.batch.stiffness import Stiffness
@@ -133,6 +134,19 @@ def kinked(kink, delta):
         return one, 0.1 * one, stiffness[:, None, None], np.ones((len(phase), 1))
 
     return matrices
+
+
+def test_tables_are_made_once_and_the_oldest_make_room(monkeypatch):
+    separation = Separation(Speeds(systems.system(kinked(0.3, 2.0), 1)), np.ones((4, 1)), 2 * np.pi, 1)
+    phase, asked = np.linspace(0, 6, 1000), []
+    table = separation.tables(phase)
+    monkeypatch.setattr(tables, "_MOST_KEPT", 2 * table.table.nbytes)
+    monkeypatch.setattr(Separation, "tables", lambda self, phase: asked.append(len(phase)) or table)
+    for key in ("coarse", "fine", "coarse", "fine", "finest", "fine", "coarse"):
+        assert separation.cached(key, phase) is table
+    assert len(asked) == 4
+    monkeypatch.setattr(tables, "_MOST_KEPT", 0)
+    assert separation.cached("too large", phase) is table
 
 
 @pytest.mark.parametrize("small", [1e-3, 1e-8, 1e-11])
