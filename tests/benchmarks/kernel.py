@@ -3,8 +3,11 @@
 Run it with OMP_NUM_THREADS=1. Processor time, best of several runs.
 """
 
+import ctypes
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -12,10 +15,24 @@ import solve
 from solve.batch.engines import chosen_engine
 from solve.batch.level import GridTables
 from solve.batch.tables import Tables
+from solve.kernel import library
+from solve.kernel.compiler import compiled
 from solve.methods.grid import Grid
 from solve.methods.period_map import Steps, monodromy
 
 STEPS, POINTS = 256, 64
+
+CHAIN = """
+void chain(const double *maps, double *product, long count) {
+    static lane x[NX * W], y[NX * W];
+    identity(x);
+    for (long k = 0; k < count; k += 2) {
+        follow((const lane *)maps + k * NX * W, x, y);
+        follow((const lane *)maps + (k + 1) * NX * W, y, x);
+    }
+    for (int i = 0; i < NX * W; i++) ((loose *)product)[i] = x[i];
+}
+"""
 
 
 def best(run: Callable[[], object], repeats: int = 5) -> float:
@@ -44,6 +61,31 @@ def products(n: int) -> float:
     return 2.0 * n**3 * (STEPS - 1) / best(lambda: monodromy(steps))
 
 
+def chain(n: int) -> tuple[float, float]:
+    """Flops a second of products of maps in lanes, n × n, n even, 2n³ each and lane, by the function that
+    lanes.c itself uses; and the error of a product of them all."""
+    text = Path(library.__file__).with_name("lanes.c").read_text(encoding="utf-8") + CHAIN
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder, "chain.c")
+        source.write_text(text, encoding="utf-8")
+        run = compiled(source, {"N": n // 2, "S": 2, "NODES": 3, "STIFF": 1, "ORBIT": 0}).chain
+    count = max(4, min(64, 2 * (30_000 // n**2 // 2)))
+    maps, product = aligned((count, n, n, library.LANES)), aligned((n, n, library.LANES))
+    maps[:] = np.random.default_rng(0).standard_normal(maps.shape) / np.sqrt(n)
+    pointers = [part.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for part in (maps, product)]
+    seconds = best(lambda: run(*pointers, ctypes.c_long(count)))
+    truth = np.linalg.multi_dot(maps[::-1, :, :, 3])
+    error = np.abs(product[..., 3] - truth).max() / np.abs(truth).max()
+    return 2.0 * n**3 * count * library.LANES / seconds, float(error)
+
+
+def aligned(shape: tuple[int, ...]) -> np.ndarray:
+    """Numbers that begin where a vector register may be loaded from."""
+    room = np.empty(int(np.prod(shape)) + library.LANES)
+    start = -(room.ctypes.data // 8) % library.LANES
+    return room[start : start + room.size - library.LANES].reshape(shape)
+
+
 def stages(n: int) -> float:
     """Flops a second of a step of Radau's method of order 9 in lanes, its map's product among them."""
     method = solve.Radau().collocation
@@ -59,9 +101,11 @@ def stages(n: int) -> float:
     return flops * STEPS * points / best(lambda: engine.level(tables, ones, False), 3)
 
 
-def exponent(sizes: list[int], run: Callable[[int], Callable[[], object]]) -> float:
-    """Fitted power of the cost in the sizes."""
-    return float(np.polyfit(np.log(sizes), np.log([best(run(size), 3) for size in sizes]), 1)[0])
+def exponent(sizes: list[int], run: Callable[[int], Callable[[], object]], repeats: int = 5) -> float:
+    """Fitted power p of the cost a + b size^p; sizes rise by one ratio, so that the differences of the
+    costs grow with the same power, whatever the fixed cost a."""
+    times = [best(run(size), repeats) for size in sizes]
+    return float(np.polyfit(np.log(sizes[1:]), np.log(np.diff(times)), 1)[0])
 
 
 def one_grid(n: int, steps: int) -> Callable[[], object]:
@@ -84,11 +128,18 @@ def main() -> None:
     for n in (3, 6, 10, 20, 50):
         rate = products(n)
         print(f"products of maps in NumPy, {n:3d} × {n}: {rate / 1e9:6.1f} GF/s, {100 * rate / peak:4.0f} %")
+    for n in (4, 6, 8, 10, 20, 50):
+        rate, error = chain(n)
+        print(
+            f"products of maps in lanes, {n:3d} × {n}: {rate / 1e9:6.1f} GF/s, {100 * rate / peak:4.0f} %,"
+            f" error {error:.0e}"
+        )
     for n in (3, 6, 10, 20):
         rate = stages(n)
         print(f"steps of Radau in lanes, n = {n:3d}: {rate / 1e9:6.1f} GF/s, {100 * rate / peak:4.0f} %")
-    print(f"cost over n = 20 … 80: power {exponent([20, 28, 40, 56, 80], lambda n: one_grid(n, 16)):.2f}")
-    steps = [256, 512, 1024, 2048, 4096]
+    sizes = [20, 40, 80, 160]
+    print(f"cost over n = 20 … 160: power {exponent(sizes, lambda n: one_grid(n, 16)):.2f}")
+    steps = [1024, 2048, 4096, 8192, 16384]
     print(f"cost over steps, NumPy, n = 3: power {exponent(steps, lambda m: one_grid(3, m + 1)):.2f}")
 
 

@@ -20,6 +20,7 @@ from solve.batch.family import over_speed
 from solve.batch.results import Wish, gathered
 from solve.methods import segments
 from solve.methods.choice import chosen
+from tests.benchmarks.kernel import exponent
 
 REPEATS = 5
 RTOL = 1e-6
@@ -129,22 +130,16 @@ def mathieu_chart() -> None:
 def exponents() -> None:
     """Fitted powers of the cost in points and in steps (cam, stability and orbit on a fixed grid)."""
     cam = solve.load("cam", case="1")
-    batch = Batch(
-        over_speed(cam), SPEEDS[:, None], chosen("radau"), chosen_engine("auto")[0], 128, orbit=True
-    )
-    counts = np.array([256, 512, 1024, 2048])
-    times = [
-        median(lambda n=n: gathered(batch, np.resize(SPEEDS, n)[:, None], Wish(("q1",), warnings=False)), 3)
-        for n in counts
-    ]
-    print(f"cost over points: power {np.polyfit(np.log(counts), np.log(times), 1)[0]:.2f}")
-    steps, times = np.array([128, 256, 512, 1024]), []
-    for m in steps:
-        batch = Batch(
-            over_speed(cam), SPEEDS[:, None], chosen("radau"), chosen_engine("auto")[0], int(m), orbit=True
-        )
-        times.append(median(lambda b=batch: gathered(b, SPEEDS[:, None], Wish(("q1",), warnings=False)), 3))
-    print(f"cost over steps: power {np.polyfit(np.log(steps), np.log(times), 1)[0]:.2f}")
+    engine, wish = chosen_engine("auto")[0], Wish(("q1",), warnings=False)
+
+    def grid(points: int, steps: int) -> Callable[[], object]:
+        speeds = np.resize(SPEEDS, points)[:, None]
+        batch = Batch(over_speed(cam), SPEEDS[:, None], chosen("radau"), engine, steps, orbit=True)
+        return lambda: gathered(batch, speeds, wish)
+
+    counts, steps = [512, 1024, 2048, 4096], [128, 256, 512, 1024]
+    print(f"cost over points: power {exponent(counts, lambda count: grid(count, 128)):.2f}")
+    print(f"cost over steps: power {exponent(steps, lambda count: grid(200, count)):.2f}")
 
 
 def memory(kind: str) -> None:

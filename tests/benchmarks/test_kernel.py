@@ -1,0 +1,33 @@
+"""What the benchmarks of the kernels time gives the same results."""
+
+import numpy as np
+import pytest
+
+from tests.benchmarks import kernel
+from tests.benchmarks.lane_compilers import by_casadi, by_lanes, by_numba, problem
+from tests.solve.studies.test_lanes import needs_compiler
+
+
+@needs_compiler
+def test_compiled_products_are_those_of_numpy():
+    assert kernel.chain(6)[1] < 1e-13
+
+
+@needs_compiler
+def test_casadi_in_lanes_gives_the_same_maps():
+    found, truth = (way(2, *problem(2))() for way in (by_casadi, by_lanes))
+    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_numba_gives_the_same_maps():
+    pytest.importorskip("numba")
+    found = by_numba(2, *problem(2), lanes=8)()
+    truth = by_lanes(2, *problem(2))()
+    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
+
+
+def test_the_fixed_cost_does_not_hide_the_power(monkeypatch):
+    monkeypatch.setattr(kernel, "best", lambda run, repeats: run)
+    assert kernel.exponent([16, 32, 64, 128], lambda size: 5e4 + size**1.5) == pytest.approx(1.5)
