@@ -1,5 +1,6 @@
 """Points of a family solved many at once: what is shared between them, and who needs more."""
 
+import contextlib
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from solve.batch.doubts import frozen
 from solve.batch.family import SPEED, Family
 from solve.batch.level import Engine
 from solve.batch.refinement import BATCHED, Found, Refinement, Unsound
+from solve.batch.spectra import Spectra
 from solve.batch.tables import Chunk, Sampled, Separated, Separation
 from solve.errors import SolveError
 from solve.methods.auto import PHASES, RESOLVABLE, Auto
@@ -63,6 +65,19 @@ class Batch:
             except np.linalg.LinAlgError:
                 # A singular M somewhere: each of the points that are left shall speak for itself.
                 yield Unsound(chosen[left])
+
+    def spectra(self, points: Array, steps: int) -> Spectra:
+        """Multipliers of points (k, v) on one grid of a collocation method, not judged; zero where there
+        are none."""
+        values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
+        resolved = np.zeros(len(points), dtype=int)
+        if self._ready(points) and isinstance(self.method, BATCHED):
+            for chosen, chunk in self._chunks(points):
+                refinement = Refinement(self.engine, self.method, chunk, False, self.rtol)
+                with contextlib.suppress(np.linalg.LinAlgError):
+                    for part, found in refinement.spectra(steps):
+                        values[chosen[part]], resolved[chosen[part]] = found.values, found.resolved
+        return Spectra(values, resolved)
 
     def _of_chunk(self, chunk: Chunk) -> Iterator[Found | Unsound]:
         for method, positions in self._methods(chunk):

@@ -110,6 +110,11 @@ class Refinement:
             hidden, followed = self.doubts.hidden(steps, trace.positions, coarse.spectra)
             yield self._found(steps, trace.positions, coarse, errors, hidden, followed)
 
+    def spectra(self, steps: int) -> Iterator[tuple[Array, Spectra]]:
+        """Multipliers of all points on that many steps, not judged, and the positions (p,) of each part."""
+        for part in self._parts(steps, len(self.chunk.points)):
+            yield part, self._level(steps, part).spectra
+
     def _on(self, pace: Pace, before: _Trace) -> Iterator[Found | Unsound]:
         """The points that need at least this many steps, and then those that need more."""
         for part in self._parts(pace.steps, len(before.positions)):

@@ -13,7 +13,9 @@ from solve.batch.results import Wish, gathered
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import chosen
 from solve.methods.method import Method
+from solve.methods.radau import Radau
 from solve.studies.boundaries import ALIVE, KINDS, Judge, Judged, edges, hidden, judge, sectioned
+from solve.studies.watch import WATCHED, unwatched, watching
 from solve.system import PeriodicSystem
 from solve.units import checked_rtol, checked_tolerance, speeds_given
 
@@ -83,15 +85,20 @@ def bands(
     leaves above 0.01 turns by more than 0.25 rad from one to the next, but not many more than 2000.
     Bands narrower than their distance, the result's `spacing`, are looked for where multipliers come
     closest to each other, to +1 and to -1, and may be missed all the same; a growth below 1e-6 a turn
-    makes no band. Edges are found to `tolerance`, relative. progress is told the number of points solved
-    so far. engine: as in `sweep`. Raises ValueOutOfBoundsError for fewer than two speeds, and SolveError
-    subclasses for what no speed could mend.
+    makes no band. Where modes live on that turn too far in one turn to be followed at many speeds, `auto`
+    looks for bands of the slower ones alone, and the notes tell. Edges are found to `tolerance`,
+    relative. progress is told the number of points solved so far. engine: as in `sweep`. Raises
+    ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
     """
     omegas = np.unique(speeds_given(speeds))
     if len(omegas) < 2:
         raise ValueOutOfBoundsError("bands need at least two speeds; give a range such as '100:900:81 rpm'")
     system.checked(float(omegas[-1]))
-    turning = _turning(system, omegas)
+    by, (used, notes) = chosen(method), chosen_engine(engine)
+    fast = unwatched(system, float(omegas[0]), by)
+    if fast:
+        notes = [*notes, _left_out(system.n, fast)]
+    turning = _turning(system, omegas, WATCHED if fast else np.inf)
     points, solved = _grid(omegas, turning)[:, None], [0]
 
     def count(more: int) -> None:
@@ -99,9 +106,8 @@ def bands(
         if progress:
             progress(solved[0])
 
-    used, notes = chosen_engine(engine)
-    batch = Batch(over_speed(system), points, chosen(method), used, rtol=checked_rtol(rtol))
-    asked = judge(batch, count)
+    batch = Batch(over_speed(system), points, Radau() if fast else by, used, rtol=checked_rtol(rtol))
+    asked = watching(batch, count) if fast else judge(batch, count)
     known = _closer(asked, asked(points), turning)
     middle = np.arange(1, len(known.points) - 1)
     spacing = float(np.diff(known.points[:, 0]).max())
@@ -109,6 +115,13 @@ def bands(
     if known.failed.any():
         notes = [*notes, _failures(batch, known.points[known.failed])]
     return Bands(_Runs(asked, checked_tolerance(tolerance)).bands(_rising(known)), spacing, notes)
+
+
+def _left_out(n: int, fast: int) -> str:
+    return (
+        f"{fast} of {n} modes turn by more than {WATCHED:g} rad a turn and do not die: their bands, of high "
+        "order, are not looked for; a single solution follows all modes"
+    )
 
 
 def _failures(batch: Batch, points: Array) -> str:
@@ -125,9 +138,9 @@ Turning = Callable[[Array], Array]
 period in phase."""
 
 
-def _turning(system: PeriodicSystem, omegas: Array) -> Turning:
+def _turning(system: PeriodicSystem, omegas: Array, most: float) -> Turning:
     """From the matrices frozen at phases and at the lowest and the highest speed; a mode whose vibration
-    dies within a turn does not count."""
+    dies within a turn does not count, nor one that turns by more than `most` at the lowest."""
     phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
     found = []
     for omega in omegas[[0, -1]]:
@@ -138,10 +151,11 @@ def _turning(system: PeriodicSystem, omegas: Array) -> Turning:
         A[:, n:] = -np.linalg.solve(M, np.concatenate((K, C), axis=2))
         found.append(np.linalg.eigvals(A).ravel())
     exponents = np.concatenate(found) * system.period
+    exponents = exponents[np.abs(np.imag(exponents)) <= most * omegas[0]]
 
     def turning(speeds: Array) -> Array:
         counts = np.real(exponents) > np.log(_DEAD) * speeds[:, None]
-        return np.where(counts, np.abs(np.imag(exponents)), 0.0).max(axis=1)
+        return np.where(counts, np.abs(np.imag(exponents)), 0.0).max(axis=1, initial=0.0)
 
     return turning
 
