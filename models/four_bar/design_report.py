@@ -112,8 +112,8 @@ def _trials(found: Verdict) -> RenderableType:
 
 
 def verdict_contents(found: Verdict) -> Contents:
-    """The map by speed at the mechanism's own L4, with what a run-up to each speed needs; in .npz, .mat
-    and .nc the whole map and the slowest simulation besides."""
+    """The map by speed at the mechanism's own L4, with what a run-up to each speed needs; in .npz
+    and .mat the whole map and the slowest simulation besides; .nc has the map in its metadata."""
     design = found.design
     columns = {"speed": Variable("speed", design.speeds, "rad/s", "speed of the crank")}
     for number, link in enumerate(design.links):

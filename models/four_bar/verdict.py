@@ -112,6 +112,8 @@ class Verdict:
             found.append(f"between its speeds the map misses up to {design.missed:.2g} of the stress")
         if np.nanmax(design.error) > _ROUGH:
             found.append(f"the map's stresses are known to {np.nanmax(design.error):.2g} only")
+        last = design.own_L4 if self.plan is None else float(self.plan.L4[-1])
+        found += design.model.varied({"L4": last}).doubts(self.target)
         if self.plan is not None and self.trials[0].worst >= 1:
             found.append("the simulated stress exceeds the allowable one; run up more slowly or allow more")
         return found

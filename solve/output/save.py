@@ -53,7 +53,12 @@ def _dataset(contents: Contents) -> "xarray.Dataset":
 
     entries = {name: _entry(column) for name, column in {**contents.columns, **contents.further}.items()}
     axes = {name: entries.pop(name) for name in ("phase", "time") if name in entries}
-    known = {key: value for key, value in contents.metadata.items() if isinstance(value, str | int | float)}
+    # netCDF has no truth values; as numbers they are 0 and 1.
+    known = {
+        key: int(value) if isinstance(value, bool) else value
+        for key, value in contents.metadata.items()
+        if isinstance(value, str | int | float)
+    }
     return xarray.Dataset(entries, axes, {**known, "metadata": contents.metadata_text})
 
 

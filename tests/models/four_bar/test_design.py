@@ -11,9 +11,11 @@ import pytest
 import solve
 from models.four_bar.__main__ import run
 from models.four_bar.design import Design, DesignError, allowed_lengths, checked_allowable
+from models.four_bar.design_report import verdict_contents
 from models.four_bar.linkage import Linkage
 from models.four_bar.verdict import verdict
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.output.save import save
 
 LINKS = ("crank", "coupler", "follower")
 SMALL = ("--speeds", "8:33:24 rad/s", "--L4", "0.53:0.63:9 m", "--time", "4 s")
@@ -176,6 +178,27 @@ def test_json(capsys):
     assert record["verdict"] == "plan"
     assert record["plan"]["speed"][-1] == record["target"]
     assert record["trials"][0]["greatest_ratio"] < 1
+
+
+def test_files_of_every_kind_hold_what_a_run_up_needs(design, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    found = verdict(design, 29.0, duration=2.0)
+    for ending in ("npz", "csv", "mat", "nc"):
+        save(verdict_contents(found), tmp_path / f"design.{ending}")
+    with xarray.open_dataset(tmp_path / "design.nc", engine="h5netcdf") as kept:
+        np.testing.assert_array_equal(kept["least_ratio_moving"], design.with_pivot)
+        record = json.loads(kept.attrs["metadata"])
+    assert (record["returns"], record["target"]) == (False, 29.0)
+    np.testing.assert_allclose(record["stress"]["crank"], design.stress[:, :, 0])
+
+
+def test_compression_beyond_what_a_link_bears_is_told():
+    """A slender coupler; its Euler load is π²EI/L²."""
+    model = solve.load("four_bar", options={"stiffening": "on"}, I2=3e-12)
+    start = np.geomspace(20.0, 28.0, 12)
+    found = verdict(Design(model, dict.fromkeys(LINKS, 5e9), start, (0.54, 0.56), 5), 28.0, duration=0.5)
+    euler = math.pi**2 * 210e9 * 3e-12 / 0.328**2
+    assert any("link coupler" in text and f"Euler load of {euler:.4g} N" in text for text in found.warnings)
 
 
 def test_report_fits_a_terminal_and_files_are_written(capsys, monkeypatch, tmp_path):
