@@ -153,12 +153,13 @@ def _say(what: str, seconds: float, points: int, ratio: float) -> None:
 
 
 def main() -> None:
+    if "--memory" in sys.argv[1:]:
+        # First: a process starts with the largest memory of the one that starts it.
+        for kind in ("mathieu", "cam"):
+            memory(kind)
     print(f"{'':48}{'time':>12}{'':>21}{'ratio':>10}")
     for part in (cam_sweeps, mathieu_chart, cam_chart, exponents):
         part()
-    if "--memory" in sys.argv[1:]:
-        for kind in ("mathieu", "cam"):
-            memory(kind)
 
 
 if __name__ == "__main__":
