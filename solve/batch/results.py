@@ -171,9 +171,14 @@ class _Keeper:
         doubtful = (found.errors > self.batch.rtol).any(axis=1) | (found.spectra.distance_from_one < NEAR_ONE)
         if self.batch.steps is not None and not found.method.l_stable:
             doubtful |= ~found.followed
-        for position in np.flatnonzero(doubtful):
+        of_model = type(self.batch.family.example).doubts is not PeriodicSystem.doubts
+        for position in np.arange(len(doubtful)) if of_model else np.flatnonzero(doubtful):
             point = int(found.positions[position])
-            texts = self._doubts(point, found, int(position))
+            if doubtful[position]:
+                texts = self._doubts(point, found, int(position))
+            else:
+                system, speed = self.batch.family.system(self.points[point])
+                texts = system.doubts(speed)
             if texts:
                 self.results.warnings[self.start + point] = texts
 

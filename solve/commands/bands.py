@@ -52,7 +52,7 @@ def bands(
 
     deliver(
         results,
-        found.notes,
+        [*found.notes, *model.doubts(max(omegas))],
         record=lambda: _record(model, omegas, found),
         report=lambda: _report(model, omegas, found, problem.choices),
         figure=figure,
@@ -75,6 +75,7 @@ def _record(model: "Model", omegas: "Sequence[float]", found: "Bands") -> dict[s
         for band in found
     ]
     within = {"range": [min(omegas), max(omegas)], "spacing": found.spacing, "notes": found.notes}
+    within["warnings"] = model.doubts(max(omegas))
     return plain({**model_record(model), **within, "bands": rows})
 
 

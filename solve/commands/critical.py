@@ -62,7 +62,7 @@ def critical(
         )
     deliver(
         results,
-        found.notes,
+        [*found.notes, *model.doubts(float(found.speeds[-1]))],
         record=lambda: _record(found),
         report=lambda: _report(found, problem.choices),
         figure=lambda: found.plot(campbell),
@@ -82,6 +82,7 @@ def _record(found: "CriticalSpeeds") -> dict[str, Any]:
             "rows": [_row(row) for row in found.rows],
             "combinations": [vars(one) for one in found.combinations],
             "notes": found.notes,
+            "warnings": found.system.doubts(float(found.speeds[-1])),
         }
     )
 

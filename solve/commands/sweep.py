@@ -82,7 +82,7 @@ def sweep(
         )
     deliver(
         results,
-        [*found.notes, *_warnings(found)],
+        [*found.notes, *sweep_warnings(found)],
         record=lambda: _record(found),
         report=lambda: _report(found, names, problem.choices),
         figure=lambda: (
@@ -121,7 +121,7 @@ def _turns(found: "Sweep", name: str, accuracy: Accuracy, settings: Settings) ->
     return turn_figure(orbits, name)
 
 
-def _warnings(found: "Sweep") -> list[str]:
+def sweep_warnings(found: "Sweep") -> list[str]:
     """One line a kind of warning or failure, with the speeds where it first and last stands. Texts of one
     kind differ in their numbers alone; the whole text of the first is shown."""
     groups: dict[str, tuple[str, list[float]]] = {}

@@ -73,7 +73,7 @@ def study(
     kept = _FIGURES[figure]
     deliver(
         results,
-        _failures(found),
+        _warnings(found),
         record=lambda: _record(model, found, names, kept),
         report=lambda: _report(model, found, names, kept, four_bar.problem.choices),
         figure=lambda: found.plot(names, kept),
@@ -122,14 +122,11 @@ def _values(over: str) -> tuple[str, "Sequence[float | str]"]:
     return name, values
 
 
-def _failures(found: "Sweeps") -> list[str]:
-    """One line for each system some of whose speeds have no result."""
-    lines = []
-    for label, each in found.sweeps.items():
-        errors = [point.error for point in each.points if point.error]
-        if errors:
-            lines.append(f"{label}: {len(errors)} of {len(found.speeds)} speeds give no result: {errors[0]}")
-    return lines
+def _warnings(found: "Sweeps") -> list[str]:
+    """What is doubtful or has no result, by the system."""
+    from solve.commands.sweep import sweep_warnings
+
+    return [f"{label}: {text}" for label, each in found.sweeps.items() for text in sweep_warnings(each)]
 
 
 def _record(model: "StructureModel", found: "Sweeps", names: "Sequence[str]", figure: str) -> dict[str, Any]:

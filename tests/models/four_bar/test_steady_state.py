@@ -182,6 +182,14 @@ def test_compression_beyond_eulers_load_is_said_with_link_force_and_angle():
     assert not any("coupler" in each for each in model.doubts(0.98 * limit))
 
 
+def test_a_sweep_has_the_doubts_of_its_speeds():
+    model = solve.load("four_bar", options={"stiffening": "on"})
+    found = solve.sweep(model, [30.0, 90.0], rtol=1e-4, quantities=["A_x"])
+    for speed, point in zip((30.0, 90.0), found.points, strict=True):
+        assert list(point.warnings) == model.doubts(speed)
+    assert len(found.points[1].warnings) == 1
+
+
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [

@@ -7,6 +7,7 @@ import pytest
 
 import solve
 from models.four_bar.__main__ import run
+from solve.commands.app import run as solve_command
 
 SPEEDS = ("--speeds", "24:34:6 rad/s")
 
@@ -46,6 +47,14 @@ def test_a_study_over_an_option_and_the_corrected_model(answer):
     assert "elements" in out
     assert "corrected" in out
     assert max(map(len, out.splitlines())) <= 80
+
+
+def test_doubts_about_the_equations_are_told_for_every_system(answer):
+    given = ("study", "--speeds", "30 90 rad/s", "--option", "stiffening=on", "--rtol", "1e-4")
+    _, err = answer(*given, "--over", "zeta=0,0.02")
+    assert "0: terms=instantaneous leaves out M'q'" in err
+    assert "0.02: stiffening: at 38 deg link follower" in err
+    assert "(at 859.437 rpm)" in err
 
 
 def test_several_quantities_rms_and_damping(answer):
@@ -94,3 +103,14 @@ def test_refusals_are_one_line(arguments, message, capsys):
     assert written.out == ""
     assert message in written.err
     assert len(written.err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", [("bands",), ("critical", "--of", "A_x")])
+def test_doubts_about_the_equations_are_told_by_commands_over_speed(command, capsys):
+    """A damping ratio that was meant in percent."""
+    name, *of = command
+    given = ("--set", "zeta=2", "--speeds", "30:31:2 rad/s", "--rtol", "1e-3", "--json")
+    assert solve_command([name, "four_bar", *given, *of]) == 0
+    written = capsys.readouterr()
+    assert "percent" in written.err
+    assert "percent" in json.loads(written.out)["warnings"][0]
