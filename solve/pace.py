@@ -67,7 +67,10 @@ def judged(found: Array, orders: Array) -> Array:
 
 def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
     """Errors (…, 2) of the finer of two grids from their differences, and those of the grids before: they
-    fall with the power of the steps that is seen, between 1 and the order."""
+    fall with the power of the steps that is seen, between 1 and the order.
+
+    Never less than the differences before leave when they fall with the order: two grids may meet by
+    chance, which would count twice, as a small difference and as a steep power."""
     known = (found > 0) & np.isfinite(before)
     if not math.isfinite(pace.ratio_before):
         return found / (pace.ratio - 1)
@@ -76,7 +79,9 @@ def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
     for _ in range(3):
         # before / found = (ratio_before^p - 1) / (1 - ratio^-p).
         power = np.log1p(seen * (1 - pace.ratio**-power)) / math.log(pace.ratio_before)
-    return found / (pace.ratio ** np.clip(power, 1.0, orders) - 1)
+    errors = found / (pace.ratio ** np.clip(power, 1.0, orders) - 1)
+    left = np.where(np.isfinite(before), before, 0.0) / (pace.ratio_before**orders - 1) / pace.ratio**orders
+    return np.maximum(errors, left)
 
 
 def finished(
