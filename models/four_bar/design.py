@@ -12,8 +12,8 @@ import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
 from models.four_bar.linkage import ADVISED, Linkage
-from models.four_bar.run_up import Plan, arrival, least_cap, plan_below
-from models.four_bar.stress_map import StressMap
+from models.four_bar.run_up.plan import Plan, arrival, least_cap, plan_below
+from models.four_bar.run_up.stress_map import StressMap
 from solve.arrays import Array
 from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError
 from solve.structure.model import StructureModel

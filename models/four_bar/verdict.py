@@ -8,9 +8,9 @@ import numpy as np
 
 from models.four_bar.design import Damping, Design, DesignError, silent
 from models.four_bar.linkage import Linkage
-from models.four_bar.ramp import RunUp, Simulated, simulate
-from models.four_bar.record import concerns
-from models.four_bar.run_up import Plan
+from models.four_bar.rigid.record import concerns
+from models.four_bar.run_up.plan import Plan
+from models.four_bar.run_up.ramp import RunUp, Simulated, simulate
 from solve.arrays import Array
 from solve.output.record import model_record
 

@@ -55,3 +55,10 @@ def test_the_next_grid_goes_as_far_as_the_order_promises():
     assert pace.onward(False, 10_000).steps == 96
     assert pace.onward(True, 10_000).steps == 128
     assert pace.onward(True, 100).steps == 96
+
+
+def test_two_grids_that_meet_by_chance_are_not_believed():
+    errors = np.array([24.0, 32.0, 48.0]) ** -8
+    pace, order = Pace(24).to(32).to(48), np.array([8.0, 8.0])
+    before, chance = np.full(2, errors[0] - errors[1]), np.full(2, 1e-6 * errors[2])
+    assert np.all(estimated(chance, before, pace, order) > 0.999 * errors[2])

@@ -127,7 +127,7 @@ def _speeds(model: "StructureModel", text: str | None) -> "Array":
     """Speeds (rad/s) of the map at first, rising."""
     import numpy as np
 
-    from models.four_bar.stress_map import spaced
+    from models.four_bar.run_up.stress_map import spaced
     from solve.structure.eigen import lowest_frequencies
     from solve.units import speeds_in_si
 

@@ -57,7 +57,7 @@ def linkage(
     """Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces."""
     from models.four_bar.linkage import Linkage
     from models.four_bar.parameters import CASES, chosen
-    from models.four_bar.record import linkage_record
+    from models.four_bar.rigid.record import linkage_record
     from solve.units import speed_in_si, with_unit
 
     files = [_picture(file) for file in (plot, base_planes)]
@@ -105,9 +105,9 @@ def _draw(
     positions, planes = files
     if not (positions or planes):
         return
-    from models.four_bar.base_planes import base_planes_figure
-    from models.four_bar.draw import linkage_figure
-    from models.four_bar.forces import bodies
+    from models.four_bar.rigid.base_planes import base_planes_figure
+    from models.four_bar.rigid.draw import linkage_figure
+    from models.four_bar.rigid.forces import bodies
     from solve.output.style import save_figure
 
     if positions:
@@ -119,7 +119,7 @@ def _draw(
 def _tell(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) -> None:
     from rich.console import Console
 
-    from models.four_bar.report import linkage_report
+    from models.four_bar.rigid.report import linkage_report
     from solve.output.record import plain
 
     if as_json:

@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from models.four_bar.record import JOINTS
+from models.four_bar.rigid.record import JOINTS
 from solve.output.quantities import fixed, prefixed
 from solve.output.report import table
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from models.four_bar.linkage import BRANCHES
-from models.four_bar.run_up import Plan
-from models.four_bar.stress_map import StressMap, stress_rows
+from models.four_bar.run_up.plan import Plan
+from models.four_bar.run_up.stress_map import StressMap, stress_rows
 from solve.arrays import Array
 from solve.methods.grid import Grid
 from solve.methods.radau import Radau

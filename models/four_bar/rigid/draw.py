@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MultipleLocator
 
-from models.four_bar.barker import classify
-from models.four_bar.forces import Body, joint_forces
 from models.four_bar.linkage import ADVISED, Linkage, Motion, Plane
-from models.four_bar.record import JOINTS, TURN
+from models.four_bar.rigid.barker import classify
+from models.four_bar.rigid.forces import Body, joint_forces
+from models.four_bar.rigid.record import JOINTS, TURN
 from solve.arrays import Array
 from solve.output.quantities import prefixed
 from solve.output.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import solve
-from models.four_bar.stress_map import StressMap, stress_rows
+from models.four_bar.run_up.stress_map import StressMap, stress_rows
 
 SPEEDS = np.array([11.0, 24.5, 26.1, 30.4, 33.0])
 LENGTHS = np.array([0.5351, 0.58, 0.6273])

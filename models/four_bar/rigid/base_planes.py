@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
-from models.four_bar.barker import REGIONS, base_plane, classify, solution_space
 from models.four_bar.linkage import Linkage
+from models.four_bar.rigid.barker import REGIONS, base_plane, classify, solution_space
 from solve.arrays import Array
 from solve.output.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 

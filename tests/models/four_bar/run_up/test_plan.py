@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
-from models.four_bar.run_up import Plan, arrival, least_cap, plan_below
+from models.four_bar.run_up.plan import Plan, arrival, least_cap, plan_below
 
 SPEEDS = np.linspace(10.0, 30.0, 81)
 LENGTHS = np.linspace(0.5, 0.6, 41)

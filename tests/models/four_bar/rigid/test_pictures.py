@@ -7,12 +7,12 @@ import pytest
 from matplotlib.patches import Polygon
 from matplotlib.path import Path
 
-from models.four_bar.barker import base_plane, classify
-from models.four_bar.base_planes import base_planes_figure
-from models.four_bar.draw import linkage_figure
-from models.four_bar.forces import bodies, joint_forces
 from models.four_bar.linkage import Linkage, LinkageError
 from models.four_bar.parameters import CASES, chosen
+from models.four_bar.rigid.barker import base_plane, classify
+from models.four_bar.rigid.base_planes import base_planes_figure
+from models.four_bar.rigid.draw import linkage_figure
+from models.four_bar.rigid.forces import bodies, joint_forces
 from tests.models.four_bar.cranks import THESIS
 
 LINKS = bodies(chosen(None, CASES, {}).parameters)

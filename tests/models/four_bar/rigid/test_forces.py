@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.four_bar.forces import Body, bodies, inertial_power, joint_forces, kinetic_energy
 from models.four_bar.linkage import BRANCHES, Linkage
 from models.four_bar.parameters import CASES, chosen
+from models.four_bar.rigid.forces import Body, bodies, inertial_power, joint_forces, kinetic_energy
 from tests.models.four_bar.cranks import cranks
 from tests.models.four_bar.multibody import witness
 

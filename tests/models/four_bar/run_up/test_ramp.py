@@ -5,9 +5,9 @@ import pytest
 
 import solve
 from models.four_bar.linkage import Linkage
-from models.four_bar.ramp import TURN, Drive, RunUp, kinematics, simulate
-from models.four_bar.run_up import Plan
-from models.four_bar.stress_map import StressMap
+from models.four_bar.run_up.plan import Plan
+from models.four_bar.run_up.ramp import TURN, Drive, RunUp, kinematics, simulate
+from models.four_bar.run_up.stress_map import StressMap
 from tests.models.four_bar.moving import Moving
 
 PLAN = Plan(np.array([5.0, 20.0, 26.0, 30.0]), np.array([0.547, 0.547, 0.60, 0.61]), lead=0.4)

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from models.four_bar import barker
-from models.four_bar.barker import (
+from models.four_bar.linkage import Linkage
+from models.four_bar.rigid import barker
+from models.four_bar.rigid.barker import (
     CLASSES,
     base_plane,
     classify,
@@ -17,7 +18,6 @@ from models.four_bar.barker import (
     satisfies_grashof,
     solution_space,
 )
-from models.four_bar.linkage import Linkage
 
 # Whole lengths: their sums are exact. One for each class of C. R. Barker, Mech. Mach. Theory 20 (1985).
 EXAMPLES = {

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from models.four_bar.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
-from models.four_bar.forces import Body, JointForces, bodies, inertial_power, joint_forces
 from models.four_bar.linkage import ADVISED, Linkage, Plane
+from models.four_bar.rigid.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
+from models.four_bar.rigid.forces import Body, JointForces, bodies, inertial_power, joint_forces
 from solve.arrays import Array
 from solve.signal import statistics
 
