@@ -15,8 +15,9 @@ from solve.methods.multipliers import Multipliers
 from solve.methods.period_map import Steps, monodromy, periodic_states
 from solve.system import PeriodicSystem
 
-_MOST_MEMORY = 2**29
-"""Bytes that the solution of one period may take at its peak."""
+_MOST_MEMORY, _MEMORY_OF_LARGE_SYSTEMS = 2**29, 2**31
+"""Bytes that the solution of one period may take at its peak; more where fewer steps would be too few."""
+_ENOUGH_STEPS = 2**13
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,8 @@ class OneStep:
         return 80 * (2 * n + 1) ** 2
 
     def most_steps(self, n: int) -> int:
-        return _MOST_MEMORY // self.bytes_a_step(n)
+        size = self.bytes_a_step(n)
+        return max(_MOST_MEMORY // size, min(_MEMORY_OF_LARGE_SYSTEMS // size, _ENOUGH_STEPS))
 
     def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
         raise NotImplementedError

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from solve.arrays import Array
 from solve.load import Model
@@ -90,8 +91,16 @@ def _draw_growth(figure: Figure, axes: Axes, x: Axis, y: Axis, radius: Array) ->
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
     if low >= -1e-2:
         bar.ax.set_ylim(0.0, high)
+    else:
+        bar.set_ticks([*_ticks(low)[:-1], *_ticks(high)])
     bar.set_label("growth a period, ln |ρ|", color=GREY)
     bar.outline.set_linewidth(0.5)  # type: ignore[operator]
+
+
+def _ticks(end: float) -> list[float]:
+    """Round values between 0 and the end of one side of the colours, rising."""
+    values = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(min(end, 0.0), max(end, 0.0))
+    return [float(value) for value in values if min(end, 0.0) <= value <= max(end, 0.0)]
 
 
 def _factor(axis: Axis) -> float:

@@ -16,6 +16,7 @@ from solve.orbit import Orbit, Turn
 from solve.output.quantities import fixed, prefixed
 from solve.system import PeriodicSystem
 
+_LONGEST_NAME = 26
 _RANKS = ("strongest", "second", "third")
 _MOST_MULTIPLIERS = 8
 _VERDICT_STYLE = {"asymptotically stable": "bold green", "stable": "bold yellow", "unstable": "bold red"}
@@ -137,8 +138,14 @@ def _extrema(title: str, turn: Turn) -> Table:
             fixed(value * factor, found.max_abs * factor) for value in (found.max, found.min, found.mean)
         )
         high_at, low_at = (_degrees(phase, turn) for phase in (found.max_phase, found.min_phase))
-        made.add_row(name, unit, high, high_at, low, low_at, mean)
+        made.add_row(_broken(name), unit, high, high_at, low, low_at, mean)
     return made
+
+
+def _broken(name: str) -> str:
+    """A long name on two lines, parted at an underscore: 80 columns leave it no more than these."""
+    place = name.rfind("_", 0, _LONGEST_NAME) + 1
+    return name if len(name) <= _LONGEST_NAME or not place else f"{name[:place]}\n{name[place:]}"
 
 
 def _degrees(phase: float, turn: Turn) -> str:
@@ -160,7 +167,7 @@ def _orders(turn: Turn) -> Table:
             f"{k * rotation:g}: {fixed(size, size, 4)} ∠{round(math.degrees(angles[k])):4d}°" if size else "–"
             for k, size in zip(strongest, sizes, strict=True)
         )
-        made.add_row(name, *cells)
+        made.add_row(_broken(name), *cells)
     return made
 
 

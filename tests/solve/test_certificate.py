@@ -157,6 +157,14 @@ def test_the_peak_of_memory_is_what_the_bound_counts(method, n):
     assert peak >= 0.4 * rule.bytes_a_step(n) * 2 * steps
 
 
+@pytest.mark.parametrize("n", [27, 90])
+def test_large_systems_may_take_the_steps_that_they_need(n):
+    """The all-flexible four-bar with 3 and 10 elements a link needs 384 and 512 at 30 rad/s."""
+    rule = Radau()
+    assert rule.most_steps(n) >= 512
+    assert rule.most_steps(n) * rule.bytes_a_step(n) <= 2**31
+
+
 def test_floquet_alone_states_no_error_of_an_orbit():
     found = floquet(random_system(1, 2), 1.0)
     assert np.isnan(found.error_estimate.orbit)
