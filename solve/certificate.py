@@ -194,7 +194,8 @@ class Refinement:
             errors = estimated(found, before, pace, self.orders)
             wanted = within_reach(fine, errors, np.array([max(rtol, 2 * fine.defect), rtol]))
             faded = max(each.multipliers.spectral_radius for each in (coarse, fine)) < FADED
-            done = bool(finished(found, before, errors, wanted, pace, np.array([False, faded])))
+            told = fine.rounding < 1.0
+            done = told and bool(finished(found, before, errors, wanted, pace, np.array([False, faded])))
             hidden = self.hidden_error(fine, telling_steps(pace, self.method)) if done else 0.0
             alias = self.alias_error(pace.steps) if done else 0.0
             onward = pace.onward(done or bool(far(pace, errors, wanted, self.orders)), self.most)

@@ -27,8 +27,8 @@ class Solution:
     Phi: the monodromy matrix (N, N). curve: the periodic solution, if asked for. steps: the maps
     behind Φ, where the method has them. condition: of the linear system that gave the curve.
     defect: relative error of the curve that no finer grid would mend. rounding: relative error that the
-    way to Φ leaves in the multipliers, beyond that of their condition. notes: what the method has to say
-    about this solution.
+    way to Φ leaves in the multipliers, beyond that of their condition; 1 where the grid does not tell Φ.
+    notes: what the method has to say about this solution.
     """
 
     grid: Grid

@@ -27,7 +27,8 @@ class Multipliers:
         pairs = np.flatnonzero((values[1:] == values[:-1].conj()) & (np.imag(values[:-1]) < 0))
         values[pairs], values[pairs + 1] = values[pairs + 1].copy(), values[pairs].copy()
         modulus, eps = np.abs(values), np.finfo(float).eps
-        norm = np.linalg.norm(Phi)
+        largest = np.abs(Phi).max(initial=np.finfo(float).tiny)
+        norm = largest * np.linalg.norm(Phi / largest)
         if ((modulus <= eps * norm) & (modulus > eps * norm / math.sqrt(len(Phi)))).any():
             # Frobenius' norm bounds the spectral one from both sides; between them only it decides.
             norm = np.linalg.norm(Phi, 2)
