@@ -79,10 +79,13 @@ class Model(PeriodicSystem):
         numbers = self.case, self.options, self.parameters, self.case_speed
         return _rebuilt, (type(self), self.module.__file__, *numbers)
 
-    def varied(self, parameters: Mapping[str, float]) -> Self:
-        """The same model with some parameters changed (SI units). Raises ValueOutOfBoundsError."""
-        changed = {**self.parameters, **parameters}
-        return type(self)(self.module, self.case, self.options, changed, self.case_speed)
+    def varied(self, parameters: Mapping[str, float] | None = None, options: Options | None = None) -> Self:
+        """The same model with some parameters (SI units) and options changed. Raises UnknownNameError and
+        ValueOutOfBoundsError."""
+        numbers = {**self.parameters, **(parameters or {})}
+        return type(self)(
+            self.module, self.case, {**self.options, **(options or {})}, numbers, self.case_speed
+        )
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         """Raise ValueOutOfBoundsError where a value leaves the bounds of its parameter."""

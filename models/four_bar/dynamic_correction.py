@@ -50,10 +50,7 @@ class Corrected(PeriodicSystem):
                 raise UnknownNameError(
                     f"value of option {option} of the corrected model", str(model.options[option]), [value]
                 )
-        cubic, exact = (
-            type(model)(model.module, model.case, {**model.options, "element": kind}, model.parameters)
-            for kind in ("cubic", EXACT)
-        )
+        cubic, exact = (model.varied(options={"element": kind}) for kind in ("cubic", EXACT))
         super().__init__(self._equations, cubic.coordinates, cubic.period)
         self.model, self.load = model, load
         self._cubic, self._exact = cubic, exact

@@ -77,12 +77,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     if len(set(values)) < len(values):
         raise ValueOutOfBoundsError(f"{name} is given one value twice; give different ones")
     if name in model.options:
-        return {
-            str(value): type(model)(
-                model.module, model.case, {**model.options, name: value}, model.parameters
-            )
-            for value in values
-        }
+        return {str(value): model.varied(options={name: value}) for value in values}
     if name not in model.parameters:
         raise UnknownNameError(
             f"parameter or option of {model.name}", name, [*model.parameters, *model.options]

@@ -68,17 +68,14 @@ def _systems(model: "StructureModel", elements: str) -> "dict[str, PeriodicSyste
     """The reference, the numbers of elements asked for, and the corrected one with both loads."""
     from models.four_bar.dynamic_correction import LOADS, Corrected
 
-    def with_options(options: "Mapping[str, Any]") -> "StructureModel":
-        return type(model)(model.module, model.case, {**model.options, **options}, model.parameters)
-
     counts = [each.strip() for each in elements.split(",")]
     if not all(each.isdigit() for each in counts):
         raise ValueOutOfBoundsError(
             f"--elements is '{elements}'; write numbers of elements a link, such as --elements 1,2,3"
         )
-    systems: dict[str, PeriodicSystem] = {"reference": with_options(_REFERENCE)}
-    systems |= {count: with_options({"element": "cubic", "elements": count}) for count in counts}
-    one = with_options({"elements": 1})
+    systems: dict[str, PeriodicSystem] = {"reference": model.varied(options=_REFERENCE)}
+    systems |= {count: model.varied(options={"element": "cubic", "elements": count}) for count in counts}
+    one = model.varied(options={"elements": 1})
     return systems | {f"corrected, {load}": Corrected(one, load) for load in LOADS}
 
 

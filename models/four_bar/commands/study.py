@@ -100,7 +100,7 @@ def _systems(
     else:
         raise MissingValueError(f"nothing varies; {_USAGE}")
     if corrected:
-        one = type(model)(model.module, model.case, {**model.options, "elements": 1}, model.parameters)
+        one = model.varied(options={"elements": 1})
         systems["corrected"] = Corrected(one)
     if len(systems) > _MOST_CURVES:
         raise ValueOutOfBoundsError(
