@@ -6,40 +6,18 @@ from typing import Annotated
 
 import typer
 
+from solve.commands.app import application
 from solve.commands.app import run as run_commands
-from solve.commands.groups import Problem, Results, Speed
+from solve.commands.groups import Numbers, Results, Speed
 from solve.commands.parse import number, whole
 
 _NAME = "python -m models.coupler"
 
-app = typer.Typer(
-    name=_NAME,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
 
-
-@app.command(epilog=f'For example: {_NAME} --speed "600 rpm" --plot bent.png')
 def picture(
     plot: Annotated[str, typer.Option(metavar="FILE", help="The picture: .png, .pdf or .svg.")],
-    case: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Case of the case file; the first by default.")
-    ] = None,
-    cases: Annotated[str | None, typer.Option(metavar="FILE", help="Another case file (.toml).")] = None,
-    set: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="Set a parameter, in SI units; repeatable."),
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Choose an option of the model; repeatable."),
-    ] = None,
-    speed: Annotated[
-        str | None,
-        typer.Option(metavar='"600 rpm"', help="Crank speed with unit: rpm, rad/s or Hz; else the case's."),
-    ] = None,
+    numbers: Numbers,
+    speed: Speed,
     positions: Annotated[
         int, typer.Option(metavar="N", parser=whole, help="Crank positions, evenly over the turn: up to 12.")
     ] = 8,
@@ -52,9 +30,8 @@ def picture(
 ) -> None:
     """Draw the vibrating coupler at several crank positions, its deflection magnified."""
     (file, _) = Results(plot=plot).files()
-    problem = Problem("coupler", case, cases, set, option)
-    model, of_case = problem.loaded()
-    omega = Speed(speed).omega(model, of_case)
+    model, of_case = numbers.of("coupler")
+    omega = speed.omega(model, of_case)
 
     import solve
     from models.coupler.picture import checked_magnification, checked_positions, coupler_figure
@@ -68,6 +45,9 @@ def picture(
     save_figure(coupler_figure(model, orbit, positions, magnification), file)
     for line in [*(f"warning: {text}" for text in orbit.warnings), f"wrote {file}"]:
         print(line, file=sys.stderr)
+
+
+app = application(_NAME, (picture,), None, f'{_NAME} --speed "600 rpm" --plot bent.png')
 
 
 def run(arguments: Sequence[str]) -> int:

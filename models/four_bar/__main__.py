@@ -3,34 +3,25 @@
 import sys
 from collections.abc import Sequence
 
-import typer
-
 from models.four_bar.commands.corrected import corrected
 from models.four_bar.commands.curve import curve
 from models.four_bar.commands.design import design
 from models.four_bar.commands.linkage import linkage
 from models.four_bar.commands.modes import modes
 from models.four_bar.commands.study import study
+from solve.commands.app import application
 from solve.commands.app import run as run_commands
-from solve.commands.groups import flattened
 
 COMMANDS = (linkage, study, corrected, modes, curve, design)
 
 _NAME = "python -m models.four_bar"
 
-app = typer.Typer(
-    name=_NAME,
-    help="The four-bar linkage of the thesis.",
-    epilog=f'For example: {_NAME} linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+app = application(
+    _NAME,
+    COMMANDS,
+    "The four-bar linkage of the thesis.",
+    f'{_NAME} linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
 )
-
-
-for _command in COMMANDS:
-    app.command(_command.__name__)(flattened(_command))
 
 
 def run(arguments: Sequence[str]) -> int:

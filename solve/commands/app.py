@@ -3,7 +3,7 @@
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import typer
@@ -24,17 +24,32 @@ COMMANDS = (periodic, floquet, compare, sweep, bands, chart, critical, frequenci
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Of the Click that Typer brings along or depends on, whichever it is."""
 
-app = typer.Typer(
-    name="solve",
-    help="Steady-state vibration and stability of systems with periodic coefficients.",
-    epilog='For example: solve periodic cam --case 1 --speed "600 rpm" --plot cam.png',
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+
+def application(
+    name: str, commands: Sequence[Callable[..., None]], about: str | None, example: str
+) -> typer.Typer:
+    """Commands under a name, each with the flags of its groups; one alone needs no name of its own."""
+    made = typer.Typer(
+        name=name,
+        help=about,
+        epilog=f"For example: {example}",
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    )
+    for command in commands:
+        epilog = f"For example: {example}" if len(commands) == 1 else None
+        made.command(command.__name__, epilog=epilog)(flattened(command))
+    return made
+
+
+app = application(
+    "solve",
+    COMMANDS,
+    "Steady-state vibration and stability of systems with periodic coefficients.",
+    'solve periodic cam --case 1 --speed "600 rpm" --plot cam.png',
 )
-for _command in COMMANDS:
-    app.command(_command.__name__)(flattened(_command))
 
 
 def run(arguments: Sequence[str], commands: typer.Typer = app, name: str = "solve") -> int:

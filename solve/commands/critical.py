@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from solve.commands.groups import Problem, Results, Settings
-from solve.commands.parse import number, whole
+from solve.commands.parse import figure_kept, number, whole
 from solve.commands.speeds import Speeds, progressing
-from solve.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from solve.output.contents import Contents
     from solve.studies.critical_speeds import Critical, CriticalSpeeds
 
-_FIGURES = {"max": "max_abs", "rms": "rms"}
 _RPM = 30 / math.pi
 _MOST_COMBINATIONS = 20
 
@@ -47,8 +45,7 @@ def critical(
     """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
     results.files()
     omegas = speeds.omegas()
-    if figure not in _FIGURES:
-        raise UnknownNameError("figure", figure, _FIGURES)
+    kept = figure_kept(figure)
     model, _ = problem.loaded()
 
     import solve
@@ -57,9 +54,7 @@ def critical(
 
     rule = chosen(method, **vars(settings))
     with progressing("points") as progress:
-        found = solve.critical_speeds(
-            model, omegas, of, _FIGURES[figure], orders, rule, rtol, progress=progress
-        )
+        found = solve.critical_speeds(model, omegas, of, kept, orders, rule, rtol, progress=progress)
     deliver(
         results,
         [*found.notes, *model.doubts(float(found.speeds[-1]))],

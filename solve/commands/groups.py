@@ -21,12 +21,9 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Problem:
-    """The model and its numbers."""
+class Numbers:
+    """The numbers and options of a model that the command itself names."""
 
-    model: Annotated[
-        str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
-    ]
     case: Annotated[
         str | None, typer.Option(metavar="NAME", help="Case of the case file; the first by default.")
     ] = None
@@ -40,7 +37,7 @@ class Problem:
         typer.Option(metavar="NAME=VALUE", help="Choose an option of the model; repeatable."),
     ] = None
 
-    def loaded(self, still: bool = False) -> tuple["Model", str | None]:
+    def of(self, model: str, still: bool = False) -> tuple["Model", str | None]:
         """The model, and the speed that its case names, if any.
 
         Raises NoMotionError for a model without equations of motion, unless what is asked of it needs none.
@@ -48,7 +45,7 @@ class Problem:
         from solve.load import loaded
 
         options = assignments("--option", self.option or [])
-        found = loaded(self.model, self.case, self.cases, options, numbers("--set", self.set or []))
+        found = loaded(model, self.case, self.cases, options, numbers("--set", self.set or []))
         if not still:
             found[0].require_motion()
         return found
@@ -57,6 +54,19 @@ class Problem:
     def choices(self) -> list[str]:
         """What the user set beyond the case."""
         return [*(self.set or []), *(self.option or [])]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem(Numbers):
+    """The model and its numbers."""
+
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
+    ]
+
+    def loaded(self, still: bool = False) -> tuple["Model", str | None]:
+        """As `of`, the model that the user names."""
+        return self.of(self.model, still)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import typer
 
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
 
 
 def whole(text: str) -> int:
@@ -74,6 +74,14 @@ def points(flag: str, text: str) -> tuple[str, list[float]]:
     if count < 2:
         raise ValueOutOfBoundsError(usage)
     return name, [low + (high - low) * i / (count - 1) for i in range(count)]
+
+
+def figure_kept(text: str) -> str:
+    """What to keep of a modulus over a turn, by its name max or rms. Raises UnknownNameError."""
+    figures = {"max": "max_abs", "rms": "rms"}
+    if text not in figures:
+        raise UnknownNameError("figure", text, figures)
+    return figures[text]
 
 
 def harmonic_count(count: int | None) -> int:

@@ -58,7 +58,7 @@ def corrected(
         results,
         list(dict.fromkeys(text for orbit in orbits.values() for text in orbit.warnings)),
         record=lambda: _record(model, orbits, of),
-        report=lambda: _report(model, orbits, of, four_bar.problem.choices),
+        report=lambda: _report(model, orbits, of, four_bar.choices),
         figure=lambda: curves_figure(orbits, of, "elements a link"),
         contents=lambda: _contents(model, orbits, of),
     )

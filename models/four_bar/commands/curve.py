@@ -56,7 +56,7 @@ def curve(
         results,
         orbit.warnings,
         record=lambda: _record(orbit, found, along, across),
-        report=lambda: _report(orbit, found, four_bar.problem.choices),
+        report=lambda: _report(orbit, found, four_bar.choices),
         figure=lambda: curve_figure(title, found),
         contents=lambda: _contents(orbit, found),
     )

@@ -81,7 +81,7 @@ def design(
         results,
         found.warnings,
         record=lambda: plain(verdict_record(found)),
-        report=lambda: verdict_report(found, four_bar.problem.choices),
+        report=lambda: verdict_report(found, four_bar.choices),
         figure=lambda: verdict_figure(found),
         contents=lambda: verdict_contents(found),
     )

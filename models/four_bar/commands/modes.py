@@ -61,7 +61,7 @@ def modes(
         results,
         orbit.warnings,
         record=lambda: _record(orbit, found, alone),
-        report=lambda: _report(orbit, found, alone, four_bar.problem.choices),
+        report=lambda: _report(orbit, found, alone, four_bar.choices),
         figure=figure,
         contents=lambda: _contents(orbit, found, alone),
     )

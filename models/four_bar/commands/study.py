@@ -7,9 +7,9 @@ import typer
 
 from models.four_bar.commands.groups import FourBar
 from solve.commands.groups import Results
-from solve.commands.parse import number
+from solve.commands.parse import figure_kept, number
 from solve.commands.speeds import Speeds, progressing
-from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import MissingValueError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from solve.studies.sweeps import Sweeps
     from solve.system import PeriodicSystem
 
-_FIGURES = {"max": "max_abs", "rms": "rms"}
 _MOST_CURVES = 12
 _RPM = 30 / math.pi
 _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"
@@ -58,8 +57,7 @@ def study(
     """Stress, deflection or energy over speed for several lengths, dampings, numbers of elements, …"""
     results.files()
     omegas = speeds.omegas()
-    if figure not in _FIGURES:
-        raise UnknownNameError("figure", figure, _FIGURES)
+    kept = figure_kept(figure)
     model = four_bar.loaded()
     title, systems = _systems(model, over, corrected)
 
@@ -70,12 +68,11 @@ def study(
     names = shown(model, of or ["follower_midpoint_stress_plus"])
     with progressing("study", len(omegas) * len(systems)) as progress:
         found = sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
-    kept = _FIGURES[figure]
     deliver(
         results,
         _warnings(found),
         record=lambda: _record(model, found, names, kept),
-        report=lambda: _report(model, found, names, kept, four_bar.problem.choices),
+        report=lambda: _report(model, found, names, kept, four_bar.choices),
         figure=lambda: found.plot(names, kept),
         contents=lambda: _contents(model, found, names, kept),
     )
