@@ -1,15 +1,15 @@
 """Numbers from a linear system with periodic coefficients: orbits, stability, studies, pictures."""
 
 from solve.errors import SolveError
-from solve.floquet import Stability, floquet
-from solve.load import load
+from solve.loading import load
 from solve.methods.gauss import Gauss
 from solve.methods.hill import boundaries
 from solve.methods.newmark import Newmark
 from solve.methods.radau import Radau
 from solve.methods.runge_kutta import RungeKutta4
-from solve.orbit import Orbit
-from solve.periodic import periodic
+from solve.results.orbit import Orbit
+from solve.results.stability import Stability
+from solve.single import floquet, periodic
 from solve.studies.bands import Band, bands
 from solve.studies.chart import Chart, chart
 from solve.studies.critical_speeds import CriticalSpeeds, critical_speeds

@@ -12,7 +12,7 @@ from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.trigonometric import Trigonometric
 
 if TYPE_CHECKING:
-    from solve.orbit import Turn
+    from solve.results.orbit import Turn
 
 Matrices = tuple[Array, Array, Array, Array]
 

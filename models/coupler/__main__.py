@@ -35,7 +35,7 @@ def picture(
 
     import solve
     from models.coupler.picture import checked_magnification, checked_positions, coupler_figure
-    from solve.output.style import save_figure
+    from solve.results.style import save_figure
 
     checked_positions(positions)
     if magnification is not None:

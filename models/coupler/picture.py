@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from models.four_bar.linkage import Linkage, Plane
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.load import Model
-from solve.orbit import Orbit
-from solve.output.plot import titled
-from solve.output.quantities import fixed, prefixed
-from solve.output.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
+from solve.loading import Model
+from solve.results.orbit import Orbit
+from solve.results.plot import titled
+from solve.results.quantities import fixed, prefixed
+from solve.results.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
 """Positions that fit on a page."""

@@ -10,8 +10,8 @@ from solve.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from solve.orbit import Turn
-    from solve.structure.model import StructureModel
+    from solve.beams.model import StructureModel
+    from solve.results.orbit import Turn
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ def curve_figure(title: str, curve: CouplerCurve) -> "Figure":
     """Both curves, and the distance between them over the turn."""
     from matplotlib.ticker import MultipleLocator
 
-    from solve.output.quantities import prefixed
-    from solve.output.style import BLACK, BLUE, GREY, VERMILION, new_figure, styled
+    from solve.results.quantities import prefixed
+    from solve.results.style import BLACK, BLUE, GREY, VERMILION, new_figure, styled
 
     deviation = curve.deviation
     factor, unit = prefixed("m", float(np.abs(deviation).max()))

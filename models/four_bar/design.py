@@ -15,8 +15,8 @@ from models.four_bar.linkage import ADVISED, Linkage
 from models.four_bar.run_up.plan import Plan, arrival, least_cap, plan_below
 from models.four_bar.run_up.stress_map import StressMap
 from solve.arrays import Array
+from solve.beams.model import StructureModel
 from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError
-from solve.structure.model import StructureModel
 
 _RESOLVED, _FINEST, _ROUNDS = 0.01, 0.25, 8
 """Relative error of interpolation over an interval of speeds below which it is left; its relative length

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from models.four_bar.verdict import Verdict
-from solve.output.plot import title_of
-from solve.output.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
+from solve.results.plot import title_of
+from solve.results.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 
 _LEVELS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 """Stress over allowable stress."""

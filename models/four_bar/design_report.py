@@ -8,9 +8,9 @@ from rich.table import Table
 from rich.text import Text
 
 from models.four_bar.verdict import Verdict, verdict_record
-from solve.output.contents import Contents, Variable
-from solve.output.record import plain
-from solve.output.report import model_heading, table
+from solve.results.contents import Contents, Variable
+from solve.results.record import plain
+from solve.results.report import model_heading, table
 
 
 def verdict_report(found: Verdict, choices: Sequence[str]) -> RenderableType:

@@ -16,12 +16,12 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
+from solve.beams.damping import modal_damping
+from solve.beams.elements import EXACT
+from solve.beams.model import StructureModel
+from solve.beams.points import SURFACES, Point
+from solve.beams.wittrick_williams import exact_frequencies
 from solve.errors import UnknownNameError
-from solve.structure.damping import modal_damping
-from solve.structure.elements import EXACT
-from solve.structure.model import StructureModel
-from solve.structure.points import SURFACES, Point
-from solve.structure.wittrick_williams import exact_frequencies
 from solve.system import Matrices, PeriodicSystem
 from solve.trigonometric import interpolated
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from solve.cases import read_cases
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
-from solve.generated import ROOT, model_module
-from solve.load import holds
+from solve.loading import holds
+from solve.model.cases import read_cases
+from solve.model.generated import ROOT, model_module
 
 PARAMETERS = model_module(ROOT / "generated" / "four_bar.py").PARAMETERS
 """Name, unit, meaning and bound of each."""

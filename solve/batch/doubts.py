@@ -8,10 +8,10 @@ from solve.arrays import Array
 from solve.batch.spectra import Spectra
 from solve.batch.stiffness import Stiffness
 from solve.batch.tables import Chunk
-from solve.certificate import surviving
+from solve.certify.certificate import surviving
 from solve.methods.gauss import Gauss
-from solve.methods.multipliers import NEGLIGIBLE
 from solve.methods.radau import Radau
+from solve.period.multipliers import NEGLIGIBLE
 
 FROZEN_PHASES = 128
 """At which the certificate freezes the coefficients."""

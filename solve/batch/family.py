@@ -9,8 +9,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError, UnknownNameError, ValueOutOfBoundsError
-from solve.load import Model
-from solve.sampling import OutputSampler, PointSampler
+from solve.loading import Model
+from solve.model.sampling import OutputSampler, PointSampler
 from solve.system import PeriodicSystem
 
 SPEED = "speed"

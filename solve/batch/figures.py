@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.curves import Curves
 from solve.batch.family import Family
-from solve.signal import Statistics
+from solve.period.signal import Statistics
 
 FIGURES = tuple(Statistics.__dataclass_fields__)
 

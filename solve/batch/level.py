@@ -11,8 +11,8 @@ from solve.batch.curves import Curves
 from solve.batch.spectra import Spectra, rounding_errors
 from solve.batch.tables import Tables
 from solve.methods.collocation import Collocation
-from solve.methods.multipliers import accumulated
-from solve.methods.period_map import Steps, closed_condition, monodromy, periodic_states
+from solve.period.multipliers import accumulated
+from solve.period.period_map import Steps, closed_condition, monodromy, periodic_states
 
 _EPS = float(np.finfo(float).eps)
 

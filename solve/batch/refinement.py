@@ -12,11 +12,11 @@ from solve.batch.doubts import Doubts
 from solve.batch.level import Engine, GridTables, Level
 from solve.batch.spectra import Spectra
 from solve.batch.tables import Chunk
-from solve.certificate import FADED, WITNESS_RTOL, at_one
+from solve.certify.certificate import FADED, WITNESS_RTOL, at_one
+from solve.certify.pace import Pace, estimated, far, finished, first_steps, judged, telling_steps
 from solve.methods.gauss import Gauss
-from solve.methods.grid import Grid
 from solve.methods.radau import Radau
-from solve.pace import Pace, estimated, far, finished, first_steps, judged, telling_steps
+from solve.period.grid import Grid
 
 BATCHED = (Gauss, Radau)
 """Methods that go over many points at once."""

@@ -12,16 +12,16 @@ from solve.batch.doubts import FROZEN_PHASES
 from solve.batch.figures import FIGURES, Signals
 from solve.batch.refinement import Found
 from solve.batch.spectra import VERDICTS, verdicts
-from solve.certificate import Refinement
+from solve.certify.certificate import Refinement
 from solve.errors import SolveError
-from solve.floquet import NEAR_ONE, Stability, floquet
-from solve.load import Model
+from solve.loading import Model
 from solve.methods import choice
-from solve.methods.grid import Grid
 from solve.methods.method import Solution
-from solve.orbit import Orbit, Turn
-from solve.periodic import periodic
-from solve.signal import Statistics
+from solve.period.grid import Grid
+from solve.period.signal import Statistics
+from solve.results.orbit import Orbit, Turn
+from solve.results.stability import NEAR_ONE, Stability
+from solve.single import floquet, periodic
 from solve.system import PeriodicSystem
 
 FAILED = -1

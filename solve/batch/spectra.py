@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.floquet import UNIT_CIRCLE, verdict
-from solve.methods.multipliers import NEGLIGIBLE
+from solve.period.multipliers import NEGLIGIBLE
+from solve.results.stability import UNIT_CIRCLE, verdict
 
 _SWEEPS = 3
 """Of balancing."""

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from solve.load import Model
-    from solve.output.contents import Contents
+    from solve.loading import Model
+    from solve.results.contents import Contents
     from solve.studies.bands import Band, Bands
 
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
@@ -44,7 +44,7 @@ def bands(
         found = solve.bands(model, omegas, chosen(method, **vars(settings)), rtol, progress=progress)
 
     def figure() -> Any:
-        from solve.output.sweep_plot import radius_figure
+        from solve.results.sweep_plot import radius_figure
 
         over = solve.sweep(model, omegas, chosen(method, **vars(settings)), rtol=rtol)
         edges = [(band.low, band.high, band.kind) for band in found]
@@ -61,7 +61,7 @@ def bands(
 
 
 def _record(model: "Model", omegas: "Sequence[float]", found: "Bands") -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     rows = [
         {
@@ -85,7 +85,7 @@ def _report(
     from rich.console import Group
     from rich.text import Text
 
-    from solve.output.report import model_heading, table
+    from solve.results.report import model_heading, table
 
     low, high = (speed * 30 / math.pi for speed in (min(omegas), max(omegas)))
     head = model_heading(model, choices)
@@ -107,8 +107,8 @@ def _report(
 
 
 def _contents(model: "Model", found: "Sequence[Band]") -> "Contents":
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     columns = {
         "from": ([band.low for band in found], "rad/s", "lower edge"),

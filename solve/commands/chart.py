@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from solve.output.contents import Contents
+    from solve.results.contents import Contents
     from solve.studies.chart import Chart, Cut
 
 _RANGE = 'NAME=A:B:N|"speed=A:B:N rpm"'
@@ -111,7 +111,7 @@ def _failures(found: "Chart") -> list[str]:
 
 
 def _record(found: "Chart", cuts: "Sequence[Cut]") -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     return plain(
         {
@@ -144,7 +144,7 @@ def _report(found: "Chart", cuts: "Sequence[Cut]", choices: "Sequence[str]") -> 
     from rich.console import Group
     from rich.text import Text
 
-    from solve.output.report import model_heading, table
+    from solve.results.report import model_heading, table
 
     radius, share = found.spectral_radius, 100 * np.nanmean(found.stable)
     head = model_heading(found.system, choices)
@@ -186,8 +186,8 @@ def _span(name: str, values: Any, digits: int = 6) -> str:
 def _contents(found: "Chart") -> "Contents":
     import numpy as np
 
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     xs, ys = (part.ravel() for part in np.meshgrid(found.x, found.y))
     columns: dict[str, tuple[Any, str, str]] = {

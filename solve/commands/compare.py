@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from solve.methods.method import Method
-    from solve.output.contents import Contents
+    from solve.results.contents import Contents
     from solve.studies.compare import Comparison, Row
 
 
@@ -91,8 +91,8 @@ def _progress() -> Iterator[Callable[[str], None]]:
 def _figure(comparison: "Comparison", targets: Sequence[float]) -> "Figure":
     import numpy as np
 
-    from solve.output.plot import titled
-    from solve.output.work_precision import Work, work_precision_figure
+    from solve.results.plot import titled
+    from solve.results.work_precision import Work, work_precision_figure
     from solve.studies.compare import MULTIPLIERS, ORBIT
 
     points: dict[str, list[Row]] = {}
@@ -113,7 +113,7 @@ def _figure(comparison: "Comparison", targets: Sequence[float]) -> "Figure":
 
 
 def _record(comparison: "Comparison", targets: Sequence[float]) -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     reference = comparison.reference
     return plain(
@@ -138,8 +138,8 @@ def _record(comparison: "Comparison", targets: Sequence[float]) -> dict[str, Any
 
 
 def _contents(comparison: "Comparison") -> "Contents":
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     def column(name: str, missing: Any, unit: str = "", meaning: str = "") -> tuple[list[Any], str, str]:
         values = (getattr(row, name) for row in comparison.rows)
@@ -166,7 +166,7 @@ def _contents(comparison: "Comparison") -> "Contents":
 def _report(comparison: "Comparison", choices: Sequence[str]) -> "RenderableType":
     from rich.console import Group
 
-    from solve.output.report import heading
+    from solve.results.report import heading
 
     reference = comparison.reference
     head = heading(reference.system, reference.speed, choices)
@@ -193,7 +193,7 @@ def _table(title: str, rows: Sequence["Row"], truth: str) -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
-    from solve.output.report import table
+    from solve.results.report import table
 
     made = table(title, "method", "steps", "q error", "ρ error", "time (ms)", "ratio", "stability", "")
     done = [row for row in rows if row.reason is None]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from solve.output.contents import Contents
+    from solve.results.contents import Contents
     from solve.studies.critical_speeds import Critical, CriticalSpeeds
 
 _RPM = 30 / math.pi
@@ -66,7 +66,7 @@ def critical(
 
 
 def _record(found: "CriticalSpeeds") -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     return plain(
         {
@@ -101,8 +101,8 @@ def _row(row: "Critical") -> dict[str, Any]:
 def _report(found: "CriticalSpeeds", choices: "Sequence[str]") -> "RenderableType":
     from rich.console import Group
 
-    from solve.output.quantities import fixed, prefixed
-    from solve.output.report import model_heading, table
+    from solve.results.quantities import fixed, prefixed
+    from solve.results.report import model_heading, table
 
     head = model_heading(found.system, choices)
     low, high = (f"{speed * _RPM:.6g}" for speed in (found.speeds[0], found.speeds[-1]))
@@ -152,8 +152,8 @@ def _rpm(speed: float | None) -> str:
 
 
 def _contents(found: "CriticalSpeeds") -> "Contents":
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     rows = [_row(row) for row in found.rows]
     kinds = {

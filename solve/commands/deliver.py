@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
-    from solve.output.contents import Contents
+    from solve.results.contents import Contents
 
 
 def deliver(
@@ -27,12 +27,12 @@ def deliver(
     picture, data = results.files()
     written = []
     if picture is not None:
-        from solve.output.style import save_figure
+        from solve.results.style import save_figure
 
         save_figure(figure(), picture)
         written.append(picture)
     if data is not None:
-        from solve.output.save import save
+        from solve.results.save import save
 
         save(contents(), data)
         written.append(data)

@@ -10,14 +10,14 @@ def floquet(problem: Problem, speed: Speed, accuracy: Accuracy, settings: Settin
 
     import solve
     from solve.commands.deliver import deliver
-    from solve.output import contents, record, report
+    from solve.results import contents, record, report
 
     result = solve.floquet(
         model, speed.omega(model, of_case), accuracy.chosen(settings), accuracy.steps, accuracy.rtol
     )
 
     def figure():
-        from solve.output.plot import stability_figure
+        from solve.results.plot import stability_figure
 
         return stability_figure(result)
 

@@ -39,7 +39,7 @@ def frequencies(
     model, _ = problem.loaded(still=True)
 
     from solve.commands.deliver import deliver
-    from solve.output.frequencies import Findings
+    from solve.results.frequencies import Findings
     from solve.studies import frequencies as study
 
     study.require_position(model, position)

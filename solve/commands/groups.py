@@ -16,7 +16,7 @@ from solve.commands.parse import assignments, number, numbers, whole
 from solve.errors import MissingValueError
 
 if TYPE_CHECKING:
-    from solve.load import Model
+    from solve.loading import Model
     from solve.methods.method import Method
 
 
@@ -42,7 +42,7 @@ class Numbers:
 
         Raises NoMotionError for a model without equations of motion, unless what is asked of it needs none.
         """
-        from solve.load import loaded
+        from solve.loading import loaded
 
         options = assignments("--option", self.option or [])
         found = loaded(model, self.case, self.cases, options, numbers("--set", self.set or []))
@@ -142,11 +142,11 @@ class Results:
         """The files of --plot and --save. Raises FileError before anything is calculated."""
         picture = data = None
         if self.plot is not None:
-            from solve.output.files import PICTURES, checked
+            from solve.results.files import PICTURES, checked
 
             picture = checked(self.plot, PICTURES, "picture")
         if self.save is not None:
-            from solve.output.save import checked_data
+            from solve.results.save import checked_data
 
             data = checked_data(self.save)
         return picture, data

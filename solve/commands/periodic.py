@@ -35,8 +35,8 @@ def periodic(
 
     import solve
     from solve.commands.deliver import deliver
-    from solve.output import contents, record, report
-    from solve.output.rows import checked_scale, shown
+    from solve.results import contents, record, report
+    from solve.results.rows import checked_scale, shown
 
     checked_scale(scale)
     shown(model, show)

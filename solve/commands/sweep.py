@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
-    from solve.load import Model
-    from solve.output.contents import Contents
+    from solve.loading import Model
+    from solve.results.contents import Contents
     from solve.studies.sweep import Point, Sweep
 
 _WIDTH = 48
@@ -64,7 +64,7 @@ def sweep(
 
     import solve
     from solve.commands.deliver import deliver
-    from solve.output.rows import shown
+    from solve.results.rows import shown
 
     names = shown(model, show)
     if turn is not None:
@@ -99,7 +99,7 @@ def sweep(
 def _check_turn(model: "Model", name: str, count: int, results: Results, waterfall: str | None) -> None:
     """Raise before anything is calculated: for a picture that nobody asked for, or two in one file, or one
     that cannot be drawn."""
-    from solve.output.turn_plot import checked_turn
+    from solve.results.turn_plot import checked_turn
 
     if results.plot is None:
         raise MissingValueError(f"--turn {name} draws a picture; add the file, such as --plot turn.png")
@@ -110,8 +110,8 @@ def _check_turn(model: "Model", name: str, count: int, results: Results, waterfa
 
 def _turns(found: "Sweep", name: str, accuracy: Accuracy, settings: Settings) -> "Figure":
     """The curves of the speeds that have a result. Raises ValueOutOfBoundsError where none has."""
-    from solve.output.turn_plot import turn_figure
-    from solve.periodic import periodic
+    from solve.results.turn_plot import turn_figure
+    from solve.single import periodic
 
     speeds = [point.speed for point in found.points if point.error is None]
     if not speeds:
@@ -139,7 +139,7 @@ def _span(speeds: list[float], total: int) -> str:
 
 
 def _record(found: "Sweep") -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     points = [_point(found, point) for point in found.points]
     return plain({**model_record(found.system), "speeds": found.speeds, "points": points})
@@ -175,8 +175,8 @@ def _report(found: "Sweep", names: "Sequence[str]", choices: "Sequence[str]") ->
     import numpy as np
     from rich.console import Group
 
-    from solve.output.quantities import fixed, prefixed
-    from solve.output.report import model_heading, table
+    from solve.results.quantities import fixed, prefixed
+    from solve.results.report import model_heading, table
 
     sizes = {name: float(np.nanmax(found.figures(name), initial=0.0)) for name in names}
     scales = {name: prefixed(found.system.units.get(name, ""), size) for name, size in sizes.items()}
@@ -204,8 +204,8 @@ def _report(found: "Sweep", names: "Sequence[str]", choices: "Sequence[str]") ->
 
 
 def _contents(found: "Sweep") -> "Contents":
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     system = found.system
     columns: dict[str, tuple[Any, str, str]] = {"speed": (found.speeds, "rad/s", "speed of rotation")}

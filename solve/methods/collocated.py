@@ -3,12 +3,12 @@
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import Curve
 from solve.methods import segments
 from solve.methods.collocation import Collocation, discretise
-from solve.methods.grid import Grid
 from solve.methods.method import Discretisation, OneStep, Solution, no_orbit, overflow
-from solve.methods.period_map import SINGULAR, Steps, closed_condition
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.period_map import SINGULAR, Steps, closed_condition
 from solve.system import PeriodicSystem
 
 

@@ -12,11 +12,11 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import Curve
 from solve.kernel.library import Size
-from solve.methods.grid import Grid
 from solve.methods.method import Discretisation
-from solve.methods.period_map import Steps
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.period_map import Steps
 from solve.system import PeriodicSystem
 
 _MEMORY = 2**25

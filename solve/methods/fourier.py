@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import FourierCurve
 from solve.errors import MatricesError, ResonanceError
-from solve.methods.grid import Grid
 from solve.methods.method import OneStep, Solution
+from solve.period.curve import FourierCurve
+from solve.period.grid import Grid
 from solve.system import PeriodicSystem
 
 MOST_UNKNOWNS = 2000

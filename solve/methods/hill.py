@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import FourierCurve
 from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.methods.fourier import Fourier, balanced, from_exponents
-from solve.methods.grid import Grid
 from solve.methods.method import Solution
+from solve.period.curve import FourierCurve
+from solve.period.grid import Grid
 from solve.system import PeriodicSystem
 
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128

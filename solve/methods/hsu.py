@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import Curve
-from solve.methods.grid import Grid
 from solve.methods.method import Discretisation, OneStep
-from solve.methods.period_map import Steps
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.period_map import Steps
 from solve.system import PeriodicSystem
 
 

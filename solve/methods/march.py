@@ -7,11 +7,11 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import StepsError, ValueOutOfBoundsError
-from solve.methods.grid import Grid
 from solve.methods.method import Discretisation, OneStep, Solution
-from solve.methods.multipliers import Multipliers
 from solve.methods.newmark import Newmark
-from solve.methods.period_map import Steps, affine_period, monodromy, periodic_states, states_from
+from solve.period.grid import Grid
+from solve.period.multipliers import Multipliers
+from solve.period.period_map import Steps, affine_period, monodromy, periodic_states, states_from
 from solve.system import PeriodicSystem
 
 

@@ -8,11 +8,11 @@ from typing import Protocol
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import Curve, PeriodicCurve
 from solve.errors import ResonanceError, StepsError
-from solve.methods.grid import Grid
-from solve.methods.multipliers import Multipliers
-from solve.methods.period_map import Steps, monodromy, periodic_states
+from solve.period.curve import Curve, PeriodicCurve
+from solve.period.grid import Grid
+from solve.period.multipliers import Multipliers
+from solve.period.period_map import Steps, monodromy, periodic_states
 from solve.system import PeriodicSystem
 
 _MOST_MEMORY, _MEMORY_OF_LARGE_SYSTEMS = 2**29, 2**31

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import Curve
 from solve.errors import MatricesError
-from solve.methods.grid import Grid
 from solve.methods.hsu import Hsu
 from solve.methods.method import Discretisation, OneStep
+from solve.period.curve import Curve
+from solve.period.grid import Grid
 from solve.system import PeriodicSystem
 
 

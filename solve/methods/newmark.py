@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.curve import Curve
 from solve.errors import ValueOutOfBoundsError
-from solve.methods.grid import Grid
 from solve.methods.method import Discretisation, OneStep
 from solve.methods.newmark_stability import stability_limit
-from solve.methods.period_map import Steps
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.period_map import Steps
 from solve.system import PeriodicSystem
 
 

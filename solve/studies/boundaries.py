@@ -9,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.results import FAILED, Results, Wish, gathered
-from solve.floquet import UNIT_CIRCLE
+from solve.results.stability import UNIT_CIRCLE
 
 KINDS = ("+1", "-1", "complex")
 """Which multiplier leaves the unit circle: period T, period 2T, or a pair."""

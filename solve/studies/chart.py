@@ -15,10 +15,11 @@ from solve.batch.results import FAILED, Results, Wish, gathered
 from solve.batch.spectra import VERDICTS
 from solve.batch.spread import Task, spread
 from solve.errors import MissingValueError, NoResultError, UnknownNameError, ValueOutOfBoundsError
-from solve.floquet import Stability, floquet
-from solve.load import Model, load
+from solve.loading import Model, load
 from solve.methods.choice import chosen
 from solve.methods.method import Method
+from solve.results.stability import Stability
+from solve.single import floquet
 from solve.studies.boundaries import KINDS, Judge, Judged, crossings, hidden, judge
 from solve.studies.contours import Boundary, Crossings, contours
 from solve.system import PeriodicSystem
@@ -152,7 +153,7 @@ class Chart:
 
     def plot(self) -> Any:
         """The spectral radius with the named boundaries (matplotlib Figure)."""
-        from solve.output.chart_plot import Axis, Curve, chart_figure
+        from solve.results.chart_plot import Axis, Curve, chart_figure
 
         curves = [Curve(boundary.name, boundary.points) for boundary in self.boundaries]
         x, y = Axis(self.x_name, self.x), Axis(self.y_name, self.y)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from solve.certificate import Refinement, differences
+from solve.certify.certificate import Refinement, differences
 from solve.errors import SolveError, ValueOutOfBoundsError
-from solve.floquet import verdict
 from solve.methods.choice import METHODS, chosen
 from solve.methods.method import Method, Solution
 from solve.methods.segments import in_numpy
-from solve.orbit import Orbit
-from solve.periodic import periodic
+from solve.results.orbit import Orbit
+from solve.results.stability import verdict
+from solve.single import periodic
 from solve.system import PeriodicSystem
 from solve.units import checked_rtol, speed_in_si
 

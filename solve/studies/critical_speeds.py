@@ -93,7 +93,7 @@ class CriticalSpeeds:
     def plot(self, campbell: bool = False) -> Any:
         """Response, dominant multiplier and Campbell diagram over speed, or this alone (matplotlib
         Figure)."""
-        from solve.output.critical_plot import Curves, Marks, campbell_figure, critical_figure
+        from solve.results.critical_plot import Curves, Marks, campbell_figure, critical_figure
 
         curves = Curves(
             self.speeds,

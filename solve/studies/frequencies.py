@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solve.arrays import Array
+from solve.beams.eigen import lowest_frequencies
+from solve.beams.model import StructureModel
+from solve.beams.shapes import Shape, shapes
+from solve.beams.wittrick_williams import exact_frequencies
 from solve.errors import NoMotionError, SolveError, UnknownNameError, ValueOutOfBoundsError
-from solve.structure.eigen import lowest_frequencies
-from solve.structure.model import StructureModel
-from solve.structure.shapes import Shape, shapes
-from solve.structure.wittrick_williams import exact_frequencies
 from solve.system import PeriodicSystem
 from solve.units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from solve.load import Model
+    from solve.loading import Model
 
 USUAL_COUNT = 4
 MOST = 200
@@ -64,7 +64,7 @@ class Frequencies:
 
     def plot(self) -> "Figure":
         """Mode shapes at one position; frequencies over several."""
-        from solve.output.frequencies_plot import shapes_figure, turn_figure
+        from solve.results.frequencies_plot import shapes_figure, turn_figure
 
         return turn_figure(self) if len(self.positions) > 1 else shapes_figure(self)
 
@@ -89,7 +89,7 @@ class Variation:
 
     def plot(self) -> "Figure":
         """The lowest frequency over the parameter beside those of the links alone (thesis Fig. 9.1)."""
-        from solve.output.frequencies_plot import variation_figure
+        from solve.results.frequencies_plot import variation_figure
 
         return variation_figure(self)
 

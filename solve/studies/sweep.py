@@ -16,10 +16,10 @@ from solve.batch.results import FAILED, METHODS, Results, Wish, gathered
 from solve.batch.spectra import VERDICTS
 from solve.batch.spread import Task, spread
 from solve.errors import StepsError, UnknownNameError
-from solve.floquet import ErrorEstimate
 from solve.methods.choice import chosen
 from solve.methods.method import Method
-from solve.signal import Statistics
+from solve.period.signal import Statistics
+from solve.results.stability import ErrorEstimate
 from solve.studies.boundaries import KINDS, Judged
 from solve.system import PeriodicSystem
 from solve.units import checked_rtol, speeds_given
@@ -121,7 +121,7 @@ class Sweep:
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Any:
         """Response over speed with its maxima, the spectral radius below, unstable speeds shaded
         (matplotlib Figure). Raises UnknownNameError."""
-        from solve.output.sweep_plot import sweep_figure
+        from solve.results.sweep_plot import sweep_figure
 
         responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
         return sweep_figure(self.system, self.speeds, responses, self.spectral_radius, figure, self.unstable)
@@ -129,7 +129,7 @@ class Sweep:
     def waterfall(self, name: str) -> Any:
         """The spectrum of a quantity over speed (matplotlib Figure). Raises UnknownNameError for one whose
         spectrum the sweep was not asked for."""
-        from solve.output.sweep_plot import waterfall_figure
+        from solve.results.sweep_plot import waterfall_figure
 
         return waterfall_figure(self.system, self.speeds, name, self.spectrum(name))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.load import Model
+from solve.loading import Model
 from solve.methods.method import Method
 from solve.studies.sweep import Sweep, sweep
 from solve.system import PeriodicSystem
@@ -62,7 +62,7 @@ class Sweeps:
 
     def plot(self, quantities: Sequence[str], figure: str = "max_abs") -> Any:
         """A row a quantity, a curve a system (matplotlib Figure). Raises UnknownNameError."""
-        from solve.output.sweeps_plot import sweeps_figure
+        from solve.results.sweeps_plot import sweeps_figure
 
         responses = {name: self.figures(name, figure) for name in quantities}
         system = next(iter(self.sweeps.values())).system

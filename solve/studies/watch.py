@@ -11,10 +11,10 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
-from solve.certificate import surviving
-from solve.floquet import UNIT_CIRCLE
+from solve.certify.certificate import surviving
 from solve.methods.auto import RESOLVABLE, Auto
 from solve.methods.method import Method
+from solve.results.stability import UNIT_CIRCLE
 from solve.studies.boundaries import Judge, Judged
 from solve.system import PeriodicSystem
 

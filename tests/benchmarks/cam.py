@@ -8,7 +8,7 @@ import numpy as np
 
 import solve
 from solve.methods import segments
-from solve.methods.grid import Grid
+from solve.period.grid import Grid
 from tests.benchmarks import casadi_peers, peers
 
 ACCURACY = 1e-6

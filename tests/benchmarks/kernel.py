@@ -17,8 +17,8 @@ from solve.batch.level import GridTables
 from solve.batch.tables import Tables
 from solve.kernel import library
 from solve.kernel.compiler import compiled
-from solve.methods.grid import Grid
-from solve.methods.period_map import Steps, monodromy
+from solve.period.grid import Grid
+from solve.period.period_map import Steps, monodromy
 
 STEPS, POINTS = 256, 64
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from solve.cases import Case, read_cases
 from solve.errors import CaseFileError, UnitError, UnknownNameError
+from solve.model.cases import Case, read_cases
 
 UNITS = {"k1": "N/m", "a1": "m", "a2": "m", "a3": "m", "m": "kg"}
 GOOD = """

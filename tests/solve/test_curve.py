@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solve.curve import Curve, FourierCurve
+from solve.period.curve import Curve, FourierCurve
 
 NODES = np.array([0.0, 0.4, 1.0, 1.3, 2.0])
 POLYNOMIALS = [

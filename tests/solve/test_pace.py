@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from solve.certify.pace import Pace, estimated, far, finished, first_steps, rung
 from solve.methods.gauss import Gauss
 from solve.methods.radau import Radau
-from solve.pace import Pace, estimated, far, finished, first_steps, rung
 
 
 def test_rungs_are_twos_and_threes():

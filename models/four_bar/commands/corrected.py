@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from solve.orbit import Orbit
-    from solve.output.contents import Contents
-    from solve.structure.model import StructureModel
+    from solve.beams.model import StructureModel
+    from solve.results.contents import Contents
+    from solve.results.orbit import Orbit
     from solve.system import PeriodicSystem
 
 _SAMPLES = 721
@@ -47,7 +47,7 @@ def corrected(
 
     import solve
     from solve.commands.deliver import deliver
-    from solve.output.turn_plot import checked_turn, curves_figure
+    from solve.results.turn_plot import checked_turn, curves_figure
     from solve.units import speed_in_si
 
     omega, systems = speed_in_si(speed), _systems(model, elements)
@@ -80,7 +80,7 @@ def _systems(model: "StructureModel", elements: str) -> "dict[str, PeriodicSyste
 
 
 def _record(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     first = orbits["reference"]
     return plain(
@@ -108,8 +108,8 @@ def _report(
 ) -> "RenderableType":
     from rich.console import Group
 
-    from solve.output.quantities import fixed, prefixed
-    from solve.output.report import heading, table
+    from solve.results.quantities import fixed, prefixed
+    from solve.results.report import heading, table
 
     first = orbits["reference"]
     reference = first.statistics(name).max_abs
@@ -132,8 +132,8 @@ def _report(
 def _contents(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -> "Contents":
     import numpy as np
 
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     first = orbits["reference"]
     phase = np.linspace(0.0, first.system.period, _SAMPLES)

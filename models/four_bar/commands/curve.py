@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from models.four_bar.coupler_curve import CouplerCurve
-    from solve.orbit import Orbit
-    from solve.output.contents import Contents
+    from solve.results.contents import Contents
+    from solve.results.orbit import Orbit
 
 _SAMPLES = 721
 
@@ -73,7 +73,7 @@ def _columns(found: "CouplerCurve") -> "dict[str, tuple[Any, str, str]]":
 
 
 def _record(orbit: "Orbit", found: "CouplerCurve", along: float, across: float) -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     distance = abs(found.deviation)
     return plain(
@@ -95,8 +95,8 @@ def _report(orbit: "Orbit", found: "CouplerCurve", choices: "list[str]") -> "Ren
     import numpy as np
     from rich.console import Group
 
-    from solve.output.quantities import fixed, prefixed
-    from solve.output.report import heading, table
+    from solve.results.quantities import fixed, prefixed
+    from solve.results.report import heading, table
 
     parts = {"distance": abs(found.deviation)}
     parts |= {"along x": np.real(found.deviation), "along y": np.imag(found.deviation)}
@@ -115,7 +115,7 @@ def _report(orbit: "Orbit", found: "CouplerCurve", choices: "list[str]") -> "Ren
 
 
 def _contents(orbit: "Orbit", found: "CouplerCurve") -> "Contents":
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     return table_contents(_columns(found), {**model_record(orbit.system), "speed": orbit.speed})

@@ -13,7 +13,7 @@ from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
 if TYPE_CHECKING:
     from models.four_bar.linkage import Linkage
     from solve.arrays import Array
-    from solve.structure.model import StructureModel
+    from solve.beams.model import StructureModel
 
 _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
 """Speeds of the map by default, as parts of the mean lowest frequency, and the ratio of neighbours."""
@@ -62,7 +62,7 @@ def design(
     from models.four_bar.design_report import verdict_contents, verdict_report
     from models.four_bar.verdict import verdict, verdict_record
     from solve.commands.deliver import deliver
-    from solve.output.record import plain
+    from solve.results.record import plain
     from solve.units import speed_in_si
 
     stresses = _allowable(model, allowable)
@@ -128,7 +128,7 @@ def _speeds(model: "StructureModel", text: str | None) -> "Array":
     import numpy as np
 
     from models.four_bar.run_up.stress_map import spaced
-    from solve.structure.eigen import lowest_frequencies
+    from solve.beams.eigen import lowest_frequencies
     from solve.units import speeds_in_si
 
     if text is None:

@@ -75,7 +75,7 @@ def linkage(
 def _picture(file: str | None) -> Path | None:
     if file is None:
         return None
-    from solve.output.files import PICTURES, checked
+    from solve.results.files import PICTURES, checked
 
     return checked(file, PICTURES, "picture")
 
@@ -108,7 +108,7 @@ def _draw(
     from models.four_bar.rigid.base_planes import base_planes_figure
     from models.four_bar.rigid.draw import linkage_figure
     from models.four_bar.rigid.forces import bodies
-    from solve.output.style import save_figure
+    from solve.results.style import save_figure
 
     if positions:
         save_figure(linkage_figure(linkage, bodies(parameters), speed, points, position), positions)
@@ -120,7 +120,7 @@ def _tell(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) -> 
     from rich.console import Console
 
     from models.four_bar.rigid.report import linkage_report
-    from solve.output.record import plain
+    from solve.results.record import plain
 
     if as_json:
         print(json.dumps(plain(record), ensure_ascii=False, allow_nan=False), flush=True)

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from solve.arrays import Array
-    from solve.orbit import Orbit
-    from solve.output.contents import Contents
-    from solve.structure.contributions import Contributions
+    from solve.beams.contributions import Contributions
+    from solve.results.contents import Contents
+    from solve.results.orbit import Orbit
 
 _UNCOUPLED_STEPS = 720
 """Steps a turn from which on more change nothing of what uncoupling errs by."""
@@ -53,7 +53,7 @@ def modes(
         alone = solve.periodic(model, speed, "modal", _UNCOUPLED_STEPS).signal(of)(found.phase)
 
     def figure() -> Any:
-        from solve.output.contributions_plot import contributions_figure
+        from solve.results.contributions_plot import contributions_figure
 
         return contributions_figure(model, found, orbit.speed, alone)
 
@@ -68,7 +68,7 @@ def modes(
 
 
 def _record(orbit: "Orbit", found: "Contributions", alone: "Array | None") -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     beside = {} if alone is None else {"uncoupled": {"values": alone, "error": _error(found, alone)}}
     return plain(
@@ -99,8 +99,8 @@ def _report(
 ) -> "RenderableType":
     from rich.console import Group
 
-    from solve.output.quantities import fixed, prefixed
-    from solve.output.report import heading, table
+    from solve.results.quantities import fixed, prefixed
+    from solve.results.report import heading, table
 
     largest = abs(found.total).max()
     factor, unit = prefixed(orbit.system.units[found.output], largest)
@@ -124,8 +124,8 @@ def _report(
 
 
 def _contents(orbit: "Orbit", found: "Contributions", alone: "Array | None") -> "Contents":
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     unit = orbit.system.units[found.output]
     columns: dict[str, tuple[Any, str, str]] = {

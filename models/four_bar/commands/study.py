@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from solve.output.contents import Contents
-    from solve.structure.model import StructureModel
+    from solve.beams.model import StructureModel
+    from solve.results.contents import Contents
     from solve.studies.sweeps import Sweeps
     from solve.system import PeriodicSystem
 
@@ -62,7 +62,7 @@ def study(
     title, systems = _systems(model, over, corrected)
 
     from solve.commands.deliver import deliver
-    from solve.output.rows import shown
+    from solve.results.rows import shown
     from solve.studies.sweeps import sweeps
 
     names = shown(model, of or ["follower_midpoint_stress_plus"])
@@ -127,7 +127,7 @@ def _warnings(found: "Sweeps") -> list[str]:
 
 
 def _record(model: "StructureModel", found: "Sweeps", names: "Sequence[str]", figure: str) -> dict[str, Any]:
-    from solve.output.record import model_record, plain
+    from solve.results.record import model_record, plain
 
     return plain(
         {
@@ -158,8 +158,8 @@ def _report(
     import numpy as np
     from rich.console import Group
 
-    from solve.output.quantities import fixed, prefixed
-    from solve.output.report import model_heading, table
+    from solve.results.quantities import fixed, prefixed
+    from solve.results.report import model_heading, table
 
     head, parts = model_heading(model, choices), []
     low, high = (f"{speed * _RPM:.6g}" for speed in (found.speeds.min(), found.speeds.max()))
@@ -179,8 +179,8 @@ def _report(
 
 
 def _contents(model: "StructureModel", found: "Sweeps", names: "Sequence[str]", figure: str) -> "Contents":
-    from solve.output.contents import table_contents
-    from solve.output.record import model_record
+    from solve.results.contents import table_contents
+    from solve.results.record import model_record
 
     columns: dict[str, tuple[Any, str, str]] = {"speed": (found.speeds, "rad/s", "speed of rotation")}
     for label, each in found.sweeps.items():

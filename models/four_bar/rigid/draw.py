@@ -14,8 +14,8 @@ from models.four_bar.rigid.barker import classify
 from models.four_bar.rigid.forces import Body, joint_forces
 from models.four_bar.rigid.record import JOINTS, TURN
 from solve.arrays import Array
-from solve.output.quantities import prefixed
-from solve.output.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
+from solve.results.quantities import prefixed
+from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
 
 _POSITIONS = 12
 _SAMPLES = 721

@@ -13,7 +13,7 @@ from models.four_bar.linkage import ADVISED, Linkage, Plane
 from models.four_bar.rigid.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
 from models.four_bar.rigid.forces import Body, JointForces, bodies, inertial_power, joint_forces
 from solve.arrays import Array
-from solve.signal import statistics
+from solve.period.signal import statistics
 
 JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
 """The joints, and the force that each carries."""

@@ -9,8 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from models.four_bar.rigid.record import JOINTS
-from solve.output.quantities import fixed, prefixed
-from solve.output.report import table
+from solve.results.quantities import fixed, prefixed
+from solve.results.report import table
 
 _RATIOS = {
     "omega2": "ω2/ω1, coupler",

@@ -18,12 +18,12 @@ from models.four_bar.linkage import BRANCHES
 from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.stress_map import StressMap, stress_rows
 from solve.arrays import Array
-from solve.methods.grid import Grid
+from solve.beams.model import StructureModel
+from solve.beams.motion import Motion
+from solve.beams.positions import Positions
+from solve.beams.rigid import inertia_load
 from solve.methods.radau import Radau
-from solve.structure.model import StructureModel
-from solve.structure.motion import Motion
-from solve.structure.positions import Positions
-from solve.structure.rigid import inertia_load
+from solve.period.grid import Grid
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8

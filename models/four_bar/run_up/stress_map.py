@@ -18,11 +18,11 @@ from solve.batch.engines import chosen_engine
 from solve.batch.family import Speeds
 from solve.batch.level import GridTables, Level
 from solve.batch.tables import Chunk, Sampled, Separated, Separation
-from solve.methods.grid import Grid
+from solve.beams.assembly import rotations
+from solve.beams.beams import Beams
+from solve.beams.model import StructureModel
 from solve.methods.radau import Radau
-from solve.structure.assembly import rotations
-from solve.structure.beams import Beams
-from solve.structure.model import StructureModel
+from solve.period.grid import Grid
 
 METHOD = Radau(order=9)
 """L-stable: the axial modes are far too fast to be followed."""

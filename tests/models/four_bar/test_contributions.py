@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import solve
+from solve.beams.contributions import followed
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.structure.contributions import followed
 
 SPEED = 35.0
 

@@ -15,7 +15,7 @@ from models.four_bar.design_report import verdict_contents
 from models.four_bar.linkage import Linkage
 from models.four_bar.verdict import verdict
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
-from solve.output.save import save
+from solve.results.save import save
 
 LINKS = ("crank", "coupler", "follower")
 SMALL = ("--speeds", "8:33:24 rad/s", "--L4", "0.53:0.63:9 m", "--time", "4 s")

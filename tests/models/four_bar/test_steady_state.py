@@ -8,7 +8,7 @@ import pytest
 
 import solve
 from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
-from solve.orbit import QuasiStatic
+from solve.results.orbit import QuasiStatic
 
 PHASE = np.linspace(0, 2 * np.pi, 3601)
 

@@ -8,7 +8,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 from solve import floquet, load, periodic
 from solve.errors import ValueOutOfBoundsError
-from solve.load import loaded
+from solve.loading import loaded
 from solve.methods.hill import boundaries
 
 coefficients = st.floats(-5.0, 12.0)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from solve import Radau, floquet
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.gauss import Gauss
-from solve.methods.grid import Grid
+from solve.period.grid import Grid
 from tests.solve.systems import constant, random_system, seeds
 from tests.solve.witnesses import rate_matrices
 

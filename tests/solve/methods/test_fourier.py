@@ -6,7 +6,7 @@ import pytest
 from solve import Radau, floquet, periodic
 from solve.errors import MatricesError
 from solve.methods.fourier import differentiation
-from solve.methods.grid import Grid
+from solve.period.grid import Grid
 from tests.solve.certificates.population import member
 from tests.solve.systems import constant, meissner, random_matrices, random_system, system
 from tests.solve.witnesses import Shooting, multiplier_error, relative_error

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solve.methods.grid import Grid
+from solve.period.grid import Grid
 
 PERIOD = 3.0
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from solve import Newmark, floquet, periodic
 from solve.errors import StepsError, ValueOutOfBoundsError
-from solve.methods.grid import Grid
-from solve.methods.period_map import monodromy
+from solve.period.grid import Grid
+from solve.period.period_map import monodromy
 from tests.solve.systems import cam, constant, random_system, seeds
 
 

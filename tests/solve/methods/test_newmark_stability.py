@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solve import Newmark
-from solve.methods.grid import Grid
 from solve.methods.newmark_stability import oscillation_limit, spectral_radius, stability_limit
-from solve.output.newmark_region import newmark_region_figure
+from solve.period.grid import Grid
+from solve.results.newmark_region import newmark_region_figure
 from tests.solve.systems import constant
 
 gammas, betas = st.floats(0.0, 1.0), st.floats(0.0, 1.0)

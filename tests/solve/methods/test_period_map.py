@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solve.methods.period_map import BLOCKS, Steps, affine_period, monodromy, periodic_states, states_from
+from solve.period.period_map import BLOCKS, Steps, affine_period, monodromy, periodic_states, states_from
 from tests.solve.systems import seeds
 
 COUNTS = [1, 2, 3, 5, BLOCKS - 1, BLOCKS, BLOCKS + 1, 2 * BLOCKS, 2 * BLOCKS + 1, 777]

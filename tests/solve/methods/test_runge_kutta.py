@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from solve import RungeKutta4, periodic
 from solve.errors import StepsError
-from solve.methods.grid import Grid
+from solve.period.grid import Grid
 from tests.solve.systems import cam, constant, random_system, seeds
 from tests.solve.witnesses import Shooting, multiplier_error, rate_matrices, slope
 

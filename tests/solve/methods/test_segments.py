@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from solve import Gauss, Radau, floquet, load, periodic
 from solve.errors import ResonanceError, StepsError
 from solve.methods import segments
-from solve.methods.grid import Grid
+from solve.period.grid import Grid
 from solve.studies.compare import compare
 from tests.solve import systems
 

@@ -18,8 +18,8 @@ from solve.batch.spectra import VERDICTS, Spectra, rounding_errors, verdicts
 from solve.batch.stiffness import Stiffness
 from solve.batch.tables import Separation
 from solve.errors import UnknownNameError
-from solve.floquet import verdict
-from solve.methods.multipliers import Multipliers, rounding_error
+from solve.period.multipliers import Multipliers, rounding_error
+from solve.results.stability import verdict
 from tests.solve import systems
 
 FIGURES = ("max", "min", "max_abs", "mean", "rms")

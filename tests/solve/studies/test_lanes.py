@@ -17,7 +17,7 @@ from solve.batch.level import GridTables, NumpyEngine
 from solve.batch.tables import Sampled, Separated, Separation
 from solve.kernel import compiler, library
 from solve.kernel.compiler import CompilerError
-from solve.methods.grid import Grid
+from solve.period.grid import Grid
 from tests.solve import systems
 
 SAME = 1e-12

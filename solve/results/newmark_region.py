@@ -1,0 +1,68 @@
+"""A picture of where Newmark's method is stable (after thesis Fig. 6.1)."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solve.methods.newmark_stability import stability_limit
+from solve.results.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, new_figure, styled
+
+_POINTS = {
+    "average acceleration": (0.5, 1 / 4),
+    "linear acceleration": (0.5, 1 / 6),
+    "Fox–Goodwin": (0.5, 1 / 12),
+    "central differences": (0.5, 0.0),
+}
+_GROWING = "γ = 1/4, β = 1/6"
+
+_LEVELS = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
+
+
+def newmark_region_figure() -> Figure:
+    """The (γ, β) plane: unstable for γ < 1/2, stable to a limit of ω h (contours), stable at any step."""
+    with styled():
+        figure = new_figure(4.3)
+        axes = figure.add_subplot()
+        gamma = np.linspace(0.5, 1.0, 201)
+        axes.axvspan(0.18, 0.5, color=LIGHT, lw=0)
+        axes.fill_between(gamma, gamma / 2, (gamma + 0.5) ** 2 / 4, color=ORANGE, alpha=0.35, lw=0)
+        axes.fill_between(gamma, (gamma + 0.5) ** 2 / 4, 0.7, color=BLUE, alpha=0.22, lw=0)
+        axes.plot(gamma, gamma / 2, color=BLACK)
+        axes.plot(gamma, (gamma + 0.5) ** 2 / 4, color=BLACK, ls="--")
+        axes.axvline(0.5, color=BLACK)
+        _contours(axes)
+        _names(axes)
+        axes.set(xlim=(0.18, 1.0), ylim=(-0.02, 0.65), xlabel="γ", ylabel="β")
+        axes.grid(False)
+        axes.set_title("Newmark's method on an undamped oscillator")
+    return figure
+
+
+def _contours(axes: Axes) -> None:
+    gamma, beta = np.linspace(0.5, 1.0, 151), np.linspace(0.0, 0.5, 151)
+    limit = np.array([[stability_limit(g, b) for g in gamma] for b in beta])
+    lines = axes.contour(gamma, beta, limit, levels=_LEVELS, colors=GREY, linewidths=0.7)
+    places = [(0.86, 0.86 / 2 - 1 / level**2) for level in _LEVELS]
+    axes.clabel(lines, fmt="%g", fontsize=7.5, manual=places)
+
+
+def _names(axes: Axes) -> None:
+    for name, (gamma, beta) in _POINTS.items():
+        axes.plot(gamma, beta, "o", color=BLACK, clip_on=False, zorder=3)
+        axes.annotate(name, (gamma, beta), (-0.7, 0.0), textcoords="offset fontsize", ha="right", va="center")
+    axes.plot(0.25, 1 / 6, "o", color=VERMILION)
+    axes.annotate(
+        _GROWING, (0.25, 1 / 6), (0, 0.8), textcoords="offset fontsize", ha="center", color=VERMILION
+    )
+    white = {"boxstyle": "square,pad=0.15", "color": "white"}
+    axes.annotate("unstable at any step: energy grows", (0.34, 0.48), ha="center")
+    axes.annotate("stable at any step", (0.62, 0.48), ha="center")
+    axes.annotate("stable up to the ω h on the line", (0.75, 0.015), ha="center", bbox=white)
+    axes.annotate(
+        "stable at any step;\nlong steps decay without oscillating",
+        (0.93, 0.49),
+        (0.8, 0.60),
+        ha="center",
+        va="center",
+        arrowprops={"arrowstyle": "-", "color": GREY, "lw": 0.7},
+    )

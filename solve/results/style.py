@@ -1,0 +1,70 @@
+"""How figures look: sizes and colours for a printed page, without pyplot's global state."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from solve.results.files import write_whole
+
+# Okabe and Ito's palette, which colour-blind readers can tell apart; dark ones first.
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+BLACK, GREY, LIGHT = "#222222", "#666666", "#DDDDDD"
+
+PAGE_WIDTH = 7.2
+"""Inches: two columns of a journal."""
+
+_STYLE: dict[Any, Any] = {
+    "font.size": 8.5,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "figure.titlesize": 10,
+    "axes.linewidth": 0.7,
+    "axes.edgecolor": GREY,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": LIGHT,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 3.5,
+    "legend.frameon": False,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": BLACK,
+    "ytick.labelcolor": BLACK,
+    "text.color": BLACK,
+    "axes.labelcolor": BLACK,
+    "mathtext.fontset": "dejavusans",
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.use_mathtext": True,
+    "svg.hashsalt": "parametric-vibration",
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """The style of this program while a figure is made or drawn."""
+    with matplotlib.rc_context(_STYLE):
+        yield
+
+
+def new_figure(height: float) -> Figure:
+    """An empty figure as wide as a page, laid out so that nothing overlaps."""
+    figure = Figure(figsize=(PAGE_WIDTH, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Figure, file: Path) -> None:
+    """Write the figure as the file's ending says, the same bytes every time. Raises FileError."""
+    metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix.lower(), {})
+    kind = file.suffix.lower().removeprefix(".")
+    with styled():
+        write_whole(file, lambda part: figure.savefig(part, format=kind, dpi=200, metadata=metadata))

@@ -1,0 +1,84 @@
+"""Picture of one quantity over the turn at several speeds, a curve a speed."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.results.orbit import Orbit
+from solve.results.plot import labelled, title_of
+from solve.results.quantities import prefixed
+from solve.results.style import GREY, new_figure, styled
+from solve.system import PeriodicSystem
+
+MOST_CURVES = 12
+"""Speeds whose curves one picture can tell apart."""
+
+DASHES: tuple[tuple[float, ...], ...] = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
+"""In turn, so that curves differ on a black and white print too."""
+
+LIGHTEST = 0.8
+"""Place in the colour map beyond which lines fade into the page."""
+
+
+def checked_turn(system: PeriodicSystem, name: str, curves: int) -> str:
+    """The name itself. Raises UnknownNameError, and ValueOutOfBoundsError for more curves than one picture
+    can tell apart."""
+    known = (*system.coordinates, *system.outputs)
+    if name not in known:
+        raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
+    if curves > MOST_CURVES:
+        raise ValueOutOfBoundsError(
+            f"{curves} speeds to draw over the turn; allowed: up to {MOST_CURVES}, such as "
+            '--speeds "600 900 1200 rpm"'
+        )
+    return name
+
+
+def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
+    """A coordinate or output over one period, a curve a speed, the slowest darkest; the orbits are of one
+    system. Raises UnknownNameError and ValueOutOfBoundsError."""
+    checked_turn(orbits[0].system, name, len(orbits))
+    ordered = sorted(orbits, key=lambda orbit: orbit.speed)
+    labelled_by = {f"{orbit.speed * 30 / math.pi:.6g}": orbit for orbit in ordered}
+    return curves_figure(labelled_by, name, "speed (rpm)", reverse=True)
+
+
+def curves_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: bool = False) -> Figure:
+    """A coordinate or output over one period, a curve an orbit, by their labels; the systems of the orbits
+    have one period and the same names."""
+    system = next(iter(orbits.values())).system
+    with styled():
+        figure = new_figure(3.3)
+        figure.suptitle(f"{title_of(system)}: {name.replace('_', ' ')} over one turn", fontweight="bold")
+        axes = figure.subplots()
+        _draw_curves(axes, orbits, name)
+        axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
+        axes.set_xlim(0.0, math.degrees(system.period))
+        axes.xaxis.set_major_locator(MultipleLocator(math.degrees(system.period) / 12))
+        axes.set_xlabel("phase (°)")
+        figure.legend(title=title, loc="outside right center", handlelength=2.4, reverse=reverse)
+    return figure
+
+
+def _draw_curves(axes: Axes, orbits: Mapping[str, Orbit], name: str) -> None:
+    system = next(iter(orbits.values())).system
+    phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits.values()) + 1)
+    curves = [orbit.signal(name)(phase) for orbit in orbits.values()]
+    factor, unit = prefixed(system.units.get(name, ""), max(float(np.abs(values).max()) for values in curves))
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, LIGHTEST, len(orbits)))
+    axes.axhline(0.0, color=GREY, linewidth=0.7)
+    for k, (label, values) in enumerate(zip(orbits, curves, strict=True)):
+        axes.plot(
+            np.degrees(phase),
+            values * factor,
+            color=colours[k],
+            dashes=DASHES[k % len(DASHES)],
+            label=label,
+        )
+    axes.set_ylabel(labelled(name, unit))

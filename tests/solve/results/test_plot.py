@@ -1,0 +1,172 @@
+"""Pictures: what they show, that nothing overlaps, and how they are written. No pixel is compared."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from numpy.testing import assert_allclose
+
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.results.plot import stability_figure
+from solve.results.style import VERMILION, save_figure
+from tests.solve.results.problems import SPEED, chain, multipliers, orbit, response, x_of
+
+
+@pytest.fixture(scope="module")
+def result():
+    return orbit()
+
+
+def panels(figure):
+    """Axes by what they are: curves, spectra, multiplier planes."""
+    curves = [axes for axes in figure.axes if axes.lines and len(axes.lines[0].get_xdata()) > 1000]
+    spectra = [axes for axes in figure.axes if axes.collections and axes not in curves]
+    planes = [axes for axes in figure.axes if axes.get_xlabel().startswith("Re ρ")]
+    return curves, spectra, planes
+
+
+def overlaps(figure):
+    """Pairs of panels whose frames, labels and titles cover each other."""
+    figure.draw_without_rendering()
+    boxes = [(axes, axes.get_tightbbox()) for axes in figure.axes]
+    return [
+        (one.get_title(loc="left") or one.get_ylabel(), other.get_title(loc="left") or other.get_ylabel())
+        for (one, a), (other, b) in combinations(boxes, 2)
+        if min(a.x1, b.x1) - max(a.x0, b.x0) > 1 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1
+    ]
+
+
+def test_a_row_a_coordinate_with_curve_and_spectrum(result):
+    curves, spectra, planes = panels(result.plot())
+    assert [axes.get_title(loc="left") for axes in curves] == ["slide", "twist"]
+    assert [axes.get_ylabel() for axes in curves] == ["x (mm)", "phi (mrad)"]
+    assert [len(axes.lines) for axes in curves] == [1, 1]
+    assert len(spectra) == 2
+    assert len(planes) == 1
+    assert result.plot().get_suptitle() == "two oscillators, 28.6479 rpm"
+
+
+def test_the_curve_is_the_motion_over_the_phase_in_degrees(result):
+    axes = panels(result.plot())[0][0]
+    degrees, millimetres = axes.lines[0].get_data()
+    assert (degrees[0], degrees[-1]) == (0.0, 360.0)
+    assert_allclose(millimetres, 1e3 * x_of(np.radians(degrees)), atol=1e-4)
+    assert panels(result.plot())[0][-1].get_xlabel() == "phase (°)"
+
+
+def test_the_axes_above_are_time_and_hertz(result):
+    figure = result.plot()
+    curves, spectra, _ = panels(figure)
+    (time,), (hertz,) = curves[0].child_axes, spectra[0].child_axes
+    figure.draw_without_rendering()
+    assert time.get_xlabel() == "time (s)"
+    assert hertz.get_xlabel() == "frequency (Hz)"
+    assert time.get_xlim()[1] == pytest.approx(2 * math.pi / SPEED)
+    assert hertz.get_xlim()[1] == pytest.approx(spectra[0].get_xlim()[1] * SPEED / (2 * math.pi))
+    assert spectra[-1].get_xlabel() == "order of rotation"
+
+
+def stems(axes):
+    """Height by order."""
+    return {round(foot[0]): head[1] for foot, head in axes.collections[0].get_segments()}
+
+
+def test_spectra_show_the_orders_that_are_there(result):
+    _, (x, phi), _ = panels(result.plot())
+    assert stems(x) == {1: pytest.approx(1e3 * abs(response(4.0, 0.4, 1)), rel=1e-6)}
+    assert stems(phi) == {3: pytest.approx(1e3 * abs(response(9.0, 0.4, 3)), rel=1e-6)}
+
+
+def test_decibels_are_relative_to_the_largest_order(result):
+    _, spectra, _ = panels(result.plot(["power"], scale="dB"))
+    amplitudes = result.harmonics("power")[0]
+    assert spectra[0].get_ylabel() == f"dB re {1e3 * amplitudes[2]:.3g} mW"
+    assert stems(spectra[0])[2] == pytest.approx(0.0, abs=1e-12)
+    assert spectra[0].get_ylim()[0] == -120.0
+
+
+def test_quasi_static_is_dashed_beside(result):
+    curves, _, _ = panels(result.plot(quasi_static=True))
+    dynamic, static = curves[0].lines
+    assert dynamic.get_linestyle() == "-"
+    assert static.get_linestyle() == "--"
+    phase = np.radians(static.get_xdata())
+    assert_allclose(static.get_ydata(), 1e3 * (np.cos(phase) + 2.0) / 4.0, rtol=1e-12)
+    assert [text.get_text() for text in curves[0].get_legend().get_texts()] == ["dynamic", "quasi-static"]
+
+
+def test_outputs_are_shown_by_name(result):
+    curves, _, _ = panels(result.plot(["power", "x"]))
+    assert [axes.get_title(loc="left") for axes in curves] == ["lost in the damper", "slide"]
+
+
+def test_unknown_names_and_scales_are_refused(result):
+    with pytest.raises(UnknownNameError, match="'power'"):
+        result.plot(["powr"])
+    with pytest.raises(UnknownNameError, match="linear"):
+        result.plot(scale="liner")
+
+
+def test_many_coordinates_stay_readable():
+    import solve
+
+    many = solve.periodic(chain(20), SPEED, rtol=1e-4)
+    figure = many.plot()
+    assert len(panels(figure)[0]) == 6
+    assert figure.get_size_inches()[1] <= 11.0
+    with pytest.raises(ValueOutOfBoundsError, match=r"7 .* up to 6"):
+        many.plot([f"q{k}" for k in range(1, 8)])
+
+
+def test_small_multipliers_get_a_closer_view():
+    near, far = orbit(damping=0.4), orbit(damping=4.0)
+    radius = multipliers(damping=4.0)
+    assert multipliers(damping=0.4) > 0.4 > radius
+    assert len(panels(near.plot())[2]) == 1
+    circle, closer = panels(far.plot())[2]
+    assert circle.get_xlim()[1] == pytest.approx(1.15)
+    power = math.floor(math.log10(radius))
+    assert closer.get_xlabel() == f"Re ρ ($10^{{{power}}}$)"
+    assert closer.get_xlim()[1] == pytest.approx(1.15 * radius / 10.0**power, rel=1e-6)
+    drawn = closer.lines[-1].get_xdata() + 1j * closer.lines[-1].get_ydata()
+    assert_allclose(drawn * 10.0**power, far.multipliers, rtol=1e-12)
+
+
+def test_instability_stands_out():
+    import solve
+
+    def growing(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, -0.2 * one, 4.0 * one, one[:, 0]
+
+    figure = stability_figure(solve.floquet(solve.PeriodicSystem(growing, ["q"]), SPEED))
+    texts = {text.get_text(): to_hex(text.get_color()) for axes in figure.axes for text in axes.texts}
+    assert texts["unstable"] == VERMILION.lower()
+    circle = panels(figure)[2][0]
+    assert circle.get_xlim()[1] > math.exp(0.1 * 2 * math.pi / SPEED)
+
+
+@pytest.mark.parametrize("settings", [{}, {"quasi_static": True, "scale": "dB"}, {"names": ["power"]}])
+def test_nothing_overlaps(result, settings):
+    assert overlaps(result.plot(**settings)) == []
+
+
+@pytest.mark.parametrize("model", ["cam", "manipulator", "gear_pair"])
+def test_nothing_overlaps_in_the_full_picture_of_a_model(model):
+    import solve
+
+    system = solve.load(model)
+    found = solve.periodic(system, "300 rpm", rtol=1e-4)
+    assert overlaps(found.plot([*system.coordinates, *system.outputs][:6], quasi_static=True)) == []
+
+
+@pytest.mark.parametrize(("ending", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
+def test_pictures_are_of_the_kind_that_their_ending_says_and_always_the_same(result, tmp_path, ending, start):
+    files = [tmp_path / f"{name}{ending}" for name in ("first", "second")]
+    for file in files:
+        save_figure(result.plot(), file)
+    first, second = (file.read_bytes() for file in files)
+    assert first.startswith(start)
+    assert first == second

@@ -1,0 +1,151 @@
+"""Files hold what the orbit holds: each kind is read back with the tools of its users."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import solve
+from solve import PeriodicSystem
+from solve.errors import FileError, MissingExtraError, ValueOutOfBoundsError
+from solve.results.files import write_whole
+from tests.solve.results.problems import chain, orbit, x_of
+
+
+@pytest.fixture(scope="module")
+def result():
+    return orbit()
+
+
+def test_npz(result, tmp_path):
+    result.save(tmp_path / "orbit.npz")
+    with np.load(tmp_path / "orbit.npz") as file:
+        read = dict(file)
+    m = result.steps
+    assert read["phase"].shape == read["time"].shape == (m + 1,)
+    assert read["q"].shape == read["qd"].shape == read["qdd"].shape == (2, m + 1)
+    for name in ("phase", "time", "q", "qd", "qdd", "multipliers", "exponents"):
+        assert_array_equal(read[name], getattr(result, name))
+    assert read["coordinates"].tolist() == ["x", "phi"]
+    assert read["outputs"].tolist() == ["power"]
+    assert_array_equal(read["output_values"], [result.outputs["power"]])
+    assert_allclose(read["q"][0], x_of(read["phase"]), atol=1e-8)
+    metadata = json.loads(str(read["metadata"]))
+    assert metadata["model"] == "two oscillators"
+    assert metadata["speed"] == 3.0
+    assert metadata["units"] == {"x": "m", "phi": "rad", "power": "W"}
+    assert metadata["verdict"] == "asymptotically stable"
+
+
+@pytest.mark.parametrize("names", [["time", "y"], ["phase", "y"], ["y", "yd"], ["multiplier_re", "y"]])
+def test_names_that_files_hold_already_are_refused(names, tmp_path):
+    """Otherwise one of the two would be lost, the table's time among them."""
+    alike = chain(2)
+    twice = solve.periodic(PeriodicSystem(alike.at, names), 3.0, rtol=1e-3)
+    with pytest.raises(ValueOutOfBoundsError, match=r"is the name of two quantities .*give the coordinate"):
+        twice.save(tmp_path / "orbit.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_csv(result, tmp_path):
+    result.save(tmp_path / "orbit.csv")
+    text = (tmp_path / "orbit.csv").read_bytes().decode("utf-8")
+    assert "\r" not in text
+    header, *rows = csv.reader(text.splitlines())
+    assert header == ["time (s)", "phase (rad)", "x (m)", "phi (rad)", "power (W)"]
+    expected = (result.time, result.phase, *result.q, result.outputs["power"])
+    assert_array_equal(np.array(rows, dtype=float).T, expected)
+
+
+def test_mat(result, tmp_path):
+    from scipy.io import loadmat
+
+    result.save(tmp_path / "orbit.mat")
+    read = loadmat(tmp_path / "orbit.mat", squeeze_me=True, chars_as_strings=True)
+    for name in ("phase", "time", "q", "qd", "qdd", "multipliers", "exponents"):
+        assert_array_equal(read[name], getattr(result, name))
+    assert read["coordinates"].tolist() == ["x", "phi"]
+    assert str(read["outputs"]) == "power"
+    assert_array_equal(read["output_values"], result.outputs["power"])
+    assert json.loads(str(read["metadata"]))["method"] == result.method
+
+
+def test_dataset(result):
+    pytest.importorskip("xarray", reason="the extra netcdf is not installed")
+    made = result.to_xarray()
+    assert made["x"].dims == ("phase",)
+    assert_array_equal(made["phase"], result.phase)
+    assert_array_equal(made["time"], result.time)
+    for name, row in (("x", result.q[0]), ("phid", result.qd[1]), ("xdd", result.qdd[0])):
+        assert_array_equal(made[name], row)
+    assert_array_equal(made["power"], result.outputs["power"])
+    assert_array_equal(made["multiplier_re"] + 1j * made["multiplier_im"], result.multipliers)
+    assert made["x"].attrs == {"units": "m", "long_name": "slide"}
+    assert made["phid"].attrs["units"] == "rad/s"
+    assert made["xdd"].attrs["units"] == "m/s^2"
+    assert made["time"].attrs["units"] == "s"
+    assert made.attrs["speed"] == 3.0
+
+
+def test_nc(result, tmp_path):
+    xarray = pytest.importorskip("xarray", reason="the extra netcdf is not installed")
+    pytest.importorskip("h5netcdf", reason="the extra netcdf is not installed")
+    pytest.importorskip("h5py", reason="h5netcdf writes through h5py")
+    result.save(tmp_path / "orbit.nc")
+    with xarray.open_dataset(tmp_path / "orbit.nc", engine="h5netcdf") as read:
+        xarray.testing.assert_identical(read.load(), result.to_xarray())
+
+
+def test_a_missing_extra_is_named(result, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"xarray.*parametric-vibration\[netcdf\]"):
+        result.to_xarray()
+
+
+@pytest.mark.parametrize("name", ["orbit", "orbit.txt", "none/orbit.csv", "."])
+def test_an_unfit_file_is_refused(result, tmp_path, name):
+    with pytest.raises(FileError):
+        result.save(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+    file = tmp_path / "orbit.csv"
+    file.write_text("before")
+
+    def interrupted(part):
+        part.write_text("half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(FileError, match="No space left"):
+        write_whole(file, interrupted)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("orbit.csv", "before")]
+    write_whole(file, lambda part: part.write_text("after"))
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("orbit.csv", "after")]
+
+
+def test_a_failing_writer_leaves_no_trace(tmp_path):
+    def broken(part):
+        part.write_text("half")
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write_whole(tmp_path / "orbit.csv", broken)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_commands_save_every_kind(tmp_path):
+    from solve.commands.app import run
+
+    problem = ["manipulator", "--method", "radau", "--steps", "64", "--json"]
+    for kind in (".npz", ".csv", ".mat"):
+        for command in ("periodic", "floquet"):
+            file = tmp_path / f"{command}{kind}"
+            assert run([command, *problem, "--save", str(file)]) == 0
+            assert file.stat().st_size > 100
+    header = (tmp_path / "floquet.csv").read_text().splitlines()[0]
+    assert header == "multiplier_re (1),multiplier_im (1),exponent_re (1/s),exponent_im (rad/s)"
+    header = (tmp_path / "periodic.csv").read_text().splitlines()[0]
+    assert header.startswith("time (s),phase (rad),q1 (rad),q2 (m),drive_torque (N m)")
