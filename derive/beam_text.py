@@ -5,7 +5,7 @@ import json
 import sympy
 
 from derive.beam import BENDING, ELEMENTS, FAMILIES, XI, Element, Family
-from derive.freshness import banner, seal
+from derive.freshness import banner, hashed_module
 
 TITLE = "Beam elements of unit length"
 FACTORS = """\
@@ -23,7 +23,7 @@ def beam_elements_text(source_sha256: str, derive_sha256: str, command: str) -> 
     elements = "".join(f'    "{element.name}": {_dict(_element(element), 4)},\n' for element in ELEMENTS)
     body = f"{FACTORS}\n\nFAMILIES = {{\n{families}}}\n\nELEMENTS = {{\n{elements}}}\n"
     head = banner(TITLE, command)
-    return seal(head, source_sha256, derive_sha256, sympy.__version__, body, imports="")
+    return hashed_module(head, source_sha256, derive_sha256, sympy.__version__, body, imports="")
 
 
 def _family(family: Family) -> dict[str, str]:

@@ -20,13 +20,13 @@ Dimensions = Mapping[sympy.Symbol, Dimension]
 
 @dataclass(frozen=True)
 class _Statement:
-    """An expression that the author gave, the unit that it must have, and symbols that it must not hold."""
+    """An expression that the author gave, the unit that it must have, symbols that it must not contain."""
 
     what: str
     expression: sympy.Expr
     unit: str | None
     """None where any will do, as long as it is one."""
-    barred: Set[Any] = frozenset()
+    forbidden: Set[Any] = frozenset()
 
 
 def check(mechanism: Mechanism) -> None:
@@ -71,18 +71,18 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
     motion = {*moving} | rates | accelerations
     local = mechanism.declared_field.local if mechanism.declared_field else set()
     points = set(mechanism.declared_field.points) if mechanism.declared_field else set()
-    barred = accelerations | local | points
+    never = accelerations | local | points
     energies = {
-        "kinetic energy": (mechanism.kinetic, mechanism.energy, barred),
-        "potential energy": (mechanism.potential, mechanism.energy, barred | rates),
-        "dissipation": (mechanism.dissipation, mechanism.energy + "/s", barred),
+        "kinetic energy": (mechanism.kinetic, mechanism.energy, never),
+        "potential energy": (mechanism.potential, mechanism.energy, never | rates),
+        "dissipation": (mechanism.dissipation, mechanism.energy + "/s", never),
     }
     for what, (energy, unit, forbidden) in energies.items():
         yield _Statement(what, _expression(what, energy), unit, forbidden)
     for force, along in mechanism.forces:
         what = f"virtual work of {short(force)} along {short(along)}"
-        yield _Statement(what, sympy.Mul(force, along), mechanism.energy, barred)
-        yield _Statement(f"displacement {short(along)}", along, None, barred | rates)
+        yield _Statement(what, sympy.Mul(force, along), mechanism.energy, never)
+        yield _Statement(f"displacement {short(along)}", along, None, never | rates)
     for each in mechanism.declared_coordinates:
         if each.symbol in mechanism.fundamental_motion:
             desired = mechanism.fundamental_motion[each.symbol]
@@ -148,8 +148,8 @@ def _dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
 
 def _require_known(statement: _Statement, known: Dimensions) -> None:
     names = [symbol.name for symbol in known]
-    for symbol in sorted(statement.expression.free_symbols - (set(known) - statement.barred), key=str):
-        if symbol in statement.barred:
+    for symbol in sorted(statement.expression.free_symbols - (set(known) - statement.forbidden), key=str):
+        if symbol in statement.forbidden:
             raise UnknownSymbolError(f"{statement.what} holds {symbol}, which cannot stand there")
         if str(symbol) in names:
             raise UnknownSymbolError(

@@ -10,8 +10,8 @@ from derive import lagrange
 from derive.declarations import Output
 from derive.field import Field
 from derive.field_text import definitions, field_functions, field_tools
-from derive.freshness import banner, seal
-from derive.function_text import Generated, function_text, options_text
+from derive.freshness import banner, hashed_module
+from derive.function_text import GeneratedFunction, function_text, options_text
 from derive.galerkin import project
 from derive.linearise import linearise
 from derive.loop_text import loop_orders, loop_text
@@ -43,8 +43,8 @@ STATE = ("phase", "speed", "q", "qd", "qdd", "p")
 class Equations:
     """All that a generated module computes.
 
-    residual: nothing where `functions` hold it. definitions: text for symbols that stand in the
-    expressions besides the inputs. tools, functions: texts that go before and after the others.
+    residual: None where `functions` contain it. definitions: text for symbols of the expressions that are
+    no inputs. tools, functions: texts that go before and after the others.
     """
 
     linearised: dict[str, Any]
@@ -87,10 +87,14 @@ def module_text(mechanism: Mechanism, source_sha256: str, derive_sha256: str, co
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
     data = constants(mechanism, equations.outputs, _operations(counts))
     body = "\n\n\n".join([data, *tools, *equations.tools, *texts]) + "\n"
-    return seal(banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body)
+    return hashed_module(
+        banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body
+    )
 
 
-def functions_text(mechanism: Mechanism, functions: list[Generated]) -> tuple[list[str], dict[str, int]]:
+def functions_text(
+    mechanism: Mechanism, functions: list[GeneratedFunction]
+) -> tuple[list[str], dict[str, int]]:
     """Texts of the functions, after those of the loops that they solve, and the operations of each."""
     orders = loop_orders([matrix for each in functions for matrix in each.matrices])
     loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
@@ -108,25 +112,25 @@ def _operations(counts: dict[str, int]) -> dict[str, int]:
     return {"linearised": counts["linearised"], "residual": counts["linearised"], **evaluated}
 
 
-def _functions(mechanism: Mechanism, equations: Equations) -> list[Generated]:
+def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunction]:
     names = equations.definitions
     doc = "M, C, K, d of M q̈ + C q̇ + K q = d."
-    functions = [Generated("linearised", doc, ("phase", "speed", "p"), equations.linearised, names)]
+    functions = [GeneratedFunction("linearised", doc, ("phase", "speed", "p"), equations.linearised, names)]
     if equations.residual is not None:
         doc = "Nonlinear r of the equation of motion r = 0."
-        functions.append(Generated("residual", doc, STATE, {"r": equations.residual}))
+        functions.append(GeneratedFunction("residual", doc, STATE, {"r": equations.residual}))
     outputs = {each.name: each.expression for each in equations.outputs}
-    functions.append(Generated("outputs", "One scalar for each of OUTPUTS.", STATE, outputs, names))
+    functions.append(GeneratedFunction("outputs", "One scalar for each of OUTPUTS.", STATE, outputs, names))
     return functions + condition_functions(mechanism)
 
 
-def condition_functions(mechanism: Mechanism) -> list[Generated]:
+def condition_functions(mechanism: Mechanism) -> list[GeneratedFunction]:
     """The function of the conditions, if there are any."""
     if not mechanism.conditions:
         return []
     margins = sympy.Matrix([each.margin for each in mechanism.conditions])
     doc = "One number for each of CONDITIONS, positive where it holds."
-    return [Generated("conditions", doc, ("phase", "p"), {"margins": margins})]
+    return [GeneratedFunction("conditions", doc, ("phase", "p"), {"margins": margins})]
 
 
 def _torque(expression: Any) -> Output:

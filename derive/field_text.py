@@ -121,8 +121,8 @@ def _pair(name: sympy.Symbol, pair: Pair) -> str:
 def _{name}(i, j):
     """Integral of xi^{pair.power} psi_i^({pair.first}) psi_j^({pair.second}) over xi from 0 to 1."""
     if i == j:
-        return {printer.doprint(pair.integral.alike)}
-    return {printer.doprint(pair.integral.apart)}'''
+        return {printer.doprint(pair.integral.equal)}
+    return {printer.doprint(pair.integral.different)}'''
 
 
 def _moment(name: sympy.Symbol, moment: Moment) -> str:

@@ -23,7 +23,7 @@ def banner(title: str, command: str) -> str:
     )
 
 
-def seal(
+def hashed_module(
     head: str, source_sha256: str, derive_sha256: str, sympy_version: str, body: str, imports: str = IMPORTS
 ) -> str:
     """The module's text with the hashes of its inputs and of its body."""

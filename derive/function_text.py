@@ -14,7 +14,7 @@ from derive.kinematics import Loop, Order
 from derive.loop_text import loop_calls
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
-from derive.recurrence import operations, series_calls
+from derive.recurrence import series_calls, series_operations
 
 WIDTH = 106
 NO_LOOPS: Mapping[Loop, list[Order]] = MappingProxyType({})
@@ -22,10 +22,10 @@ VECTORS = {"q": "coordinates", "qd": "rates", "qdd": "accelerations", "p": "para
 
 
 @dataclass(frozen=True)
-class Generated:
+class GeneratedFunction:
     """A function of the generated module: its CasADi inputs and its named results.
 
-    definitions: text for symbols of the results that the inputs do not hold.
+    definitions: text for symbols of the results that are no inputs.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Generated:
 
 
 def function_text(
-    mechanism: Mechanism, function: Generated, loops: Mapping[Loop, list[Order]] = NO_LOOPS
+    mechanism: Mechanism, function: GeneratedFunction, loops: Mapping[Loop, list[Order]] = NO_LOOPS
 ) -> tuple[str, int]:
     """Text of one function, and its operations after common subexpressions are taken out.
 
@@ -70,7 +70,7 @@ def function_text(
     ]
     expressions = [expression for _, expression in common] + [entry for each in reduced for entry in each]
     text = textwrap.indent("\n".join(body), "    ")
-    count = int(sympy.count_ops(expressions)) + operations(values)
+    count = int(sympy.count_ops(expressions)) + series_operations(values)
     return f"def {function.name}({options_text(mechanism)}):\n{text}", count
 
 
@@ -119,7 +119,7 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(names) + ("," if len(names) == 1 else "")
 
 
-def _return(function: Generated, printed: Sequence[str]) -> list[str]:
+def _return(function: GeneratedFunction, printed: Sequence[str]) -> list[str]:
     names = (function.inputs, tuple(function.results))
     return [
         "return casadi.Function(",

@@ -5,9 +5,9 @@ coordinates; their linearised rows r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b
 derivatives by x, make those of the amplitudes: ∫ Σ_a ψ_j^(a) r_a dx = 0. The coefficients are
 polynomials of x, so that constant integrals of mode functions remain.
 
-The shortening u = ½∫w′² is of second order. What the energies say of it acts along the link, and
-∫ F_u δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx: the tension N(x), F_u summed from the end of the
-link on, and the force that closes the loop over the shorter chord. N w′² /2 stiffens geometrically.
+The shortening u = ½∫w′² is of second order. Lagrange's row of u is a force F_u along the link, of which
+∫ F_u δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is this inner integral and the
+force at the end, which is the row of the total shortening; N w′²/2 is the energy of geometric stiffness.
 """
 
 from collections.abc import Mapping
@@ -90,7 +90,7 @@ def project(mechanism: Mechanism, deflection: Field) -> Projection:
     parts = [_split(energy, deflection) for energy in energies]
     whole, density = (Energies(*each) for each in zip(*parts, strict=True))
     projection.tension = _tension(mechanism, deflection, whole, density)
-    straight = _without([deflection.shortening, deflection.total_shortening])
+    straight = _zeroed([deflection.shortening, deflection.total_shortening])
     density = Energies(*(each.xreplace(straight) for each in density))
     _project_rows(projection, density)
     if not mechanism.no_drive_torque:
@@ -125,7 +125,7 @@ def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
 def _tension(mechanism: Mechanism, deflection: Field, whole: Energies, density: Energies) -> Any:
     """N(x): what the straight link transmits, from the rows of the shortening at x and at the end."""
     x, length, chord = deflection.position, deflection.length, deflection.total_shortening
-    straight = _without(deflection.symbols)
+    straight = _zeroed(deflection.symbols)
     at_end = equation(whole, chord, mechanism.forces).xreplace(straight)
     spread = _powers(equation(density, chord).xreplace(straight), x)
     along = _powers(equation(density, deflection.shortening).xreplace(straight), x)
@@ -143,9 +143,9 @@ def _project_rows(projection: Projection, density: Energies) -> None:
     matrices: dict[str, Any] = {"M": M, "C": C, "K": K}
     for name, local in matrices.items():
         projection.linearised[name] = sympy.Add(
-            *(_paired(projection, local[a, b], a, b) for a in range(3) for b in range(3))
+            *(_pair_terms(projection, local[a, b], a, b) for a in range(3) for b in range(3))
         )
-    projection.linearised["d"] = sympy.Add(*(_columned(projection, d[a], a) for a in range(3)))
+    projection.linearised["d"] = sympy.Add(*(_moment_terms(projection, d[a], a) for a in range(3)))
     if projection.linearised["M"] == 0:
         raise SingularMassError(f"the kinetic energy gives no inertia to {deflection.name}; add its mass")
     for name, zeros in (("C", ZERO_MATRIX), ("K", ZERO_MATRIX), ("d", ZERO_COLUMN)):
@@ -153,7 +153,7 @@ def _project_rows(projection: Projection, density: Energies) -> None:
             projection.linearised[name] = zeros
 
 
-def _paired(projection: Projection, coefficient: Any, a: int, b: int) -> Any:
+def _pair_terms(projection: Projection, coefficient: Any, a: int, b: int) -> Any:
     """∫ coefficient ψ_j^(a) ψ_i^(b) dx as coefficients times symbols of `pairs`."""
     deflection, terms = projection.deflection, []
     for power, factor in _powers(coefficient, deflection.position).items():
@@ -165,7 +165,7 @@ def _paired(projection: Projection, coefficient: Any, a: int, b: int) -> Any:
     return sympy.Add(*terms)
 
 
-def _columned(projection: Projection, coefficient: Any, a: int) -> Any:
+def _moment_terms(projection: Projection, coefficient: Any, a: int) -> Any:
     """∫ coefficient ψ_j^(a) dx as coefficients times symbols of `moments`."""
     deflection, terms = projection.deflection, []
     for power, factor in _powers(coefficient, deflection.position).items():
@@ -188,13 +188,15 @@ def _torque(projection: Projection, density: Energies) -> Any:
     terms = [factor * deflection.length ** (k + 1) / (k + 1) for k, factor in powers.items()]
     for times, row in enumerate((K, C, M)):
         for a in range(3):
-            column = _columned(projection, row[a], a)
+            column = _moment_terms(projection, row[a], a)
             moments = sorted(column.free_symbols & set(projection.moments), key=str)
-            terms.append(column.xreplace({each: _weighted(projection, each, times) for each in moments}))
+            terms.append(
+                column.xreplace({each: _weighted_moment(projection, each, times) for each in moments})
+            )
     return sympy.Add(*terms)
 
 
-def _weighted(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
+def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
     """The symbol of a moment's column times the amplitudes, differentiated by time."""
     symbol = Moving(f"{moment.name}_q")
     projection.weighted[symbol] = moment
@@ -210,7 +212,7 @@ def _first_order(expression: Any, moving: tuple[Moving, ...]) -> Any:
     return sympy.Add(expression.xreplace(rest), *(s * expression.diff(s).xreplace(rest) for s in symbols))
 
 
-def _without(moving: list[Any]) -> Mapping[sympy.Basic, Any]:
+def _zeroed(moving: list[Any]) -> Mapping[sympy.Basic, Any]:
     return dict.fromkeys((s for each in moving for s in (each, each.rate, each.rate.rate)), sympy.S.Zero)
 
 
@@ -221,7 +223,7 @@ def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
         factor, varying = term.as_independent(x, as_Add=False)
         base, power = varying.as_base_exp() if varying.has(x) else (x, sympy.S.Zero)
         if base != x or not power.is_Integer or power < 0:
-            raise UnsupportedExpressionError(f"energies must be polynomials of {x}; found {varying}")
+            raise UnsupportedExpressionError(f"energies must be polynomials of {x}; given: {varying}")
         factors.setdefault(int(power), []).append(factor)
     sums = {power: gathered(sympy.Add(*terms)) for power, terms in sorted(factors.items())}
     return {power: factor for power, factor in sums.items() if factor != 0}

@@ -18,7 +18,7 @@ def gathered(entry: sympy.Expr) -> sympy.Expr:
     return sympy.Add(*terms)
 
 
-def shorter(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
+def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
     """The matrices gathered, or as they are where that takes fewer operations.
 
     Gathering is shorter for transmission functions, and longer where kinematics are written out.

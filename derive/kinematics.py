@@ -126,7 +126,9 @@ class Loop:
     @property
     def newton_step(self) -> list[Any]:
         """z after one step of Newton's method."""
-        return list(sympy.Matrix(self.unknowns) + _solved(self.jacobian, -sympy.Matrix(self.closure)))
+        return list(
+            sympy.Matrix(self.unknowns) + _linear_solution(self.jacobian, -sympy.Matrix(self.closure))
+        )
 
     def derivative(self, order: Order) -> list[Any]:
         """Derivatives of an order of the unknowns, from those of lower orders (applied to `given`)."""
@@ -136,30 +138,30 @@ class Loop:
             for _ in range(times):
                 closed = closed.diff(symbol)
         rest = closed.xreplace(dict.fromkeys(self.at(self.given, order), sympy.S.Zero))
-        return list(_solved(self.jacobian.xreplace(functions), -rest))
+        return list(_linear_solution(self.jacobian.xreplace(functions), -rest))
 
     @property
     def margins(self) -> list[Any]:
         """What is positive where the loop is closed in the desired motion, to 1e-9 of the terms' sizes."""
-        rest = [at_rest(argument) for argument in self.arguments]
+        rest = [at_desired_motion(argument) for argument in self.arguments]
         values = dict(zip((*self.unknowns, *self.given), (*self.at(rest), *rest), strict=True))
         closed = [equation.xreplace(values) for equation in self.closure]
         sizes = [sympy.Add(*map(sympy.Abs, sympy.Add.make_args(equation))) for equation in closed]
         return [size / 10**9 - sympy.Abs(gap) for size, gap in zip(sizes, closed, strict=True)]
 
 
-def _solved(matrix: Any, right: Any) -> Any:
-    """By Cramer's rule: no pivot can vanish at some phase, as in elimination."""
+def _linear_solution(matrix: Any, right: Any) -> Any:
+    """z of matrix z = right by Cramer's rule, which unlike elimination needs no pivot other than 0."""
     return matrix.adjugate() * right / matrix.det(method="berkowitz")
 
 
 def lower_orders(orders: Iterable[Order]) -> list[Order]:
-    """The orders and all that their derivatives rest on, lowest first."""
+    """The orders and all lower ones that their derivatives are calculated from, lowest first."""
     needed = {lower for order in orders for lower in product(*(range(times + 1) for times in order))}
     return sorted(needed, key=lambda order: (sum(order), order))
 
 
-def at_rest(expression: Any) -> Any:
+def at_desired_motion(expression: Any) -> Any:
     """The expression in the desired motion: all that moves is zero, except the phase."""
     moving = expression.atoms(Moving) - {PHASE}
     return expression.xreplace(dict.fromkeys(moving, sympy.S.Zero))
@@ -198,6 +200,8 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
 
 def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any, Any]:
     """What lets A, B, C form a triangle at every angle of the crank."""
-    crank, coupler, follower, ground = (at_rest(sympy.sympify(x)) for x in (crank, coupler, follower, ground))
+    crank, coupler, follower, ground = (
+        at_desired_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
+    )
     reach = ground + crank < coupler + follower
     return reach, sympy.Abs(ground - crank) > sympy.Abs(coupler - follower)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import sympy
 
-from derive.gather import gathered, shorter
+from derive.gather import gathered, simplified
 from derive.mechanism import Mechanism
 from derive.symbols import PHASE, Moving, rate
 
@@ -29,7 +29,7 @@ def residual(mechanism: Mechanism) -> sympy.Matrix:
     Coordinates with a fundamental motion are counted from it: q → q̄(φ) + q before anything else.
     """
     rows = sympy.Matrix([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
-    return shorter([rows])[0]
+    return simplified([rows])[0]
 
 
 def drive_torque(mechanism: Mechanism, residual: sympy.Matrix) -> sympy.Expr:
@@ -45,7 +45,7 @@ def drive_torque(mechanism: Mechanism, residual: sympy.Matrix) -> sympy.Expr:
         without = gathered(torque - row)
         if torque.has(*accelerations) and not without.has(*accelerations):
             return without
-    whole: Any = shorter([sympy.Matrix([torque])])[0]
+    whole: Any = simplified([sympy.Matrix([torque])])[0]
     return whole[0, 0]
 
 

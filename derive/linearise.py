@@ -6,7 +6,7 @@ from typing import NamedTuple
 import sympy
 
 from derive.errors import ExpansionError, SingularMassError
-from derive.gather import shorter
+from derive.gather import simplified
 from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
 from derive.symbols import Moving
@@ -31,7 +31,7 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     q = [each.symbol for each in mechanism.declared_coordinates]
     matrices = expanded(residual, q)
     _require_expansion(mechanism, matrices)
-    linearised = Linearised(*shorter(matrices))
+    linearised = Linearised(*simplified(matrices))
     _require_inertia(mechanism, linearised.M)
     return linearised
 

@@ -8,6 +8,7 @@ import sympy
 
 from derive.kinematics import Loop, LoopFunction, Order, lower_orders
 from derive.printer import CasadiPrinter
+from derive.symbols import unused_symbol
 
 Assignment = tuple[sympy.Symbol, Any]
 
@@ -24,7 +25,7 @@ def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
 def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
     """A function that returns the unknowns' derivatives of the given orders, and its operations."""
     taken = {symbol.name for symbol in (*loop.parameters, *loop.unknowns)}
-    formal = {symbol: _fresh(symbol.name, taken) for symbol in loop.given}
+    formal = {symbol: unused_symbol(symbol.name, taken) for symbol in loop.given}
     lower = lower_orders(orders)
     names: dict[Any, sympy.Symbol] = {}
     for order in lower:
@@ -59,8 +60,8 @@ def loop_calls(
     """
     printer, lines = CasadiPrinter(), []
     values: dict[Any, sympy.Symbol] = {}
-    found = set().union(*(matrix.atoms(LoopFunction) for matrix in matrices))
-    calls = {(each.loop.name, each.arguments): each.loop for each in found}
+    unknowns = set().union(*(matrix.atoms(LoopFunction) for matrix in matrices))
+    calls = {(each.loop.name, each.arguments): each.loop for each in unknowns}
     for (name, arguments), loop in sorted(calls.items(), key=lambda call: sympy.default_sort_key(call[0])):
         named = [_named(loop, arguments, order, taken) for order in wanted[loop]]
         symbols = ", ".join(symbol.name for each in named for symbol in each.values())
@@ -100,11 +101,4 @@ def _named(loop: Loop, arguments: Sequence[Any], order: Order, taken: set[str]) 
     """A symbol such as phi3_1_0 for each unknown's derivative of an order."""
     suffix = "".join(f"_{times}" for times in order)
     functions = loop.at(arguments, order)
-    return {each: _fresh(type(each).__name__ + suffix, taken) for each in functions}
-
-
-def _fresh(name: str, taken: set[str]) -> sympy.Symbol:
-    while name in taken:
-        name += "_"
-    taken.add(name)
-    return sympy.Symbol(name, real=True)
+    return {each: unused_symbol(type(each).__name__ + suffix, taken) for each in functions}

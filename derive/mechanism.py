@@ -76,7 +76,7 @@ class Mechanism:
             unit, meaning, bound = self._described(symbol.name, described)
             if bound:
                 raise DeclarationError(f"{symbol.name}: a coordinate has no bound; use trust(...)")
-            self._claim_moving(symbol)
+            self._require_unused_moving(symbol)
             self.declared_coordinates.append(Coordinate(symbol, unit, meaning))
         return symbols
 
@@ -164,7 +164,7 @@ class Mechanism:
 
         `Option.choose` picks expressions by word.
         """
-        self._claim(name)
+        self._require_unused(name)
         words = isinstance(values, tuple) and all(value.isidentifier() for value in values)
         if len(values) < 2 or not (words or isinstance(values, range)):
             raise DeclarationError(
@@ -174,7 +174,7 @@ class Mechanism:
             raise DeclarationError(f"option {name} has no value {default}; declared: {values}")
         option = Option(name, values, values[0] if default is None else default)
         for indicator in option.indicators:
-            self._claim(indicator.name)
+            self._require_unused(indicator.name)
         self.declared_options.append(option)
         return option
 
@@ -283,7 +283,7 @@ class Mechanism:
         self._described(name, (unit, meaning))
         declared = Field(name, unit, meaning, sympy.sympify(length), shape, modes.name)
         for symbol in declared.symbols:
-            self._claim_moving(symbol)
+            self._require_unused_moving(symbol)
         amplitudes = {
             f"{coordinates}{k}": (unit, f"{meaning}: amplitude of mode {k}")
             for k in range(1, modes.values[-1] + 1)
@@ -309,7 +309,7 @@ class Mechanism:
     def output(self, name: str, expression: sympy.Expr, unit: str, meaning: str) -> None:
         """Declare a quantity to be computed beside the coordinates."""
         self._described(name, (unit, meaning))
-        self._claim(name)
+        self._require_unused(name)
         self.declared_outputs.append(Output(name, sympy.sympify(expression), unit, meaning))
 
     def limit(self, output: str, bound: str, beyond: str) -> None:
@@ -343,7 +343,7 @@ class Mechanism:
 
     def _parameter(self, name: str, described: tuple[str, ...]) -> sympy.Symbol:
         unit, meaning, bound = self._described(name, described)
-        self._claim(name)
+        self._require_unused(name)
         symbol = sympy.Symbol(name, real=True)
         self.declared_parameters.append(Parameter(symbol, unit, meaning, bound))
         return symbol
@@ -359,7 +359,7 @@ class Mechanism:
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:
         for unknown in loop.unknowns:
-            self._claim(unknown.name)
+            self._require_unused(unknown.name)
         self.declared_loops.append(loop)
         return loop.at(loop.arguments)
 
@@ -367,11 +367,11 @@ class Mechanism:
         concerned = [each.symbol.name for each in self.declared_parameters if each.symbol in symbols]
         self.conditions.append(Condition(text, meaning, margin, tuple(concerned)))
 
-    def _claim_moving(self, symbol: Moving) -> None:
+    def _require_unused_moving(self, symbol: Moving) -> None:
         for moving in (symbol, symbol.rate, symbol.rate.rate):
-            self._claim(moving.name)
+            self._require_unused(moving.name)
 
-    def _claim(self, name: str) -> None:
+    def _require_unused(self, name: str) -> None:
         """Refuse a name that is reserved or taken."""
         require_plain(name)
         if name in self.names():

@@ -2,7 +2,7 @@
 
 Mode functions are sums of powers of ξ = x/l times sines and cosines of π(ak + c)ξ, a whole. Their
 products are sums of waves ξ^p exp(iπtξ), which integrate by parts; at ξ = 1 only the parity (−1)^k of a
-mode number remains. Equal mode numbers, for which some t vanish, are integrated apart.
+mode number remains. Equal mode numbers, for which some t vanish, have an integral of their own.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ XI = sympy.Symbol("xi", real=True)
 MODE_I, MODE_J = sympy.symbols("i j", integer=True, positive=True)
 PARITY = {number: sympy.Symbol(f"parity_{number}") for number in (MODE_I, MODE_J)}
 """Stand for (−1)^i and (−1)^j while sums are simplified."""
-SET_APART = {sympy.pi, *PARITY.values()}
+SEPARATE_FACTORS = {sympy.pi, *PARITY.values()}
 
 Shape = Callable[[Any, Any], Any]
 """The mode function of a mode number k = 1, 2, … and of ξ = x/l."""
@@ -25,14 +25,14 @@ Shape = Callable[[Any, Any], Any]
 
 @dataclass(frozen=True)
 class ModalIntegral:
-    """∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1; `alike` holds for i = j, `apart` for any others."""
+    """∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1; `equal` for i = j, `different` for any others."""
 
-    apart: sympy.Expr
-    alike: sympy.Expr
+    different: sympy.Expr
+    equal: sympy.Expr
 
     @property
     def vanishes(self) -> bool:
-        return self.apart == self.alike == 0
+        return self.different == self.equal == 0
 
 
 def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> ModalIntegral:
@@ -42,8 +42,10 @@ def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> Modal
     """
     product = XI**power * shape(MODE_I, XI).diff(XI, a) * shape(MODE_J, XI).diff(XI, b)
     numbers = range(1, most + 1)
-    apart = _integral(product, [{MODE_I: i, MODE_J: j} for i in numbers for j in numbers if i != j])
-    return ModalIntegral(apart, _integral(product.xreplace({MODE_J: MODE_I}), [{MODE_I: i} for i in numbers]))
+    different = _integral(product, [{MODE_I: i, MODE_J: j} for i in numbers for j in numbers if i != j])
+    return ModalIntegral(
+        different, _integral(product.xreplace({MODE_J: MODE_I}), [{MODE_I: i} for i in numbers])
+    )
 
 
 def modal_moment(shape: Shape, a: int, power: int, most: int) -> sympy.Expr:
@@ -54,9 +56,9 @@ def modal_moment(shape: Shape, a: int, power: int, most: int) -> sympy.Expr:
 def _integral(function: Any, numbers: list[dict[sympy.Symbol, int]]) -> sympy.Expr:
     """Integral over 0 … 1, for the given mode numbers."""
     total = sympy.S.Zero
-    for (power, turns), factor in _waves(function).items():
-        _require_motion(turns, numbers)
-        total += factor * _wave(power, turns)
+    for (power, half_waves), factor in _waves(function).items():
+        _require_frequency(half_waves, numbers)
+        total += factor * _wave(power, half_waves)
     simple: Any = sympy.factor_terms(_factored(total))
     return simple.xreplace({symbol: (-1) ** number for number, symbol in PARITY.items()})
 
@@ -68,7 +70,7 @@ def _factored(total: sympy.Expr) -> sympy.Expr:
         powers = term.as_powers_dict()
         parity = sympy.Mul(*(symbol ** (powers[symbol] % 2) for symbol in PARITY.values()))
         constant = parity * sympy.pi ** powers[sympy.pi]
-        rest = sympy.Mul(*(base**power for base, power in powers.items() if base not in SET_APART))
+        rest = sympy.Mul(*(base**power for base, power in powers.items() if base not in SEPARATE_FACTORS))
         quotients[constant] = quotients.get(constant, sympy.S.Zero) + rest
     return sympy.Add(*(constant * sympy.factor(quotient) for constant, quotient in quotients.items()))
 
@@ -78,46 +80,46 @@ def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
     waves: dict[tuple[int, sympy.Expr], sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(function.rewrite(sympy.exp))):
         factor, varying = term.as_independent(XI)
-        power, turns = 0, sympy.S.Zero
+        power, half_waves = 0, sympy.S.Zero
         parts: Any = sympy.Mul.make_args(varying)
         for part in parts:
             base, exponent = part.as_base_exp()
             if base == XI and exponent.is_Integer:
                 power += int(exponent)
             elif part.func is sympy.exp:
-                turns += sympy.expand(part.exp / (sympy.I * sympy.pi * XI))
+                half_waves += sympy.expand(part.exp / (sympy.I * sympy.pi * XI))
             elif part != 1:
                 raise _unsupported(part)
-        waves[power, turns] = waves.get((power, turns), sympy.S.Zero) + factor
+        waves[power, half_waves] = waves.get((power, half_waves), sympy.S.Zero) + factor
     return waves
 
 
-def _wave(power: int, turns: sympy.Expr) -> sympy.Expr:
+def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
     """∫ ξ^p exp(iπtξ) dξ over 0 … 1."""
-    if turns == 0:
+    if half_waves == 0:
         return sympy.Rational(1, power + 1)
-    end, slope = _end(turns), sympy.I * sympy.pi * turns
+    end, slope = _end_value(half_waves), sympy.I * sympy.pi * half_waves
     terms = [end / slope]
     for m in range(1, power + 1):
         terms.append(-terms[-1] * (power - m + 1) / slope)
     return sympy.Add(*terms) - terms[-1] / end
 
 
-def _end(turns: Any) -> sympy.Expr:
+def _end_value(half_waves: Any) -> sympy.Expr:
     """exp(iπt) for t = ai + bj + c with whole a and b."""
-    a, b = turns.coeff(MODE_I), turns.coeff(MODE_J)
-    rest = turns - a * MODE_I - b * MODE_J
+    a, b = half_waves.coeff(MODE_I), half_waves.coeff(MODE_J)
+    rest = half_waves - a * MODE_I - b * MODE_J
     if not (a.is_Integer and b.is_Integer and rest.is_number):
-        raise _unsupported(sympy.exp(sympy.I * sympy.pi * turns * XI))
+        raise _unsupported(sympy.exp(sympy.I * sympy.pi * half_waves * XI))
     return PARITY[MODE_I] ** (a % 2) * PARITY[MODE_J] ** (b % 2) * sympy.exp(sympy.I * sympy.pi * rest)
 
 
-def _require_motion(turns: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
+def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
     """Where a wave's frequency vanishes for some mode numbers only, its formula is 0/0 there."""
-    if turns == 0:
+    if half_waves == 0:
         return
     for each in numbers:
-        if turns.xreplace({symbol: sympy.Integer(n) for symbol, n in each.items()}) == 0:
+        if half_waves.xreplace({symbol: sympy.Integer(n) for symbol, n in each.items()}) == 0:
             named = ", ".join(f"{symbol} = {n}" for symbol, n in each.items())
             raise UnsupportedExpressionError(
                 "mode functions cannot be integrated for all mode numbers at once: frequencies meet at "

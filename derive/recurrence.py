@@ -6,6 +6,7 @@ from typing import Any
 import sympy
 
 from derive.printer import CasadiPrinter
+from derive.symbols import unused_symbol
 from derive.transmission import PeriodicFunction
 
 FOURIER = '''\
@@ -37,22 +38,22 @@ def series_calls(
 
     `taken` are names that the symbols must not have; the new ones are added to it.
     """
-    found: set[Any] = set().union(*(matrix.atoms(PeriodicFunction) for matrix in matrices))
-    inner = {inside for each in found for inside in each.args[0].atoms(PeriodicFunction)}
+    direct: set[Any] = set().union(*(matrix.atoms(PeriodicFunction) for matrix in matrices))
+    inner = {inside for each in direct for inside in each.args[0].atoms(PeriodicFunction)}
     together: dict[tuple[type[PeriodicFunction], Any], set[int]] = {}
-    for each in found | inner:
+    for each in direct | inner:
         together.setdefault((type(each), each.args[0]), set()).add(each.order)
     lines, values = [], {}
     for series, argument in sorted(together, key=_inner_first):
         orders = sorted(together[series, argument])
-        symbols = [_fresh(f"{series.__name__}_{order}", taken) for order in orders]
+        symbols = [unused_symbol(f"{series.__name__}_{order}", taken) for order in orders]
         values |= {series(argument, order): symbol for order, symbol in zip(orders, symbols, strict=True)}
         call = _call(series, argument.xreplace(values), orders)
         lines.append(f"[{', '.join(symbol.name for symbol in symbols)}] = {call}")
     return lines, values
 
 
-def operations(values: Mapping[PeriodicFunction, sympy.Symbol]) -> int:
+def series_operations(values: Mapping[PeriodicFunction, sympy.Symbol]) -> int:
     """Additions and multiplications of the recurrences behind the values, trigonometric calls included."""
     arguments = {(type(each), each.args[0]) for each in values}
     harmonics = [len(series.first) for series, _ in arguments]
@@ -67,13 +68,6 @@ def _inner_first(key: tuple[type[PeriodicFunction], sympy.Expr]) -> tuple:
 def _nesting(expression: sympy.Basic) -> int:
     inside = expression.atoms(PeriodicFunction)
     return 1 + max(_nesting(each.args[0]) for each in inside) if inside else 0
-
-
-def _fresh(name: str, taken: set[str]) -> sympy.Symbol:
-    while name in taken:
-        name += "_"
-    taken.add(name)
-    return sympy.Symbol(name, real=True)
 
 
 def _call(series: type[PeriodicFunction], argument: sympy.Expr, orders: Sequence[int]) -> str:

@@ -66,7 +66,7 @@ class Structure(Mechanism):
     damping_ratio: sympy.Expr = sympy.S.Zero
     declared_links: list[Link] = field(default_factory=list, init=False)
     declared_masses: list[tuple[str, sympy.Expr]] = field(default_factory=list, init=False)
-    held: list[str] = field(default_factory=list, init=False)
+    supported: list[str] = field(default_factory=list, init=False)
     clamped: list[tuple[str, str]] = field(default_factory=list, init=False)
     welded: list[tuple[str, tuple[str, ...]]] = field(default_factory=list, init=False)
 
@@ -111,7 +111,7 @@ class Structure(Mechanism):
     def support(self, joint: str) -> None:
         """Hold a joint's place; its links still turn about it."""
         self._require_joint(joint)
-        self.held.append(joint)
+        self.supported.append(joint)
 
     def clamp(self, joint: str, *links: str) -> None:
         """Hold a joint's place and the directions of its links, or of those named."""
@@ -148,8 +148,8 @@ class Structure(Mechanism):
         fixed = {PHASE, SPEED}
         for link in self.declared_links:
             for name, (expression, unit) in link.properties.items():
-                barred = {SPEED} if name == "angle" else fixed
-                yield f"{name} of link {link.name}", expression, unit, barred
+                forbidden = {SPEED} if name == "angle" else fixed
+                yield f"{name} of link {link.name}", expression, unit, forbidden
         for joint, mass in self.declared_masses:
             yield f"mass of joint {joint}", mass, "kg", fixed
         yield "damping ratio", sympy.sympify(self.damping_ratio), "1", fixed
@@ -165,7 +165,7 @@ class Structure(Mechanism):
                 f"{self.name} is a structure: its coordinates and energies follow from its links; "
                 "state them in a Mechanism instead"
             )
-        if not self.held:
+        if not self.supported:
             raise DeclarationError(f"{self.name} is held nowhere; use support(joint) or clamp(joint)")
 
     def _links_at(self, joint: str, chosen: tuple[str, ...]) -> tuple[str, ...]:

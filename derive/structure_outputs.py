@@ -49,7 +49,7 @@ def _of_joint(structure: Structure, joint: str) -> Iterator[Observed]:
     links = [each for each in structure.declared_links if joint in (each.start, each.end)]
     link = links[-1]
     place = float(joint == link.end)
-    if joint in structure.held or len(links) > 1:
+    if joint in structure.supported or len(links) > 1:
         for axis in "xy":
             meaning = f"force of joint {joint} on the {link.name}, along {axis}"
             force = Output(f"{joint}_force_{axis}", None, "N", meaning)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import sympy
 
 from derive.emit import TOOLS, condition_functions, constants, functions_text, literal
-from derive.freshness import banner, seal
-from derive.function_text import Generated
+from derive.freshness import banner, hashed_module
+from derive.function_text import GeneratedFunction
 from derive.structure import ELEMENT_NAMES, Structure
 from derive.structure_outputs import Observed, observed
 
@@ -43,10 +43,10 @@ def structure_text(structure: Structure, source_sha256: str, derive_sha256: str,
     ]
     head = banner(structure.title, command)
     body = "\n\n\n".join(parts) + "\n"
-    return seal(head, source_sha256, derive_sha256, sympy.__version__, body)
+    return hashed_module(head, source_sha256, derive_sha256, sympy.__version__, body)
 
 
-def _properties(structure: Structure) -> Generated:
+def _properties(structure: Structure) -> GeneratedFunction:
     columns: dict[str, list[sympy.Expr]] = {}
     for link in structure.declared_links:
         for name, (expression, _) in link.properties.items():
@@ -54,7 +54,7 @@ def _properties(structure: Structure) -> Generated:
     columns["mass"] = [structure.mass_at(joint) for joint in structure.joints]
     columns["damping_ratio"] = [sympy.sympify(structure.damping_ratio)]
     results = {name: sympy.Matrix(column) for name, column in columns.items()}
-    return Generated("properties", DOCUMENTATION, ("phase", "p"), results)
+    return GeneratedFunction("properties", DOCUMENTATION, ("phase", "p"), results)
 
 
 def _data(structure: Structure, of_interest: list[Observed]) -> str:
@@ -66,7 +66,7 @@ def _data(structure: Structure, of_interest: list[Observed]) -> str:
         )
         for link in structure.declared_links
     ]
-    joints = [(joint, joint in structure.held) for joint in structure.joints]
+    joints = [(joint, joint in structure.supported) for joint in structure.joints]
     options = [
         ("elements", range(1, MOST_ELEMENTS + 1), 1),
         ("element", ELEMENT_NAMES, ELEMENT_NAMES[0]),

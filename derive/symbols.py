@@ -33,3 +33,11 @@ def rate(expression: sympy.Expr | float) -> sympy.Expr:
     expression = sympy.sympify(expression)
     moving = sorted(expression.atoms(Moving), key=lambda symbol: symbol.name)
     return sympy.Add(*(expression.diff(symbol) * symbol.rate for symbol in moving))
+
+
+def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
+    """A symbol of this name, with underscores added while it is taken; its name is then `taken` too."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return sympy.Symbol(name, real=True)

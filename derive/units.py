@@ -87,9 +87,11 @@ def parse(text: str) -> Dimension:
 
 def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.Symbol, Dimension]) -> None:
     """Raise UnitError unless `expression` is in `unit`; `what` names it in the message."""
-    found = dimension_of(what, expression, known)
-    if expression != 0 and found != parse(unit):
-        raise UnitError(f'{what} must be in "{unit}" ({parse(unit)}) but {short(expression)} is in {found}')
+    dimension = dimension_of(what, expression, known)
+    if expression != 0 and dimension != parse(unit):
+        raise UnitError(
+            f'{what} must be in "{unit}" ({parse(unit)}) but {short(expression)} is in {dimension}'
+        )
 
 
 def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:

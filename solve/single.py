@@ -1,8 +1,12 @@
 """One point: the periodic solution of a system, found directly, or its stability alone."""
 
-from solve.certify.certificate import certified
+from solve.certify.certified import Certified, Failed, Request
+from solve.certify.refinement import certified
+from solve.kernel.engines import chosen_engine
+from solve.methods.auto import Rule, auto, chosen_for
 from solve.methods.choice import chosen
-from solve.methods.method import Method
+from solve.methods.radau import Radau
+from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem
@@ -12,14 +16,17 @@ from solve.units import checked_rtol, speed_in_si
 def periodic(
     system: PeriodicSystem,
     speed: float | str,
-    method: str | Method = "auto",
+    method: str | Rule = "auto",
     steps: int | None = None,
     rtol: float = 1e-8,
+    engine: str = "auto",
 ) -> Orbit:
     """The T-periodic solution at a speed (rad/s, or a text with unit such as "600 rpm").
 
     With `steps`, the method's result on that many steps, its error estimated from twice as many;
     without, steps grow until the estimated errors of orbit and multipliers are `rtol` or less.
+    engine: "compiled", "numpy", or "auto" for the first where there is a C compiler; the first solution of a
+    kind then waits for the compiler, once for a machine.
     Raises ResonanceError where a multiplier is at +1, and other SolveError subclasses for bad input,
     matrices or steps.
 
@@ -31,24 +38,49 @@ def periodic(
     >>> round(float(orbit.harmonics("q")[0][1]), 9)
     0.333148302
     """
-    omega, rule = speed_in_si(speed), chosen(method)
-    system.checked(omega)
-    return Orbit(system, omega, certified(system, omega, rule, steps, checked_rtol(rtol)))
+    omega = speed_in_si(speed)
+    return Orbit(system, omega, *_solved(system, omega, method, steps, rtol, engine, orbit=True))
 
 
 def floquet(
     system: PeriodicSystem,
     speed: float | str,
-    method: str | Method = "auto",
+    method: str | Rule = "auto",
     steps: int | None = None,
     rtol: float = 1e-8,
+    engine: str = "auto",
 ) -> Stability:
     """Floquet multipliers of the system at a speed (rad/s, or a text with unit such as "600 rpm").
 
     With `steps`, the method's result on that many steps, its error estimated from twice as many;
-    without, steps grow until the estimated error is `rtol` or less. Raises SolveError
-    subclasses for bad input, matrices or steps.
+    without, steps grow until the estimated error is `rtol` or less. engine: as in `periodic`. Raises
+    SolveError subclasses for bad input, matrices or steps.
     """
-    omega, rule = speed_in_si(speed), chosen(method)
+    omega = speed_in_si(speed)
+    return Stability(system, omega, *_solved(system, omega, method, steps, rtol, engine, orbit=False))
+
+
+def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:
+    """What is asked of points, with the methods that judge others; engine: COMPILED or NUMPY. Raises
+    ValueOutOfBoundsError."""
+    return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
+
+
+def _solved(
+    system: PeriodicSystem,
+    omega: float,
+    method: str | Rule,
+    steps: int | None,
+    rtol: float,
+    engine: str,
+    orbit: bool,
+) -> tuple[Certified, list[str]]:
+    rule, (used, notes) = chosen(method), chosen_engine(engine)
+    asked = request(steps, rtol, used, orbit)
     system.checked(omega)
-    return Stability(system, omega, certified(system, omega, rule, steps, checked_rtol(rtol), orbit=False))
+    point = OnePoint(system, omega)
+    ((settled, _),) = chosen_for(rule, point)
+    (result,) = certified(point, settled, asked)
+    if isinstance(result, Failed):
+        raise result.reason
+    return result, notes

@@ -3,21 +3,54 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.errors import MatricesError, SolveError, UnknownNameError, ValueOutOfBoundsError
+from solve.statistics import Statistics
 from solve.trigonometric import Trigonometric
-
-if TYPE_CHECKING:
-    from solve.results.orbit import Turn
 
 Matrices = tuple[Array, Array, Array, Array]
 
 _PERIODIC = 1e-9
 """Relative difference between the matrices at both ends of the period that counts as none."""
+
+
+class ModeShape(NamedTuple):
+    """A mode with its frequency (rad/s), scaled so that its largest displacement is 1.
+
+    places and displacements: for each link x, y along it, (points, 2), in m and in units of the largest.
+    transverse: the displacements across each link, (points,). modal_mass: kg.
+    """
+
+    frequency: float
+    modal_mass: float
+    places: tuple[Array, ...]
+    displacements: tuple[Array, ...]
+    transverse: tuple[Array, ...]
+
+
+class DrawnLink(NamedTuple):
+    """A link, and how its start and its end are held: "pinned" or "clamped" to the ground, "joined" to
+    other links by a pin, or "" where it is welded to them or free."""
+
+    name: str
+    ends: tuple[str, str]
+
+
+class ManyPoints(Protocol):
+    """A system at many points at once: each has its speed, (P,) in rad/s, and values (P, v) of its own for
+    some parameters."""
+
+    def entries(self, phase: Array, speeds: Array, values: Array) -> Array:
+        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
+        ...
+
+    def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
+        ...
 
 
 class PeriodicSystem:
@@ -36,7 +69,21 @@ class PeriodicSystem:
     1
     """
 
-    name = "system"
+    name: str = "system"
+    title: str = ""
+    """What it is, in a line."""
+    case: str | None = None
+    """The case of a model that the numbers come from, and the speed with unit that it names."""
+    case_speed: str | None = None
+    options: Mapping[str, Any] = MappingProxyType({})
+    parameters: Mapping[str, float] = MappingProxyType({})
+    """Those that can be varied, in SI units."""
+    parameter_labels: Mapping[str, tuple[str, str]] = MappingProxyType({})
+    """Unit and meaning of each parameter."""
+    links: tuple[DrawnLink, ...] = ()
+    """Of which mode shapes can be drawn."""
+    moves: bool = True
+    """Whether the drive has positions: a structure may stand still."""
     outputs: tuple[str, ...] = ()
     """Names of the quantities that follow from the state; units and meanings hold theirs too."""
     units: Mapping[str, str] = MappingProxyType({})
@@ -125,39 +172,82 @@ class PeriodicSystem:
         """Outputs (k,) by name at phases (k,) and states q, q̇, q̈ (n, k), derivatives by time."""
         return {}
 
-    def doubts(self, speed: float) -> list[str]:
-        """Warnings about the equations themselves at a speed, whatever their solution."""
+    def warnings(self, speed: float) -> list[str]:
+        """About the equations themselves at a speed (rad/s), whatever their solution."""
         return []
 
-    def concerns(self, turn: "Turn") -> list[str]:
-        """Warnings where a solution leaves the bounds within which the model is trusted."""
+    @property
+    def judged_quantities(self) -> tuple[str, ...]:
+        """Coordinates and outputs whose bounds tell whether a solution is to be trusted."""
+        return ()
+
+    def judged(self, figures: Mapping[str, Statistics]) -> list[str]:
+        """Warnings where a solution with these figures by quantity leaves the bounds within which the
+        model is trusted; quantities without figures are not judged."""
         return []
 
-    def state_rate(self, phase: Array, speed: float) -> Array:
-        """(P | f) of x′ = P x + f in phase time, x = (q, dq/dphase): (m, 2n, 2n+1), chapter Eq. (5)."""
-        M, C, K, d = self.in_phase(phase, speed)
-        n = self.n
-        rate = np.zeros((len(phase), 2 * n, 2 * n + 1))
-        rate[:, range(n), range(n, 2 * n)] = 1.0
-        rate[:, n:] = np.linalg.solve(M, np.concatenate((-K, -C, d[..., None]), axis=-1))
-        return rate
+    def varied(
+        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+    ) -> Self:
+        """The same system with some parameters and options changed. Raises UnknownNameError."""
+        for name in (*(parameters or {}), *(options or {})):
+            raise UnknownNameError(f"parameter or option of {self.name}", name, [])
+        return self
 
-    def acceleration(self, phase: Array, speed: float, x: Array) -> Array:
-        """Second derivative by the phase (m, n) that the equation of motion gives to states x (m, 2n)."""
-        rate = self.state_rate(phase, speed)[:, self.n :]
-        return np.squeeze(rate[..., :-1] @ x[..., None], -1) + rate[..., -1]
+    def require_bounds(self, parameters: Mapping[str, float]) -> None:
+        """Raise ValueOutOfBoundsError where a value leaves the bounds of its parameter."""
 
-    def fastest(self, phase: Array, speed: float) -> float:
-        """Largest frozen angular frequency or decay rate, by phase: sqrt of the spectral radius of
-        M⁻¹K, or the spectral radius of M⁻¹C, at the phases (k,)."""
-        M, C, K, _ = self.in_phase(phase, speed)
-        stiffness, damping = (np.abs(np.linalg.eigvals(np.linalg.solve(M, A))).max() for A in (K, C))
-        return float(max(np.sqrt(stiffness), damping))
+    def require_motion(self) -> None:
+        """Raise NoMotionError where the system has no equations of motion."""
 
-    def frozen_eigenvalues(self, speed: float, count: int = 128) -> Array:
-        """Eigenvalues (count, 2n) of P, by phase, with the coefficients frozen at `count` phases."""
-        phase = (np.arange(count) + 0.5) * (self.period / count)
-        return np.linalg.eigvals(self.state_rate(phase, speed)[..., :-1])
+    def entries(self, phase: Array, speed: float) -> Array:
+        """Ω²M, ΩC, K by rows and d beside each other, (m, 3n² + n), for derivatives by the phase."""
+        return np.concatenate([part.reshape(len(phase), -1) for part in self.in_phase(phase, speed)], axis=1)
+
+    def entries_over(self, phase: Array, speeds: Array) -> Array:
+        """The same at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
+        found = np.full((len(speeds), len(phase), 3 * self.n**2 + self.n), np.nan)
+        for rows, speed in zip(found, speeds, strict=True):
+            try:
+                rows[:] = self.entries(phase, float(speed))
+            except SolveError:
+                # The solution at this speed fails for the same reason, and says so.
+                continue
+        return found
+
+    def many_points(self, names: Sequence[str]) -> ManyPoints | None:
+        """What gives matrices and outputs at all points at once, where parameters of these names vary; None
+        where every point needs a system of its own."""
+        return None
+
+    @property
+    def freedoms(self) -> int:
+        """How many ways to move the system has at rest."""
+        return self.n
+
+    @property
+    def most_frequencies(self) -> int:
+        """How many natural frequencies can be asked for."""
+        return self.freedoms
+
+    def frequencies(self, positions: Array, count: int) -> Array:
+        """The lowest `count` natural frequencies (m, count) in rad/s, rising, of M and K at speed 0 at
+        positions (m,); NaN where the static stiffness is not positive."""
+        M, _, K, _ = self.at(positions, 0.0)
+        squares = np.linalg.eigvals(np.linalg.solve(M, K))
+        real = np.where(np.abs(squares.imag) > 1e-9 * np.abs(squares), np.nan, squares.real)
+        return np.sort(np.sqrt(np.where(real >= 0, real, np.nan)), axis=1)[:, :count]
+
+    def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
+        """How the links move at the lowest frequencies (k,) of a position. Raises ValueOutOfBoundsError
+        where there are no links."""
+        raise ValueOutOfBoundsError(
+            f"{self.name} has no links to draw; ask a structure of beams for its mode shapes"
+        )
+
+    def pinned_frequencies(self) -> dict[str, float]:
+        """Lowest frequency (rad/s) of each link by itself, pinned at both ends."""
+        return {}
 
     def checked(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes and are periodic, and M can be

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from models.four_bar.linkage import Linkage, Plane
+from solve import Model
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.loading import Model
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
 from solve.results.quantities import fixed, prefixed
@@ -35,7 +35,7 @@ _LABELS = 0.8
 """Inches beside the panels, for their axes' labels."""
 
 
-class Bent(NamedTuple):
+class BentCoupler(NamedTuple):
     """The mechanism at k crank angles, places as complex numbers x + iy (m).
 
     phase (k,) rad; joints (4, k): crank's pivot, crank pin, joint B, follower's pivot; deflection
@@ -66,7 +66,7 @@ def checked_magnification(magnification: float) -> float:
     return magnification
 
 
-def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent:
+def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> BentCoupler:
     """The mechanism at phases (k,) of the crank. The joints are those of the rigid linkage: the chord's
     shortening is of second order in the deflection."""
     p, tilt = model.parameters, np.exp(1j * model.parameters["theta"])
@@ -76,7 +76,7 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
     xi = np.linspace(0.0, 1.0, _STATIONS)
     deflection = model.field("w", xi) @ orbit.at(phase)
     line = motion.position(2, p["l3"] * xi[:, None] + 1j * magnification * deflection)
-    return Bent(phase, np.stack(joints) * tilt, deflection, line * tilt)
+    return BentCoupler(phase, np.stack(joints) * tilt, deflection, line * tilt)
 
 
 def round_magnification(model: Model, orbit: Orbit) -> float:
@@ -97,18 +97,20 @@ def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: fl
         magnification = round_magnification(model, orbit)
     factor = checked_magnification(magnification)
     phase = np.arange(checked_positions(positions)) * (orbit.system.period / positions)
-    found = bent(model, orbit, phase, factor)
-    low, high = _frame(found)
+    deformed = bent(model, orbit, phase, factor)
+    low, high = _frame(deformed)
     columns = min(_COLUMNS, positions)
     rows = math.ceil(positions / columns)
     panel = (PAGE_WIDTH - _LABELS) / columns * (high - low).imag / (high - low).real
     with styled():
         figure = new_figure(1.05 + rows * (panel + 0.3))
-        figure.suptitle(f"{titled(orbit)}: deflection magnified {factor:g} times", fontweight="bold")
+        figure.suptitle(
+            f"{titled(orbit.system, orbit.speed)}: deflection magnified {factor:g} times", fontweight="bold"
+        )
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         for k, place in enumerate(axes.flat):
             if k < positions:
-                _draw_position(place, found, k)
+                _draw_position(place, deformed, k)
             else:
                 place.axis("off")
             if positions - columns <= k < positions:
@@ -127,19 +129,19 @@ def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: fl
     return figure
 
 
-def _frame(found: Bent) -> tuple[complex, complex]:
+def _frame(deformed: BentCoupler) -> tuple[complex, complex]:
     """Corners, lower left and upper right, of what every position needs."""
-    places = np.concatenate((found.joints.ravel(), found.line.ravel()))
+    places = np.concatenate((deformed.joints.ravel(), deformed.line.ravel()))
     low = complex(places.real.min(), places.imag.min())
     high = complex(places.real.max(), places.imag.max())
     room = _MARGIN / 2 * max((high - low).real, (high - low).imag) * (1 + 1j)
     return low - room, high + room
 
 
-def _draw_position(axes: Axes, found: Bent, k: int) -> None:
-    joints, line = found.joints[:, k], found.line[:, k]
-    middle = float(found.deflection[_STATIONS // 2, k])
-    size = float(np.abs(found.deflection).max())
+def _draw_position(axes: Axes, deformed: BentCoupler, k: int) -> None:
+    joints, line = deformed.joints[:, k], deformed.line[:, k]
+    middle = float(deformed.deflection[_STATIONS // 2, k])
+    size = float(np.abs(deformed.deflection).max())
     factor, unit = prefixed("m", size)
     axes.plot(*_xy(joints[[0, 3]]), color=LIGHT, linewidth=0.9, zorder=1)
     axes.plot(*_xy(joints[:2]), color=BLACK, linewidth=1.1, label="crank and follower, rigid")
@@ -149,7 +151,7 @@ def _draw_position(axes: Axes, found: Bent, k: int) -> None:
     axes.plot(*_xy(joints[1:3]), "o", color="white", markeredgecolor=BLACK, markersize=2.8, zorder=4)
     axes.plot(*_xy(joints[[0, 3]]), "^", color=VERMILION, markersize=4, zorder=4)
     height = fixed(middle * factor, size * factor, 3).replace("-", "−")
-    axes.set_title(f"{math.degrees(found.phase[k]):.4g}°: $w$ = {height} {unit}")
+    axes.set_title(f"{math.degrees(deformed.phase[k]):.4g}°: $w$ = {height} {unit}")
     axes.set_aspect("equal")
     axes.grid(visible=False)
 

@@ -10,7 +10,7 @@ from solve.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from solve.beams.model import StructureModel
+    from solve.beams.structure import StructureModel
     from solve.results.orbit import Turn
 
 

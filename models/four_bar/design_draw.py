@@ -6,7 +6,7 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from models.four_bar.verdict import Verdict
+from models.four_bar.outcome import Outcome
 from solve.results.plot import title_of
 from solve.results.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 
@@ -17,50 +17,53 @@ _TICKS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20,
 _COLORS = (BLUE, GREEN, VERMILION)
 
 
-def verdict_figure(found: Verdict) -> Figure:
+def outcome_figure(result: Outcome) -> Figure:
     """The map of stress over allowable stress; below it the stress that reaching a speed needs; below this
     the simulated stress of each link during the slowest run-up."""
-    rows = 3 if found.trials else 2
+    rows = 3 if result.trials else 2
     with styled():
         figure = new_figure(3.3 + 1.9 * (rows - 1))
-        figure.suptitle(f"{title_of(found.design.model)}: run-up below a stress", fontweight="bold")
+        figure.suptitle(f"{title_of(result.design.map.model)}: run-up below a stress", fontweight="bold")
         axes = figure.subplots(rows, 1, height_ratios=[1.75, *[1.0] * (rows - 1)], squeeze=False)[:, 0]
-        _draw_map(figure, axes[0], found)
-        _draw_needed(axes[1], found)
+        _draw_map(figure, axes[0], result)
+        _draw_needed(axes[1], result)
         axes[1].set_xlim(axes[0].get_xlim())
-        if found.trials:
-            _draw_simulated(axes[2], found)
+        if result.trials:
+            _draw_simulated(axes[2], result)
         figure.align_ylabels()
     return figure
 
 
-def _draw_map(figure: Figure, axes: Axes, found: Verdict) -> None:
-    design = found.design
+def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
+    design, stresses = result.design, result.design.map
     norm = BoundaryNorm(_LEVELS, 256, extend="max")
-    millimetres, ratio = design.L4 * 1e3, np.nan_to_num(design.ratio, posinf=1e9)
+    millimetres, ratio = stresses.L4 * 1e3, np.nan_to_num(stresses.ratio, posinf=1e9)
     filled = axes.contourf(
-        design.speeds, millimetres, ratio.T, levels=_LEVELS, cmap="RdYlBu_r", norm=norm, extend="max"
+        stresses.speeds, millimetres, ratio.T, levels=_LEVELS, cmap="RdYlBu_r", norm=norm, extend="max"
     )
-    axes.contour(design.speeds, millimetres, ratio.T, levels=[1.0], colors=BLACK, linewidths=1.3)
+    axes.contour(stresses.speeds, millimetres, ratio.T, levels=[1.0], colors=BLACK, linewidths=1.3)
     for column, L4 in zip(ratio.T, millimetres, strict=True):
         top = np.flatnonzero((column[1:-1] > column[:-2]) & (column[1:-1] >= column[2:])) + 1
-        axes.plot(design.speeds[top], np.full(len(top), L4), ".", color=GREY, markersize=2)
-    axes.axhline(design.own_L4 * 1e3, color=GREY, linewidth=0.8, linestyle=":")
+        axes.plot(stresses.speeds[top], np.full(len(top), L4), ".", color=GREY, markersize=2)
+    axes.axhline(stresses.own_L4 * 1e3, color=GREY, linewidth=0.8, linestyle=":")
     for band in design.quiet:
         axes.plot(
-            [max(band.start, design.speeds[0]), band.end], [design.own_L4 * 1e3] * 2, color=GREEN, lw=2.5
+            [max(band.start, stresses.speeds[0]), band.end],
+            [stresses.own_L4 * 1e3] * 2,
+            color=GREEN,
+            lw=2.5,
         )
-    if found.plan is not None:
-        speeds = np.linspace(design.speeds[0], found.target, 600)
-        axes.plot(speeds, found.plan.rounded(speeds)[0] * 1e3, color="white", linewidth=3.2)
-        axes.plot(speeds, found.plan.rounded(speeds)[0] * 1e3, color=BLACK, linewidth=1.6)
-        axes.plot(found.target, found.plan.L4[-1] * 1e3, "o", color=BLACK)
-        if found.returns:
-            ends = [found.plan.L4[-1] * 1e3, design.own_L4 * 1e3]
+    if result.plan is not None:
+        speeds = np.linspace(stresses.speeds[0], result.target, 600)
+        axes.plot(speeds, result.plan.rounded(speeds)[0] * 1e3, color="white", linewidth=3.2)
+        axes.plot(speeds, result.plan.rounded(speeds)[0] * 1e3, color=BLACK, linewidth=1.6)
+        axes.plot(result.target, result.plan.L4[-1] * 1e3, "o", color=BLACK)
+        if result.returns:
+            ends = [result.plan.L4[-1] * 1e3, stresses.own_L4 * 1e3]
             axes.annotate(
                 "",
-                (found.target, ends[1]),
-                (found.target, ends[0]),
+                (result.target, ends[1]),
+                (result.target, ends[0]),
                 arrowprops={"arrowstyle": "->", "lw": 1.6},
             )
     axes.set_xlabel("speed (rad/s)")
@@ -74,18 +77,16 @@ def _draw_map(figure: Figure, axes: Axes, found: Verdict) -> None:
     )
 
 
-def _draw_needed(axes: Axes, found: Verdict) -> None:
-    design = found.design
-    axes.plot(
-        design.speeds, design.ratio[:, design.own], color=GREY, linewidth=0.8, label="steady, $L_4$ fixed"
-    )
-    axes.plot(design.speeds, design.without_pivot, color=VERMILION, label="run-up, $L_4$ fixed")
-    axes.plot(design.speeds, design.with_return, color=BLUE, label="$L_4$ moves and returns")
-    axes.plot(design.speeds, design.with_pivot, color=GREEN, label="$L_4$ moves")
+def _draw_needed(axes: Axes, result: Outcome) -> None:
+    design, stresses = result.design, result.design.map
+    axes.plot(stresses.speeds, stresses.own_ratio, color=GREY, linewidth=0.8, label="steady, $L_4$ fixed")
+    axes.plot(stresses.speeds, design.needed.fixed, color=VERMILION, label="run-up, $L_4$ fixed")
+    axes.plot(stresses.speeds, design.needed.returning, color=BLUE, label="$L_4$ moves and returns")
+    axes.plot(stresses.speeds, design.needed.moving, color=GREEN, label="$L_4$ moves")
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
-    axes.axvline(found.target, color=GREY, linewidth=0.8, linestyle="--")
+    axes.axvline(result.target, color=GREY, linewidth=0.8, linestyle="--")
     axes.set_yscale("log")
-    axes.set_ylim(bottom=min(0.1, 0.1 * float(design.without_pivot[-1])))
+    axes.set_ylim(bottom=min(0.1, 0.1 * float(design.needed.fixed[-1])))
     axes.yaxis.set_major_locator(FixedLocator(_TICKS))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
@@ -94,13 +95,13 @@ def _draw_needed(axes: Axes, found: Verdict) -> None:
     axes.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 0.98))
 
 
-def _draw_simulated(axes: Axes, found: Verdict) -> None:
-    first = found.trials[0]
+def _draw_simulated(axes: Axes, result: Outcome) -> None:
+    first = result.trials[0]
     simulated = first.simulated
-    for number, (link, color) in enumerate(zip(found.design.links, _COLORS, strict=True)):
+    for number, (link, color) in enumerate(zip(result.design.map.links, _COLORS, strict=True)):
         axes.plot(simulated.time, first.ratio[:, number], color=color, label=link)
-    steady = (found.speeds - first.run_up.start) / first.run_up.acceleration
-    axes.plot(steady, found.steady.max(axis=1), color=GREY, linestyle=":", label="steady, worst")
+    steady = (result.until.speeds - first.run_up.start) / first.run_up.acceleration
+    axes.plot(steady, result.steady.max(axis=1), color=GREY, linestyle=":", label="steady, worst")
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
     axes.set_xlim(0, simulated.time[-1])
     axes.set_ylim(0, max(1.25, 1.05 * first.worst))
@@ -111,6 +112,6 @@ def _draw_simulated(axes: Axes, found: Verdict) -> None:
     right.set_ylabel("speed (rad/s), dashed")
     right.grid(False)
     right.set_ylim(bottom=0)
-    if found.returns:
+    if result.returns:
         axes.axvspan(first.run_up.duration, simulated.time[-1], color=ORANGE, alpha=0.12, linewidth=0)
     axes.legend(loc="upper left", ncols=4)

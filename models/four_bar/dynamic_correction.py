@@ -1,6 +1,6 @@
 """Few elements a link, corrected by dynamic stiffness at the lowest frequency (thesis 7.4.1).
 
-At every position M and K of the cubic elements give way to the exact ones at ω1, the lowest frequency
+At every position M and K of the cubic elements are replaced by the exact ones at ω1, the lowest frequency
 there: M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis iterates towards ω1 from the cubic
 elements' frequency; Wittrick and Williams give it at once. The first mode is then exact, the others are
 those of matrices that were made for another frequency.
@@ -16,11 +16,11 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.beams.damping import modal_damping
 from solve.beams.elements import EXACT
-from solve.beams.model import StructureModel
-from solve.beams.points import SURFACES, Point
-from solve.beams.wittrick_williams import exact_frequencies
+from solve.beams.frozen import exact_frequencies
+from solve.beams.motion import modal_damping
+from solve.beams.observations import SURFACES, Point
+from solve.beams.structure import StructureModel
 from solve.errors import UnknownNameError
 from solve.system import Matrices, PeriodicSystem
 from solve.trigonometric import interpolated

@@ -1,23 +1,19 @@
-"""Points of a family solved many at once: what is shared between them, and who needs more."""
+"""Points of a family solved many at once: what is shared between them, and who goes apart."""
 
-import contextlib
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.doubts import frozen
 from solve.batch.family import SPEED, Family
-from solve.batch.level import Engine
-from solve.batch.refinement import BATCHED, Found, Refinement, Unsound
-from solve.batch.spectra import Spectra
-from solve.batch.tables import Chunk, Sampled, Separated, Separation
+from solve.batch.tables import Sampled, Separated, Separation
+from solve.certify.certified import Certified, Failed, Request
+from solve.certify.refinement import certified, on_one_grid
 from solve.errors import SolveError
-from solve.methods.auto import PHASES, RESOLVABLE, Auto
-from solve.methods.gauss import Gauss
-from solve.methods.method import Method
-from solve.methods.radau import Radau
+from solve.methods.auto import Rule, chosen_for
+from solve.methods.method import Solutions
+from solve.period.points import OnePoint, Points
 
 _LARGEST = 40
 """Coordinates up to which points gain from each other; tables of larger ones only fill the memory."""
@@ -27,21 +23,11 @@ _WORTH = 4
 
 
 class Batch:
-    """How points of a family are solved: by which method and engine, from which tables."""
+    """How points of a family are solved: by which method, from which tables."""
 
-    def __init__(
-        self,
-        family: Family,
-        region: Array,
-        method: Method,
-        engine: Engine,
-        steps: int | None = None,
-        rtol: float = 1e-8,
-        orbit: bool = False,
-    ):
+    def __init__(self, family: Family, region: Array, method: Rule, request: Request):
         """`region`: points (P, v) like those to come, from which the tables are learnt."""
-        self.family, self.method, self.engine = family, method, engine
-        self.steps, self.rtol, self.orbit = steps, rtol, orbit
+        self.family, self.method, self.request = family, method, request
         self._region = region
         self._separation: Separation | None = None
 
@@ -51,63 +37,82 @@ class Batch:
             return points[:, self.family.names.index(SPEED)]
         return np.full(len(points), self.family.speed)
 
-    def solved(self, points: Array) -> Iterator[Found | Unsound]:
+    def solved(self, points: Array) -> Iterator[Certified | Failed]:
         """Points (k, v), in groups as they come; positions are those among the points."""
-        if not self._ready(points):
-            yield Unsound(np.arange(len(points)))
-            return
         for chosen, chunk in self._chunks(points):
-            left = np.ones(len(chosen), dtype=bool)
-            try:
-                for result in self._of_chunk(chunk):
-                    left[result.positions] = False
-                    yield replace(result, positions=chosen[result.positions])
-            except np.linalg.LinAlgError:
-                # A singular M somewhere: each of the points that are left shall speak for itself.
-                yield Unsound(chosen[left])
+            if isinstance(chunk, Failed):
+                yield chunk
+                continue
+            for method, at in chosen_for(self.method, chunk):
+                positions = chosen[at]
+                try:
+                    for result in certified(chunk[at], method, self.request):
+                        if isinstance(result, Failed):
+                            position = int(positions[result.position])
+                            yield Failed(position, self._reason(points[position], result.reason))
+                        else:
+                            yield replace(result, positions=positions[result.positions])
+                except SolveError as error:
+                    yield from (Failed(position, error) for position in positions.tolist())
 
-    def spectra(self, points: Array, steps: int) -> Spectra:
-        """Multipliers of points (k, v) on one grid of a collocation method, not judged; zero where there
-        are none."""
+    def solutions(self, points: Array, steps: int) -> Iterator[tuple[Array, Solutions]]:
+        """Points (k, v) on one grid, not judged, with their positions; failures left out."""
+        for chosen, chunk in self._chunks(points):
+            if isinstance(chunk, Failed):
+                continue
+            for method, at in chosen_for(self.method, chunk):
+                for part, solutions in on_one_grid(chunk[at], method, self.request, steps):
+                    yield chosen[at[part]], solutions
+
+    def multipliers(self, points: Array, steps: int) -> Array:
+        """Multipliers (k, N) of points (k, v) on one grid, not judged; zero where there are none."""
         values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
-        resolved = np.zeros(len(points), dtype=int)
-        if self._ready(points) and isinstance(self.method, BATCHED):
-            for chosen, chunk in self._chunks(points):
-                refinement = Refinement(self.engine, self.method, chunk, False, self.rtol)
-                with contextlib.suppress(np.linalg.LinAlgError):
-                    for part, found in refinement.spectra(steps):
-                        values[chosen[part]], resolved[chosen[part]] = found.values, found.resolved
-        return Spectra(values, resolved)
+        for positions, solutions in self.solutions(points, steps):
+            values[positions] = solutions.multipliers.values
+        return values
 
-    def _of_chunk(self, chunk: Chunk) -> Iterator[Found | Unsound]:
-        for method, positions in self._methods(chunk):
-            refinement = Refinement(self.engine, method, chunk, self.orbit, self.rtol)
-            if self.steps is None:
-                yield from refinement.refined(positions)
-            else:
-                yield from refinement.judged(positions, self.steps)
+    def _reason(self, point: Array, reason: SolveError) -> SolveError:
+        """Why a point (v,) fails: what its own system refuses, else the reason met."""
+        try:
+            system, speed = self.family.system(point)
+            system.checked(speed)
+        except SolveError as refusal:
+            return refusal
+        return reason
 
-    def _ready(self, points: Array) -> bool:
-        """Whether the points can be solved together."""
-        if not isinstance(self.method, (Auto, *BATCHED)):
+    def _chunks(self, points: Array) -> Iterator[tuple[Array, Points | Failed]]:
+        """The points side by side as far as they can be, and the others one by one; positions (k,) of
+        each."""
+        every = np.arange(len(points))
+        if self._together(points):
+            yield from self._shared(points, every)
+        else:
+            yield from ((every[at : at + 1], self._alone(points, at)) for at in every.tolist())
+
+    def _alone(self, points: Array, at: int) -> Points | Failed:
+        try:
+            system, speed = self.family.system(points[at])
+            system.checked(speed)
+        except SolveError as refusal:
+            return Failed(at, refusal)
+        return OnePoint(system, speed)
+
+    def _together(self, points: Array) -> bool:
+        """Whether the points can be solved side by side."""
+        system = self.family.example
+        if system.n > _LARGEST or system.breaks:
             return False
         try:
-            system = self.family.example
-            if system.n > _LARGEST:
-                return False
             system.checked(float(self.speeds(points[:1])[0]))
-            if self.steps is not None and not 1 <= self.steps <= Radau().most_steps(system.n) // 2:
-                return False
-            if self._separation is None and not system.breaks:
+            if self._separation is None:
                 self._separation = Separation(self.family, self._region, system.period, system.n)
         except SolveError:
             return False
-        return not system.breaks
+        return True
 
-    def _chunks(self, points: Array) -> Iterator[tuple[Array, Chunk]]:
-        """The points whose entries separate, all of them or over speed alone, and the others; positions
-        (k,) of each."""
-        shared, every = self._separation, np.arange(len(points))
+    def _shared(self, points: Array, every: Array) -> Iterator[tuple[Array, Points]]:
+        """The points whose entries separate, all of them or over speed alone, and the others."""
+        shared = self._separation
         assert shared is not None
         others = yield from _represented(shared, points, every)
         for alike in self._alike(points, others):
@@ -116,7 +121,7 @@ class Batch:
                 left = yield from _represented(own, points, alike)
                 others = np.setdiff1d(others, np.setdiff1d(alike, left))
         if len(others):
-            yield others, Sampled(self.family, points[others], shared.n, shared.period)
+            yield others, Sampled(self.family, points[others])
 
     def _alike(self, points: Array, positions: Array) -> list[Array]:
         """The positions, apart by the values of the parameters, where the speed varies beside these."""
@@ -127,25 +132,14 @@ class Batch:
         order = np.argsort(group.ravel(), kind="stable")
         return np.split(positions[order], np.flatnonzero(np.diff(group.ravel()[order])) + 1)
 
-    def _methods(self, chunk: Chunk) -> Iterator[tuple[Gauss | Radau, Array]]:
-        """The method of each point, as `Auto.settled` chooses it."""
-        every = np.arange(len(chunk.points))
-        if isinstance(self.method, BATCHED):
-            yield self.method, every
-            return
-        stiff = frozen(chunk, every, PHASES).faster(RESOLVABLE / chunk.period)
-        for method, positions in ((Radau(), every[stiff]), (Gauss(), every[~stiff])):
-            if len(positions):
-                yield method, positions
-
 
 def _represented(
     separation: Separation, points: Array, positions: Array
-) -> Generator[tuple[Array, Chunk], None, Array]:
-    """Those of the positions that the terms represent, and their chunk; returns the others."""
+) -> Generator[tuple[Array, Points], None, Array]:
+    """Those of the positions that the terms represent, and their points; returns the others."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])
     if fits.any():
-        yield positions[fits], Separated(separation, points[positions[fits]], coefficients[fits])
+        yield positions[fits], Separated(separation, coefficients[fits])
     return positions[~fits]

@@ -8,10 +8,11 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
-from solve.batch.engines import chosen_engine
 from solve.batch.family import Family
-from solve.batch.results import Results, Wish, chunk_size, gathered
-from solve.methods.method import Method
+from solve.batch.gathering import chunk_size, gathered
+from solve.certify.certified import Request
+from solve.methods.auto import Rule
+from solve.results.points import Kept, PointResults
 
 
 @dataclass(frozen=True)
@@ -19,30 +20,26 @@ class Task:
     """What is to be found out about points of a family, and how; travels to other threads and processes."""
 
     family: Family
-    method: Method
-    engine: str
-    rtol: float
-    wish: Wish
-    steps: int | None = None
-    orbit: bool = False
+    method: Rule
+    request: Request
+    kept: Kept
 
     def batch(self, points: Array) -> Batch:
         """For points like these (P, v)."""
-        engine, _ = chosen_engine(self.engine)
-        return Batch(self.family, points, self.method, engine, self.steps, self.rtol, self.orbit)
+        return Batch(self.family, points, self.method, self.request)
 
-    def __call__(self, points: Array) -> Results:
+    def __call__(self, points: Array) -> PointResults:
         # A twin: samplers of a model serve one thread.
         apart = replace(self, family=self.family.twin())
-        return gathered(apart.batch(points), points, self.wish)
+        return gathered(apart.batch(points), points, self.kept)
 
 
 def spread(
     task: Task, points: Array, executor: Executor, progress: Callable[[int], None] | None = None
-) -> Results:
+) -> PointResults:
     """The points (P, v) in parts that the executor solves; progress is told the number of points done."""
     n = task.family.example.n
-    results, done = Results.blank(len(points), n, task.wish), 0
+    results, done = PointResults.blank(len(points), n, task.kept), 0
     parts = np.array_split(np.arange(len(points)), max(1, -(-len(points) // chunk_size(n))))
     waiting = [executor.submit(task, points[part]) for part in parts]
     try:

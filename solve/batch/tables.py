@@ -7,14 +7,13 @@ there alone. The phases are found by elimination with complete pivoting on sampl
 checked at further phases.
 """
 
-from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.family import Family
+from solve.period.points import Tables
 
 _MOST_TERMS = 10
 """Terms an entry may have before sampling every point at every phase costs less."""
@@ -33,27 +32,6 @@ _CHECKS = np.array([0.1357, 0.7311])
 """Where points are checked, in periods."""
 
 
-@dataclass(frozen=True)
-class Tables:
-    """R terms at k phases: table (k, R), the same for all points, or (P, k, R) with coefficients of 1;
-    entry (R,): to which entry of (Ω²M, ΩC, K, d), flattened, each term belongs; n coordinates."""
-
-    table: Array
-    entry: Array
-    n: int
-
-    def fields(self, coefficients: Array) -> Array:
-        """All entries as fields over points and phases (3n² + n, P, k), for coefficients (P, R)."""
-        found = np.zeros((3 * self.n**2 + self.n, len(coefficients), self.table.shape[-2]))
-        for term, entry in enumerate(self.entry):
-            found[entry] += coefficients[:, term, None] * self.table[..., term]
-        return found
-
-    def entries(self, coefficients: Array) -> Array:
-        """The same as (P, k, 3n² + n)."""
-        return np.moveaxis(self.fields(coefficients), 0, -1)
-
-
 class Separation:
     """The terms of a family's entries, from samples at some of the points.
 
@@ -63,7 +41,7 @@ class Separation:
 
     def __init__(self, family: Family, points: Array, period: float, n: int):
         self.family, self.period, self.n = family, period, n
-        self._kept: dict[Hashable, Tables] = {}
+        self._kept: dict[bytes, Array] = {}
         self._points = _spread(points)
         phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
         samples = family.entries(phases, self._points)
@@ -92,8 +70,16 @@ class Separation:
             self._factors.append(factors)
             self._nested.append(rest / factors[-1])
 
-    def tables(self, phase: Array) -> Tables:
-        """The terms at phases (k,)."""
+    def table(self, phase: Array) -> Array:
+        """The terms (k, R) at phases (k,), kept for the next time; the oldest make room."""
+        key = phase.tobytes()
+        if key not in self._kept:
+            self._kept[key] = self._terms(phase)
+            while len(self._kept) > 1 and sum(kept.nbytes for kept in self._kept.values()) > _MOST_KEPT:
+                self._kept.pop(next(iter(self._kept)))
+        return self._kept[key]
+
+    def _terms(self, phase: Array) -> Array:
         samples, terms = self.family.entries(phase, self._points), []
         every = np.arange(samples.shape[2])
         for row, (*factors, pivot) in zip(self._rows, self._factors, strict=True):
@@ -102,16 +88,7 @@ class Separation:
                 rest = rest - factor * term
             terms.append(rest / pivot)
         table = np.stack(terms)[self._stage, :, self.entry].T if terms else np.empty((len(phase), 0))
-        return Tables(np.ascontiguousarray(table), self.entry, self.n)
-
-    def cached(self, key: Hashable, phase: Array) -> Tables:
-        """The same, kept for the next time that the key is given; the oldest make room."""
-        if key in self._kept:
-            return self._kept[key]
-        made = self._kept[key] = self.tables(phase)
-        while sum(kept.table.nbytes for kept in self._kept.values()) > _MOST_KEPT:
-            self._kept.pop(next(iter(self._kept)))
-        return made
+        return np.ascontiguousarray(table)
 
     def coefficients(self, points: Array) -> tuple[Array, Array]:
         """Coefficients (P, R), and whether each point is represented (P,)."""
@@ -126,52 +103,68 @@ class Separation:
         coefficients = (
             np.stack(nested)[self._stage, :, self.entry].T if nested else np.empty((len(points), 0))
         )
-        predicted = self.tables(checks).entries(coefficients)
+        predicted = Tables(self.table(checks), coefficients, self.entry, self.n).entries()
         error = np.abs(samples[:, -len(checks) :] - predicted).max(axis=1)
         fits = error <= _FITS * np.abs(samples).max(axis=1)
         return coefficients, fits.all(axis=1) & np.isfinite(samples).all(axis=(1, 2))
 
 
-class Chunk(Protocol):
-    """Some points of a family, and their entries at any phases."""
-
-    points: Array
-    n: int
-    period: float
-    bytes_a_phase: int
-    """Memory that a point's own tables take a phase."""
-
-    def tables(self, key: Hashable, phase: Array, positions: Array) -> tuple[Tables, Array]:
-        """Tables at the phases and coefficients of the points at the positions (p,); equal keys stand for
-        equal phases."""
-        ...
-
-
+@dataclass(frozen=True)
 class Separated:
-    """Points whose entries separate."""
+    """Points whose entries separate, by their coefficients (P, R)."""
 
-    bytes_a_phase = 0
+    separation: Separation
+    coefficients: Array
+    bytes_a_phase: int = 0
+    breaks: tuple[float, ...] = ()
 
-    def __init__(self, separation: Separation, points: Array, coefficients: Array):
-        self.points, self.n, self.period = points, separation.n, separation.period
-        self._separation, self._coefficients = separation, coefficients
+    @property
+    def n(self) -> int:
+        return self.separation.n
 
-    def tables(self, key: Hashable, phase: Array, positions: Array) -> tuple[Tables, Array]:
-        return self._separation.cached(key, phase), self._coefficients[positions]
+    @property
+    def period(self) -> float:
+        return self.separation.period
+
+    def __len__(self) -> int:
+        return len(self.coefficients)
+
+    def __getitem__(self, positions: Array) -> "Separated":
+        return Separated(self.separation, self.coefficients[positions])
+
+    def tables(self, phase: Array) -> Tables:
+        separation = self.separation
+        return Tables(separation.table(phase), self.coefficients, separation.entry, separation.n)
 
 
+@dataclass(frozen=True)
 class Sampled:
-    """Points that are sampled at every phase, each for itself."""
+    """Points (P, v) of a family that are sampled at every phase, each for itself."""
 
-    def __init__(self, family: Family, points: Array, n: int, period: float):
-        self.points, self.n, self.period = points, n, period
-        self.bytes_a_phase = 8 * (3 * n**2 + n)
-        self._family = family
+    family: Family
+    points: Array
+    breaks: tuple[float, ...] = ()
 
-    def tables(self, key: Hashable, phase: Array, positions: Array) -> tuple[Tables, Array]:
-        entry = np.arange(3 * self.n**2 + self.n)
-        table = self._family.entries(phase, self.points[positions])
-        return Tables(table, entry, self.n), np.ones((len(positions), len(entry)))
+    @property
+    def n(self) -> int:
+        return self.family.example.n
+
+    @property
+    def period(self) -> float:
+        return self.family.example.period
+
+    @property
+    def bytes_a_phase(self) -> int:
+        return 8 * (3 * self.n**2 + self.n)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, positions: Array) -> "Sampled":
+        return Sampled(self.family, self.points[positions])
+
+    def tables(self, phase: Array) -> Tables:
+        return Tables.of(self.family.entries(phase, self.points), self.n)
 
 
 def _spread(points: Array) -> Array:

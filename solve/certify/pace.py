@@ -48,7 +48,7 @@ def first_steps(method: Method) -> int:
     return _DAMPING_LEAST if method.l_stable else _LEAST
 
 
-def telling_steps(pace: Pace, method: Method) -> int:
+def seen_by_both(pace: Pace, method: Method) -> int:
     """Steps that must follow a mode for two grids to tell its error: the coarser grid's where the method
     damps what it does not follow, so that neither keeps it."""
     return round(pace.steps / pace.ratio) if method.l_stable else pace.steps

@@ -4,36 +4,30 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from solve.commands.groups import Results
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.console import RenderableType
-
-    from solve.results.contents import Contents
+from solve.results.contents import Contents
+from solve.results.report import RenderableType
+from solve.results.save import save
+from solve.results.style import Figure, save_figure
 
 
 def deliver(
     results: Results,
     warnings: Sequence[str],
     record: Callable[[], dict[str, Any]],
-    report: Callable[[], "RenderableType"],
-    figure: Callable[[], "Figure"],
-    contents: Callable[[], "Contents"],
+    report: Callable[[], RenderableType],
+    figure: Callable[[], Figure],
+    contents: Callable[[], Contents],
 ) -> None:
     """Write and print what the flags ask for; standard output has the tables or the JSON, no more."""
     picture, data = results.files()
     written = []
     if picture is not None:
-        from solve.results.style import save_figure
-
         save_figure(figure(), picture)
         written.append(picture)
     if data is not None:
-        from solve.results.save import save
-
         save(contents(), data)
         written.append(data)
     if results.json:

@@ -4,9 +4,12 @@ from typing import Annotated
 
 import typer
 
+from solve.commands.deliver import deliver
 from solve.commands.groups import Problem, Results
 from solve.commands.parse import points, whole
 from solve.errors import ValueOutOfBoundsError
+from solve.results.frequencies_report import Findings
+from solve.studies import frequencies as study
 
 
 def frequencies(
@@ -38,10 +41,6 @@ def frequencies(
     varied = points("--over", over[0]) if over else None
     model, _ = problem.loaded(still=True)
 
-    from solve.commands.deliver import deliver
-    from solve.results.frequencies import Findings
-    from solve.studies import frequencies as study
-
     study.require_position(model, position)
     here = study.frequencies(model, position or 0.0, count)
     whole_turn = variation = None
@@ -49,7 +48,7 @@ def frequencies(
         whole_turn = study.frequencies(model, study.turn(model, turn), count)
     if varied is not None:
         at = here.positions
-        if position is None and study.moves(model):
+        if position is None and model.moves:
             at = study.turn(model, turn or study.TURN)
         variation = study.frequencies_over(model, *varied, at, count)
     found = Findings(here, whole_turn, variation, here.shapes() if modes else ())

@@ -1,28 +1,33 @@
-"""Flags that several commands share, each group stated once as a dataclass.
+"""Flags that several commands share, each group stated once as a dataclass, and the bar that shows progress.
 
 A command takes whole groups as its parameters; `flattened` shows their fields to Typer as the
 command's own flags, so that a new command is a short file.
 """
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from solve.commands.parse import assignments, number, numbers, whole
 from solve.errors import MissingValueError
-
-if TYPE_CHECKING:
-    from solve.loading import Model
-    from solve.methods.method import Method
+from solve.loading import case_numbers, loaded
+from solve.methods.auto import Rule
+from solve.methods.choice import chosen
+from solve.model.cases import Case
+from solve.model.model import Model
+from solve.results.files import PICTURES, checked
+from solve.results.save import checked_data
+from solve.units import speed_in_si
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """The numbers and options of a model that the command itself names."""
+class CaseNumbers:
+    """The numbers of a model that the command itself names."""
 
     case: Annotated[
         str | None, typer.Option(metavar="NAME", help="Case of the case file; the first by default.")
@@ -32,20 +37,34 @@ class Numbers:
         list[str] | None,
         typer.Option(metavar="NAME=NUMBER", help="Set a parameter, in SI units; repeatable."),
     ] = None
+
+    def case_of(self, model: str) -> "Case":
+        """The case with its numbers. Raises SolveError subclasses for bad input."""
+
+        return case_numbers(model, self.case, self.cases, self.parameters)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Numbers that replace those of the case. Raises ValueOutOfBoundsError."""
+        return numbers("--set", self.set or [])
+
+
+@dataclass(frozen=True)
+class Numbers(CaseNumbers):
+    """The numbers and options of a model that the command itself names."""
+
     option: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="Choose an option of the model; repeatable."),
     ] = None
 
-    def of(self, model: str, still: bool = False) -> tuple["Model", str | None]:
+    def of(self, model: str, still: bool = False) -> tuple[Model, str | None]:
         """The model, and the speed that its case names, if any.
 
         Raises NoMotionError for a model without equations of motion, unless what is asked of it needs none.
         """
-        from solve.loading import loaded
-
         options = assignments("--option", self.option or [])
-        found = loaded(model, self.case, self.cases, options, numbers("--set", self.set or []))
+        found = loaded(model, self.case, self.cases, options, self.parameters)
         if not still:
             found[0].require_motion()
         return found
@@ -64,7 +83,7 @@ class Problem(Numbers):
         str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
     ]
 
-    def loaded(self, still: bool = False) -> tuple["Model", str | None]:
+    def loaded(self, still: bool = False) -> tuple[Model, str | None]:
         """As `of`, the model that the user names."""
         return self.of(self.model, still)
 
@@ -78,20 +97,36 @@ class Speed:
         typer.Option(metavar='"600 rpm"', help="Speed with unit: rpm, rad/s or Hz; else the case's."),
     ] = None
 
-    def omega(self, model: "Model", of_case: str | None) -> float:
+    def omega(self, model: Model, of_case: str | None) -> float:
         """Ω in rad/s. Raises MissingValueError where neither the flag nor the case gives it."""
-        from solve.units import speed_in_si
-
-        chosen = self.speed if self.speed is not None else of_case
-        if chosen is None:
+        given = self.speed if self.speed is not None else of_case
+        if given is None:
             where = f"case '{model.case}' of {model.name}" if model.case else f"{model.name} has no case and"
             raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
-        return speed_in_si(chosen)
+        return speed_in_si(given)
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Many speeds of rotation."""
+
+    speeds: Annotated[
+        str | None,
+        typer.Option(metavar='"A:B:N unit"', help='N speeds from A to B, or a list: "600 900 1200 rpm".'),
+    ] = None
+
+    def omegas(self) -> list[float]:
+        """Speeds in rad/s. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
+        from solve.units import speeds_in_si
+
+        if self.speeds is None:
+            raise MissingValueError('no speeds given; add a range, such as --speeds "100:900:81 rpm"')
+        return speeds_in_si(self.speeds)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What some methods can be told."""
+    """Settings that some methods have."""
 
     gamma: Annotated[
         float | None, typer.Option(metavar="G", parser=number, help="newmark: γ, 1/2 by default.")
@@ -118,10 +153,8 @@ class Accuracy:
         typer.Option(metavar="R", parser=number, help="Relative error of orbit and multipliers to reach."),
     ] = 1e-8
 
-    def chosen(self, settings: Settings) -> "Method":
+    def chosen(self, settings: Settings) -> Rule:
         """The method with its settings."""
-        from solve.methods.choice import chosen
-
         return chosen(self.method, **vars(settings))
 
 
@@ -142,14 +175,24 @@ class Results:
         """The files of --plot and --save. Raises FileError before anything is calculated."""
         picture = data = None
         if self.plot is not None:
-            from solve.results.files import PICTURES, checked
-
             picture = checked(self.plot, PICTURES, "picture")
         if self.save is not None:
-            from solve.results.save import checked_data
-
             data = checked_data(self.save)
         return picture, data
+
+
+@contextmanager
+def progressing(what: str, total: int | None = None) -> Iterator[Callable[..., None]]:
+    """A progress bar with the remaining time on standard error, drawn only on a terminal. Call it with the
+    number of points done and, where this changes, with what they are."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done, what=what: bar.update(task, completed=done, description=what)
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:

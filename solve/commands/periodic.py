@@ -4,8 +4,12 @@ from typing import Annotated
 
 import typer
 
+import solve
+from solve.commands.deliver import deliver
 from solve.commands.groups import Accuracy, Problem, Results, Settings, Speed
 from solve.commands.parse import harmonic_count, whole
+from solve.results.orbit_report import orbit_record, orbit_report
+from solve.results.rows import checked_scale, shown
 
 
 def periodic(
@@ -32,12 +36,6 @@ def periodic(
     results.files()
     orders = harmonic_count(harmonics)
     model, of_case = problem.loaded()
-
-    import solve
-    from solve.commands.deliver import deliver
-    from solve.results import contents, record, report
-    from solve.results.rows import checked_scale, shown
-
     checked_scale(scale)
     shown(model, show)
     orbit = solve.periodic(
@@ -46,8 +44,8 @@ def periodic(
     deliver(
         results,
         orbit.warnings,
-        record=lambda: record.orbit_record(orbit, orders, quasi_static),
-        report=lambda: report.orbit_report(orbit, problem.choices, quasi_static),
-        figure=lambda: orbit.plot(show, quasi_static=quasi_static, scale=scale, harmonics=harmonics),
-        contents=lambda: contents.orbit_contents(orbit),
+        record=lambda: orbit_record(orbit, orders, quasi_static),
+        report=lambda: orbit_report(orbit, problem.choices, quasi_static),
+        figure=lambda: orbit.plot(show, quasi_static, scale, harmonics),
+        contents=orbit.contents,
     )

@@ -2,6 +2,7 @@
 
 import ctypes
 import hashlib
+import logging
 import os
 import shutil
 import subprocess
@@ -12,22 +13,23 @@ from pathlib import Path
 
 _FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
 _SECONDS = 120.0
+_LOGGER = logging.getLogger(__name__)
 
 
 class CompilerError(Exception):
     """No compiled code: there is no C compiler, or it fails. The message is one line."""
 
 
-def compiled(source: Path, sizes: Mapping[str, int], kept: bool = False) -> ctypes.CDLL:
-    """The library of a C file with the sizes as macros; with `kept`, only if it is in the cache. Raises
-    CompilerError."""
+def compiled(source: Path, sizes: Mapping[str, int]) -> ctypes.CDLL:
+    """The library of a C file with the sizes as macros; a first compilation is announced by a line of the
+    logger of this module. Raises CompilerError."""
     compiler, identity = _compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
     text = "\0".join((source.read_text(encoding="utf-8"), identity, *_FLAGS, *macros))
     library = _folder() / f"{source.stem}-{hashlib.sha256(text.encode()).hexdigest()[:24]}.so"
     if not library.is_file():
-        if kept:
-            raise CompilerError(f"{source.name} has not been compiled for {dict(sizes)}")
+        what = ", ".join(f"{name} = {value}" for name, value in sizes.items())
+        _LOGGER.warning("compiling %s for this machine, once: %s", source.stem, what)
         _compile([compiler, *_FLAGS, *macros, str(source), "-lm"], library)
     try:
         return ctypes.CDLL(str(library))

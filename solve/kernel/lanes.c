@@ -40,9 +40,8 @@ typedef struct {
     const double *A, *A2, *b, *bA, *c, *powers;
     double *Phi;                   /* (groups, NX, NX, LANES) */
     double *closed;                /* (groups, 2, NX, NX, LANES): G and H of G x_0 + H x_0 = r */
-    double *bound;                 /* (groups, LANES): at least the condition of G + H */
     double *curves;                /* (groups LANES, N, steps, D) */
-    double *maps;                  /* (LANES, steps, NX, W): of the steps; or null */
+    double *maps;                  /* (groups LANES, steps, NX, W): of the steps; or null */
 } problem;
 
 static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
@@ -284,64 +283,74 @@ static void between(const lane *saved, const lane *before, const lane *after, la
     }
 }
 
-/* The one state of a chain that is closed on itself, (G + H) x = r, and a bound of its condition. */
+/* The one state of a chain that is closed on itself, (G + H) x = r. */
 static void close_row(const problem *p, long group, const lane *row, lane *z, lane *x) {
-    const int columns = 2 * NX + 1;                              /* G + H | r | 1 */
-    lane scale = {0}, inverse = {0};
-    memset(z, 0, NX * columns * sizeof(lane));
+    const int columns = NX + 1;                                  /* G + H | r */
     for (int i = 0; i < NX; i++) {
         for (int j = 0; j < NX; j++) {
             const lane g = row[i * ROW + j], h = row[i * ROW + NX + j];
-            scale += g * g + h * h;
             z[i * columns + j] = g + h;
             ((loose *)p->closed)[(group * 2 * NX + i) * NX + j] = g;
             ((loose *)p->closed)[(group * 2 * NX + NX + i) * NX + j] = h;
         }
         z[i * columns + NX] = row[i * ROW + 2 * NX];
-        z[i * columns + NX + 1 + i] += 1.0;
     }
     reflect(z, NX, NX, columns);
-    for (int j = NX; j < columns; j++)
-        for (int i = NX - 1; i >= 0; i--) {
-            lane s = z[i * columns + j];
-            for (int k = i + 1; k < NX; k++) s -= z[i * columns + k] * z[k * columns + j];
-            s /= z[i * columns + i];
-            z[i * columns + j] = s;
-            if (j > NX) inverse += s * s;
-        }
-    ((loose *)p->bound)[group] = root(scale * inverse);
-    for (int i = 0; i < NX; i++) x[i] = z[i * columns + NX];
+    for (int i = NX - 1; i >= 0; i--) {
+        lane s = z[i * columns + NX];
+        for (int k = i + 1; k < NX; k++) s -= z[i * columns + k] * x[k];
+        x[i] = s / z[i * columns + i];
+    }
 }
 
-/* Units (NX) of the states, powers of 2, in which the maps of the blocks are balanced. */
-static void balance(long blocks, const lane *maps, double *unit) {
-    double size[NX][NX] = {{0}};
+/* Powers of 2 by which columns are multiplied and rows divided so that their norms are alike (LAPACK's
+   dgebal without permutations). */
+static void scale_alike(double size[NX][NX], double *unit) {
+    int again = 1;
+    for (int i = 0; i < NX; i++) unit[i] = 1.0;
+    for (int sweep = 0; again && sweep < 100; sweep++) {
+        again = 0;
+        for (int i = 0; i < NX; i++) {
+            double column = 0.0, row = 0.0, factor = 1.0;
+            for (int j = 0; j < NX; j++) column += size[j][i] * size[j][i], row += size[i][j] * size[i][j];
+            column = sqrt(column), row = sqrt(row);
+            if (!(column > 0.0 && row > 0.0 && isfinite(column + row))) continue;
+            const double before = column + row;
+            for (; column < row / 2; column *= 2, row /= 2) factor *= 2;
+            for (; column / 2 >= row; column /= 2, row *= 2) factor /= 2;
+            if (column + row >= 0.95 * before) continue;
+            again = 1;
+            unit[i] *= factor;
+            for (int j = 0; j < NX; j++) size[j][i] *= factor, size[i][j] /= factor;
+        }
+    }
+}
+
+/* Units (NX) of the states, powers of 2, in which the maps of the blocks are balanced: of each point by
+   itself, and common to the segments of one. */
+static void balance(const problem *p, long blocks, const lane *maps, lane *unit) {
     lane total = {0}, part[NX][NX];
+    double size[NX][NX], own[NX];
     for (int i = 0; i < NX; i++)
         for (int j = 0; j < NX; j++) {
             part[i][j] = (lane){0};
             for (long k = 0; k < blocks; k++) part[i][j] += absolute(maps[(k * NX + i) * W + j]);
             total += part[i][j];
         }
-    for (int i = 0; i < NX; i++) {
-        unit[i] = 1.0;
-        for (int j = 0; j < NX; j++)
-            for (int l = 0; l < LANES; l++) size[i][j] += total[l] > 0.0 ? part[i][j][l] / total[l] : 0.0;
+    for (int l = 0; l < LANES; l++) {
+        for (int i = 0; i < NX; i++)
+            for (int j = 0; j < NX; j++) {
+                size[i][j] = 0.0;
+                for (int m = p->own == SEGMENT ? 0 : l; m < (p->own == SEGMENT ? LANES : l + 1); m++)
+                    size[i][j] += total[m] > 0.0 ? part[i][j][m] / total[m] : 0.0;
+            }
+        scale_alike(size, own);
+        for (int i = 0; i < NX; i++) unit[i][l] = own[i];
     }
-    for (int sweep = 0; sweep < 8; sweep++)
-        for (int i = 0; i < NX; i++) {
-            double column = 0.0, row = 0.0;
-            for (int j = 0; j < NX; j++)
-                if (j != i) column += size[j][i] * size[j][i], row += size[i][j] * size[i][j];
-            if (!(column > 0.0 && row > 0.0 && isfinite(column + row))) continue;
-            const double factor = exp2(round(log2(row / column) / 4.0));
-            for (int j = 0; j < NX; j++) size[j][i] *= factor, size[i][j] /= factor;
-            unit[i] *= factor;
-        }
 }
 
 /* Rows G x_k + H x_{k+1} = r of so many blocks, in balanced units, from their affine maps. */
-static void rows_of(long blocks, const lane *maps, const double *unit, lane *rows) {
+static void rows_of(long blocks, const lane *maps, const lane *unit, lane *rows) {
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) {
             lane *row = rows + (k * NX + i) * ROW;
@@ -375,8 +384,8 @@ static void expand(long count, const lane *saved, lane *x, const lane *end) {
 
 /* Starts x (blocks, NX) of the blocks of a closed chain. */
 static void close_chain(const problem *p, long group, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
-    double unit[NX];
-    balance(blocks, maps, unit);
+    lane unit[NX];
+    balance(p, blocks, maps, unit);
     rows_of(blocks, maps, unit, rows);
     reduce(blocks, rows, z, saved);
     close_row(p, group, rows, z, x);
@@ -388,10 +397,10 @@ static void close_chain(const problem *p, long group, long blocks, const lane *m
 /* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
 static void close_segments(const problem *p, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
     static const lane none = {0};
-    double unit[NX];
+    lane unit[NX];
     lane *whole = rows + blocks * NX * ROW, *kept = saved + blocks * NX * CYCLIC;
     lane starts[LANES * NX], ends[NX];
-    balance(blocks, maps, unit);
+    balance(p, blocks, maps, unit);
     rows_of(blocks, maps, unit, rows);
     reduce(blocks, rows, z, saved);
     for (int l = 0; l < LANES; l++)
@@ -534,7 +543,7 @@ static void advance(const problem *p, long group, room *r) {
             step_map(p, r->rows, r->map);
             if (p->maps)
                 for (int i = 0; i < NX * W; i++)
-                    for (int l = 0; l < LANES; l++) p->maps[(l * p->steps + k) * NX * W + i] = r->map[i][l];
+                    for (int l = 0; l < LANES; l++) p->maps[((group * LANES + l) * p->steps + k) * NX * W + i] = r->map[i][l];
             append(r, r->map);
         }
         memcpy(r->maps + block * NX * W, r->sum, NX * W * sizeof(lane));

@@ -39,15 +39,25 @@ class _Problem(ctypes.Structure):
         ("entry", ctypes.POINTER(ctypes.c_int)),
         *((name, _DOUBLES) for name in ("stages", "nodes", "coefficients")),
         *((name, _DOUBLES) for name in ("A", "A2", "b", "bA", "c", "powers")),
-        *((name, _DOUBLES) for name in ("Phi", "closed", "bound", "curves", "maps")),
+        *((name, _DOUBLES) for name in ("Phi", "closed", "curves", "maps")),
     )
 
 
 @lru_cache
-def library(size: Size, kept: bool = False) -> ctypes.CDLL:
-    """The library for a size; with `kept`, only if it has been compiled before. Raises CompilerError."""
+def library(size: Size) -> ctypes.CDLL:
+    """The library for a size. Raises CompilerError."""
     names = ("N", "S", "NODES", "STIFF", "ORBIT")
-    return compiled(_SOURCE, dict(zip(names, map(int, size), strict=True)), kept)
+    return compiled(_SOURCE, dict(zip(names, map(int, size), strict=True)))
+
+
+@lru_cache
+def trouble() -> str:
+    """Why nothing can be compiled on this machine, or an empty text."""
+    try:
+        library(Size(1, 1, 2, True, False))
+    except CompilerError as error:
+        return str(error)
+    return ""
 
 
 def run(
@@ -64,4 +74,4 @@ def run(
         raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
 
 
-__all__ = ["LANES", "CompilerError", "Size", "library", "run"]
+__all__ = ["LANES", "CompilerError", "Size", "library", "run", "trouble"]

@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import ResonanceError
 from solve.methods.fourier import Fourier
-from solve.system import PeriodicSystem
+from solve.period.points import Points, matrices
 
 
 @dataclass(frozen=True)
@@ -19,15 +19,17 @@ class BahgatWillmert(Fourier):
     name = "bahgat-willmert"
     order = 0
     curve_order = 0
+    converges = False
+    spectral = False
 
-    def collocated(self, system: PeriodicSystem, speed: float, phases: Array) -> tuple[Array, float]:
+    def collocated(self, point: Points, phases: Array) -> tuple[Array, float]:
         m = len(phases)
-        M, C, K, d = system.in_phase(phases, speed)
+        M, C, K, d = (part[0] for part in matrices(point, phases))
         load = 2.0 * np.fft.rfft(d, axis=0) / m
         load[0] /= 2.0
-        q = np.zeros((m, system.n))
+        q = np.zeros((m, point.n))
         for k, component in enumerate(load):
-            rate = 2j * np.pi / system.period * k
+            rate = 2j * np.pi / point.period * k
             driven = component * np.exp(rate * phases)[:, None]
             try:
                 q += np.real(np.linalg.solve(K + rate * C + rate**2 * M, driven[..., None])[..., 0])

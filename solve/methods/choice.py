@@ -1,9 +1,10 @@
 """A method from its name and settings."""
 
+from collections.abc import Callable
 from typing import Any
 
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.methods.auto import Auto
+from solve.methods.auto import Rule, auto
 from solve.methods.bahgat_willmert import BahgatWillmert
 from solve.methods.fourier import Fourier
 from solve.methods.gauss import Gauss
@@ -16,8 +17,8 @@ from solve.methods.newmark import Newmark
 from solve.methods.radau import Radau
 from solve.methods.runge_kutta import RungeKutta4
 
-METHODS: dict[str, type] = {
-    "auto": Auto,
+METHODS: dict[str, Callable[..., Any]] = {
+    "auto": auto,
     "radau": Radau,
     "gauss": Gauss,
     "newmark": Newmark,
@@ -32,22 +33,26 @@ METHODS: dict[str, type] = {
 """Names that `method` takes."""
 
 
-def chosen(method: str | Method, **settings: Any) -> Method:
-    """The method of a name, with its settings (those that are None left out); a method object as it is.
+def chosen(method: str | Rule, **settings: Any) -> Rule:
+    """The method of a name, with its settings (those that are None left out), or the choice `auto`; a method
+    object as it is.
 
     Raises UnknownNameError, and ValueOutOfBoundsError for what is no method or a setting that the method
     does not have.
     """
     if not isinstance(method, str):
-        if isinstance(method, type) or not hasattr(method, "solution"):
+        if not (isinstance(method, Method) or method is auto):
             raise ValueOutOfBoundsError(f"method is {method!r}; give a name or an object such as Radau()")
         return method
     if method not in METHODS:
         raise UnknownNameError("method", method, METHODS)
-    kind = METHODS[method]
     given = {name: value for name, value in settings.items() if value is not None}
-    known = set(kind.__dataclass_fields__)
-    for name in given.keys() - known:
-        owners = sorted(n for n, k in METHODS.items() if name in k.__dataclass_fields__)
+    for name in given.keys() - settings_of(method):
+        owners = sorted(each for each in METHODS if name in settings_of(each))
         raise ValueOutOfBoundsError(f"method {method} has no {name}; {name} belongs to {', '.join(owners)}")
-    return kind(**given)
+    return auto if method == "auto" else METHODS[method](**given)
+
+
+def settings_of(method: str) -> set[str]:
+    """Names of what a method can be told."""
+    return set(getattr(METHODS[method], "__dataclass_fields__", ()))

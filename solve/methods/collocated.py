@@ -1,66 +1,63 @@
-"""A collocation method as a method of a period: in compiled code where that is at hand, else in NumPy."""
+"""A collocation method as a method of a period: in compiled code where that is wanted, else in NumPy."""
 
 import numpy as np
 
-from solve.arrays import Array
-from solve.methods import segments
+from solve.kernel import collocation as kernel
+from solve.kernel.engines import COMPILED, NUMPY
+from solve.kernel.library import Size
 from solve.methods.collocation import Collocation, discretise
-from solve.methods.method import Discretisation, OneStep, Solution, no_orbit, overflow
+from solve.methods.method import Discretisation, OneStep, Solutions
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.period_map import SINGULAR, Steps, closed_condition
-from solve.system import PeriodicSystem
+from solve.period.period_map import Steps, closed_condition
+from solve.period.points import Points, Tables
+
+_LARGEST = 40
+"""Coordinates up to which lanes are quicker than NumPy's BLAS."""
 
 
 class Collocated(OneStep):
-    """What Gauss's and Radau's methods share."""
+    """What Gauss's and Radau's methods share. follows: up to here a mode without damping keeps about half
+    its amplitude, or more, over 500 rad."""
 
     order: int
+    samples_evenly = False
 
-    @property
-    def follows(self) -> float:
-        """Up to here a mode without damping keeps about half its amplitude, or more, over 500 rad."""
-        return self.order / 2 - 1
-
-    @property
-    def samples_evenly(self) -> bool:
-        return False
-
-    @property
-    def curve_order(self) -> int:
-        return min(self.order, self.collocation.curve_order)
+    def __post_init__(self) -> None:
+        self._set(follows=self.order / 2 - 1, curve_order=min(self.order, self.collocation.curve_order))
 
     @property
     def collocation(self) -> Collocation:
         raise NotImplementedError
 
-    def bytes_a_step(self, n: int) -> int:
+    def bytes_a_step(self, n: int, orbit: bool = True, engine: str = NUMPY) -> int:
+        if engine == COMPILED and n <= _LARGEST:
+            return kernel.bytes_a_step(n, len(self.collocation.curve_powers), orbit)
         return self.collocation.bytes_a_step(n)
 
-    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
-        return discretise(self.collocation, system, speed, grid)
+    def discretise(self, points: Points, grid: Grid) -> Discretisation:
+        return discretise(self.collocation, points, grid)
 
-    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
-        if not grid.smooth or not segments.ready(self.collocation, system.n, grid.steps):
-            return super().solution(system, speed, grid, orbit)
-        found = self._in_segments(system, speed, grid)
-        if not np.isfinite(found.Phi).all():
-            raise overflow(self.name, grid.steps)
-        steps = Steps(found.maps[..., :-1], found.maps[..., -1])
-        if not orbit:
-            return Solution(grid, found.Phi, steps=steps)
-        condition = float(closed_condition(*found.closed))
-        if not condition < 1 / SINGULAR:
-            raise no_orbit()
-        return Solution(grid, found.Phi, Curve(grid.nodes, found.curve), steps, condition)
+    def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
+        if engine != COMPILED or not grid.smooth or points.n > _LARGEST:
+            return super().solutions(points, grid, orbit)
+        method, n = self.collocation, points.n
+        # A single point takes the library with orbits for its multipliers too: one less to compile.
+        with_orbit = orbit or len(points) == 1
+        size = Size(n, len(method.c), len(method.curve_nodes), method.stiffly_accurate, with_orbit)
+        stages = points.tables(grid.stages(np.array(method.c)).ravel())
+        nodes = None
+        if with_orbit and not method.stiffly_accurate:
+            nodes = _samples(points.tables(grid.nodes[:-1]))
+        made = kernel.solved(size, method.weights, grid.period, _samples(stages), nodes)
+        steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
+        if not orbit or made.curves is None or made.closed is None:
+            return self.sound(points, grid, made.Phi, steps=steps)
+        finite = np.asarray(np.isfinite(made.closed).all(axis=(1, 2, 3)))
+        G, H = np.moveaxis(np.where(finite[:, None, None, None], made.closed, 0.0), 1, 0)
+        condition = np.where(finite, closed_condition(G, H), np.inf)
+        return self.sound(points, grid, made.Phi, Curve(grid.nodes, made.curves), condition, steps)
 
-    def _in_segments(self, system: PeriodicSystem, speed: float, grid: Grid) -> segments.Segments:
-        method = self.collocation
-        nodes = None if method.stiffly_accurate else _entries(system, grid.nodes[:-1], speed)
-        stages = _entries(system, grid.stages(np.array(method.c)).ravel(), speed)
-        return segments.solved(method, grid.period / grid.steps, stages, nodes)
 
-
-def _entries(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """Ω²M, ΩC, K by rows and d (k, 3n² + n) at phases (k,)."""
-    return np.concatenate([part.reshape(len(phase), -1) for part in system.in_phase(phase, speed)], axis=1)
+def _samples(tables: Tables) -> kernel.Samples:
+    return kernel.Samples(tables.table, tables.coefficients, tables.entry)

@@ -8,16 +8,16 @@ Differential Equations II, IV.5; the second-order form equals the method on q, q
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
-from solve.arrays import Array
-from solve.kernel.library import Size
+from solve.arrays import Array, solved
 from solve.methods.method import Discretisation
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
-from solve.system import PeriodicSystem
+from solve.period.points import Points, affine, matrices
 
 _MEMORY = 2**25
 """Bytes that the stages' matrices of the steps may take that are sampled at a time."""
@@ -73,10 +73,6 @@ class Collocation:
         found = {"A": A, "A2": A @ A, "b": b, "bA": b @ A, "c": np.array(self.c), "powers": self.curve_powers}
         return {name: np.ascontiguousarray(part) for name, part in found.items()}
 
-    def size(self, n: int, orbit: bool) -> Size:
-        """What the compiled kernels need to know of the method for n coordinates."""
-        return Size(n, len(self.c), len(self.curve_nodes), self.stiffly_accurate, orbit)
-
     def bytes_a_step(self, n: int) -> int:
         """Memory that a step of n coordinates takes: samples, stage accelerations, maps."""
         s = len(self.c)
@@ -94,33 +90,36 @@ class Collocation:
         return powers
 
     def stage_accelerations(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> Array:
-        """Accelerations (m, s, n, 2n+1) as affine functions of (q, v, 1) at the step's start.
+        """Accelerations (P, m, s, n, 2n+1) as affine functions of (q, v, 1) at the step's start.
 
-        h (m,); M, C, K (m, s, n, n) and d (m, s, n) at the stages.
+        h (m,); M, C, K (P, m, s, n, n) and d (P, m, s, n) at the stages.
         """
-        m, s, n = d.shape
-        a = np.empty((m, s * n, 2 * n + 1))
-        some = max(1, _SYSTEMS // (8 * (s * n) ** 2))
-        for start in range(0, m, some):
-            part = slice(start, start + some)
-            system = self._stage_systems(h[part], M[part], C[part], K[part])
-            right = np.concatenate((system[..., s * n :], d[part].reshape(-1, s * n, 1)), axis=-1)
-            a[part] = np.linalg.solve(system[..., : s * n], right)
+        P, m, s, n = d.shape
+        a = np.empty((P, m, s * n, 2 * n + 1))
+        # How many steps go together does not depend on the number of points: each has the same rounding.
+        steps = min(m, max(1, _SYSTEMS // (8 * (s * n) ** 2)))
+        some = max(1, _SYSTEMS // (8 * (s * n) ** 2 * steps))
+        for first, start in product(range(0, P, some), range(0, m, steps)):
+            part = np.s_[first : first + some, start : start + steps]
+            system = self._stage_systems(h[part[1]], M[part], C[part], K[part])
+            loads = d[part].reshape(*system.shape[:3], 1)
+            right = np.concatenate((system[..., s * n :], loads), axis=-1)
+            a[part] = solved(system[..., : s * n], right)
         # From the powers of h that belong to h² times the acceleration, and to h v.
         a[..., :n] /= h[:, None, None] ** 2
         a[..., n : 2 * n] /= h[:, None, None]
-        return a.reshape(m, s, n, 2 * n + 1)
+        return a.reshape(P, m, s, n, 2 * n + 1)
 
     def _stage_systems(self, h: Array, M: Array, C: Array, K: Array) -> Array:
         """Matrices of the stage accelerations, and behind their columns those that multiply q and h v:
-        (m, s n, s n + 2n); all of them are combinations of M, hC and h²K with constant weights."""
-        m, s, n = M.shape[:3]
+        (P, m, s n, s n + 2n); all of them are combinations of M, hC and h²K with constant weights."""
+        P, m, s, n = M.shape[:4]
         h = h[:, None, None, None]
         terms = np.concatenate((M, h * C, h**2 * K), axis=-1)
-        system = np.empty((m, s, n, (s + 2) * n))
+        system = np.empty((P, m, s, n, (s + 2) * n))
         for i, weights in enumerate(self._stage_weights(n)):
-            system[:, i] = (terms[:, i].reshape(m * n, 3 * n) @ weights).reshape(m, n, -1)
-        return system.reshape(m, s * n, -1)
+            system[:, :, i] = (terms[:, :, i].reshape(P, m * n, 3 * n) @ weights).reshape(P, m, n, -1)
+        return system.reshape(P, m, s * n, -1)
 
     def _stage_weights(self, n: int) -> list[Array]:
         """For each stage the weights (3n, (s + 2) n) of M, hC, h²K in its equations."""
@@ -132,66 +131,68 @@ class Collocation:
         return [np.kron(row, np.eye(n)) for row in rows]
 
     def steps(self, h: Array, a: Array) -> Steps:
-        """The affine maps of (q, v) over the steps."""
-        n = a.shape[2]
-        maps = np.concatenate(
-            (
-                h[:, None, None] ** 2 * np.tensordot(a, self.b @ self.A, axes=(1, 0)),
-                h[:, None, None] * np.tensordot(a, self.b, axes=(1, 0)),
-            ),
-            axis=1,
-        )
-        maps[:, :, : 2 * n] += np.eye(2 * n)
-        maps[:, range(n), range(n, 2 * n)] += h[:, None]
-        return Steps(maps[:, :, :-1], maps[:, :, -1])
+        """The affine maps of (q, v) over the steps h (m,), from stage accelerations (P, m, s, n, 2n+1)."""
+        P, m, s, n = a.shape[:4]
+        weights = np.stack((self.b @ self.A, self.b))
+        maps = (weights @ a.reshape(P, m, s, -1)).reshape(P, m, 2, n, 2 * n + 1)
+        maps *= np.stack((h**2, h), axis=1)[:, :, None, None]
+        maps = maps.reshape(P, m, 2 * n, 2 * n + 1)
+        maps[..., : 2 * n] += np.eye(2 * n)
+        maps[..., range(n), range(n, 2 * n)] += h[:, None]
+        return Steps(maps[..., :-1], maps[..., -1])
 
     def curve(self, nodes: Array, x: Array, a_start: Array, a: Array, a_end: Array) -> Curve:
-        """Polynomials through the states x (m+1, 2n) at the steps' starts and the accelerations at
-        their starts (m, n), stages (m, s, n) and ends (m, n)."""
-        n = x.shape[1] // 2
+        """Polynomials through the states x (P, m+1, 2n) at the steps' starts and the accelerations at
+        their starts (P, m, n), stages (P, m, s, n) and ends (P, m, n)."""
+        n = x.shape[-1] // 2
         h = np.diff(nodes)[:, None]
-        accelerations = [a_start, *np.moveaxis(a, 1, 0), a_end][: len(self.curve_nodes)]
-        data = np.stack([x[:-1, :n], h * x[:-1, n:], *(h**2 * part for part in accelerations)])
-        return Curve(nodes, np.tensordot(self.curve_powers, data, axes=1))
+        accelerations = [a_start, *np.moveaxis(a, 2, 0), a_end][: len(self.curve_nodes)]
+        data = [x[:, :-1, :n], h * x[:, :-1, n:], *(h**2 * part for part in accelerations)]
+        return Curve.of(nodes, np.stack(data, axis=-1), self.curve_powers)
 
 
-def discretise(method: Collocation, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
+def discretise(method: Collocation, points: Points, grid: Grid) -> Discretisation:
     """The method on every step of the grid at once."""
     phases = grid.stages(np.array(method.c))
-    size = max(1, _MEMORY // (8 * (len(method.c) * system.n) ** 2))
+    size = max(1, _MEMORY // (8 * (len(method.c) * points.n) ** 2))
     parts = [slice(first, first + size) for first in range(0, grid.steps, size)]
-    a = np.concatenate([_accelerations(method, system, speed, grid.h[part], phases[part]) for part in parts])
+    a = np.concatenate([_accelerations(method, points, grid.h[part], phases[part]) for part in parts], axis=1)
 
     def curve(x: Array) -> Curve:
-        stages = np.squeeze(a[..., :-1] @ x[:-1, None, :, None], -1) + a[..., -1]
-        starts, ends = _end_accelerations(method, system, speed, grid, x, stages[:, -1])
+        stages = affine(a, x[:, :-1, None])
+        starts, ends = _end_accelerations(method, points, grid, x, stages[:, :, -1])
         return method.curve(grid.nodes, x, starts, stages, ends)
 
     return Discretisation(method.steps(grid.h, a), curve)
 
 
-def _accelerations(
-    method: Collocation, system: PeriodicSystem, speed: float, h: Array, phases: Array
-) -> Array:
-    """Stage accelerations (m, s, n, 2n+1) of steps h (m,) with stages at phases (m, s)."""
-    sampled = system.in_phase(phases.ravel(), speed)
-    M, C, K, d = (part.reshape(*phases.shape, *part.shape[1:]) for part in sampled)
+def _accelerations(method: Collocation, points: Points, h: Array, phases: Array) -> Array:
+    """Stage accelerations (P, m, s, n, 2n+1) of steps h (m,) with stages at phases (m, s)."""
+    sampled = matrices(points, phases.ravel())
+    M, C, K, d = (part.reshape(len(part), *phases.shape, *part.shape[2:]) for part in sampled)
     return method.stage_accelerations(h, M, C, K, d)
 
 
 def _end_accelerations(
-    method: Collocation, system: PeriodicSystem, speed: float, grid: Grid, x: Array, last: Array
+    method: Collocation, points: Points, grid: Grid, x: Array, last: Array
 ) -> tuple[Array, Array]:
-    """Accelerations (m, n) at the start and the end of every step; `last` are those of the last stages,
+    """Accelerations (P, m, n) at the start and the end of every step; `last` are those of the last stages,
     where a stiffly accurate method has them for nothing."""
     ends = grid.stages(np.array([0.0, 1.0]))
     if not method.stiffly_accurate:
-        starts = system.acceleration(ends[:, 0], speed, x[:-1])
+        starts = _acceleration(points, ends[:, 0], x[:, :-1])
         if grid.smooth:
-            return starts, np.roll(starts, -1, axis=0)
-        return starts, system.acceleration(ends[:, 1], speed, x[1:])
-    starts = np.roll(last, 1, axis=0)
+            return starts, np.roll(starts, -1, axis=1)
+        return starts, _acceleration(points, ends[:, 1], x[:, 1:])
+    starts = np.roll(last, 1, axis=1)
     if not grid.smooth:
         behind = np.flatnonzero(grid.at_break)
-        starts[behind] = system.acceleration(ends[behind, 0], speed, x[behind])
+        starts[:, behind] = _acceleration(points, ends[behind, 0], x[:, behind])
     return starts, last
+
+
+def _acceleration(points: Points, phase: Array, x: Array) -> Array:
+    """Second derivatives by the phase (P, k, n) that the equation of motion gives to states x (P, k, 2n)."""
+    M, C, K, d = matrices(points, phase)
+    q, v = x[..., : points.n, None], x[..., points.n :, None]
+    return np.squeeze(solved(M, d[..., None] - K @ q - C @ v), -1)

@@ -9,10 +9,11 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import MatricesError, ResonanceError
-from solve.methods.method import OneStep, Solution
+from solve.kernel.engines import NUMPY
+from solve.methods.method import Method, Solutions, one_by_one
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
-from solve.system import PeriodicSystem
+from solve.period.points import Points, matrices, state_rate
 
 MOST_UNKNOWNS = 2000
 """Largest order of a dense eigenvalue problem that is still worth waiting for."""
@@ -30,7 +31,7 @@ _TORN = 1e-3
 
 
 @dataclass(frozen=True)
-class Fourier(OneStep):
+class Fourier(Method):
     """The orbit as the trigonometric polynomial that satisfies the equation of motion at m uniform
     phases, m odd; the multipliers from the same collocation of x = exp(λφ) p(φ), p periodic.
 
@@ -40,40 +41,48 @@ class Fourier(OneStep):
     name = "fourier"
     order = math.inf
     curve_order = math.inf
-    l_stable = False
-
-    @property
-    def follows(self) -> float:
-        """Two phases a wave of the fastest mode, the limit of sampling."""
-        return np.pi
+    spectral = True
+    # Two phases a wave of the fastest mode, the limit of sampling.
+    follows = np.pi
 
     def most_steps(self, n: int) -> int:
         return MOST_UNKNOWNS // (2 * n)
 
-    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
+    def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
+        odd = Grid.uniform(grid.steps | 1, grid.period)
+        return one_by_one(points, lambda point: self._solution(point, grid, odd, orbit))
+
+    def _solution(self, point: Points, grid: Grid, odd: Grid, orbit: bool) -> Solutions:
         if not grid.smooth:
             raise MatricesError(
                 f"{self.name} needs matrices without jumps, and this system has breaks; use radau or gauss"
             )
-        odd = Grid.uniform(grid.steps | 1, grid.period)
-        phases = odd.nodes[:-1]
-        D = differentiation(odd)
-        Phi, rounding = _monodromy(system.state_rate(phases, speed)[..., :-1], D, grid.period)
-        if not orbit:
-            return Solution(odd, Phi, rounding=rounding)
-        q, condition = self.collocated(system, speed, phases)
-        curve = FourierCurve.through(odd.nodes, q)
-        return Solution(odd, Phi, curve, condition=condition, rounding=rounding)
+        Phi, rounding = self.multiplied(point, odd)
+        curve, condition = self.balanced_orbit(point, odd) if orbit else (None, np.nan)
+        return Solutions(odd, Phi[None], curve, np.array([condition]), rounding=np.array([rounding]))
 
-    def collocated(self, system: PeriodicSystem, speed: float, phases: Array) -> tuple[Array, float]:
+    def multiplied(self, point: Points, grid: Grid) -> tuple[Array, float]:
+        """Φ, and its rounding error, from the solutions exp(λφ) p(φ) with p′ = P p - λ p at the samples."""
+        P, D = state_rate(point, grid.nodes[:-1])[0, ..., :-1], differentiation(grid)
+        m, N = P.shape[:2]
+        A = -np.einsum("jk,ab->jakb", D, np.eye(N))
+        A[range(m), :, range(m), :] += P
+        return from_exponents(A.reshape(m * N, m * N), lambda p: p.reshape(m, N, -1), grid.period)
+
+    def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
+        """The curve (1, n, …) through m uniform nodes, and the condition number of the linear system."""
+        q, condition = self.collocated(point, grid.nodes[:-1])
+        return FourierCurve.through(grid.nodes, q)[None], condition
+
+    def collocated(self, point: Points, phases: Array) -> tuple[Array, float]:
         """q (m, n) at the phases, and the condition number of the linear system.
 
         Solved for u = q - q″, in units in which the coordinates have inertias alike: the harmonics of q
         alone would make the condition grow with m².
         """
-        m, n = len(phases), system.n
-        M, C, K, d = system.in_phase(phases, speed)
-        rates = 2j * np.pi / system.period * np.fft.fftfreq(m, 1.0 / m)
+        m, n = len(phases), point.n
+        M, C, K, d = (part[0] for part in matrices(point, phases))
+        rates = 2j * np.pi / point.period * np.fft.fftfreq(m, 1.0 / m)
         smooth = 1.0 / (1.0 - rates**2)
         parts = zip((M, C, K), (rates**2 * smooth, rates * smooth, smooth), strict=True)
         A = sum(np.einsum("jab,jk->jakb", part, _circulant(symbol)) for part, symbol in parts)
@@ -109,14 +118,6 @@ def differentiation(grid: Grid) -> Array:
     with np.errstate(divide="ignore"):
         D = np.where(offset == 0, 0.0, 0.5 * (-1.0) ** offset / np.sin(np.pi * offset / m))
     return D * (2 * np.pi / grid.period)
-
-
-def _monodromy(P: Array, D: Array, period: float) -> tuple[Array, float]:
-    """Φ, and its rounding error, from the solutions exp(λφ) p(φ) with p′ = P p - λ p at the samples."""
-    m, N = P.shape[:2]
-    A = -np.einsum("jk,ab->jakb", D, np.eye(N))
-    A[range(m), :, range(m), :] += P
-    return from_exponents(A.reshape(m * N, m * N), lambda p: p.reshape(m, N, -1), period)
 
 
 def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -> tuple[Array, float]:

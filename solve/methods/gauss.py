@@ -17,18 +17,13 @@ class Gauss(Collocated):
     order: int = 10
 
     name = "gauss"
-    l_stable = False
 
     def __post_init__(self) -> None:
         if self.order not in range(4, 17, 2):
             raise ValueOutOfBoundsError(
                 f"order of gauss is {self.order}; allowed: 4, 6, 8, 10, 12, 14, 16; try order 10"
             )
-
-    @property
-    def follows(self) -> float:
-        """A step resolves about as many radians as it has stages, less one for safety."""
-        return self.order / 2 - 1
+        super().__post_init__()
 
     @property
     def collocation(self) -> Collocation:

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError
 from solve.methods.fourier import Fourier, balanced, from_exponents
-from solve.methods.method import Solution
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
+from solve.period.points import OnePoint, Points, matrices, state_rate
 from solve.system import PeriodicSystem
 
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128
@@ -29,21 +29,17 @@ class Hill(Fourier):
 
     name = "hill"
 
-    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
-        if not grid.smooth:
-            raise MatricesError(f"{self.name} needs matrices without jumps, and this system has breaks")
-        odd = Grid.uniform(grid.steps | 1, grid.period)
-        N = odd.steps // 2
+    def multiplied(self, point: Points, grid: Grid) -> tuple[Array, float]:
+        orders, size = grid.steps, 2 * point.n
 
         def samples(p: Array) -> Array:
-            series = p.reshape(2 * N + 1, 2 * system.n, -1)
-            return np.fft.ifft(np.fft.ifftshift(series, axes=0), axis=0) * odd.steps
+            series = p.reshape(orders, size, -1)
+            return np.fft.ifft(np.fft.ifftshift(series, axes=0), axis=0) * orders
 
-        Phi, rounding = from_exponents(_hill_matrix(system, speed, N), samples, grid.period)
-        if not orbit:
-            return Solution(odd, Phi, rounding=rounding)
-        curve, condition = _forced(system, speed, odd, N)
-        return Solution(odd, Phi, curve, condition=condition, rounding=rounding)
+        return from_exponents(_hill_matrix(point, orders // 2), samples, grid.period)
+
+    def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
+        return _forced(point, grid)
 
 
 def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: int = 1) -> float:
@@ -63,7 +59,7 @@ def _sign_and_logarithm(
     """Of Hill's determinant at ρ = multiplier, and its size."""
     if multiplier not in (1, -1):
         raise ValueOutOfBoundsError(f"multiplier is {multiplier}; allowed: 1 (period T) or -1 (period 2T)")
-    matrix = _hill_matrix(system, speed, orders, 0.0 if multiplier == 1 else 0.5)
+    matrix = _hill_matrix(OnePoint(system, speed), orders, 0.0 if multiplier == 1 else 0.5)
     sign, logarithm = np.linalg.slogdet(matrix)
     return float(np.real(sign)), float(logarithm), len(matrix)
 
@@ -165,27 +161,25 @@ class _Search:
         return sign * float(np.exp(logarithm - scale))
 
 
-def _hill_matrix(system: PeriodicSystem, speed: float, N: int, shift: float = 0.0) -> Array:
+def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
     """Blocks P_{j-k} - i(j + shift)ω0 δ_jk of x′ = P x over the orders j, k = -N … N; with the shift
     1/2 over -N … N-1, so that they stay symmetric about 0."""
     orders = np.arange(-N, N + 1) if shift == 0.0 else np.arange(-N, N)
-    P = _spectrum(lambda phase: system.state_rate(phase, speed)[..., :-1], system.period, 2 * N)
+    P = _spectrum(state_rate(point, _samples(point, 2 * N))[0, ..., :-1], 2 * N)
     size = P.shape[-1]
     blocks = P[2 * N + orders[:, None] - orders]
     blocks[range(len(orders)), range(len(orders))] -= (
-        2j * np.pi / system.period * (orders + shift)[:, None, None] * np.eye(size)
+        2j * np.pi / point.period * (orders + shift)[:, None, None] * np.eye(size)
     )
     return np.swapaxes(blocks, 1, 2).reshape(len(orders) * size, len(orders) * size)
 
 
-def _forced(system: PeriodicSystem, speed: float, grid: Grid, N: int) -> tuple[FourierCurve, float]:
+def _forced(point: Points, grid: Grid) -> tuple[FourierCurve, float]:
     """The forced balance Σ_k [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
-    n, orders = system.n, np.arange(-N, N + 1)
-    rates = 2j * np.pi / system.period * orders
-    M, C, K, d = (
-        _spectrum(lambda phase, part=part: system.in_phase(phase, speed)[part], system.period, 2 * N)
-        for part in range(4)
-    )
+    N, n = grid.steps // 2, point.n
+    orders = np.arange(-N, N + 1)
+    rates = 2j * np.pi / point.period * orders
+    M, C, K, d = (_spectrum(part[0], 2 * N) for part in matrices(point, _samples(point, 2 * N)))
     index = 2 * N + orders[:, None] - orders
     smooth = 1.0 / (1.0 - rates**2)[:, None, None]
     blocks = (
@@ -199,13 +193,18 @@ def _forced(system: PeriodicSystem, speed: float, grid: Grid, N: int) -> tuple[F
     u, condition = balanced(matrix, (d[N : 3 * N + 1] * unit).ravel())
     q = (u.reshape(-1, n) * unit * smooth[:, 0])[N:]
     q[1:] *= 2.0
-    return FourierCurve(grid.nodes, q), condition
+    return FourierCurve(grid.nodes, q.T[None]), condition
 
 
-def _spectrum(sampled: Callable[[Array], Array], period: float, orders: int) -> Array:
-    """Complex Fourier coefficients of orders -orders … orders, from samples twice as dense as needed."""
+def _samples(point: Points, orders: int) -> Array:
+    """Phases (k,), twice as dense as so many orders need."""
     count = 4 * orders + 4
-    coefficients = np.fft.fft(sampled(np.arange(count) * (period / count)), axis=0) / count
+    return np.arange(count) * (point.period / count)
+
+
+def _spectrum(samples: Array, orders: int) -> Array:
+    """Complex Fourier coefficients of orders -orders … orders."""
+    coefficients = np.fft.fft(samples, axis=0) / len(samples)
     return (
         np.concatenate((coefficients[-orders:], coefficients[: orders + 1])) if orders else coefficients[:1]
     )

@@ -10,7 +10,7 @@ from solve.methods.method import Discretisation, OneStep
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
-from solve.system import PeriodicSystem
+from solve.period.points import Points, affine, state_rate
 
 
 @dataclass(frozen=True)
@@ -21,22 +21,20 @@ class Hsu(OneStep):
     name = "hsu"
     order = 2
     curve_order = 2
-    l_stable = False
 
-    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
+    def discretise(self, points: Points, grid: Grid) -> Discretisation:
         from scipy.linalg import expm
 
-        N = 2 * system.n
-        rate = system.state_rate(grid.stages(np.array([0.5]))[:, 0], speed)
-        augmented = np.zeros((grid.steps, N + 1, N + 1))
-        augmented[:, :N] = grid.h[:, None, None] * rate
-        maps = expm(augmented)[:, :N]
+        n = points.n
+        rate = state_rate(points, grid.stages(np.array([0.5]))[:, 0])
+        augmented = np.zeros((*rate.shape[:2], 2 * n + 1, 2 * n + 1))
+        augmented[..., : 2 * n, :] = grid.h[:, None, None] * rate
+        finite = np.isfinite(augmented).all(axis=(-2, -1))
+        maps = np.full(rate.shape, np.nan)
+        maps[finite] = expm(augmented[finite])[:, : 2 * n]
 
         def curve(x: Array) -> Curve:
-            n = system.n
-            start, end = (
-                np.squeeze(rate[:, n:, :-1] @ at[:, :, None], -1) + rate[:, n:, -1] for at in (x[:-1], x[1:])
-            )
-            return Curve.quintic(grid.nodes, x[:, :n], x[:, n:], start, end)
+            start, end = (affine(rate[..., n:, :], at) for at in (x[:, :-1], x[:, 1:]))
+            return Curve.quintic(grid.nodes, x[..., :n], x[..., n:], start, end)
 
         return Discretisation(Steps(maps[..., :-1], maps[..., -1]), curve)

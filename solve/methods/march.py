@@ -1,18 +1,19 @@
 """Time marching until the transient has died: what one does without a periodic procedure."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import StepsError, ValueOutOfBoundsError
-from solve.methods.method import Discretisation, OneStep, Solution
+from solve.kernel.engines import NUMPY
+from solve.methods.method import Discretisation, OneStep, Solutions, one_by_one
 from solve.methods.newmark import Newmark
+from solve.period.frozen import Frozen
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers
 from solve.period.period_map import Steps, affine_period, monodromy, periodic_states, states_from
-from solve.system import PeriodicSystem
+from solve.period.points import Points
 
 
 @dataclass(frozen=True)
@@ -30,51 +31,44 @@ class March(OneStep):
     base: Newmark = field(default_factory=Newmark)
 
     name = "march"
-    l_stable = False
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < 1:
             raise ValueOutOfBoundsError(
                 f"tolerance of march is {self.tolerance}; allowed: between 0 and 1; try 1e-4"
             )
+        base = self.base
+        self._set(order=base.order, curve_order=base.curve_order, warnings=base.warnings)
 
-    @property
-    def order(self) -> int:
-        return self.base.order
+    def phase_error(self, angle: Array, steps: int) -> Array:
+        return self.base.phase_error(angle, steps)
 
-    @property
-    def curve_order(self) -> int:
-        return self.base.curve_order
+    def least_steps(self, modes: Frozen) -> Array:
+        return self.base.least_steps(modes)
 
-    @property
-    def concerns(self) -> list[str]:
-        return self.base.concerns
+    def discretise(self, points: Points, grid: Grid) -> Discretisation:
+        return self.base.discretise(points, grid)
 
-    @property
-    def samples_evenly(self) -> bool:
-        return self.base.samples_evenly
-
-    def drift(self, angle: float, steps: int) -> float:
-        return self.base.drift(angle, steps)
-
-    def least_steps(self, frozen: Array, period: float) -> int:
-        return self.base.least_steps(frozen, period)
-
-    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
-        return self.base.discretise(system, speed, grid)
-
-    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
-        discretisation = self.discretise(system, speed, grid)
-        steps = discretisation.steps
+    def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         if not orbit:
-            return Solution(grid, monodromy(steps), steps=steps)
-        limit = periodic_states(steps)[0][0]
-        Phi = monodromy(steps)
-        start, turns = self.marched(steps, limit, Multipliers.of(Phi).spectral_radius)
-        note = f"march: {turns} turns until {self.tolerance:g} of the transient was left"
+            return super().solutions(points, grid, orbit)
+        return one_by_one(points, lambda point: self._from_rest(point, grid))
+
+    def _from_rest(self, point: Points, grid: Grid) -> Solutions:
+        """One point, marched."""
+        chain = self.discretise(point, grid)
+        found = self.sound(point, grid, monodromy(chain.steps), steps=chain.steps)
+        if found.failures:
+            raise found.failures[0]
+        limit = periodic_states(chain.steps)[0][0, 0]
+        start, turns = self.marched(chain.steps, limit, float(found.multipliers.spectral_radius[0]))
         defect = float(np.linalg.norm(start - limit) / np.linalg.norm(limit)) if limit.any() else 0.0
-        curve = discretisation.curve(states_from(steps, start))
-        return Solution(grid, Phi, curve, steps, defect=defect, notes=[note])
+        return replace(
+            found,
+            curve=chain.curve(states_from(chain.steps, start[None])),
+            defect=np.array([defect]),
+            notes=(f"march: {turns} turns until {self.tolerance:g} of the transient was left",),
+        )
 
     def marched(self, steps: Steps, limit: Array, radius: float) -> tuple[Array, int]:
         """The state at the start of the last turn, from rest towards the limit (N,), and the number of
@@ -91,6 +85,6 @@ class March(OneStep):
         x, enough = np.zeros_like(limit), self.tolerance * np.linalg.norm(limit)
         turns = 0
         while np.linalg.norm(x - limit) > enough and turns < self.most_turns:
-            x = period.A[0] @ x + period.b[0]
+            x = period.A[0, 0] @ x + period.b[0, 0]
             turns += 1
         return x, turns

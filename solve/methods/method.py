@@ -1,19 +1,22 @@
-"""What every method of this package offers: one period of a system solved on one grid."""
+"""What every method of this package offers: one period of many points solved on one grid."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
-from typing import Protocol
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import ResonanceError, StepsError
-from solve.period.curve import Curve, PeriodicCurve
+from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
+from solve.kernel.engines import NUMPY
+from solve.period.curve import PeriodicCurve
+from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
-from solve.period.period_map import Steps, monodromy, periodic_states
-from solve.system import PeriodicSystem
+from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
+from solve.period.points import Points, matrices
 
 _MOST_MEMORY, _MEMORY_OF_LARGE_SYSTEMS = 2**29, 2**31
 """Bytes that the solution of one period may take at its peak; more where fewer steps would be too few."""
@@ -21,163 +24,225 @@ _ENOUGH_STEPS = 2**13
 
 
 @dataclass(frozen=True)
-class Solution:
-    """One method on one grid.
+class Solutions:
+    """One method on one grid, for P points.
 
-    Phi: the monodromy matrix (N, N). curve: the periodic solution, if asked for. steps: the maps
-    behind Φ, where the method has them. condition: of the linear system that gave the curve.
-    defect: relative error of the curve that no finer grid would mend. rounding: relative error that the
-    way to Φ leaves in the multipliers, beyond that of their condition; 1 where the grid does not tell Φ.
-    notes: what the method has to say about this solution.
+    Phi: monodromy matrices (P, N, N), zero at points that failed. curve: the periodic solutions, if asked
+    for. steps: the maps behind Φ, where the method has them. condition (P,): of the linear systems that
+    gave the curves; NaN without. defect (P,): relative error of the curve that no finer grid would mend.
+    rounding (P,): relative error that the way to Φ leaves in the multipliers, beyond that of their
+    condition; 1 where the grid does not tell Φ. notes: what the method has to say, none or one a point.
+    failures: why a point has no solution, by position.
     """
 
     grid: Grid
     Phi: Array
-    curve: PeriodicCurve | None = None
+    curve: PeriodicCurve | None
+    condition: Array
     steps: Steps | None = None
-    condition: float = np.nan
-    defect: float = 0.0
-    rounding: float = 0.0
-    notes: list[str] = field(default_factory=list)
-    multipliers: Multipliers = field(init=False)
+    defect: Array = field(default_factory=lambda: np.zeros(1))
+    rounding: Array = field(default_factory=lambda: np.zeros(1))
+    notes: tuple[str, ...] = ()
+    failures: Mapping[int, SolveError] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "multipliers", Multipliers.of(self.Phi))
+        for name in ("defect", "rounding"):
+            object.__setattr__(self, name, np.broadcast_to(getattr(self, name), len(self.Phi)))
 
-    def with_multipliers(self, multipliers: Multipliers) -> "Solution":
+    def __len__(self) -> int:
+        return len(self.Phi)
+
+    def __getitem__(self, points: Array) -> "Solutions":
+        """Those of some points, none of them a failure."""
+        made = Solutions(
+            self.grid,
+            self.Phi[points],
+            None if self.curve is None else self.curve[points],
+            self.condition[points],
+            None if self.steps is None else Steps(self.steps.A[points], self.steps.b[points]),
+            self.defect[points],
+            self.rounding[points],
+            tuple(np.array(self.notes)[points].tolist()) if self.notes else (),
+        )
+        return made.with_multipliers(self.multipliers[points])
+
+    def with_multipliers(self, multipliers: Multipliers) -> "Solutions":
         """The same with other multipliers than all of Φ."""
         changed = copy(self)
-        object.__setattr__(changed, "multipliers", multipliers)
+        changed.__dict__["multipliers"] = multipliers
         return changed
 
-
-class Method(Protocol):
-    """A method in phase time: M q″ + C q′ + K q = d with derivatives by the phase."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def order(self) -> float:
-        """Order of convergence at the nodes, and of the multipliers; 0 for an approximation that does
-        not converge to the truth, infinite where errors fall faster than any power of the steps."""
-        ...
-
-    @property
-    def curve_order(self) -> float:
-        """Order of convergence of the continuous curve."""
-        ...
-
-    @property
-    def l_stable(self) -> bool:
-        """Whether stiff modes that the steps do not resolve are damped out rather than kept."""
-        ...
-
-    @property
-    def follows(self) -> float:
-        """ω_max h up to which the steps follow the fastest mode."""
-        ...
-
-    @property
-    def samples_evenly(self) -> bool:
-        """Whether all samples of a grid are equally far apart, so that some orders of the matrices look like
-        others to it."""
-        ...
-
-    def drift(self, angle: float, steps: int) -> float:
-        """Angle by which so many steps misplace a mode that turns `angle` in a period, where that matters
-        before the mode is lost."""
-        ...
-
-    @property
-    def concerns(self) -> list[str]:
-        """Warnings that the method's own settings deserve."""
-        ...
-
-    def settled(self, system: PeriodicSystem, speed: float) -> "Method":
-        """The method itself, or the one that it chooses for this system."""
-        ...
-
-    def least_steps(self, frozen: Array, period: float) -> int:
-        """Steps a period below which the method cannot be stable, from the frozen eigenvalues (k, 2n)
-        of the system by phase; 1 where it has no limit."""
-        ...
-
-    def most_steps(self, n: int) -> int:
-        """Steps a period beyond which n coordinates take too much memory or time."""
-        ...
-
-    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
-        """The monodromy matrix, and with `orbit` the periodic solution."""
-        ...
+    @cached_property
+    def multipliers(self) -> Multipliers:
+        return Multipliers.of(self.Phi)
 
 
-@dataclass(frozen=True)
-class Discretisation:
-    """A one-step method on a grid.
+class Method:
+    """A method in phase time: M q″ + C q′ + K q = d with derivatives by the phase.
 
-    steps: the affine maps of its state. curve: from the states at the nodes (m+1, N) to the
-    continuous curve of q in the phase.
+    order: of convergence at the nodes, and of the multipliers; infinite where errors fall faster than any
+    power of the steps (`spectral`). curve_order: of the continuous curve. converges: False for an
+    approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps
+    do not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the
+    fastest mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders
+    of the matrices look like others to it. warnings: those that the method's own settings deserve.
     """
 
-    steps: Steps
-    curve: Callable[[Array], Curve]
-
-
-class OneStep:
-    """A method whose period is a chain of affine maps, given by `discretise`."""
-
     name: str
+    order: Any
+    curve_order: float
+    converges: bool = True
+    spectral: bool = False
+    l_stable: bool = False
+    follows: float = 1.0
+    samples_evenly: bool = True
+    warnings: tuple[str, ...] = ()
 
-    @property
-    def follows(self) -> float:
-        return 1.0
+    def _set(self, **facts: Any) -> None:
+        """State facts that follow from the settings of a frozen dataclass."""
+        for name, value in facts.items():
+            object.__setattr__(self, name, value)
 
-    @property
-    def samples_evenly(self) -> bool:
-        return True
+    def phase_error(self, angle: Array, steps: int) -> Array:
+        """Angle by which so many steps misplace a mode that turns `angle` (…) in a period, where that
+        matters before the mode is lost."""
+        return np.zeros_like(angle)
 
-    def drift(self, angle: float, steps: int) -> float:
-        return 0.0
+    def least_steps(self, modes: Frozen) -> Array:
+        """Steps a period (P,) below which the method cannot be stable, from the frozen modes of points;
+        1 where it has no limit."""
+        return np.ones(len(modes), dtype=int)
 
-    @property
-    def concerns(self) -> list[str]:
-        return []
-
-    def settled(self, system: PeriodicSystem, speed: float) -> Method:
-        return self  # type: ignore[return-value]
-
-    def least_steps(self, frozen: Array, period: float) -> int:
-        return 1
-
-    def bytes_a_step(self, n: int) -> int:
+    def bytes_a_step(self, n: int, orbit: bool = True, engine: str = NUMPY) -> int:
         """Memory that a step of n coordinates takes at the peak, or somewhat less."""
         return 80 * (2 * n + 1) ** 2
 
     def most_steps(self, n: int) -> int:
+        """Steps a period beyond which n coordinates take too much memory or time."""
         size = self.bytes_a_step(n)
         return max(_MOST_MEMORY // size, min(_MEMORY_OF_LARGE_SYSTEMS // size, _ENOUGH_STEPS))
 
-    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
+    def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
+        """Monodromy matrices, and with `orbit` the periodic solutions."""
         raise NotImplementedError
 
-    def solution(self, system: PeriodicSystem, speed: float, grid: Grid, orbit: bool) -> Solution:
-        discretisation = self.discretise(system, speed, grid)
-        with np.errstate(over="ignore", invalid="ignore"):
-            Phi = monodromy(discretisation.steps)
-        if not np.isfinite(Phi).all():
-            raise overflow(self.name, grid.steps)
-        if not orbit:
-            return Solution(grid, Phi, steps=discretisation.steps)
-        states, condition = periodic_states(discretisation.steps)
-        if not np.isfinite(condition):
-            raise no_orbit()
-        return Solution(grid, Phi, discretisation.curve(states), discretisation.steps, float(condition))
+
+@dataclass(frozen=True)
+class Discretisation:
+    """A one-step method on a grid, for P points.
+
+    steps: the affine maps of its state. curve: from the states at the nodes (P, m+1, N) to the
+    continuous curves of q in the phase.
+    """
+
+    steps: Steps
+    curve: Callable[[Array], PeriodicCurve]
 
 
-def overflow(method: str, steps: int) -> StepsError:
-    return StepsError(
-        f"{method} with {steps} steps overflows within one period; use more steps or the default method"
+class OneStep(Method):
+    """A method whose period is a chain of affine maps, given by `discretise`."""
+
+    def discretise(self, points: Points, grid: Grid) -> Discretisation:
+        raise NotImplementedError
+
+    def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
+        with np.errstate(all="ignore"):
+            chain = self.discretise(points, grid)
+            Phi = monodromy(chain.steps)
+            if not orbit:
+                return self.sound(points, grid, Phi, steps=chain.steps)
+            finite = np.isfinite(Phi).all(axis=(1, 2))
+            states, condition = periodic_states(chain.steps.where(np.asarray(finite)))
+            return self.sound(points, grid, Phi, chain.curve(states), condition, chain.steps)
+
+    def sound(
+        self,
+        points: Points,
+        grid: Grid,
+        Phi: Array,
+        curve: PeriodicCurve | None = None,
+        condition: Array | None = None,
+        steps: Steps | None = None,
+    ) -> Solutions:
+        """The solutions, with a reason for each that is not finite or not unique."""
+        finite = np.isfinite(Phi).all(axis=(1, 2))
+        failures: dict[int, SolveError] = {
+            int(at): self._no_map(points[np.array([at])], grid) for at in np.flatnonzero(~finite)
+        }
+        if curve is not None and condition is not None:
+            unique = condition < 1 / SINGULAR
+            failures |= {int(at): no_orbit() for at in np.flatnonzero(finite & ~unique)}
+            lost = finite & unique & ~curve.finite
+            failures |= {int(at): self._overflow(grid.steps) for at in np.flatnonzero(lost)}
+        if failures:
+            Phi = Phi.copy()
+            Phi[list(failures)] = 0.0
+        if condition is None:
+            condition = np.full(len(Phi), np.nan)
+        return Solutions(grid, Phi, curve, condition, steps, failures=failures)
+
+    def _no_map(self, point: Points, grid: Grid) -> SolveError:
+        """Why the maps of a point are not finite."""
+        phase = grid.stages(np.array([0.0, 0.25, 0.5, 0.75])).ravel()
+        M = matrices(point, phase)[0][0]
+        if not np.isfinite(M).all():
+            return MatricesError("the matrices have NaN or infinite entries; check the parameters")
+        singular = np.flatnonzero(np.linalg.slogdet(M)[0] == 0)
+        if len(singular):
+            return MatricesError(
+                f"M is singular at phase {phase[singular[0]]:.6g}: some coordinate has no inertia there; "
+                "give every coordinate a mass at every phase"
+            )
+        return self._overflow(grid.steps)
+
+    def _overflow(self, steps: int) -> StepsError:
+        return StepsError(
+            f"{self.name} with {steps} steps overflows within one period; use more steps or the default "
+            "method"
+        )
+
+
+def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:
+    """Points that a method solves one after the other."""
+    each: list[Solutions] = []
+    failures: dict[int, SolveError] = {}
+    for at in range(len(points)):
+        try:
+            each.append(solve_one(points[np.array([at])]))
+        except SolveError as error:
+            failures[at] = error
+    if not each:
+        nothing = np.zeros((len(points), 1, 1))
+        return Solutions(Grid.uniform(1, points.period), nothing, None, nothing[:, 0, 0], failures=failures)
+    return _beside(each, len(points), failures)
+
+
+def _beside(each: list[Solutions], count: int, failures: Mapping[int, SolveError]) -> Solutions:
+    """Solutions of one point each on one grid, as those of `count` points of which some failed."""
+    first, known = each[0], np.setdiff1d(np.arange(count), list(failures))
+
+    def filled(parts: list[Array]) -> Array:
+        whole = np.zeros((count, *parts[0].shape[1:]), dtype=parts[0].dtype)
+        whole[known] = np.concatenate(parts)
+        return whole
+
+    curve, steps, notes = first.curve, first.steps, np.full(count, "", dtype=object)
+    if curve is not None:
+        curve = type(curve)(curve.nodes, filled([one.curve.coefficients for one in each]))  # type: ignore[union-attr, call-arg]
+    if steps is not None:
+        steps = Steps(*(filled([getattr(one.steps, name) for one in each]) for name in ("A", "b")))
+    if first.notes:
+        notes[known] = [one.notes[0] for one in each]
+    return Solutions(
+        first.grid,
+        filled([one.Phi for one in each]),
+        curve,
+        filled([one.condition for one in each]),
+        steps,
+        filled([one.defect for one in each]),
+        filled([one.rounding for one in each]),
+        tuple(notes) if first.notes else (),
+        failures,
     )
 
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array
-from solve.errors import MatricesError
+from solve.arrays import Array, solved
+from solve.errors import MatricesError, SolveError
 from solve.methods.hsu import Hsu
 from solve.methods.method import Discretisation, OneStep
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.system import PeriodicSystem
+from solve.period.points import Points, Tables, matrices
 
 
 @dataclass(frozen=True)
@@ -22,49 +22,72 @@ class Modal(OneStep):
     name = "modal"
     order = 0
     curve_order = 0
-    l_stable = False
+    converges = False
 
-    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
-        n = system.n
+    def discretise(self, points: Points, grid: Grid) -> Discretisation:
+        n = points.n
         middles = grid.stages(np.array([0.5]))[:, 0]
-        uncoupled = PeriodicSystem(
-            lambda phase, _: _modal_matrices(system, phase, speed)[0], system.coordinates, system.period
-        )
-        modal = Hsu().discretise(uncoupled, 1.0, grid)
-        modes = _modal_matrices(system, middles, speed)[1]
+        uncoupled = _Uncoupled(points, middles)
+        modal = Hsu().discretise(uncoupled, grid)
 
         def curve(x: Array) -> Curve:
             from scipy.interpolate import make_interp_spline
 
-            eta = (x[:-1, :n] + x[1:, :n]) / 2
-            q = np.squeeze(modes @ eta[..., None], -1)
+            eta = (x[:, :-1, :n] + x[:, 1:, :n]) / 2
+            q = np.moveaxis(np.nan_to_num(np.squeeze(uncoupled.modes @ eta[..., None], -1)), 1, 0)
             closed = np.concatenate((middles, middles[:1] + grid.period))
             spline = make_interp_spline(closed, np.concatenate((q, q[:1])), k=5, bc_type="periodic")
             nodes = np.mod(grid.nodes - middles[0], grid.period) + middles[0]
-            values, rates, second = (spline(nodes, nu=order) for order in range(3))
-            return Curve.quintic(grid.nodes, values, rates, second[:-1], second[1:])
+            values, rates, second = (np.moveaxis(spline(nodes, nu=order), 0, 1) for order in range(3))
+            return Curve.quintic(grid.nodes, values, rates, second[:, :-1], second[:, 1:])
 
         return Discretisation(modal.steps, curve)
 
+    def _no_map(self, point: Points, grid: Grid) -> SolveError:
+        if _Uncoupled(point, grid.stages(np.array([0.5]))[:, 0]).complex[0]:
+            return MatricesError(
+                "modal needs real frozen modes, and M⁻¹K has complex eigenvalues here; use radau or gauss"
+            )
+        return super()._no_map(point, grid)
 
-def _modal_matrices(system: PeriodicSystem, phase: Array, speed: float) -> tuple[tuple[Array, ...], Array]:
-    """I, diag δ, diag ω², loads (m, n) and the modes (m, n, n), sorted by frequency, φᵀMφ = 1 (thesis
-    (6.12)), signs continued."""
-    M, C, K, d = system.in_phase(phase, speed)
-    squares, modes = np.linalg.eig(np.linalg.solve(M, K))
-    if np.abs(np.imag(squares)).max() > 1e-9 * np.abs(squares).max():
-        raise MatricesError(
-            "modal needs real frozen modes, and M⁻¹K has complex eigenvalues here; use radau or gauss"
+
+class _Uncoupled:
+    """The points in modal coordinates at phases (k,), rising: I, diag δ, diag ω², loads; and modes
+    (P, k, n, n), sorted by frequency, φᵀMφ = 1 (thesis (6.12)), signs continued. NaN at points with
+    `complex` (P,) modes."""
+
+    breaks = ()
+    bytes_a_phase = 0
+
+    def __init__(self, points: Points, phase: Array):
+        self.n, self.period = points.n, points.period
+        M, C, K, d = matrices(points, phase)
+        squares, modes = np.linalg.eig(np.nan_to_num(solved(M, K)))
+        largest = np.abs(squares).max(axis=(1, 2))
+        self.complex = np.abs(np.imag(squares)).max(axis=(1, 2)) > 1e-9 * largest
+        order = np.argsort(np.real(squares), axis=-1)
+        squares = np.take_along_axis(np.real(squares), order, axis=-1)
+        modes = np.take_along_axis(np.real(modes), order[..., None, :], axis=-1)
+        modes /= np.sqrt(np.abs(np.einsum("pkai,pkab,pkbi->pki", modes, M, modes)))[..., None, :]
+        turned = np.einsum("pkai,pkab,pkbi->pki", modes[:, 1:], M[:, :-1], modes[:, :-1]) < 0
+        modes[:, 1:] *= np.where(np.cumsum(turned, axis=1) % 2 == 1, -1.0, 1.0)[..., None, :]
+        modes[self.complex] = np.nan
+        left = solved(M @ modes, np.broadcast_to(np.eye(self.n), M.shape))
+        damping = np.einsum("pkia,pkab,pkbi->pki", left, C, modes)
+        eye = np.eye(self.n)
+        unit, delta, omega2 = (
+            np.broadcast_to(part, M.shape).reshape(*d.shape[:2], -1)
+            for part in (eye, damping[..., None] * eye, squares[..., None] * eye)
         )
-    order = np.argsort(np.real(squares), axis=1)
-    squares = np.take_along_axis(np.real(squares), order, axis=1)
-    modes = np.take_along_axis(np.real(modes), order[:, None], axis=2)
-    modes /= np.sqrt(np.abs(np.einsum("kai,kab,kbi->ki", modes, M, modes)))[:, None]
-    turned = np.einsum("kai,kab,kbi->ki", modes[1:], M[:-1], modes[:-1]) < 0
-    modes[1:] *= np.where(np.cumsum(turned, axis=0) % 2 == 1, -1.0, 1.0)[:, None]
-    left = np.linalg.inv(M @ modes)
-    damping = np.einsum("kia,kab,kbi->ki", left, C, modes)
-    load = np.squeeze(left @ d[..., None], -1)
-    eye = np.eye(system.n)
-    unit = np.broadcast_to(eye, M.shape)
-    return (unit, damping[..., None] * eye, squares[..., None] * eye, load), modes
+        load = np.squeeze(left @ d[..., None], -1)
+        self.modes = modes
+        self._entries = np.concatenate((unit, delta, omega2, load), axis=-1)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __getitem__(self, positions: Array) -> "_Uncoupled":
+        raise NotImplementedError
+
+    def tables(self, phase: Array) -> Tables:
+        return Tables.of(self._entries, self.n)

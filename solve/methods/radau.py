@@ -24,6 +24,7 @@ class Radau(Collocated):
             raise ValueOutOfBoundsError(
                 f"order of radau is {self.order}; allowed: 3, 5, 7, 9, 11, 13; try order 9"
             )
+        super().__post_init__()
 
     @property
     def collocation(self) -> Collocation:

@@ -11,9 +11,10 @@ import numpy as np
 from solve.arrays import Array
 from solve.methods.method import Discretisation, OneStep
 from solve.period.curve import Curve
+from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
-from solve.system import PeriodicSystem
+from solve.period.points import Points, affine, state_rate
 
 
 @dataclass(frozen=True)
@@ -23,36 +24,33 @@ class RungeKutta4(OneStep):
     name = "rk4"
     order = 4
     curve_order = 4
-    l_stable = False
+    # Well inside the stability limit, where RK4 damps a mode that has no damping.
+    follows = 0.5
 
-    @property
-    def follows(self) -> float:
-        """Well inside the stability limit, where RK4 damps a mode that has no damping."""
-        return 0.5
-
-    def least_steps(self, frozen: Array, period: float) -> int:
+    def least_steps(self, modes: Frozen) -> Array:
         """Least steps with |R(hλ)| ≤ 1 for every frozen eigenvalue λ that decays or stays.
 
         R(z) = 1 + z + z²/2 + z³/6 + z⁴/24.
         """
-        decaying = frozen[(np.real(frozen) <= 1e-9 * np.abs(frozen)) & (np.abs(frozen) > 0)]
-        if len(decaying) == 0:
-            return 1
-        low, high = np.zeros(len(decaying)), np.full(len(decaying), 4.0)
-        ray = decaying / np.abs(decaying)
+        values = modes.eigenvalues()
+        size = np.abs(values)
+        decaying = (np.real(values) <= 1e-9 * size) & (size > 0)
+        ray = values / np.where(size > 0, size, 1.0)
+        low, high = np.zeros(values.shape), np.full(values.shape, 4.0)
         for _ in range(40):
             middle = (low + high) / 2
             z = middle * ray
             inside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) <= 1 + 1e-12
             low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-        return int(np.ceil((np.abs(decaying) * period / low).max()))
+        needed = np.where(decaying, size * modes.period / np.where(low > 0, low, 1.0), 1.0)
+        return np.ceil(needed.max(axis=(1, 2))).astype(int)
 
-    def discretise(self, system: PeriodicSystem, speed: float, grid: Grid) -> Discretisation:
-        n = system.n
+    def discretise(self, points: Points, grid: Grid) -> Discretisation:
+        n = points.n
         h = grid.h[:, None, None]
-        start, middle, end = self._rates(system, speed, grid)
-        x = np.zeros((grid.steps, 2 * n, 2 * n + 1))
-        x[:, range(2 * n), range(2 * n)] = 1.0
+        start, middle, end = self._rates(points, grid)
+        x = np.zeros(start.shape)
+        x[..., range(2 * n), range(2 * n)] = 1.0
 
         def rate(P: Array, x: Array) -> Array:
             k = P[..., :-1] @ x
@@ -66,20 +64,14 @@ class RungeKutta4(OneStep):
         maps = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
         def curve(x: Array) -> Curve:
-            a_start, a_end = (
-                np.squeeze(P[:, n:, :-1] @ at[:, :, None], -1) + P[:, n:, -1]
-                for P, at in ((start, x[:-1]), (end, x[1:]))
-            )
-            return Curve.quintic(grid.nodes, x[:, :n], x[:, n:], a_start, a_end)
+            a_start, a_end = affine(start[..., n:, :], x[:, :-1]), affine(end[..., n:, :], x[:, 1:])
+            return Curve.quintic(grid.nodes, x[..., :n], x[..., n:], a_start, a_end)
 
         return Discretisation(Steps(maps[..., :-1], maps[..., -1]), curve)
 
     @staticmethod
-    def _rates(system: PeriodicSystem, speed: float, grid: Grid) -> tuple[Array, Array, Array]:
-        """(P | f) of chapter Eq. (5) at the start, middle and end of every step, (m, 2n, 2n+1) each."""
+    def _rates(points: Points, grid: Grid) -> tuple[Array, Array, Array]:
+        """(P | f) of chapter Eq. (5) at the start, middle and end of every step, (P, m, 2n, 2n+1) each."""
         phases = grid.stages(np.array([0.0, 0.5, 1.0]))
-        if grid.smooth:
-            start, middle = (system.state_rate(phases[:, i], speed) for i in (0, 1))
-            return start, middle, np.roll(start, -1, axis=0)
-        start, middle, end = (system.state_rate(phases[:, i], speed) for i in range(3))
-        return start, middle, end
+        start, middle = (state_rate(points, phases[:, i]) for i in (0, 1))
+        return start, middle, np.roll(start, -1, axis=1) if grid.smooth else state_rate(points, phases[:, 2])

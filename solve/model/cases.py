@@ -5,9 +5,10 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from solve.errors import CaseFileError, UnitError, UnknownNameError
+from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError
 from solve.units import conversion
 
 _ENTRY = {"value", "values", "count", "unit", "source"}
@@ -20,6 +21,44 @@ class Case:
     name: str
     speed: str | None
     parameters: Mapping[str, float]
+
+
+def chosen_case(
+    module: ModuleType, path: Path, case: str | None, replaced: Mapping[str, float], required: bool = True
+) -> Case:
+    """A case of a file, its first by default, with a value for every parameter that a generated module
+    declares; some of them replaced.
+
+    required: whether the file must exist; else there is a case without name and numbers where it does not.
+    Raises UnknownNameError, CaseFileError and MissingValueError.
+    """
+    known = {name: unit for name, unit, *_ in module.PARAMETERS}
+    chosen = _named(module, path, case, known) if required or path.is_file() else _nameless(path, case)
+    for name in replaced:
+        if name not in known:
+            raise UnknownNameError(f"parameter of {module.NAME}", name, known)
+    values = {**chosen.parameters, **replaced}
+    missing = [name for name in known if name not in values]
+    if missing:
+        where = f"case '{chosen.name}' of {module.NAME}" if chosen.name else f"{module.NAME} has no case and"
+        raise MissingValueError(
+            f"{where} gives no value for {', '.join(missing[:8])}; add it to the case file or set it: "
+            f"{missing[0]}=NUMBER"
+        )
+    return Case(chosen.name, chosen.speed, values)
+
+
+def _named(module: ModuleType, path: Path, case: str | None, units: Mapping[str, str]) -> Case:
+    cases = read_cases(path, units)
+    if case is not None and case not in cases:
+        raise UnknownNameError(f"case of {module.NAME}", case, cases)
+    return cases[case] if case is not None else next(iter(cases.values()))
+
+
+def _nameless(path: Path, case: str | None) -> Case:
+    if case is not None:
+        raise CaseFileError(f"no case file '{path}' for case '{case}'; write one, or name no case")
+    return Case("", None, {})
 
 
 def read_cases(path: Path, units: Mapping[str, str]) -> dict[str, Case]:

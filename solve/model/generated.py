@@ -24,13 +24,18 @@ _STRUCTURE = ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "
 def model_module(path: Path) -> ModuleType:
     """The generated module of a model. Raises ModelFileError where the file is something else, or edited."""
     module = _executed(path.resolve(), path.stat().st_mtime_ns)
-    contract = (*_EVERY, *(_STRUCTURE if hasattr(module, "LINKS") else _EQUATIONS))
+    contract = (*_EVERY, *(_STRUCTURE if is_structure(module) else _EQUATIONS))
     missing = [name for name in contract if not hasattr(module, name)]
     if missing:
         raise ModelFileError(
             f"'{path}' is no generated code (no {missing[0]}); move it away and run derive again"
         )
     return module
+
+
+def is_structure(module: ModuleType) -> bool:
+    """Whether a generated module states links and joints, from which matrices are assembled."""
+    return hasattr(module, "LINKS")
 
 
 def sha256(text: str) -> str:

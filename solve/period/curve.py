@@ -1,8 +1,12 @@
-"""The continuous curve of a solution over the phase: polynomials by steps, or a Fourier series."""
+"""The continuous curve of solutions over the phase: polynomials by steps, or a Fourier series.
+
+Arrays may have a leading axis of points, here `…`, each with a curve of its own on the same nodes.
+"""
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -30,8 +34,30 @@ class PeriodicCurve(Protocol):
     @property
     def nodes(self) -> Array: ...
 
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        ...
+
+    @property
+    def finite(self) -> Array:
+        """Whether the curves are finite throughout (…)."""
+        ...
+
+    def __getitem__(self, points: Any) -> Self:
+        """The curves of some points, or of one."""
+        ...
+
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        """q or its derivative by the phase, at phases (k,) of any turn: (n, k)."""
+        """q or its derivative by the phase, at phases (k,) of any turn: (…, n, k)."""
+        ...
+
+    def sampled(self, a_step: int, derivative: int = 0) -> Array:
+        """The same at `a_step` phases evenly from the start of every step on: (…, n, m · a_step)."""
+        ...
+
+    def each(self, phase: Array, derivative: int = 0) -> Array:
+        """The same at phases (…, n, k) of their own: (…, n, k)."""
         ...
 
 
@@ -39,7 +65,7 @@ class PeriodicCurve(Protocol):
 class Curve:
     """q(phase) as powers of θ = (phase - node)/h in every step.
 
-    nodes: (m+1,). coefficients: (degree+1, m, n), lowest power first.
+    nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first.
     """
 
     nodes: Array
@@ -47,34 +73,84 @@ class Curve:
 
     @classmethod
     def quintic(cls, nodes: Array, q: Array, v: Array, a_start: Array, a_end: Array) -> "Curve":
-        """Hermite's quintic from q, v = dq/dphase at the nodes (m+1, n) and the second derivatives at
-        both ends of each step (m, n); its own error is O(h^6)."""
+        """Hermite's quintic from q, v = dq/dphase at the nodes (…, m+1, n) and the second derivatives at
+        both ends of each step (…, m, n); its own error is O(h^6)."""
         h = np.diff(nodes)[:, None]
-        data = np.stack((q[:-1], h * v[:-1], h**2 * a_start, q[1:], h * v[1:], h**2 * a_end))
-        return cls(nodes, np.tensordot(_QUINTIC, data, axes=1))
+        starts, ends = np.s_[..., :-1, :], np.s_[..., 1:, :]
+        data = (q[starts], h * v[starts], h**2 * a_start, q[ends], h * v[ends], h**2 * a_end)
+        return cls.of(nodes, np.stack(data, axis=-1), _QUINTIC)
+
+    @classmethod
+    def of(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
+        """From what each step knows of its curve, (…, m, n, r), and what that gives to powers of θ (D, r)."""
+        return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
+
+    @property
+    def n(self) -> int:
+        return self.coefficients.shape[-3]
+
+    @property
+    def finite(self) -> Array:
+        return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
+
+    def __getitem__(self, points: Any) -> "Curve":
+        return Curve(self.nodes, self.coefficients[points])
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        """q or its derivative by the phase, at phases (k,) of any turn: (n, k)."""
-        nodes = self.nodes
-        wrapped = np.mod(np.asarray(phase, dtype=float), nodes[-1])
-        step = np.clip(np.searchsorted(nodes, wrapped, side="right") - 1, 0, len(nodes) - 2)
-        h = nodes[step + 1] - nodes[step]
-        theta = ((wrapped - nodes[step]) / h)[:, None]
-        powers = np.arange(derivative, len(self.coefficients))
-        terms = self.coefficients[derivative:, step]
+        step, theta = self._places(np.asarray(phase, dtype=float))
+        value = self._horner(self.coefficients[..., step, :], theta, derivative)
+        return value / np.diff(self.nodes)[step] ** derivative if derivative else value
+
+    def sampled(self, a_step: int, derivative: int = 0) -> Array:
+        powers = np.arange(derivative, self.coefficients.shape[-1])
+        theta = np.arange(a_step) / a_step
+        values = self.coefficients[..., derivative:] @ (
+            _falling(powers, derivative)[:, None] * theta ** (powers - derivative)[:, None]
+        )
         if derivative:
-            factors = [math.perm(power, derivative) for power in powers.tolist()]
-            terms *= np.array(factors, dtype=float)[:, None, None]
-        value = terms[-1]
-        for term in terms[-2::-1]:
-            value *= theta
-            value += term
-        return (value / h[:, None] ** derivative).T if derivative else value.T
+            values /= np.diff(self.nodes)[:, None] ** derivative
+        return values.reshape(*values.shape[:-2], values.shape[-2] * a_step)
+
+    def each(self, phase: Array, derivative: int = 0) -> Array:
+        step, theta = self._places(phase)
+        pieces = np.take_along_axis(self.coefficients, step[..., None], axis=-2)
+        value = self._horner(pieces, theta, derivative)
+        return value / np.diff(self.nodes)[step] ** derivative if derivative else value
+
+    def _places(self, phase: Array) -> tuple[Array, Array]:
+        """Step and fraction of it that phases of any turn lie in."""
+        nodes, last = self.nodes, len(self.nodes) - 2
+        wrapped = np.mod(phase, nodes[-1])
+        if self._uniform:
+            step = np.minimum((wrapped * ((last + 1) / nodes[-1])).astype(int), last)
+            step += (wrapped >= nodes[step + 1]).astype(int) - (wrapped < nodes[step])
+        else:
+            step = np.searchsorted(nodes, wrapped, side="right") - 1
+        step = np.clip(step, 0, last)
+        return step, (wrapped - nodes[step]) / (nodes[step + 1] - nodes[step])
+
+    @cached_property
+    def _uniform(self) -> bool:
+        return bool(np.ptp(np.diff(self.nodes)) <= 1e-12 * self.nodes[-1])
+
+    @staticmethod
+    def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
+        """The derivative by θ of polynomials (…, D) at θ (…)."""
+        factors = _falling(np.arange(pieces.shape[-1]), derivative)
+        value = factors[-1] * pieces[..., -1]
+        for power in range(pieces.shape[-1] - 2, derivative - 1, -1):
+            value = value * theta + factors[power] * pieces[..., power]
+        return value
+
+
+def _falling(powers: Array, count: int) -> Array:
+    """power (power - 1) … of `count` factors, for each power."""
+    return np.array([math.perm(int(power), count) for power in powers], dtype=float)
 
 
 @dataclass(frozen=True)
 class FourierCurve:
-    """q(phase) = Re Σ_k coefficients[k] exp(ik 2π phase/period), coefficients (N+1, n) complex."""
+    """q(phase) = Re Σ_k coefficients[…, k] exp(ik 2π phase/period), coefficients (…, n, N+1) complex."""
 
     nodes: Array
     coefficients: Array
@@ -82,11 +158,35 @@ class FourierCurve:
     @classmethod
     def through(cls, nodes: Array, q: Array) -> "FourierCurve":
         """The trigonometric interpolant of q (m, n) at m uniform nodes, m odd, without the end."""
-        coefficients = 2.0 * np.fft.rfft(q, axis=0) / len(q)
-        coefficients[0] /= 2.0
+        coefficients = 2.0 * np.fft.rfft(q, axis=0).T / len(q)
+        coefficients[:, 0] /= 2.0
         return cls(nodes, coefficients)
 
+    @property
+    def n(self) -> int:
+        return self.coefficients.shape[-2]
+
+    @property
+    def finite(self) -> Array:
+        return np.isfinite(self.coefficients.sum(axis=(-2, -1)))
+
+    def __getitem__(self, points: Any) -> "FourierCurve":
+        return FourierCurve(self.nodes, self.coefficients[points])
+
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        rates = 2j * np.pi / self.nodes[-1] * np.arange(len(self.coefficients))
-        waves = np.exp(np.outer(np.asarray(phase, dtype=float), rates)) * rates**derivative
-        return np.real(waves @ self.coefficients).T
+        rates = self._rates
+        waves = np.exp(np.outer(rates, np.asarray(phase, dtype=float))) * rates[:, None] ** derivative
+        return np.real(self.coefficients @ waves)
+
+    def sampled(self, a_step: int, derivative: int = 0) -> Array:
+        count = (len(self.nodes) - 1) * a_step
+        return self(np.arange(count) * (self.nodes[-1] / count), derivative)
+
+    def each(self, phase: Array, derivative: int = 0) -> Array:
+        rates = self._rates
+        waves = np.exp(phase[..., None] * rates) * rates**derivative
+        return np.real(np.squeeze(waves @ self.coefficients[..., None], -1))
+
+    @property
+    def _rates(self) -> Array:
+        return 2j * np.pi / self.nodes[-1] * np.arange(self.coefficients.shape[-1])

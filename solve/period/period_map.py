@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
+from solve.period.multipliers import scaled_alike
 
 BLOCKS = 32
 """Number of blocks at which products stop and the orthogonal factorisation takes over."""
@@ -29,6 +30,14 @@ class Steps:
 
     A: Array
     b: Array
+
+    def where(self, points: Array) -> "Steps":
+        """The steps of the points (P,) that are true, zero elsewhere."""
+        if points.all():
+            return self
+        return Steps(
+            np.where(points[:, None, None, None], self.A, 0.0), np.where(points[:, None, None], self.b, 0.0)
+        )
 
 
 def monodromy(steps: Steps) -> Array:
@@ -59,8 +68,8 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
     the closed system: infinite, with NaN for states, where it is singular, a multiplier at +1."""
     levels = _levels(steps, BLOCKS)
     A, b = levels[-1].A, levels[-1].b
-    unit = _units(A)
-    x, condition = _cyclic(Steps(A * unit / unit[:, None], b / unit))
+    unit = _units(A)[..., None, :]
+    x, condition = _cyclic(Steps(A * unit[..., None, :] / unit[..., :, None], b / unit))
     x = x * unit
     for level in reversed(levels[:-1]):
         x = _refined(level, x)
@@ -68,14 +77,11 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
 
 
 def _units(A: Array) -> Array:
-    """Units (N,) of the states, powers of 2, in which the maps are balanced: orthogonal elimination treats
-    all states alike, so that a metre beside a milliradian would cost the small one its digits."""
-    from scipy.linalg import matrix_balance
-
+    """Units (..., N) of the states, powers of 2, in which the maps are balanced: orthogonal elimination
+    treats all states alike, so that a metre beside a milliradian would cost the small one its digits."""
     size = np.abs(A).sum(axis=-3)
     size = size / np.maximum(size.sum(axis=(-2, -1), keepdims=True), np.finfo(float).tiny)
-    mean = size.reshape(-1, *size.shape[-2:]).mean(axis=0)
-    return matrix_balance(mean, permute=False, separate=True)[1][0]
+    return scaled_alike(size)[1]
 
 
 def _applied(A: Array, x: Array) -> Array:

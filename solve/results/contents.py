@@ -9,9 +9,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.results.orbit import Orbit
-from solve.results.record import plain, problem_record
-from solve.results.stability import Stability
+from solve.results.record import plain
+from solve.system import PeriodicSystem
 
 
 class Variable(NamedTuple):
@@ -38,28 +37,33 @@ class Contents:
         return json.dumps(self.metadata, ensure_ascii=False, allow_nan=False)
 
 
-def orbit_contents(orbit: Orbit) -> Contents:
-    """Time, phase, coordinates, outputs and rates at the nodes; multipliers and exponents.
+def orbit_contents(
+    system: PeriodicSystem,
+    axes: tuple[Array, Array],
+    state: tuple[Array, Array, Array],
+    outputs: Mapping[str, Array],
+    stability: Contents,
+) -> Contents:
+    """Beside those of its stability, phase and time (m+1,), state q, q̇, q̈ (n, m+1), outputs (m+1,).
 
     In .npz and .mat: phase, time (m+1,); q, qd, qdd (n, m+1) with the names `coordinates`;
     output_values (k, m+1) with the names `outputs`; multipliers, exponents (complex); metadata (JSON).
     """
-    outputs = [np.asarray(orbit.outputs[name]) for name in orbit.system.outputs]
     arrays = {
-        "phase": orbit.phase,
-        "time": orbit.time,
-        "q": orbit.q,
-        "qd": orbit.qd,
-        "qdd": orbit.qdd,
-        "coordinates": np.array(orbit.coordinates),
-        "outputs": np.array(orbit.system.outputs, dtype=str),
-        "output_values": np.array(outputs).reshape(len(outputs), len(orbit.phase)),
-        **_stability_arrays(orbit),
+        **dict(zip(("phase", "time", "q", "qd", "qdd"), (*axes, *state), strict=True)),
+        "coordinates": np.array(system.coordinates),
+        "outputs": np.array(system.outputs, dtype=str),
+        "output_values": np.array([outputs[name] for name in system.outputs]).reshape(-1, len(axes[0])),
+        **stability.arrays,
     }
-    further = _joined(_rates(orbit), _stability_columns(orbit))
-    curves = _joined(_axes(orbit), _curves(orbit))
+    along = {
+        "time": Variable("phase", axes[1], "s", "time"),
+        "phase": Variable("phase", axes[0], "rad", "phase of the drive"),
+    }
+    further = _joined(_rates(system, *state[1:]), stability.columns)
+    curves = _joined(along, _curves(system, state[0], outputs))
     _joined(curves, further)
-    return Contents(curves, further, arrays, _metadata(orbit))
+    return Contents(curves, further, arrays, stability.metadata)
 
 
 def _joined(*parts: Mapping[str, Variable]) -> dict[str, Variable]:
@@ -76,9 +80,16 @@ def _joined(*parts: Mapping[str, Variable]) -> dict[str, Variable]:
     return joined
 
 
-def stability_contents(result: Stability) -> Contents:
+def stability_contents(multipliers: Array, exponents: Array, metadata: Mapping[str, Any]) -> Contents:
     """Multipliers and exponents."""
-    return Contents(_stability_columns(result), {}, _stability_arrays(result), _metadata(result))
+    parts = {
+        "multiplier_re": (np.real(multipliers), "1", "Floquet multiplier, real part"),
+        "multiplier_im": (np.imag(multipliers), "1", "Floquet multiplier, imaginary part"),
+        "exponent_re": (np.real(exponents), "1/s", "Floquet exponent, real part: growth"),
+        "exponent_im": (np.imag(exponents), "rad/s", "Floquet exponent, imaginary part"),
+    }
+    columns = {name: Variable("multiplier", *part) for name, part in parts.items()}
+    return Contents(columns, {}, {"multipliers": multipliers, "exponents": exponents}, plain(metadata))
 
 
 def table_contents(
@@ -92,57 +103,30 @@ def table_contents(
     return Contents(made, {}, {name: column.values for name, column in made.items()}, plain(metadata))
 
 
-def _axes(orbit: Orbit) -> dict[str, Variable]:
+def rows_contents(
+    rows: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, tuple[Any, str, str]],
+    metadata: Mapping[str, Any],
+) -> Contents:
+    """Rows of a table; columns by name: what stands where a row has None, unit, meaning."""
+    made = {
+        name: ([missing if row[name] is None else row[name] for row in rows], unit, meaning)
+        for name, (missing, unit, meaning) in columns.items()
+    }
+    return table_contents(made, metadata)
+
+
+def _curves(system: PeriodicSystem, q: Array, outputs: Mapping[str, Array]) -> dict[str, Variable]:
     return {
-        "time": Variable("phase", orbit.time, "s", "time"),
-        "phase": Variable("phase", orbit.phase, "rad", "phase of the drive"),
+        name: Variable("phase", values, system.units.get(name, ""), system.meanings.get(name, ""))
+        for name, values in (*zip(system.coordinates, q, strict=True), *outputs.items())
     }
 
 
-def _curves(orbit: Orbit) -> dict[str, Variable]:
-    units, meanings = orbit.system.units, orbit.system.meanings
-    curves = (*zip(orbit.coordinates, orbit.q, strict=True), *orbit.outputs.items())
-    return {
-        name: Variable("phase", values, units.get(name, ""), meanings.get(name, ""))
-        for name, values in curves
-    }
-
-
-def _rates(orbit: Orbit) -> dict[str, Variable]:
-    kinds = (("d", "velocity", "/s", orbit.qd), ("dd", "acceleration", "/s^2", orbit.qdd))
+def _rates(system: PeriodicSystem, qd: Array, qdd: Array) -> dict[str, Variable]:
     rates = {}
-    for suffix, word, per, values in kinds:
-        for name, row in zip(orbit.coordinates, values, strict=True):
-            unit = orbit.system.units.get(name, "")
+    for suffix, word, per, values in (("d", "velocity", "/s", qd), ("dd", "acceleration", "/s^2", qdd)):
+        for name, row in zip(system.coordinates, values, strict=True):
+            unit = system.units.get(name, "")
             rates[name + suffix] = Variable("phase", row, unit and unit + per, f"{word} of {name}")
     return rates
-
-
-def _stability_arrays(result: Stability) -> dict[str, Array]:
-    return {"multipliers": result.multipliers, "exponents": result.exponents}
-
-
-def _stability_columns(result: Stability) -> dict[str, Variable]:
-    rho, exponents = result.multipliers, result.exponents
-    parts = {
-        "multiplier_re": (np.real(rho), "1", "Floquet multiplier, real part"),
-        "multiplier_im": (np.imag(rho), "1", "Floquet multiplier, imaginary part"),
-        "exponent_re": (np.real(exponents), "1/s", "Floquet exponent, real part: growth"),
-        "exponent_im": (np.imag(exponents), "rad/s", "Floquet exponent, imaginary part"),
-    }
-    return {name: Variable("multiplier", *part) for name, part in parts.items()}
-
-
-def _metadata(result: Stability) -> dict[str, Any]:
-    system = result.system
-    return plain(
-        {
-            **problem_record(result),
-            "spectral_radius": result.spectral_radius,
-            "verdict": result.verdict,
-            "error_estimate": result.error_estimate._asdict(),
-            "warnings": result.warnings,
-            "units": dict(system.units),
-            "meanings": dict(system.meanings),
-        }
-    )

@@ -1,20 +1,14 @@
 """Pictures of natural frequencies: mode shapes, over the turn, over a parameter."""
 
+from __future__ import annotations
+
 import math
-from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 
 from solve.arrays import Array
-from solve.beams.freedoms import Freedoms
-from solve.beams.model import StructureModel
-from solve.beams.shapes import Shape
-from solve.errors import ValueOutOfBoundsError
 from solve.results.plot import title_of
 from solve.results.style import (
     BLACK,
@@ -30,7 +24,11 @@ from solve.results.style import (
     new_figure,
     styled,
 )
-from solve.studies.frequencies import Frequencies, Variation, moves
+from solve.system import DrawnLink, ModeShape, PeriodicSystem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 
@@ -41,44 +39,48 @@ _DEFLECTION = 0.1
 
 _MOST_SHAPES = 8
 
+_MARKERS: dict[str, dict[str, Any]] = {
+    "pinned": {"marker": "^", "color": BLACK, "markersize": 6},
+    "clamped": {"marker": "s", "color": BLACK, "markersize": 6},
+    "joined": {"marker": "o", "color": BLUE, "markerfacecolor": "white", "markersize": 4.5},
+}
+"""Of the ends of a link."""
 
-def shapes_figure(found: Frequencies, number: int = 0) -> Figure:
-    """Mode shapes of a structure at one position, its links at rest in grey."""
-    if not isinstance(found.system, StructureModel):
-        raise ValueOutOfBoundsError(
-            f"{found.system.name} at one position has nothing to draw; draw the whole turn: --turn 36"
-        )
-    every = found.shapes(number)
+
+def shapes_figure(system: PeriodicSystem, position: float, every: Sequence[ModeShape]) -> Figure:
+    """Mode shapes of a structure at one position (rad), its links at rest in grey."""
     shapes = every[:_MOST_SHAPES]
     columns = 3 if len(shapes) in (3, 5, 6) else min(len(shapes), 4)
     rows = math.ceil(len(shapes) / columns)
     low, high = _frame(shapes)
     width, height = high - low
     row = 0.3 + 0.95 * PAGE_WIDTH / columns * height / width
-    where = f" at {math.degrees(found.positions[number]):.4g}°" if moves(found.system) else ""
+    where = f" at {math.degrees(position):.4g}°" if system.moves else ""
     with styled():
         made = new_figure(0.4 + rows * row)
         lowest = f", the lowest {len(shapes)} of {len(every)}" if len(shapes) < len(every) else ""
-        made.suptitle(f"{title_of(found.system)}: mode shapes{where}{lowest}", fontweight="bold")
+        made.suptitle(f"{title_of(system)}: mode shapes{where}{lowest}", fontweight="bold")
         axes = made.subplots(rows, columns, squeeze=False)
         for place in axes.flat:
             place.set_axis_off()
         for k, (place, shape) in enumerate(zip(axes.flat, shapes, strict=False), start=1):
-            _draw_shape(place, shape, found.system.beams.freedoms)
+            _draw_shape(place, shape, system.links)
             place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             hertz = shape.frequency / (2 * math.pi)
             place.set_title(f"{k}: {shape.frequency:.5g} rad/s, {hertz:.4g} Hz", pad=2)
     return made
 
 
-def turn_figure(found: Frequencies) -> Figure:
-    """Every frequency over the turn, its mean dashed."""
-    degrees = np.degrees(np.append(found.positions, found.positions[0] + found.system.period))
+def turn_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
+    """Every frequency (m, k) over the positions (m,) of a turn, its mean dashed."""
+    from matplotlib.ticker import MultipleLocator
+
+    degrees = np.degrees(np.append(positions, positions[0] + system.period))
     with styled():
         made = new_figure(3.6)
-        made.suptitle(f"{title_of(found.system)}: natural frequencies over the turn", fontweight="bold")
+        made.suptitle(f"{title_of(system)}: natural frequencies over the turn", fontweight="bold")
         axes = made.subplots()
-        for k, values in enumerate(found.values.T):
+        for k, values in enumerate(frequencies.T):
             color = _COLORS[k % len(_COLORS)]
             label = f"mode {k + 1}: mean {values.mean():.6g}"
             axes.plot(degrees, np.append(values, values[0]), color=color, marker=".", label=label)
@@ -90,70 +92,66 @@ def turn_figure(found: Frequencies) -> Figure:
         axes.set_xlabel("position of the drive (deg)")
         axes.set_ylabel("natural frequency (rad/s)")
         _hertz(axes)
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(found.values.shape[1], 4))
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(frequencies.shape[1], 4))
     return made
 
 
-def variation_figure(found: Variation) -> Figure:
-    """The lowest frequency over a parameter, with its range over the turn, beside the links alone."""
-    unit = next(unit for name, unit, *_ in found.model.module.PARAMETERS if name == found.parameter)
+def variation_figure(
+    system: PeriodicSystem,
+    parameter: str,
+    values: Array,
+    lowest: Mapping[str, Array],
+    pinned: Mapping[str, Array],
+    whole: bool,
+) -> Figure:
+    """The lowest frequency over a parameter (v,), with its range over the turn, beside the links alone.
+
+    lowest: mean, min and max (v,) of the positions, which are a whole turn or one; pinned: by link.
+    """
+    unit, meaning = system.parameter_labels[parameter]
     with styled():
         made = new_figure(3.8)
-        made.suptitle(f"{title_of(found.model)}: lowest frequency over {found.parameter}", fontweight="bold")
+        made.suptitle(f"{title_of(system)}: lowest frequency over {parameter}", fontweight="bold")
         axes = made.subplots()
-        whole = len(found.positions) > 1
         if whole:
-            axes.fill_between(
-                found.values, found.least[:, 0], found.greatest[:, 0], color=BLUE, alpha=0.15, linewidth=0
-            )
+            axes.fill_between(values, lowest["min"], lowest["max"], color=BLUE, alpha=0.15, linewidth=0)
         label = "mechanism, mean and range of the turn" if whole else "mechanism"
-        axes.plot(found.values, found.mean[:, 0], color=BLUE, marker="o", label=label)
-        top = 2.2 * np.nanmax(found.greatest[:, 0], initial=0.0)
-        for (link, alone), color in zip(
-            found.pinned.items(), (GREY, VERMILION, GREEN, *_COLORS), strict=False
-        ):
+        axes.plot(values, lowest["mean"], color=BLUE, marker="o", label=label)
+        top = 2.2 * np.nanmax(lowest["max"], initial=0.0)
+        for (link, alone), color in zip(pinned.items(), (GREY, VERMILION, GREEN, *_COLORS), strict=False):
             if np.nanmin(alone, initial=math.inf) < top:
-                axes.plot(found.values, alone, color=color, linestyle="--", label=f"{link} alone, pinned")
+                axes.plot(values, alone, color=color, linestyle="--", label=f"{link} alone, pinned")
         axes.set_ylim(0, top)
-        axes.set_xlim(found.values.min(), found.values.max())
-        meaning = next(text for name, _, text, _ in found.model.module.PARAMETERS if name == found.parameter)
-        axes.set_xlabel(f"{found.parameter}: {meaning}" + (f" ({unit})" if unit != "1" else ""))
+        axes.set_xlim(values.min(), values.max())
+        axes.set_xlabel(f"{parameter}: {meaning}" + (f" ({unit})" if unit != "1" else ""))
         axes.set_ylabel("natural frequency (rad/s)")
         _hertz(axes)
         axes.legend(loc="best")
     return made
 
 
-def _frame(shapes: Sequence[Shape]) -> tuple[Array, Array]:
+def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
     """Lower left and upper right corner (x, y) around the structure and all its drawn displacements."""
     points = np.concatenate([*shapes[0].places, *(curve for shape in shapes for curve in _drawn(shape))])
     margin = 0.04 * np.linalg.norm(np.ptp(points, axis=0))
     return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
-def _drawn(shape: Shape) -> list[Array]:
+def _drawn(shape: ModeShape) -> list[Array]:
     """Where the displaced links are drawn."""
     scale = _DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
     each = zip(shape.places, shape.displacements, strict=True)
     return [place + scale * displacement for place, displacement in each]
 
 
-def _draw_shape(axes: Axes, shape: Shape, freedoms: Freedoms) -> None:
+def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> None:
     """Pins as circles, held pins as triangles, clamped feet as squares; welded corners and ends bare."""
-    held = dict(freedoms.joints)
-    shared = Counter(joint for link in freedoms.links for joint in (link.start, link.end))
-    rotations = [name for link in freedoms.links for name in (link.start_rotation, link.end_rotation)]
-    for link, place, moved in zip(freedoms.links, shape.places, _drawn(shape), strict=True):
+    for link, place, moved in zip(links, shape.places, _drawn(shape), strict=True):
         axes.plot(*place.T, color=LIGHT, linewidth=2.5, solid_capstyle="round")
         axes.plot(*moved.T, color=BLUE)
-        ends = ((link.start, link.start_rotation, 0), (link.end, link.end_rotation, -1))
-        for joint, rotation, end in ends:
-            style: dict[str, Any] = {"color": BLACK, "markersize": 6, "zorder": 3}
-            if held[joint]:
-                axes.plot(*moved[end], "^" if rotation else "s", **style)
-            elif shared[joint] > 1 and rotations.count(rotation) == 1:
-                style |= {"color": BLUE, "markerfacecolor": "white", "markersize": 4.5}
-                axes.plot(*moved[end], "o", **style)
+        for held, end in zip(link.ends, (0, -1), strict=True):
+            if held in _MARKERS:
+                axes.plot(*moved[end], zorder=3, **_MARKERS[held])
 
 
 def _hertz(axes: Axes) -> None:

@@ -1,11 +1,9 @@
 """A picture of where Newmark's method is stable (after thesis Fig. 6.1)."""
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from solve.methods.newmark_stability import stability_limit
-from solve.results.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, new_figure, styled
+from solve.results.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, new_figure, styled
 
 _POINTS = {
     "average acceleration": (0.5, 1 / 4),

@@ -1,24 +1,28 @@
-"""The periodic solution: a continuous curve over one turn, with its stability and its doubts."""
+"""The periodic solution: a continuous curve over one turn, with its stability and its warnings."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import MatricesError, UnknownNameError
 from solve.period.curve import PeriodicCurve
-from solve.period.signal import Signal, Statistics, harmonics, statistics
+from solve.period.quantities import LEAST_SAMPLES, Signal, harmonics, samples_a_step, statistics
+from solve.results.contents import Contents, orbit_contents
+from solve.results.plot import Motion, orbit_figure
+from solve.results.rows import checked_scale, shown
+from solve.results.save import checked_data, dataset, save
 from solve.results.stability import Stability
+from solve.results.style import Figure
+from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import xarray
-
-_SAMPLES_PER_STEP = 4
 
 
 class Turn:
@@ -34,7 +38,7 @@ class Turn:
     @property
     def samples(self) -> int:
         """Samples a turn that resolve the curve."""
-        return 2048
+        return LEAST_SAMPLES
 
     def signal(self, name: str) -> Signal:
         """The coordinate or output of that name as a function of the phase.
@@ -82,9 +86,9 @@ class Orbit(Stability, Turn):
 
     @property
     def _curve(self) -> PeriodicCurve:
-        curve = self.certified.solution.curve
+        curve = self.certified.solutions.curve
         assert curve is not None
-        return curve
+        return curve[0]
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -93,8 +97,7 @@ class Orbit(Stability, Turn):
     @property
     def samples(self) -> int:
         """As many for every step."""
-        wanted = max(super().samples, 2 ** math.ceil(math.log2(_SAMPLES_PER_STEP * self.steps)))
-        return self.steps * math.ceil(wanted / self.steps)
+        return self.steps * samples_a_step(self.steps)
 
     @property
     def phase(self) -> Array:
@@ -159,22 +162,45 @@ class Orbit(Stability, Turn):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each: its accuracy, and the model's bounds."""
-        return [*super().warnings, *self.system.concerns(self)]
+        figures = {name: self.statistics(name) for name in self.system.judged_quantities}
+        return [*super().warnings, *self.system.judged(figures)]
 
-    def plot(self, names: list[str] | None = None, **settings: Any) -> Any:
-        """A figure of the time curve, the spectrum and the multipliers (matplotlib Figure)."""
-        from solve.results.plot import orbit_figure
+    def contents(self) -> Contents:
+        """Time, phase, coordinates, outputs and rates at the nodes, multipliers and exponents: for a file."""
+        state, stability = (self.q, self.qd, self.qdd), super().contents()
+        return orbit_contents(self.system, (self.phase, self.time), state, self.outputs, stability)
 
-        return orbit_figure(self, names, **settings)
+    def plot(
+        self,
+        names: Sequence[str] | None = None,
+        quasi_static: bool = False,
+        scale: str = "linear",
+        harmonics: int | None = None,
+    ) -> Figure:
+        """Time curve over one period and spectrum of each name (by default the coordinates), multipliers.
 
-    def save(self, path: str) -> None:
-        """Write the orbit: .npz or .csv, .mat, .nc by the file's ending. Raises FileError."""
-        from solve.results.save import save_orbit
+        quasi_static draws the kinetostatic solution beside. scale of the spectra is "linear" or "dB", 0 dB
+        the largest amplitude; up to `harmonics` orders, by default all that can be seen. Raises
+        UnknownNameError, ValueOutOfBoundsError.
+        """
+        checked_scale(scale)
+        phase = np.linspace(0.0, self.system.period, self.samples + 1)
+        motions = {}
+        for name in shown(self.system, names):
+            beside = self.quasi_static.signal(name)(phase) if quasi_static else None
+            amplitudes, _ = self.harmonics(name, harmonics or self.samples // 8)
+            motions[name] = Motion(self.signal(name)(phase), beside, amplitudes)
+        return orbit_figure(self.system, self.speed, motions, self._drawn, scale)
 
-        save_orbit(self, path)
+    def save(self, path: str | Path) -> None:
+        """Write the orbit as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.
+
+        Raises FileError, and MissingExtraError for .nc without its packages.
+        """
+        file = checked_data(path)
+        save(self.contents(), file)
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The orbit as an xarray Dataset over the phase. Raises MissingExtraError without xarray."""
-        from solve.results.save import dataset
-
-        return dataset(self)
+        """The orbit over the phase: a variable a coordinate and output; the rates of coordinate q1 are q1d
+        and q1dd. Raises MissingExtraError without xarray."""
+        return dataset(self.contents())

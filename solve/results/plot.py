@@ -2,22 +2,14 @@
 
 import math
 import textwrap
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure, SubFigure
-from matplotlib.patches import Circle
-from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from solve.arrays import Array
-from solve.loading import Model
-from solve.results.orbit import Orbit, Turn
 from solve.results.quantities import prefixed
-from solve.results.rows import checked_scale, shown
-from solve.results.stability import Stability
-from solve.results.style import BLACK, BLUE, GREY, VERMILION, new_figure, styled
+from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, new_figure, styled
 from solve.system import PeriodicSystem
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
@@ -34,79 +26,120 @@ _CROWDED = 80
 _TITLE = 46
 """Characters that fit above a panel."""
 
+_DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
+_LIGHTEST = 0.8
+"""Place in the colour map beyond which lines fade into the page."""
+
 _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
 
 
-def orbit_figure(
-    orbit: Orbit,
-    names: Sequence[str] | None = None,
-    quasi_static: bool = False,
-    scale: str = "linear",
-    harmonics: int | None = None,
-) -> Figure:
-    """Time curve over one period and spectrum of each name (by default the coordinates), multipliers.
+class Motion(NamedTuple):
+    """A quantity over one period: values (k,) at evenly spaced phases, both ends included, those of the
+    quasi-static solution where it is drawn beside, and amplitudes (m + 1,) from the mean on."""
 
-    quasi_static draws the kinetostatic solution beside. scale of the spectra is "linear" or "dB", 0 dB
-    the largest amplitude; up to `harmonics` orders, by default all that can be seen. Raises
-    UnknownNameError, ValueOutOfBoundsError.
+    values: Array
+    quasi_static: Array | None
+    amplitudes: Array
+
+
+class StabilityPanel(NamedTuple):
+    """Floquet multipliers (k,), the verdict, and lines that say how they were found."""
+
+    multipliers: Array
+    verdict: str
+    lines: Sequence[str]
+
+
+def orbit_figure(
+    system: PeriodicSystem,
+    speed: float,
+    motions: Mapping[str, Motion],
+    panel: StabilityPanel,
+    scale: str = "linear",
+) -> Figure:
+    """Time curve over one period and spectrum of each quantity, multipliers; speed in rad/s.
+
+    scale of the spectra is "linear" or "dB", 0 dB the largest amplitude; orders up to the last that can
+    be seen.
     """
-    checked_scale(scale)
-    rows = shown(orbit.system, names)
-    heights = [0.95 + _ROW_HEIGHTS[len(rows) - 1] * len(rows), _CIRCLE_ROW]
+    heights = [0.95 + _ROW_HEIGHTS[len(motions) - 1] * len(motions), _CIRCLE_ROW]
     with styled():
         figure = new_figure(sum(heights))
         grid = figure.add_gridspec(2, 1, height_ratios=heights)
         upper, lower = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-        figure.suptitle(titled(orbit), fontweight="bold")
-        axes = upper.subplots(len(rows), 2, sharex="col", squeeze=False, width_ratios=(1.2, 1))
-        orders = _orders(orbit, rows, harmonics, scale)
-        for (left, right), name in zip(axes, rows, strict=True):
-            _draw_curve(left, orbit, name, quasi_static)
-            _draw_spectrum(right, orbit, name, orders, scale)
-        _label_columns(axes, orbit, quasi_static)
+        figure.suptitle(titled(system, speed), fontweight="bold")
+        axes = upper.subplots(len(motions), 2, sharex="col", squeeze=False, width_ratios=(1.2, 1))
+        orders = _orders(motions, scale)
+        for (left, right), (name, motion) in zip(axes, motions.items(), strict=True):
+            _draw_curve(left, system, name, motion)
+            _draw_spectrum(right, system, name, motion.amplitudes[orders], orders, scale)
+        _label_columns(axes, system, speed)
+        if any(motion.quasi_static is not None for motion in motions.values()):
+            _label_curves(axes[0, 0])
         upper.align_ylabels()
-        _draw_stability(lower, orbit)
+        _draw_stability(lower, panel)
     return figure
 
 
-def stability_figure(result: Stability) -> Figure:
+def stability_figure(system: PeriodicSystem, speed: float, panel: StabilityPanel) -> Figure:
     """Multipliers on the unit circle, and a closer look at small ones."""
     with styled():
         figure = new_figure(_CIRCLE_ROW + 0.4)
-        figure.suptitle(titled(result), fontweight="bold")
-        _draw_stability(figure, result)
+        figure.suptitle(titled(system, speed), fontweight="bold")
+        _draw_stability(figure, panel)
     return figure
 
 
-def titled(result: Stability) -> str:
+def titled(system: PeriodicSystem, speed: float) -> str:
     """Model, case and speed."""
-    return f"{title_of(result.system)}, {result.speed * 30 / math.pi:.6g} rpm"
+    return f"{title_of(system)}, {speed * 30 / math.pi:.6g} rpm"
 
 
 def title_of(system: PeriodicSystem) -> str:
     """Model and case."""
-    case = f", case {system.case}" if isinstance(system, Model) and system.case else ""
+    case = f", case {system.case}" if system.case else ""
     return f"{system.name.replace('_', ' ')}{case}"
 
 
-def _draw_curve(axes: Axes, orbit: Orbit, name: str, quasi_static: bool) -> None:
-    period = orbit.system.period
-    phase = np.linspace(0.0, period, orbit.samples + 1)
-    curves: list[tuple[Array, dict[str, Any]]] = [
-        (orbit.signal(name)(phase), {"color": BLUE, "label": "dynamic"})
-    ]
-    if quasi_static:
+def _draw_curve(axes: Axes, system: PeriodicSystem, name: str, motion: Motion) -> None:
+    degrees = np.linspace(0.0, math.degrees(system.period), len(motion.values))
+    curves: list[tuple[Array, dict[str, Any]]] = [(motion.values, {"color": BLUE, "label": "dynamic"})]
+    if motion.quasi_static is not None:
         style = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": "quasi-static"}
-        curves.append((orbit.quasi_static.signal(name)(phase), style))
-    factor, unit = prefixed(orbit.system.units.get(name, ""), max(np.abs(y).max() for y, _ in curves))
+        curves.append((motion.quasi_static, style))
+    factor, unit = prefixed(system.units.get(name, ""), max(np.abs(y).max() for y, _ in curves))
     for values, style in curves:
-        axes.plot(np.degrees(phase), factor * values, **style)
-    axes.set_xlim(0.0, math.degrees(period))
+        axes.plot(degrees, factor * values, **style)
+    axes.set_xlim(0.0, math.degrees(system.period))
     axes.margins(y=0.08)
     axes.set_ylabel(labelled(name, unit))
-    meaning = textwrap.shorten(orbit.system.meanings.get(name, ""), _TITLE, placeholder=" …")
+    meaning = textwrap.shorten(system.meanings.get(name, ""), _TITLE, placeholder=" …")
     axes.set_title(meaning, loc="left", color=GREY)
+
+
+def label_speeds(axes: Axes, rpm: Array) -> None:
+    """The horizontal axis of rising speeds (k,)."""
+    axes.set_xlim(rpm[0], rpm[-1])
+    axes.set_xlabel("speed (rpm)")
+    axes.ticklabel_format(axis="x", scilimits=(-3, 6))
+
+
+def label_phases(axes: Axes, period: float) -> None:
+    """The horizontal axis of phases in degrees over a period in rad."""
+    from matplotlib.ticker import MultipleLocator
+
+    axes.set_xlim(0.0, math.degrees(period))
+    axes.xaxis.set_major_locator(MultipleLocator(math.degrees(period) / 12))
+    axes.set_xlabel("phase (°)")
+
+
+def shades(count: int) -> list[dict[str, Any]]:
+    """Colours and dashes of several curves, the first darkest, that differ on a black and white print too."""
+    import matplotlib
+
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
+    return [{"color": colour, "dashes": _DASHES[k % len(_DASHES)]} for k, colour in enumerate(colours)]
 
 
 def labelled(name: str, unit: str) -> str:
@@ -117,22 +150,22 @@ def labelled(name: str, unit: str) -> str:
     return "\n".join([*lines, f"({unit})"] if unit else lines)
 
 
-def _orders(turn: Turn, names: Sequence[str], most: int | None, scale: str) -> Array:
+def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
     """Harmonics to draw: up to the last that can be seen in any of the spectra."""
     least = 10 ** (_DB_FLOOR / 20) if scale == "dB" else _VISIBLE
-    most = most or turn.samples // 8
-    last = 0
-    for name in names:
-        amplitudes = turn.harmonics(name, most)[0][1:]
-        last = max(last, *np.flatnonzero(amplitudes > least * amplitudes.max()), 0)
-    return np.arange(1, min(most, max(10, last + 2)) + 1)
+    spectra = [motion.amplitudes[1:] for motion in motions.values()]
+    last = max((int(at) for each in spectra for at in np.flatnonzero(each > least * each.max())), default=0)
+    return np.arange(1, min(len(spectra[0]), max(10, last + 2)) + 1)
 
 
-def _draw_spectrum(axes: Axes, orbit: Orbit, name: str, k: Array, scale: str) -> None:
-    amplitudes = orbit.harmonics(name, int(k[-1]))[0][k]
+def _draw_spectrum(
+    axes: Axes, system: PeriodicSystem, name: str, amplitudes: Array, k: Array, scale: str
+) -> None:
+    from matplotlib.ticker import MultipleLocator
+
     largest = amplitudes.max()
-    factor, unit = prefixed(orbit.system.units.get(name, ""), largest)
-    order = k * (2 * math.pi / orbit.system.period)
+    factor, unit = prefixed(system.units.get(name, ""), largest)
+    order = k * (2 * math.pi / system.period)
     if scale == "dB":
         with np.errstate(divide="ignore"):
             heights, foot = 20 * np.log10(amplitudes / largest if largest else amplitudes), _DB_FLOOR
@@ -152,29 +185,35 @@ def _draw_spectrum(axes: Axes, orbit: Orbit, name: str, k: Array, scale: str) ->
     axes.grid(visible=False, axis="x")
 
 
-def _label_columns(axes: Any, orbit: Orbit, quasi_static: bool) -> None:
+def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
     """Phase and order below, time and hertz above."""
+    from matplotlib.ticker import MaxNLocator, MultipleLocator
+
     left, right = axes[-1]
-    turn = math.degrees(orbit.system.period)
+    turn = math.degrees(system.period)
     left.xaxis.set_major_locator(MultipleLocator(45.0 if math.isclose(turn, 360.0) else turn / 6))
     left.xaxis.set_major_formatter("{x:g}")
     left.set_xlabel("phase (°)")
     right.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     right.set_xlabel("order of rotation")
-    factor, unit = prefixed("s", orbit.period)
-    degrees = math.radians(1.0) / orbit.speed * factor
-    hertz = orbit.speed / (2 * math.pi)
+    factor, unit = prefixed("s", system.period / speed)
+    degrees = math.radians(1.0) / speed * factor
+    hertz = speed / (2 * math.pi)
     for top, scale, label in ((axes[0, 0], degrees, f"time ({unit})"), (axes[0, 1], hertz, "frequency (Hz)")):
         second = top.secondary_xaxis("top", functions=(lambda x, s=scale: x * s, lambda x, s=scale: x / s))
         second.set_xlabel(label, loc="right")
-    if quasi_static:
-        upper = axes[0, 0].get_ylim()[1]
-        axes[0, 0].set_ylim(top=upper + 0.25 * (upper - axes[0, 0].get_ylim()[0]))
-        axes[0, 0].legend(loc="upper right", ncols=2)
 
 
-def _draw_stability(place: Figure | SubFigure, result: Stability) -> None:
-    rho, radius = result.multipliers, result.spectral_radius
+def _label_curves(axes: Axes) -> None:
+    lower, upper = axes.get_ylim()
+    axes.set_ylim(top=upper + 0.25 * (upper - lower))
+    axes.legend(loc="upper right", ncols=2)
+
+
+def _draw_stability(place: Figure | SubFigure, panel: StabilityPanel) -> None:
+    from matplotlib.patches import Circle
+
+    rho, radius = panel.multipliers, float(np.abs(panel.multipliers).max(initial=0.0))
     closer = 0.0 < radius < _CLOSER
     panels = place.subplots(1, 3 if closer else 2, width_ratios=(1, 1, 0.75) if closer else (1, 1.75))
     _draw_multipliers(panels[0], rho, max(1.0, radius))
@@ -188,10 +227,12 @@ def _draw_stability(place: Figure | SubFigure, result: Stability) -> None:
             Circle((0, 0), radius / 10.0**power, fill=False, color=GREY, linewidth=0.8, linestyle="--")
         )
         panels[1].set_title("closer, within the largest", loc="left", color=GREY)
-    _write_summary(panels[-1], result)
+    _write_summary(panels[-1], panel)
 
 
 def _draw_multipliers(axes: Axes, rho: Array, reach: float, unit: str = "") -> None:
+    from matplotlib.ticker import MaxNLocator
+
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.axvline(0.0, color=GREY, linewidth=0.5)
     dots = {"color": BLUE, "markersize": 4.5, "markeredgecolor": "white", "markeredgewidth": 0.5}
@@ -204,18 +245,9 @@ def _draw_multipliers(axes: Axes, rho: Array, reach: float, unit: str = "") -> N
     axes.set_ylabel(f"Im ρ{unit}")
 
 
-def _write_summary(axes: Axes, result: Stability) -> None:
-    orbit, multipliers = result.error_estimate
-    lines = [
-        f"|ρ| max = {result.spectral_radius:.6g}",
-        f"{result.method}, {result.steps} steps",
-        f"error of multipliers {multipliers:.0e}",
-    ]
-    if isinstance(result, Orbit):
-        lines.append(f"error of orbit {orbit:.0e}")
+def _write_summary(axes: Axes, panel: StabilityPanel) -> None:
     place: dict[str, Any] = {"va": "top", "transform": axes.transAxes}
+    color = VERMILION if panel.verdict == "unstable" else BLACK
     axes.axis("off")
-    axes.text(
-        0.0, 1.0, result.verdict, fontweight="bold", color=BLACK if result.stable else VERMILION, **place
-    )
-    axes.text(0.0, 0.88, "\n".join(lines), linespacing=1.6, **place)
+    axes.text(0.0, 1.0, panel.verdict, fontweight="bold", color=color, **place)
+    axes.text(0.0, 0.88, "\n".join(panel.lines), linespacing=1.6, **place)

@@ -26,6 +26,15 @@ def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
     return 10.0**-power, _PREFIXES[power] + unit
 
 
+def named(figure: str, quantity: str) -> str:
+    """A figure of a quantity in few characters.
+
+    >>> named("max_abs", "q1")
+    'max|q1|'
+    """
+    return f"max|{quantity}|" if figure == "max_abs" else f"{figure} {quantity}"
+
+
 def fixed(value: float, magnitude: float, digits: int = 7) -> str:
     """A value with as many decimals as give `digits` significant ones to the magnitude.
 

@@ -10,22 +10,13 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import MissingExtraError
-from solve.results.contents import Contents, Variable, orbit_contents
+from solve.results.contents import Contents, Variable
 from solve.results.files import checked, write_whole
-from solve.results.orbit import Orbit
 
 if TYPE_CHECKING:
     import xarray
 
 _NETCDF = ("xarray", "h5netcdf", "h5py")
-
-
-def save_orbit(orbit: Orbit, path: str | Path) -> None:
-    """Write the orbit as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.
-
-    Raises FileError, and MissingExtraError for .nc without its packages.
-    """
-    save(orbit_contents(orbit), checked_data(path))
 
 
 def checked_data(path: str | Path) -> Path:
@@ -41,14 +32,10 @@ def save(contents: Contents, file: Path) -> None:
     write_whole(file, lambda part: DATA[file.suffix.lower()](contents, part))
 
 
-def dataset(orbit: Orbit) -> "xarray.Dataset":
-    """The orbit over the phase: a variable a coordinate and output, with `units` and `long_name`; the
-    rates of coordinate q1 are q1d and q1dd. Raises MissingExtraError without xarray."""
+def dataset(contents: Contents) -> "xarray.Dataset":
+    """A variable a column, with `units` and `long_name`, over the phase where there is one. Raises
+    MissingExtraError without xarray."""
     _require("xarray")
-    return _dataset(orbit_contents(orbit))
-
-
-def _dataset(contents: Contents) -> "xarray.Dataset":
     import xarray
 
     entries = {name: _entry(column) for name, column in {**contents.columns, **contents.further}.items()}
@@ -94,7 +81,7 @@ def _write_mat(contents: Contents, part: Path) -> None:
 
 
 def _write_nc(contents: Contents, part: Path) -> None:
-    _dataset(contents).to_netcdf(part, engine="h5netcdf")
+    dataset(contents).to_netcdf(part, engine="h5netcdf")
 
 
 def _require(*packages: str) -> None:

@@ -1,21 +1,21 @@
 """Floquet multipliers, exponents and the three verdicts of stability (chapter Section 2)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.certificate import Certified
+from solve.certify.certified import Certified
+from solve.period.multipliers import VERDICTS, Multipliers, verdicts
+from solve.results.contents import Contents, stability_contents
+from solve.results.plot import StabilityPanel, stability_figure
+from solve.results.record import problem_record
+from solve.results.style import Figure
 from solve.system import PeriodicSystem
-
-UNIT_CIRCLE = 1e-9
-"""Distance from 1 within which a modulus counts as 1, unless its error estimate is larger."""
-
-NEAR_ONE = 1e-3
-"""Distance of a multiplier from +1 below which the height of a response deserves a warning."""
 
 
 class ErrorEstimate(NamedTuple):
@@ -33,6 +33,7 @@ class Stability:
     system: PeriodicSystem
     speed: float
     certified: Certified
+    engine_notes: Sequence[str] = ()
 
     @property
     def period(self) -> float:
@@ -46,17 +47,17 @@ class Stability:
     @property
     def steps(self) -> int:
         """Steps per period."""
-        return self.certified.solution.grid.steps
+        return self.certified.steps
 
     @property
     def multipliers(self) -> Array:
         """Resolved multipliers ρ (complex), falling in modulus, + imaginary part first."""
-        return self.certified.solution.multipliers.values
+        return self._rho.values[0, : int(self._rho.resolved[0])]
 
     @property
     def unresolved(self) -> int:
         """Number of further multipliers, all below eps‖Φ‖."""
-        return self.certified.solution.multipliers.unresolved
+        return self._rho.values.shape[1] - int(self._rho.resolved[0])
 
     @property
     def exponents(self) -> Array:
@@ -66,23 +67,27 @@ class Stability:
     @property
     def spectral_radius(self) -> float:
         """Largest |ρ|."""
-        return self.certified.solution.multipliers.spectral_radius
+        return float(self._rho.spectral_radius[0])
 
     @property
     def distance_from_one(self) -> float:
         """Smallest |ρ - 1|: 0 at resonance and on a stability boundary of kind +1."""
-        return self.certified.solution.multipliers.distance_from_one
+        return float(self._rho.distance_from_one[0])
 
     @property
     def condition(self) -> float:
         """Condition number of the linear system that closed the orbit; NaN without an orbit."""
-        return self.certified.solution.condition
+        return float(self.certified.solutions.condition[0])
+
+    @property
+    def _rho(self) -> Multipliers:
+        return self.certified.solutions.multipliers
 
     @cached_property
     def liouville(self) -> float:
         """log|det Φ| of the method less -∫ tr(M⁻¹C) dt of the system, which Liouville's formula makes
         equal: 0 but for the modes that the steps do not follow. NaN for a method without steps."""
-        solution = self.certified.solution
+        solution = self.certified.solutions
         if solution.steps is None:
             return math.nan
         nodes, weights = np.polynomial.legendre.leggauss(3)
@@ -90,17 +95,18 @@ class Stability:
         M, C, _, _ = self.system.in_phase(phases.ravel(), self.speed)
         rates = np.einsum("kii->k", np.linalg.solve(M, C)).reshape(phases.shape)
         volume = -float(solution.grid.h @ rates @ weights) / 2
-        return float(np.linalg.slogdet(solution.steps.A)[1].sum()) - volume
+        return float(np.linalg.slogdet(solution.steps.A[0])[1].sum()) - volume
 
     @property
     def error_estimate(self) -> ErrorEstimate:
-        orbit = self.certified.orbit_error if self.certified.solution.curve is not None else math.nan
-        return ErrorEstimate(orbit, self.certified.multiplier_error)
+        orbit, multipliers = map(float, self.certified.errors[0])
+        return ErrorEstimate(math.nan if self.certified.solutions.curve is None else orbit, multipliers)
 
     @cached_property
     def verdict(self) -> str:
         """ "asymptotically stable", "stable" or "unstable"."""
-        return verdict(self.certified.solution.Phi, self.multipliers, self.error_estimate.multipliers)
+        Phi, error = self.certified.solutions.Phi, self.certified.errors[:, 1]
+        return VERDICTS[verdicts(Phi, self._rho, error)[0]]
 
     @property
     def stable(self) -> bool:
@@ -108,43 +114,44 @@ class Stability:
 
     @property
     def notes(self) -> list[str]:
-        """What the method has to say about how it found this result."""
-        return self.certified.solution.notes
+        """How this result was made: what the method and the engine have to say."""
+        return [*self.engine_notes, *filter(None, self.certified.solutions.notes)]
 
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        near = self.distance_from_one
-        warnings = [*self.certified.warnings, *self.system.doubts(self.speed)]
-        if near < NEAR_ONE:
-            warnings.append(
-                f"a multiplier is only {near:.1e} from +1 (resonance or a stability boundary): "
-                "the height of the response means little here"
-            )
-        return warnings
+        return [*self.certified.warnings(0), *self.system.warnings(self.speed)]
 
+    @property
+    def problem(self) -> dict[str, Any]:
+        """What was solved, and how, as plain data."""
+        return problem_record(self.system, self.speed, self.method, self.steps)
 
-def verdict(Phi: Array, multipliers: Array, error: float) -> str:
-    """ "asymptotically stable", "stable" or "unstable".
+    def contents(self) -> Contents:
+        """Multipliers and exponents, for a file."""
+        metadata = {
+            **self.problem,
+            "spectral_radius": self.spectral_radius,
+            "verdict": self.verdict,
+            "error_estimate": self.error_estimate._asdict(),
+            "warnings": self.warnings,
+            "units": dict(self.system.units),
+            "meanings": dict(self.system.meanings),
+        }
+        return stability_contents(self.multipliers, self.exponents, metadata)
 
-    error: of the multipliers, relative to the spectral radius. A modulus counts as 1 within that error
-    (absolute, where the radius is below 1) or 1e-9, whichever is larger. Multipliers on the unit circle
-    leave the system stable only where their algebraic equals their geometric multiplicity (chapter
-    Section 2).
-    """
-    modulus = np.abs(multipliers)
-    radius = float(modulus.max(initial=0.0))
-    tolerance = max(error * min(radius, 1.0), UNIT_CIRCLE) if radius else UNIT_CIRCLE
-    if np.all(modulus < 1 - tolerance):
-        return "asymptotically stable"
-    if np.any(modulus > 1 + tolerance):
-        return "unstable"
-    # A double multiplier of a defective block splits by the square root of a perturbation.
-    cluster = math.sqrt(tolerance)
-    for value in multipliers[np.abs(modulus - 1) <= tolerance]:
-        algebraic = int(np.sum(np.abs(multipliers - value) <= cluster))
-        if algebraic > 1:
-            singular = np.linalg.svd(Phi - value * np.eye(len(Phi)), compute_uv=False)
-            if np.sum(singular <= 10 * cluster * max(singular[0], 1.0)) < algebraic:
-                return "unstable"
-    return "stable"
+    def plot(self) -> Figure:
+        """Multipliers on the unit circle, and a closer look at small ones."""
+        return stability_figure(self.system, self.speed, self._drawn)
+
+    @property
+    def _drawn(self) -> StabilityPanel:
+        orbit, multipliers = self.error_estimate
+        lines = [
+            f"|ρ| max = {self.spectral_radius:.6g}",
+            f"{self.method}, {self.steps} steps",
+            f"error of multipliers {multipliers:.0e}",
+        ]
+        if not math.isnan(orbit):
+            lines.append(f"error of orbit {orbit:.0e}")
+        return StabilityPanel(self.multipliers, self.verdict, lines)

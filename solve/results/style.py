@@ -3,17 +3,21 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-
-import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from solve.results.files import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+else:
+    # For annotations alone: matplotlib is imported when something is drawn.
+    Axes = Figure = SubFigure = object
 
 # Okabe and Ito's palette, which colour-blind readers can tell apart; dark ones first.
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 BLACK, GREY, LIGHT = "#222222", "#666666", "#DDDDDD"
+MANY = BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY, "#7A4B00", "#5B2A86", GREY, "#8A8D00", "#B00060"
 
 PAGE_WIDTH = 7.2
 """Inches: two columns of a journal."""
@@ -51,12 +55,17 @@ _STYLE: dict[Any, Any] = {
 @contextmanager
 def styled() -> Iterator[None]:
     """The style of this program while a figure is made or drawn."""
+    import matplotlib
+
     with matplotlib.rc_context(_STYLE):
         yield
 
 
 def new_figure(height: float) -> Figure:
     """An empty figure as wide as a page, laid out so that nothing overlaps."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(PAGE_WIDTH, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure

@@ -5,13 +5,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from solve.arrays import Array
-from solve.results.plot import labelled, title_of
-from solve.results.quantities import prefixed
-from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, new_figure, styled
+from solve.results.plot import label_speeds, labelled, title_of
+from solve.results.quantities import named, prefixed
+from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, new_figure, styled
 from solve.system import PeriodicSystem
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
@@ -93,7 +91,7 @@ def _draw_response(
     inner = known[1:-1]
     top = 1 + np.flatnonzero((inner > known[:-2]) & (inner >= known[2:]) & np.isfinite(inner))
     axes.plot(rpm[top], values[top] * factor, "v", color=BLUE)
-    axes.set_ylabel(labelled(f"max|{name}|" if figure == "max_abs" else f"{figure} {name}", unit))
+    axes.set_ylabel(labelled(named(figure, name), unit))
     axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
 
 
@@ -114,9 +112,7 @@ def _draw_radius(axes: Axes, rpm: Array, radius: Array, bands: list[tuple[float,
     if np.nanmin(positive, initial=1.0) > 0.1 and np.nanmax(positive, initial=1.0) < 10:
         axes.set_yscale("linear")
     axes.set_ylabel("spectral\nradius |ρ|")
-    axes.set_xlabel("speed (rpm)")
-    axes.set_xlim(rpm[0], rpm[-1])
-    axes.ticklabel_format(axis="x", scilimits=(-3, 6))
+    label_speeds(axes, rpm)
     _shade(axes, bands)
     if bands:
         axes.legend(loc="best")

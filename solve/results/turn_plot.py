@@ -3,27 +3,17 @@
 import math
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.results.orbit import Orbit
-from solve.results.plot import labelled, title_of
+from solve.results.plot import label_phases, labelled, shades, title_of
 from solve.results.quantities import prefixed
-from solve.results.style import GREY, new_figure, styled
+from solve.results.style import GREY, Axes, Figure, new_figure, styled
 from solve.system import PeriodicSystem
 
 MOST_CURVES = 12
 """Speeds whose curves one picture can tell apart."""
-
-DASHES: tuple[tuple[float, ...], ...] = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
-"""In turn, so that curves differ on a black and white print too."""
-
-LIGHTEST = 0.8
-"""Place in the colour map beyond which lines fade into the page."""
 
 
 def checked_turn(system: PeriodicSystem, name: str, curves: int) -> str:
@@ -59,9 +49,7 @@ def curves_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: b
         axes = figure.subplots()
         _draw_curves(axes, orbits, name)
         axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
-        axes.set_xlim(0.0, math.degrees(system.period))
-        axes.xaxis.set_major_locator(MultipleLocator(math.degrees(system.period) / 12))
-        axes.set_xlabel("phase (°)")
+        label_phases(axes, system.period)
         figure.legend(title=title, loc="outside right center", handlelength=2.4, reverse=reverse)
     return figure
 
@@ -71,14 +59,7 @@ def _draw_curves(axes: Axes, orbits: Mapping[str, Orbit], name: str) -> None:
     phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits.values()) + 1)
     curves = [orbit.signal(name)(phase) for orbit in orbits.values()]
     factor, unit = prefixed(system.units.get(name, ""), max(float(np.abs(values).max()) for values in curves))
-    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, LIGHTEST, len(orbits)))
     axes.axhline(0.0, color=GREY, linewidth=0.7)
-    for k, (label, values) in enumerate(zip(orbits, curves, strict=True)):
-        axes.plot(
-            np.degrees(phase),
-            values * factor,
-            color=colours[k],
-            dashes=DASHES[k % len(DASHES)],
-            label=label,
-        )
+    for label, values, shade in zip(orbits, curves, shades(len(orbits)), strict=True):
+        axes.plot(np.degrees(phase), values * factor, label=label, **shade)
     axes.set_ylabel(labelled(name, unit))

@@ -3,38 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
-
 from solve.arrays import Array
-from solve.results.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    LIGHT,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    new_figure,
-    styled,
-)
+from solve.results.style import GREY, LIGHT, MANY, Figure, new_figure, styled
 
-_COLORS = (
-    BLUE,
-    VERMILION,
-    GREEN,
-    PURPLE,
-    BLACK,
-    ORANGE,
-    SKY,
-    "#7A4B00",
-    "#5B2A86",
-    GREY,
-    "#8A8D00",
-    "#B00060",
-)
 _MARKERS = "osD^vPXph*<>"
 _LINES = ("-", "--", ":")
 """Past the last colour the next kind of line begins."""
@@ -61,6 +32,8 @@ def work_precision_figure(
     known_to: the reference's own error of each kind, shaded, as nothing below it can be seen. Errors
     above 3 and below a tenth of the reference's are not drawn.
     """
+    from matplotlib.ticker import LogLocator
+
     with styled():
         figure = new_figure(4.2)
         figure.suptitle(title, fontweight="bold")
@@ -90,9 +63,9 @@ def work_precision_figure(
 
 def _line_style(index: int) -> dict[str, Any]:
     return {
-        "color": _COLORS[index % len(_COLORS)],
+        "color": MANY[index % len(MANY)],
         "marker": _MARKERS[index % len(_MARKERS)],
-        "linestyle": _LINES[index // len(_COLORS) % len(_LINES)],
+        "linestyle": _LINES[index // len(MANY) % len(_LINES)],
         "markeredgecolor": "white",
         "markeredgewidth": 0.4,
         "markersize": 5.5,

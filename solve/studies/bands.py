@@ -1,23 +1,26 @@
 """Bands of speed in which the motion is unstable, with refined edges."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
-from solve.batch.engines import chosen_engine
 from solve.batch.family import over_speed
-from solve.batch.results import Wish, gathered
+from solve.batch.gathering import gathered
 from solve.errors import ValueOutOfBoundsError
+from solve.kernel.engines import chosen_engine
+from solve.methods.auto import Rule
 from solve.methods.choice import chosen
-from solve.methods.method import Method
 from solve.methods.radau import Radau
-from solve.studies.boundaries import ALIVE, KINDS, Judge, Judged, edges, hidden, judge, sectioned
+from solve.results.bands import Band, Bands
+from solve.results.points import KINDS, Kept
+from solve.single import request
+from solve.studies.boundaries import ALIVE, Judge, Judged, edges, hidden, judge, sectioned
 from solve.studies.watch import WATCHED, unwatched, watching
 from solve.system import PeriodicSystem
-from solve.units import checked_rtol, checked_tolerance, speeds_given
+from solve.units import checked_tolerance, speeds_given
 
 GROWTH = 1e-6
 """Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
@@ -29,7 +32,7 @@ _TURN = 0.25
 """Angle in rad by which the fastest multiplier may turn between two speeds."""
 
 _PHASES = 16
-_DEAD = 1e-2
+_GONE = 1e-2
 """Modulus below which a multiplier, with the matrices frozen, has no part in losing stability."""
 
 _HALVINGS = 3
@@ -39,40 +42,14 @@ _INSIDE = 15
 """Further points of every band, to find its largest multiplier and stable speeds inside it."""
 
 _SPLITS = 8
-_DARK = -2
+_UNKNOWN = -2
 """State of speeds without a result."""
-
-
-@dataclass(frozen=True)
-class Band:
-    """low, high: edges in rad/s; open: the band goes on beyond the range there, or up to a speed without a
-    result.
-
-    kind: the multiplier that leaves the unit circle: "+1" (period T), "-1" (period 2T) or "complex".
-    spectral_radius: the largest that was met inside.
-    """
-
-    low: float
-    high: float
-    kind: str
-    spectral_radius: float
-    open_low: bool = False
-    open_high: bool = False
-
-
-class Bands(list[Band]):
-    """Bands, rising. spacing: the largest distance in rad/s of neighbouring speeds that were solved;
-    narrower bands may be missed. notes: what is doubtful about them, such as speeds without a result."""
-
-    def __init__(self, found: Iterable[Band], spacing: float, notes: Sequence[str] = ()):
-        super().__init__(found)
-        self.spacing, self.notes = spacing, notes
 
 
 def bands(
     system: PeriodicSystem,
     speeds: str | Sequence[float | str] | Array,
-    method: str | Method = "auto",
+    method: str | Rule = "auto",
     rtol: float = 1e-8,
     tolerance: float = 1e-7,
     progress: Callable[[int], None] | None = None,
@@ -86,7 +63,7 @@ def bands(
     Bands narrower than their distance, the result's `spacing`, are looked for where multipliers come
     closest to each other, to +1 and to -1, and may be missed all the same; a growth below 1e-6 a turn
     makes no band. Where modes live on that turn too far in one turn to be followed at many speeds, `auto`
-    looks for bands of the slower ones alone, and the notes tell. Edges are found to `tolerance`,
+    looks for bands of the slower ones alone, and the notes say so. Edges are found to `tolerance`,
     relative. progress is told the number of points solved so far. engine: as in `sweep`. Raises
     ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
     """
@@ -106,7 +83,8 @@ def bands(
         if progress:
             progress(solved[0])
 
-    batch = Batch(over_speed(system), points, Radau() if fast else by, used, rtol=checked_rtol(rtol))
+    asked_of = request(None, rtol, used, orbit=False)
+    batch = Batch(over_speed(system), points, Radau() if fast else by, asked_of)
     asked = watching(batch, count) if fast else judge(batch, count)
     known = _closer(asked, asked(points), turning)
     middle = np.arange(1, len(known.points) - 1)
@@ -114,7 +92,8 @@ def bands(
     known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
     if known.failed.any():
         notes = [*notes, _failures(batch, known.points[known.failed])]
-    return Bands(_Runs(asked, checked_tolerance(tolerance)).bands(_rising(known)), spacing, notes)
+    found = _Runs(asked, checked_tolerance(tolerance)).bands(_rising(known))
+    return Bands(found, system, (float(omegas[0]), float(omegas[-1])), spacing, notes)
 
 
 def _left_out(n: int, fast: int) -> str:
@@ -126,7 +105,7 @@ def _left_out(n: int, fast: int) -> str:
 
 def _failures(batch: Batch, points: Array) -> str:
     rpm = points[:, 0] * 30 / np.pi
-    reason = gathered(batch, points[:1], Wish(warnings=False)).failures[0]
+    reason = gathered(batch, points[:1], Kept(warnings=False)).failures[0]
     return (
         f"{len(points)} speeds between {rpm.min():.6g} and {rpm.max():.6g} rpm give no result, and bands "
         f"end open beside them: {reason}"
@@ -154,7 +133,7 @@ def _turning(system: PeriodicSystem, omegas: Array, most: float) -> Turning:
     exponents = exponents[np.abs(np.imag(exponents)) <= most * omegas[0]]
 
     def turning(speeds: Array) -> Array:
-        counts = np.real(exponents) > np.log(_DEAD) * speeds[:, None]
+        counts = np.real(exponents) > np.log(_GONE) * speeds[:, None]
         return np.where(counts, np.abs(np.imag(exponents)), 0.0).max(axis=1, initial=0.0)
 
     return turning
@@ -221,9 +200,9 @@ class _Runs:
         state = _state(known)
         changes = np.flatnonzero(np.diff(state))
         speeds = known.points[:, 0]
-        between, dark = self._borders(known, changes, state)
+        between, unknown = self._borders(known, changes, state)
         borders = np.concatenate((speeds[:1], between, speeds[-1:]))
-        dark = np.concatenate(([True], dark, [True]))
+        unknown = np.concatenate(([True], unknown, [True]))
         starts, ends = np.append(0, changes + 1), np.append(changes, len(state) - 1)
         runs = np.flatnonzero(state[starts] >= 0)
         low, high = borders[runs], borders[runs + 1]
@@ -239,7 +218,7 @@ class _Runs:
                 continue
             split[at] = mixed[at]
             edge = float(low[at]), float(high[at])
-            open_ends = bool(dark[run]), bool(dark[run + 1])
+            open_ends = bool(unknown[run]), bool(unknown[run + 1])
             found.append(Band(*edge, KINDS[state[first]], float(radius), *open_ends))
         return found, looked[np.flatnonzero(np.repeat(split, _INSIDE))]
 
@@ -251,12 +230,12 @@ class _Runs:
         loses, wins = state[changes] < 0, state[changes + 1] < 0
         kind_only = ~(loses | wins)
         stable, unstable = np.where(loses[:, None], low, high), np.where(loses[:, None], high, low)
-        dark = (state[changes] == _DARK) | (state[changes + 1] == _DARK)
-        borders[dark] = unstable[dark, 0]
-        crossed = ~(kind_only | dark)
+        unknown = (state[changes] == _UNKNOWN) | (state[changes + 1] == _UNKNOWN)
+        borders[unknown] = unstable[unknown, 0]
+        crossed = ~(kind_only | unknown)
         places, _ = edges(self.judge, stable[crossed], unstable[crossed], scale, self.tolerance)
         borders[crossed] = np.where(np.isnan(places), unstable[crossed], places)[:, 0]
-        dark[crossed] = np.isnan(places[:, 0])
+        unknown[crossed] = np.isnan(places[:, 0])
         if kind_only.any():
             kinds = state[changes][kind_only]
 
@@ -266,9 +245,9 @@ class _Runs:
 
             ends = sectioned(differs, low[kind_only], high[kind_only], scale, self.tolerance)
             borders[kind_only] = (ends[0] + ends[1])[:, 0] / 2
-        return borders, dark
+        return borders, unknown
 
 
 def _state(known: Judged) -> Array:
-    """Positions in KINDS (k,), -1 where stable, _DARK where nothing is known."""
-    return np.where(known.unstable, known.kinds, np.where(known.failed, _DARK, -1))
+    """Positions in KINDS (k,), -1 where stable, _UNKNOWN where nothing is known."""
+    return np.where(known.unstable, known.kinds, np.where(known.failed, _UNKNOWN, -1))

@@ -8,29 +8,26 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
-from solve.batch.results import FAILED, Results, Wish, gathered
-from solve.results.stability import UNIT_CIRCLE
+from solve.batch.gathering import gathered
+from solve.results.points import KINDS, Kept, PointResults, kinds_of
 
-KINDS = ("+1", "-1", "complex")
-"""Which multiplier leaves the unit circle: period T, period 2T, or a pair."""
-
-_STABILITY = Wish(warnings=False, meetings=False)
+_STABILITY = Kept(warnings=False, meetings=False)
 _TOGETHER = 64
 """Points that one call of the judge should have at least."""
 
 ALIVE = 0.5
 """Modulus of the largest multiplier from which instability is looked for next to stable points."""
 
-_SEARCHES, _HOPEFUL = 10, 0.5
-"""Parabolas a minimum, each of which must promise to bring it down to this part of itself."""
+_PARABOLAS, _GAIN = 10, 0.5
+"""Parabolas a minimum, each of which must predict that it comes down to this part of itself."""
 
 _CLOSE = 1e-10
 _NEAR = 1e-5
 """Part of the scale to which an edge is bracketed before its kind is told."""
 
 _FAR = 1e6
-_REAL = 1e-6
-"""Imaginary part, relative to the modulus, up to which a multiplier counts as real."""
+_NOISE = 1e-6
+"""Distance from the unit circle up to which it is noise."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +42,10 @@ class Judged:
     multipliers: Array
 
     @classmethod
-    def of(cls, points: Array, results: Results) -> "Judged":
-        failed = results.verdicts == FAILED
-        radius = results.spectral_radius
-        beyond = radius - 1 > np.maximum(results.errors[:, 1] * radius, UNIT_CIRCLE)
+    def of(cls, points: Array, results: PointResults) -> "Judged":
+        failed, outside = results.failed, results.outside
         multipliers = np.where(failed[:, None], 0.0, results.multipliers)
-        return cls(points, ~(failed | beyond), ~failed & beyond, multipliers)
+        return cls(points, ~(failed | outside), outside, multipliers)
 
     def __getitem__(self, some: Array) -> "Judged":
         return Judged(*(getattr(self, name)[some] for name in Judged.__annotations__))
@@ -69,9 +64,7 @@ class Judged:
     @property
     def kinds(self) -> Array:
         """Positions in KINDS (k,) of what the largest multiplier is."""
-        leader = self.multipliers[:, 0]
-        pair = np.abs(np.imag(leader)) > _REAL * np.abs(leader)
-        return np.where(pair, 2, np.where(np.real(leader) > 0, 0, 1))
+        return kinds_of(self.multipliers)
 
     @property
     def gaps(self) -> Array:
@@ -83,8 +76,7 @@ class Judged:
         distance = np.abs(rho[:, :, None] - rho[:, None, :]) ** 2
         pairs = np.where(both, distance, _FAR).min(axis=(1, 2))
         inside = 1 - np.abs(np.where(upper, rho, 0.0)).max(axis=1)
-        # On the unit circle itself the distance from it is noise.
-        inside = np.where(inside > _REAL, inside, _FAR)
+        inside = np.where(inside > _NOISE, inside, _FAR)
         plus, minus = (np.real(np.prod(1 - sign * rho, axis=1)) for sign in (1, -1))
         return np.clip(np.column_stack((plus, minus, pairs, inside)), -_FAR, _FAR)
 
@@ -258,7 +250,7 @@ def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promisin
 def _descended(judge: Judge, start: Array, span: Array, way: Array, t: Array, h: Array) -> Judged:
     """Follow minima h (k, 3) at fractions t (k, 3) of the spans until an unstable point is met."""
     met = []
-    for _ in range(_SEARCHES):
+    for _ in range(_PARABOLAS):
         if len(t) == 0:
             break
         width = 0.05 * (t[:, 2] - t[:, 0])
@@ -271,7 +263,7 @@ def _descended(judge: Judge, start: Array, span: Array, way: Array, t: Array, h:
         new = found.gaps[np.arange(len(found.points)), np.repeat(way, 3)].reshape(-1, 3)
         t, h = _lowest(np.concatenate((t, trials), axis=1), np.concatenate((h, new), axis=1))
         goes_on = ~(unstable | failed).any(axis=1) & (t[:, 2] - t[:, 0] > _CLOSE)
-        goes_on &= _vertex(t, h)[1] < _HOPEFUL * h[:, 1]
+        goes_on &= _vertex(t, h)[1] < _GAIN * h[:, 1]
         start, span, way, t, h = (part[goes_on] for part in (start, span, way, t, h))
     none = np.empty(0, dtype=bool)
     nothing = Judged(np.empty((0, start.shape[1])), none, none, np.empty((0, 1), dtype=complex))

@@ -8,6 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError
+from solve.results.critical_speeds import Combination
 from solve.system import PeriodicSystem
 
 _PHASES = 64
@@ -15,7 +16,7 @@ _SECANTS = 4
 
 
 @dataclass(frozen=True)
-class Frequencies:
+class MeanFrequencies:
     """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a
     speed: values (P, n), rising, in rad/s at speeds (P,). Where K is not positive they count as 0; NaN at
     speeds without matrices."""
@@ -29,17 +30,7 @@ class Frequencies:
         return mean_frequencies(self.system, np.array([speed])).values[0]
 
 
-@dataclass(frozen=True)
-class Combination:
-    """A combination resonance (ω̄i + sign · ω̄j)/order, modes counted from 1, at a speed in rad/s."""
-
-    speed: float
-    modes: tuple[int, int]
-    sign: int
-    order: int
-
-
-def mean_frequencies(system: PeriodicSystem, speeds: Array) -> Frequencies:
+def mean_frequencies(system: PeriodicSystem, speeds: Array) -> MeanFrequencies:
     """At speeds (P,) in rad/s, 0 for the mechanism at rest."""
     phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
     means = np.full((len(speeds), system.n), np.nan)
@@ -51,10 +42,10 @@ def mean_frequencies(system: PeriodicSystem, speeds: Array) -> Frequencies:
             continue
         squares = np.sort(np.real(np.linalg.eigvals(np.linalg.solve(M, K))), axis=1)
         mean[:] = np.sqrt(np.maximum(squares, 0.0)).mean(axis=0)
-    return Frequencies(system, speeds, means)
+    return MeanFrequencies(system, speeds, means)
 
 
-def divisions(frequencies: Frequencies, orders: int) -> list[tuple[int, int, float]]:
+def divisions(frequencies: MeanFrequencies, orders: int) -> list[tuple[int, int, float]]:
     """Mode (from 0), order k and speed of every ω̄(Ω) = k Ω within the speeds, k up to `orders`; Ω counts
     turns of the mechanism."""
     found = []
@@ -64,7 +55,7 @@ def divisions(frequencies: Frequencies, orders: int) -> list[tuple[int, int, flo
     return found
 
 
-def combinations(frequencies: Frequencies, orders: int) -> list[Combination]:
+def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
     """Every (ω̄i ± ω̄j)/k within the speeds, k up to `orders`, falling in speed."""
     n, found = frequencies.values.shape[1], []
     for low in range(n):
@@ -90,7 +81,7 @@ def _pair(one: int, other: int, sign: int, values: Array) -> Array:
     return values[..., one] + sign * values[..., other]
 
 
-def _crossed(frequencies: Frequencies, frequency: Frequency, orders: int) -> Iterator[tuple[int, float]]:
+def _crossed(frequencies: MeanFrequencies, frequency: Frequency, orders: int) -> Iterator[tuple[int, float]]:
     """Orders k and speeds at which the frequency is k Ω."""
     speeds, values = frequencies.speeds, frequency(frequencies.values)
     for order in range(1, orders + 1):

@@ -3,26 +3,29 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from solve.certify.certificate import Refinement, differences
+from solve.certify.certified import unresolved_modes
+from solve.certify.estimates import differences
+from solve.certify.refinement import Refinement
 from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.kernel.engines import NUMPY
+from solve.methods.auto import Rule, chosen_for
 from solve.methods.choice import METHODS, chosen
-from solve.methods.method import Method, Solution
-from solve.methods.segments import in_numpy
+from solve.methods.method import Method, Solutions
+from solve.period.frozen import frozen
+from solve.period.multipliers import VERDICTS, verdicts
+from solve.period.points import OnePoint
+from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row
 from solve.results.orbit import Orbit
-from solve.results.stability import verdict
-from solve.single import periodic
+from solve.single import periodic, request
 from solve.system import PeriodicSystem
 from solve.units import checked_rtol, speed_in_si
 
 TARGETS = (1e-3, 1e-6)
 """Relative errors at which methods are compared unless the caller names others."""
-
-ORBIT, MULTIPLIERS = "orbit", "multipliers"
-"""Whose error is brought to a target; that of the multipliers where there is no load and so no orbit."""
 
 _REFERENCE_RTOL = 1e-12
 _FIRST_STEPS = 2
@@ -40,62 +43,10 @@ _BEYOND = 1e-3
 """Part of the finest target to which errors are followed, so that a picture shows the trend."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """One method on one number of steps a period: those `asked` for, and those of its grid.
-
-    Errors are relative, against the reference; NaN, as is time (s of the processor, the shortest of some
-    runs), where there is no result: `reason` says why. The orbit's is NaN without a load too. at: "equal
-    steps" or "equal accuracy"; target: the error to reach in the latter. followed: whether the steps
-    follow the fastest mode, or the method damps what they do not; otherwise the multipliers may be false.
-    """
-
-    method: str
-    order: float
-    steps: int | None
-    at: str
-    asked: int | None = None
-    orbit_error: float = math.nan
-    multiplier_error: float = math.nan
-    time: float = math.nan
-    verdict: str | None = None
-    followed: bool = True
-    target: float | None = None
-    reason: str | None = None
-    warnings: list[str] = field(default_factory=list)
-
-    def error(self, of: str) -> float:
-        """Of ORBIT or MULTIPLIERS."""
-        return self.orbit_error if of == ORBIT else self.multiplier_error
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """reference: the converged orbit. judged_by: ORBIT or MULTIPLIERS, whose errors the targets are. rows:
-    the comparison. measured: further points of each method, rising in steps, for a work–precision picture."""
-
-    reference: Orbit
-    judged_by: str
-    rows: list[Row]
-    measured: list[Row]
-
-    @property
-    def warnings(self) -> list[str]:
-        """Doubts about the reference, and targets that it cannot judge."""
-        error = max(self.reference.error_estimate)
-        targets = {row.target for row in self.rows if row.target is not None}
-        blurred = [f"{target:g}" for target in sorted(targets) if target < 10 * error]
-        if not blurred:
-            return []
-        return [
-            f"the reference is known to {error:.0e} only; the target {', '.join(blurred)} is too close to it"
-        ]
-
-
 def compare(
     system: PeriodicSystem,
     speed: float | str,
-    methods: Sequence[str | Method] | None = None,
+    methods: Sequence[str | Rule] | None = None,
     steps: Sequence[int] | None = None,
     targets: Sequence[float] = TARGETS,
     progress: Callable[[str], None] = lambda text: None,
@@ -126,12 +77,12 @@ def compare(
         trace = contestant.refined(min(*goals, finest))
         measured += trace
         rows += [contestant.at_accuracy(goal, trace) for goal in goals]
-    return Comparison(reference, judged_by, rows, measured)
+    return Comparison(reference, judged_by, targets, rows, measured)
 
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
     """Four numbers of the series 1, 2, 5, 10 … about ω_max T, the steps with ω_max h = 1."""
-    reach = max(np.abs(system.frozen_eigenvalues(speed)).max() * system.period, 100.0)
+    reach = max(float(frozen(OnePoint(system, speed)).reach[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * reach)
     return series[first : first + 4]
@@ -151,18 +102,19 @@ def label(method: Method) -> str:
 class _Contestant:
     """One method against the reference."""
 
-    def __init__(self, reference: Orbit, method: Method, judged_by: str):
-        system, speed = reference.system, reference.speed
-        self.reference = reference.certified.solution
+    def __init__(self, reference: Orbit, rule: Rule, judged_by: str):
+        self.point = OnePoint(reference.system, reference.speed)
+        self.reference = reference.certified.solutions
         self.judged_by = judged_by
-        self.method = method.settled(system, speed)
+        ((self.method, _),) = chosen_for(rule, self.point)
         self.name = label(self.method)
-        self.refinement = Refinement(system, speed, self.method, orbit=True)
+        asked = request(None, _REFERENCE_RTOL, NUMPY, orbit=True)
+        self.refinement = Refinement(self.point, self.method, asked)
 
     @property
     def least(self) -> int:
         """Steps below which the method cannot be used."""
-        return max(1, len(self.refinement.system.breaks), self.refinement.least)
+        return max(1, len(self.point.breaks), int(self.refinement.least[0]))
 
     def measured(self, steps: int, at: str, target: float | None = None) -> Row:
         """Errors and time on a number of steps, or the reason why there are none."""
@@ -173,17 +125,17 @@ class _Contestant:
             solution, seconds = self._timed(steps)
         except (SolveError, np.linalg.LinAlgError) as refusal:
             return replace(blank, reason=self._unnamed(str(refusal)))
-        orbit_error, multiplier_error = differences(solution, self.reference)
-        unresolved = self.refinement.unresolved_modes(solution.grid.steps)
+        ((orbit_error, multiplier_error),) = differences(solution, self.reference)
+        unresolved = unresolved_modes(self.method, self._reach, solution.grid.steps)
         return replace(
             blank,
             steps=solution.grid.steps,
             orbit_error=float(orbit_error) if self.judged_by == ORBIT else math.nan,
             multiplier_error=float(multiplier_error),
             time=seconds,
-            verdict=verdict(solution.Phi, solution.multipliers.values, 0.0),
+            verdict=VERDICTS[verdicts(solution.Phi, solution.multipliers, np.zeros(1))[0]],
             followed=not unresolved,
-            warnings=[*map(self._unnamed, self.method.concerns), *unresolved],
+            warnings=[*map(self._unnamed, self.method.warnings), *unresolved],
         )
 
     def refined(self, goal: float) -> list[Row]:
@@ -214,18 +166,27 @@ class _Contestant:
 
     def _error(self, steps: int) -> float:
         try:
-            orbit, multipliers = differences(self._solved(steps), self.reference)
+            ((orbit, multipliers),) = differences(self._solved(steps), self.reference)
         except (SolveError, np.linalg.LinAlgError):
             return math.inf
         return orbit if self.judged_by == ORBIT else multipliers
 
-    def _solved(self, steps: int) -> Solution:
-        self.refinement.refuse(steps)
+    def _solved(self, steps: int) -> Solutions:
+        for failure in self.refinement.unusable(steps, np.zeros(1, dtype=int)):
+            raise failure.reason
         # A method that grows without bound says so by its errors, not by overflow warnings.
-        with np.errstate(all="ignore"), in_numpy():
-            return self.refinement.solved(steps)
+        with np.errstate(all="ignore"):
+            solution = self.refinement.solved(steps, np.zeros(1, dtype=int))
+        for reason in solution.failures.values():
+            raise reason
+        return solution
 
-    def _timed(self, steps: int) -> tuple[Solution, float]:
+    @property
+    def _reach(self) -> float:
+        """ω_max T."""
+        return float(self.refinement.modes.reach[0])
+
+    def _timed(self, steps: int) -> tuple[Solutions, float]:
         """The solution and the shortest of the times that repeated runs take."""
         times: list[float] = []
         while True:
@@ -237,7 +198,7 @@ class _Contestant:
 
     def _stalled(self, trace: list[Row]) -> bool:
         """Whether three doublings of steps that resolve the fastest mode have gained nothing."""
-        reach = self.refinement.reach
+        reach = self._reach
         errors = [row.error(self.judged_by) for row in trace if (row.steps or 0) > reach]
         return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
 
@@ -247,7 +208,7 @@ class _Contestant:
 
     @property
     def _limit(self) -> str:
-        n = self.refinement.system.n
+        n = self.point.n
         return f"takes at most {self.refinement.most} steps a period for n = {n}"
 
     def _obstacle(self, goal: float, trace: list[Row]) -> str:
@@ -257,7 +218,7 @@ class _Contestant:
         last = done[-1]
         error = last.error(self.judged_by)
         so_far = f"{error:.1e} with {last.steps} steps"
-        if self.method.order == 0 or self._stalled(trace):
+        if not self.method.converges or self._stalled(trace):
             return f"{so_far}, and more steps gain nothing"
         if 2 * last.time > _PATIENCE:
             so_far += f" and {last.time:.1f} s"

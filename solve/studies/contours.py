@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.studies.boundaries import KINDS
+from solve.results.chart import BoundaryCurve
+from solve.results.points import KINDS
 
 _NARROW = 0.1
 """Part of a cell below which an unstable stretch of its rim goes on into the cell, as a tongue does."""
@@ -16,24 +17,11 @@ _NARROW = 0.1
 @dataclass(frozen=True)
 class Crossings:
     """Points on lines of a grid where stability changes: the line of each (c,), its place along the line
-    (c,), and which multiplier leaves the unit circle (c,), any number for a kind."""
+    (c,), and which multiplier leaves the unit circle (c,), a position in KINDS."""
 
     line: Array
     place: Array
     kind: Array
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """A curve between a stable and an unstable region: points (k, 2), x and y; kind: position in KINDS."""
-
-    kind: int
-    points: Array
-
-    @property
-    def name(self) -> str:
-        """The multiplier that leaves the unit circle: "+1", "-1" or "complex"."""
-        return KINDS[self.kind]
 
 
 def contours(
@@ -42,7 +30,7 @@ def contours(
     rows: Crossings,
     columns: Crossings,
     is_stable: Callable[[Array], Array],
-) -> list[Boundary]:
+) -> list[BoundaryCurve]:
     """Boundaries on the grid of the axes x (nx,), y (ny,), from stable (ny, nx), NaN where unknown, and the
     crossings of its rows and columns; is_stable (points (k, 2)) is asked where a cell allows two ways.
     Cells about which something is unknown have no boundary."""
@@ -160,11 +148,11 @@ def _chains(count: int, joined: Sequence[tuple[int, int]]) -> list[list[int]]:
     return found
 
 
-def _pieces(rims: _Rims, chain: list[int]) -> list[Boundary]:
+def _pieces(rims: _Rims, chain: list[int]) -> list[BoundaryCurve]:
     """A chain by kinds; neighbouring pieces share a point."""
     kinds, points = rims.kinds[chain], rims.points[chain]
     cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(chain)]
     return [
-        Boundary(int(kinds[first]), points[max(first - 1, 0) : last])
+        BoundaryCurve(KINDS[kinds[first]], points[max(first - 1, 0) : last])
         for first, last in itertools.pairwise(cuts)
     ]

@@ -6,23 +6,24 @@ divisions of the natural frequencies' means over the cycle.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
-from solve.batch.engines import chosen_engine
 from solve.batch.family import over_speed
-from solve.batch.figures import FIGURES
-from solve.batch.results import FAILED, Results, Wish, gathered
-from solve.batch.spectra import VERDICTS
+from solve.batch.gathering import gathered
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.kernel.engines import chosen_engine
+from solve.methods.auto import Rule
 from solve.methods.choice import chosen
-from solve.methods.method import Method
-from solve.studies.campbell import Combination, Frequencies, combinations, divisions, mean_frequencies
+from solve.period.multipliers import VERDICTS
+from solve.results.critical_speeds import Critical, CriticalSpeeds, Maximum
+from solve.results.points import FIGURES, Kept, PointResults
+from solve.single import request
+from solve.studies.campbell import MeanFrequencies, combinations, divisions, mean_frequencies
 from solve.system import PeriodicSystem
-from solve.units import checked_rtol, checked_tolerance, speeds_given
+from solve.units import checked_tolerance, speeds_given
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 """Figures of a quantity whose maxima count."""
@@ -40,87 +41,13 @@ _NEAR = 0.2
 """Difference of frequency over speed from an integer up to which a maximum belongs to that division."""
 
 
-@dataclass(frozen=True)
-class Maximum:
-    """A speed (rad/s) at which something has a local maximum, and its height there."""
-
-    speed: float
-    height: float
-
-
-@dataclass(frozen=True)
-class Critical:
-    """One critical speed in three ways (rad/s), None where a way does not show it.
-
-    mode (from 1) and order: of the integer division, with the frequencies' means at this speed; at_rest:
-    the same division with those at rest. ratios: the means over the row's speed, from the lowest mode on.
-    """
-
-    response: Maximum | None = None
-    multiplier: Maximum | None = None
-    division: float | None = None
-    mode: int | None = None
-    order: int | None = None
-    at_rest: float | None = None
-    ratios: Sequence[float] = ()
-
-    @property
-    def speed(self) -> float:
-        """The first of the three that there is."""
-        ways = [way.speed for way in (self.response, self.multiplier) if way]
-        return ways[0] if ways else float(self.division or np.nan)
-
-
-@dataclass(frozen=True)
-class CriticalSpeeds:
-    """rows: critical speeds, falling; combinations: (ω̄i ± ω̄j)/k. Behind them over speeds (P,), rising:
-    response, the dominant multiplier's real part and modulus (P,), unstable (P,), mean frequencies."""
-
-    system: PeriodicSystem
-    quantity: str
-    figure: str
-    rows: Sequence[Critical]
-    combinations: Sequence[Combination]
-    speeds: Array
-    response: Array
-    real_part: Array
-    radius: Array
-    unstable: Array
-    frequencies: Frequencies
-    orders: int
-    notes: Sequence[str] = ()
-
-    def plot(self, campbell: bool = False) -> Any:
-        """Response, dominant multiplier and Campbell diagram over speed, or this alone (matplotlib
-        Figure)."""
-        from solve.results.critical_plot import Curves, Marks, campbell_figure, critical_figure
-
-        curves = Curves(
-            self.speeds,
-            self.response,
-            self.quantity,
-            self.figure,
-            self.real_part,
-            self.radius,
-            self.unstable,
-            self.frequencies.values,
-        )
-        responses, multipliers = (
-            [(way.speed, way.height) for row in self.rows if (way := getattr(row, name)) is not None]
-            for name in ("response", "multiplier")
-        )
-        divided = [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
-        draw = campbell_figure if campbell else critical_figure
-        return draw(self.system, curves, Marks(responses, multipliers, divided))
-
-
 def critical_speeds(
     system: PeriodicSystem,
     speeds: str | Sequence[float | str] | Array,
     quantity: str | None = None,
     figure: str = "max_abs",
     orders: int = 20,
-    method: str | Method = "auto",
+    method: str | Rule = "auto",
     rtol: float = 1e-8,
     tolerance: float = 1e-5,
     progress: Callable[[int], None] | None = None,
@@ -151,9 +78,8 @@ def critical_speeds(
     used, notes = chosen_engine(engine)
     rest = mean_frequencies(system, np.array([0.0]))
     grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
-    batch = Batch(
-        over_speed(system), grid[:, None], chosen(method), used, rtol=checked_rtol(rtol), orbit=True
-    )
+    asked = request(None, rtol, used, orbit=True)
+    batch = Batch(over_speed(system), grid[:, None], chosen(method), asked)
     search = _Search(batch, name, figure, checked_tolerance(tolerance), progress)
     found = search.solved(grid)
     frequencies = mean_frequencies(system, grid)
@@ -161,7 +87,11 @@ def critical_speeds(
     if skipped.any():
         limit = float(grid[skipped].max()) * 30 / np.pi
         notes = [*notes, f"below {limit:.4g} rpm only orders above {orders} lie: no maxima are looked for"]
-    result = CriticalSpeeds(
+    failed = int(found.failed.sum())
+    if failed:
+        reason = next(iter(found.failures.values()))
+        notes = [*notes, f"{failed} of {len(grid)} speeds give no result: {reason}"]
+    return CriticalSpeeds(
         system,
         name,
         figure,
@@ -172,17 +102,10 @@ def critical_speeds(
         search.real_part(found),
         found.spectral_radius,
         found.verdicts == VERDICTS.index("unstable"),
-        frequencies,
+        frequencies.values,
         orders,
         notes,
     )
-    failed = int((found.verdicts == FAILED).sum())
-    if failed:
-        reason = next(iter(found.failures.values()))
-        result = replace(
-            result, notes=[*result.notes, f"{failed} of {len(grid)} speeds give no result: {reason}"]
-        )
-    return result
 
 
 def _refined_grid(omegas: Array, lowest: float, orders: int) -> Array:
@@ -208,24 +131,24 @@ class _Search:
     progress: Callable[[int], None] | None
     count: int = 0
 
-    def solved(self, speeds: Array) -> Results:
-        wish = Wish((self.quantity,), warnings=False)
+    def solved(self, speeds: Array) -> PointResults:
+        kept = Kept((self.quantity,), warnings=False)
         before = self.count
 
-        def told(done: int) -> None:
+        def count(done: int) -> None:
             self.count = before + done
             if self.progress:
                 self.progress(self.count)
 
-        return gathered(self.batch, speeds[:, None], wish, told)
+        return gathered(self.batch, speeds[:, None], kept, count)
 
-    def response(self, found: Results) -> Array:
+    def response(self, found: PointResults) -> Array:
         return found.figures[:, 0, FIGURES.index(self.figure)]
 
-    def real_part(self, found: Results) -> Array:
+    def real_part(self, found: PointResults) -> Array:
         return np.real(found.multipliers[:, 0])
 
-    def maxima(self, speeds: Array, values: Array, value: Callable[[Results], Array]) -> list[Maximum]:
+    def maxima(self, speeds: Array, values: Array, value: Callable[[PointResults], Array]) -> list[Maximum]:
         """Prominent local maxima of the values (P,) over the speeds, zoomed into."""
         from scipy.signal import find_peaks
 
@@ -246,7 +169,12 @@ class _Search:
 
 
 def _rows(
-    search: _Search, grid: Array, found: Results, frequencies: Frequencies, rest: Frequencies, orders: int
+    search: _Search,
+    grid: Array,
+    found: PointResults,
+    frequencies: MeanFrequencies,
+    rest: MeanFrequencies,
+    orders: int,
 ) -> list[Critical]:
     """Maxima of both kinds, each beside the integer division that it belongs to."""
     resolved = frequencies.values[:, 0] <= (orders + 0.5) * grid
@@ -268,7 +196,7 @@ def _rows(
 
 
 def _assigned(
-    rows: list[Critical], maxima: list[Maximum], frequencies: Frequencies, way: str
+    rows: list[Critical], maxima: list[Maximum], frequencies: MeanFrequencies, way: str
 ) -> tuple[list[Critical], list[Maximum]]:
     """The rows with each maximum at its division, the higher first, and the maxima that have none."""
     rows, alone = list(rows), []

@@ -1,72 +1,18 @@
 """Response over speed for several systems beside each other, such as one model with several lengths."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.loading import Model
-from solve.methods.method import Method
-from solve.studies.sweep import Sweep, sweep
+from solve.methods.auto import Rule
+from solve.model.model import Model
+from solve.results.sweep import Sweep
+from solve.results.sweeps import Sweeps
+from solve.studies.sweep import sweep
 from solve.system import PeriodicSystem
 from solve.units import speeds_given
-
-_PROMINENT = 1e-3
-"""Part of its height by which an extreme must stand out from its surroundings."""
-
-PEAK, QUIET = "peak", "quiet"
-
-
-class Extreme(NamedTuple):
-    """A speed (rad/s) where the first system's response is largest or least among its neighbours, which of
-    the two, and the responses of all the systems there."""
-
-    speed: float
-    kind: str
-    responses: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Sweeps:
-    """Sweeps over the same speeds (rad/s), by the label of their system. title: what the labels are
-    values of."""
-
-    title: str
-    speeds: Array
-    sweeps: Mapping[str, Sweep]
-
-    def figures(self, quantity: str, figure: str = "max_abs") -> Array:
-        """A figure of a coordinate or output (systems, speeds), as `Sweep.figures`; NaN where a point
-        failed. Raises UnknownNameError."""
-        return np.array([each.figures(quantity, figure) for each in self.sweeps.values()])
-
-    def extremes(self, quantity: str, figure: str = "max_abs") -> list[Extreme]:
-        """Peaks and quiet speeds of the first system among the given speeds, rising, with what the others
-        do there. Raises UnknownNameError."""
-        from scipy.signal import find_peaks
-
-        responses = self.figures(quantity, figure)
-        order = np.argsort(self.speeds)
-        order = order[np.isfinite(responses[0, order])]
-        speeds, responses = self.speeds[order], responses[:, order]
-        first = responses[0]
-        found = []
-        for kind, sign in ((PEAK, 1.0), (QUIET, -1.0)):
-            at, properties = find_peaks(sign * first, prominence=0.0)
-            at = at[properties["prominences"] > _PROMINENT * np.abs(first[at])]
-            found += [Extreme(float(speeds[k]), kind, tuple(responses[:, k].tolist())) for k in at]
-        return sorted(found)
-
-    def plot(self, quantities: Sequence[str], figure: str = "max_abs") -> Any:
-        """A row a quantity, a curve a system (matplotlib Figure). Raises UnknownNameError."""
-        from solve.results.sweeps_plot import sweeps_figure
-
-        responses = {name: self.figures(name, figure) for name in quantities}
-        system = next(iter(self.sweeps.values())).system
-        return sweeps_figure(system, self.title, list(self.sweeps), self.speeds, responses, figure)
 
 
 def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str, Model]:
@@ -90,7 +36,7 @@ def sweeps(
     speeds: float | str | Sequence[float | str] | Array,
     quantities: Sequence[str],
     title: str = "",
-    method: str | Method = "auto",
+    method: str | Rule = "auto",
     rtol: float = 1e-6,
     progress: Callable[[int], None] | None = None,
 ) -> Sweeps:
@@ -103,8 +49,8 @@ def sweeps(
     found: dict[str, Sweep] = {}
     for number, (label, system) in enumerate(systems.items()):
         before = number * len(omegas)
-        told = None if progress is None else lambda done, before=before: progress(before + done)
-        found[label] = sweep(system, omegas, method, rtol=rtol, progress=told, quantities=tuple(quantities))
+        report = None if progress is None else lambda done, before=before: progress(before + done)
+        found[label] = sweep(system, omegas, method, rtol=rtol, progress=report, quantities=tuple(quantities))
     return Sweeps(title, omegas, found)
 
 

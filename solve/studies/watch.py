@@ -11,10 +11,10 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
-from solve.certify.certificate import surviving
-from solve.methods.auto import RESOLVABLE, Auto
-from solve.methods.method import Method
-from solve.results.stability import UNIT_CIRCLE
+from solve.methods.auto import RESOLVABLE, Rule, auto
+from solve.period.frozen import frozen, surviving
+from solve.period.multipliers import UNIT_CIRCLE
+from solve.period.points import OnePoint
 from solve.studies.boundaries import Judge, Judged
 from solve.system import PeriodicSystem
 
@@ -27,14 +27,14 @@ _ALIVE = 1e-2
 """Part of a fast mode that is left after a period, above which it is not lost on its own."""
 
 
-def unwatched(system: PeriodicSystem, speed: float, method: Method) -> int:
+def unwatched(system: PeriodicSystem, speed: float, method: Rule) -> int:
     """How many modes are too fast to be watched from this speed on: 0 where all can be followed or those
     that cannot die within a turn, where a method is named, and where no mode would be left."""
-    frozen = system.frozen_eigenvalues(speed)
-    reach = np.abs(frozen).max(axis=0) * system.period
+    values = frozen(OnePoint(system, speed)).eigenvalues()[0]
+    reach = np.abs(values).max(axis=0) * system.period
     fast = int((np.sort(reach)[::2] > WATCHED).sum())
-    lives = float(surviving(frozen, system.period, RESOLVABLE)) > _ALIVE
-    needed = isinstance(method, Auto) and reach.max() > RESOLVABLE and lives
+    lives = float(surviving(values, system.period, RESOLVABLE)) > _ALIVE
+    needed = method is auto and reach.max() > RESOLVABLE and lives
     return fast if needed and fast < system.n else 0
 
 
@@ -44,7 +44,7 @@ def watching(batch: Batch, count: Callable[[int], None]) -> Judge:
     difference."""
 
     def judged(points: Array) -> Judged:
-        coarse, fine = (batch.spectra(points, steps).values for steps in _STEPS)
+        coarse, fine = (batch.multipliers(points, steps) for steps in _STEPS)
         error = np.abs(fine[:, :, None] - coarse[:, None, :]).min(axis=2)
         agreed = (error < _AGREED) & (fine != 0)
         beyond = (agreed & (np.abs(fine) - 1 > np.maximum(error, UNIT_CIRCLE))).any(axis=1)

@@ -12,14 +12,15 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from solve.batch.engines import chosen_engine
 
 import solve
 from solve.batch.batch import Batch
-from solve.batch.engines import chosen_engine
 from solve.batch.family import over_speed
-from solve.batch.results import Wish, gathered
+from solve.batch.gathering import gathered
 from solve.methods import segments
 from solve.methods.choice import chosen
+from solve.results.points import Kept
 from tests.benchmarks.kernel import exponent
 
 REPEATS = 5
@@ -130,12 +131,12 @@ def mathieu_chart() -> None:
 def exponents() -> None:
     """Fitted powers of the cost in points and in steps (cam, stability and orbit on a fixed grid)."""
     cam = solve.load("cam", case="1")
-    engine, wish = chosen_engine("auto")[0], Wish(("q1",), warnings=False)
+    engine, kept = chosen_engine("auto")[0], Kept(("q1",), warnings=False)
 
     def grid(points: int, steps: int) -> Callable[[], object]:
         speeds = np.resize(SPEEDS, points)[:, None]
         batch = Batch(over_speed(cam), SPEEDS[:, None], chosen("radau"), engine, steps, orbit=True)
-        return lambda: gathered(batch, speeds, wish)
+        return lambda: gathered(batch, speeds, kept)
 
     counts, steps = [512, 1024, 2048, 4096], [128, 256, 512, 1024]
     print(f"cost over points: power {exponent(counts, lambda count: grid(count, 128)):.2f}")

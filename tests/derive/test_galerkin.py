@@ -64,8 +64,11 @@ def sampled(shape, order):
 @pytest.mark.parametrize(("a", "b", "power"), [(0, 0, 0), (1, 1, 2), (2, 2, 0), (0, 1, 1), (2, 0, 1)])
 def test_integrals_of_pairs_equal_quadrature(shape, a, b, power):
     integral = modal_integral(shape, a, b, power, MOST)
-    apart, alike = sympy.lambdify((MODE_I, MODE_J), integral.apart), sympy.lambdify(MODE_I, integral.alike)
-    closed = np.array([[alike(i) if i == j else apart(i, j) for j in NUMBERS] for i in NUMBERS])
+    different, equal = (
+        sympy.lambdify((MODE_I, MODE_J), integral.different),
+        sympy.lambdify(MODE_I, integral.equal),
+    )
+    closed = np.array([[equal(i) if i == j else different(i, j) for j in NUMBERS] for i in NUMBERS])
     first, second = sampled(shape, a), sampled(shape, b)
     summed = (first * WEIGHT * NODE**power) @ second.T
     scale = np.sqrt(np.outer((first**2) @ WEIGHT, (second**2) @ WEIGHT))
@@ -84,9 +87,9 @@ def test_moments_equal_quadrature(shape, a, power):
 def test_orthogonal_modes_have_exact_zeros():
     for order in range(3):
         integral = modal_integral(sine, order, order, 0, MOST)
-        assert integral.apart == 0
-        assert integral.alike == (MODE_I * pi) ** (2 * order) / 2
-    assert modal_integral(guided, 0, 2, 0, MOST).apart == 0
+        assert integral.different == 0
+        assert integral.equal == (MODE_I * pi) ** (2 * order) / 2
+    assert modal_integral(guided, 0, 2, 0, MOST).different == 0
     assert modal_moment(sine, 1, 0, MOST) == 0
 
 

@@ -1,9 +1,11 @@
 """Case files: what they say, and each way of saying it wrongly."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from solve.errors import CaseFileError, UnitError, UnknownNameError
-from solve.model.cases import Case, read_cases
+from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError
+from solve.model.cases import Case, chosen_case, read_cases
 
 UNITS = {"k1": "N/m", "a1": "m", "a2": "m", "a3": "m", "m": "kg"}
 GOOD = """
@@ -92,3 +94,24 @@ def test_a_file_that_cannot_be_read(tmp_path, content):
         path.write_bytes(content)
     with pytest.raises(CaseFileError, match=r"mine.toml' cannot be read \(.*\); give another"):
         read_cases(path, UNITS)
+
+
+def test_a_case_is_chosen_and_some_numbers_replaced(tmp_path):
+    module = SimpleNamespace(NAME="mine", PARAMETERS=[("k1", "N/m", "spring", "> 0"), ("a", "m", "arm", "")])
+    path = tmp_path / "mine.toml"
+    with pytest.raises(CaseFileError, match="cannot be read"):
+        chosen_case(module, path, None, {})
+    assert chosen_case(module, path, None, {"k1": 1.0, "a": 2.0}, required=False).name == ""
+    with pytest.raises(CaseFileError, match=r"no case file .* for case 'b'"):
+        chosen_case(module, path, "b", {}, required=False)
+    path.write_text(
+        "[case.b]\nspeed = '3 rpm'\n" + "[case.b.parameters]\nk1 = {value=1, unit='N/mm', source='s'}\n"
+    )
+    assert chosen_case(module, path, None, {"a": 2.0}) == Case("b", "3 rpm", {"k1": 1000.0, "a": 2.0})
+    assert chosen_case(module, path, "b", {"k1": 5.0, "a": 2.0}).parameters["k1"] == 5.0
+    with pytest.raises(MissingValueError, match=r"case 'b' of mine gives no value for a; .* a=NUMBER"):
+        chosen_case(module, path, None, {})
+    with pytest.raises(UnknownNameError, match="case of mine 'c'"):
+        chosen_case(module, path, "c", {"a": 2.0})
+    with pytest.raises(UnknownNameError, match="parameter of mine 'k2'"):
+        chosen_case(module, path, None, {"k2": 2.0})

@@ -17,7 +17,8 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.loading import loaded, model_names
+from solve.loading import loaded
+from solve.model.files import model_names
 from tests.solve.systems import cam_matrices
 
 MECHANISM = "# what this mechanism is\n"
@@ -264,7 +265,7 @@ def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path,
     folder.mkdir(parents=True)
     ready.mechanism.rename(folder / "mechanism.py")
     ready.cases.rename(folder / "cases.toml")
-    monkeypatch.setattr(sys.modules["solve.loading"], "ROOT", tmp_path)
+    monkeypatch.setattr(sys.modules["solve.model.files"], "ROOT", tmp_path)
     assert solve.load("mine").name == "mine"
     (folder / "mechanism.py").write_text(MECHANISM + "# more\n", encoding="utf-8")
     with pytest.raises(ModelFileError, match=r"'mine' has changed .*; run: python -m derive mine"):

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from solve import PeriodicSystem, floquet, periodic
 from solve.errors import MatricesError, ValueOutOfBoundsError
-from tests.solve.systems import cam, random_matrices, random_system, seeds, system
+from solve.period.points import OnePoint, affine, state_rate
+from tests.solve.systems import cam, frozen_modes, random_matrices, random_system, seeds, system
 
 PHASES = np.linspace(-9.0, 9.0, 83)
 
@@ -206,16 +207,16 @@ def test_state_rate_and_frozen_eigenvalues_are_those_of_eq_5(seed, n, speed):
     given_system = random_system(seed, n)
     phase = np.linspace(0.1, 6.0, 7)
     M, C, K, d = given_system.at(phase, speed)
-    rate = given_system.state_rate(phase, speed)
+    rate = state_rate(OnePoint(given_system, speed), phase)[0]
     x = np.random.default_rng(seed).standard_normal((7, 2 * n))
-    q, v, a = x[:, :n], x[:, n:], given_system.acceleration(phase, speed, x)
+    q, v, a = x[:, :n], x[:, n:], affine(rate, x)[:, n:]
     for k in range(7):
         np.testing.assert_allclose(
             rate[k, :, :-1] @ x[k] + rate[k, :, -1], [*v[k], *a[k]], rtol=0, atol=1e-10
         )
         left = speed**2 * M[k] @ a[k] + speed * C[k] @ v[k] + K[k] @ q[k]
         np.testing.assert_allclose(left, d[k], rtol=0, atol=1e-10)
-    frozen = given_system.frozen_eigenvalues(speed, count=5)
+    frozen = frozen_modes(given_system, speed, 5).eigenvalues()[0]
     phase = (np.arange(5) + 0.5) * (2 * np.pi / 5)
     M, C, K, _ = given_system.at(phase, speed)
     for k in range(5):

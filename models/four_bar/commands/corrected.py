@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from solve.beams.model import StructureModel
+    from solve.beams.structure import StructureModel
     from solve.results.contents import Contents
     from solve.results.orbit import Orbit
     from solve.system import PeriodicSystem
@@ -92,7 +92,7 @@ def _record(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -
             "models": [
                 {
                     "name": label,
-                    **vars(orbit.statistics(name)),
+                    **orbit.statistics(name)._asdict(),
                     "excess": orbit.statistics(name).max_abs / first.statistics(name).max_abs - 1,
                     "spectral_radius": orbit.spectral_radius,
                     "error_estimate": orbit.error_estimate._asdict(),
@@ -116,13 +116,13 @@ def _report(
     factor, unit = prefixed(first.system.units.get(name, ""), reference)
     made = table(name, "elements a link", f"max|…| ({unit})", "at", "excess (%)", "|ρ|")
     for label, orbit in orbits.items():
-        found = orbit.statistics(name)
-        at = found.max_phase if found.max >= -found.min else found.min_phase
+        figures = orbit.statistics(name)
+        at = figures.max_phase if figures.max >= -figures.min else figures.min_phase
         made.add_row(
             label,
-            fixed(found.max_abs * factor, reference * factor, 5),
+            fixed(figures.max_abs * factor, reference * factor, 5),
             f"{math.degrees(at):.1f}°",
-            f"{100 * (found.max_abs / reference - 1):+.2f}",
+            f"{100 * (figures.max_abs / reference - 1):+.2f}",
             f"{orbit.spectral_radius:.6f}",
         )
     made.caption = "reference: 2 quintic elements with an inner node a link"

@@ -50,32 +50,32 @@ def curve(
 
     orbit = solve.periodic(model, speed, rtol=rtol)
     turn = orbit.quasi_static if quasi_static else orbit
-    found = coupler_curve(model, turn, along, across, np.linspace(0.0, model.period, _SAMPLES))
+    paths = coupler_curve(model, turn, along, across, np.linspace(0.0, model.period, _SAMPLES))
     title = f"Coupler curve at {orbit.speed:.6g} rad/s" + (", quasi-static" if quasi_static else "")
     deliver(
         results,
         orbit.warnings,
-        record=lambda: _record(orbit, found, along, across),
-        report=lambda: _report(orbit, found, four_bar.choices),
-        figure=lambda: curve_figure(title, found),
-        contents=lambda: _contents(orbit, found),
+        record=lambda: _record(orbit, paths, along, across),
+        report=lambda: _report(orbit, paths, four_bar.choices),
+        figure=lambda: curve_figure(title, paths),
+        contents=lambda: _contents(orbit, paths),
     )
 
 
-def _columns(found: "CouplerCurve") -> "dict[str, tuple[Any, str, str]]":
+def _columns(paths: "CouplerCurve") -> "dict[str, tuple[Any, str, str]]":
     import numpy as np
 
-    columns: dict[str, tuple[Any, str, str]] = {"phase": (found.phase, "rad", "phase of the drive")}
-    for name, places in (("rigid", found.rigid), ("flexible", found.elastic)):
+    columns: dict[str, tuple[Any, str, str]] = {"phase": (paths.phase, "rad", "phase of the drive")}
+    for name, places in (("rigid", paths.rigid), ("flexible", paths.elastic)):
         columns[f"{name}_x"] = (np.real(places), "m", f"x of the point of the {name} linkage")
         columns[f"{name}_y"] = (np.imag(places), "m", f"y of the point of the {name} linkage")
     return columns
 
 
-def _record(orbit: "Orbit", found: "CouplerCurve", along: float, across: float) -> dict[str, Any]:
+def _record(orbit: "Orbit", paths: "CouplerCurve", along: float, across: float) -> dict[str, Any]:
     from solve.results.record import model_record, plain
 
-    distance = abs(found.deviation)
+    distance = abs(paths.deviation)
     return plain(
         {
             **model_record(orbit.system),
@@ -83,23 +83,23 @@ def _record(orbit: "Orbit", found: "CouplerCurve", along: float, across: float) 
             "along": along,
             "across": across,
             "max_deviation": distance.max(),
-            "at": found.phase[distance.argmax()],
+            "at": paths.phase[distance.argmax()],
             "rms_deviation": (distance[:-1] ** 2).mean() ** 0.5,
             "error_estimate": orbit.error_estimate._asdict(),
-            "curve": {name: values for name, (values, *_) in _columns(found).items()},
+            "curve": {name: values for name, (values, *_) in _columns(paths).items()},
         }
     )
 
 
-def _report(orbit: "Orbit", found: "CouplerCurve", choices: "list[str]") -> "RenderableType":
+def _report(orbit: "Orbit", paths: "CouplerCurve", choices: "list[str]") -> "RenderableType":
     import numpy as np
     from rich.console import Group
 
     from solve.results.quantities import fixed, prefixed
     from solve.results.report import heading, table
 
-    parts = {"distance": abs(found.deviation)}
-    parts |= {"along x": np.real(found.deviation), "along y": np.imag(found.deviation)}
+    parts = {"distance": abs(paths.deviation)}
+    parts |= {"along x": np.real(paths.deviation), "along y": np.imag(paths.deviation)}
     largest = parts["distance"].max()
     factor, unit = prefixed("m", largest)
     made = table("Deviation from the rigid curve", "", f"max|…| ({unit})", "at", f"rms ({unit})")
@@ -108,14 +108,14 @@ def _report(orbit: "Orbit", found: "CouplerCurve", choices: "list[str]") -> "Ren
         made.add_row(
             name,
             fixed(abs(values[at]) * factor, largest * factor, 5),
-            f"{math.degrees(found.phase[at]):.1f}°",
+            f"{math.degrees(paths.phase[at]):.1f}°",
             fixed(float(np.sqrt((values[:-1] ** 2).mean())) * factor, largest * factor, 5),
         )
     return Group(heading(orbit.system, orbit.speed, choices), made)
 
 
-def _contents(orbit: "Orbit", found: "CouplerCurve") -> "Contents":
+def _contents(orbit: "Orbit", paths: "CouplerCurve") -> "Contents":
     from solve.results.contents import table_contents
     from solve.results.record import model_record
 
-    return table_contents(_columns(found), {**model_record(orbit.system), "speed": orbit.speed})
+    return table_contents(_columns(paths), {**model_record(orbit.system), "speed": orbit.speed})

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Results
-from solve.commands.speeds import progressing
+from solve.commands.groups import Results, progressing
 from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
     from models.four_bar.linkage import Linkage
     from solve.arrays import Array
-    from solve.beams.model import StructureModel
+    from solve.beams.structure import StructureModel
 
 _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
 """Speeds of the map by default, as parts of the mean lowest frequency, and the ratio of neighbours."""
@@ -57,10 +56,11 @@ def design(
     model = four_bar.loaded()
     model.require_motion()
 
-    from models.four_bar.design import Design
-    from models.four_bar.design_draw import verdict_figure
-    from models.four_bar.design_report import verdict_contents, verdict_report
-    from models.four_bar.verdict import verdict, verdict_record
+    from models.four_bar.design import designed
+    from models.four_bar.design_draw import outcome_figure
+    from models.four_bar.design_map import design_map
+    from models.four_bar.design_report import outcome_contents, outcome_report
+    from models.four_bar.outcome import carry_out, outcome_record
     from solve.commands.deliver import deliver
     from solve.results.record import plain
     from solve.units import speed_in_si
@@ -71,25 +71,24 @@ def design(
     lengths, count = _lengths(model, L4)
     with progressing("design") as progress:
 
-        def tell(what: str, done: int) -> None:
+        def show(what: str, done: int) -> None:
             progress(done, what)
 
-        found = verdict(
-            Design(model, stresses, _speeds(model, speeds), lengths, count, tell), goal, duration, tell
-        )
+        stress_map = design_map(model, stresses, _speeds(model, speeds), lengths, count, show)
+        result = carry_out(designed(stress_map), goal, duration, show)
     deliver(
         results,
-        found.warnings,
-        record=lambda: plain(verdict_record(found)),
-        report=lambda: verdict_report(found, four_bar.choices),
-        figure=lambda: verdict_figure(found),
-        contents=lambda: verdict_contents(found),
+        result.warnings,
+        record=lambda: plain(outcome_record(result)),
+        report=lambda: outcome_report(result, four_bar.choices),
+        figure=lambda: outcome_figure(result),
+        contents=lambda: outcome_contents(result),
     )
 
 
 def _allowable(model: "StructureModel", text: str | None) -> dict[str, float]:
     """Allowable stress (Pa) of each link."""
-    from models.four_bar.design import checked_allowable
+    from models.four_bar.design_map import checked_allowable
 
     links = [link.name for link in model.beams.freedoms.links]
     if text is None:
@@ -128,38 +127,38 @@ def _speeds(model: "StructureModel", text: str | None) -> "Array":
     import numpy as np
 
     from models.four_bar.run_up.stress_map import spaced
-    from solve.beams.eigen import lowest_frequencies
+    from solve.beams.frozen import lowest_frequencies
     from solve.units import speeds_in_si
 
     if text is None:
         phase = np.linspace(0.0, model.period, 36, endpoint=False)
         mean = float(lowest_frequencies(*model.at_positions(phase).matrices(), 1).mean())
         return np.array(spaced(_FIRST * mean, _LAST * mean, _RATIO))
-    found = np.unique(speeds_in_si(text))
-    if len(found) < _FEWEST:
+    chosen = np.unique(speeds_in_si(text))
+    if len(chosen) < _FEWEST:
         raise ValueOutOfBoundsError(
             f"--speeds is '{text}'; a map needs {_FEWEST} different speeds at least, "
             'such as --speeds "5:45:60 rad/s"'
         )
-    return found
+    return chosen
 
 
 def _lengths(model: "StructureModel", text: str | None) -> tuple[tuple[float, float], int]:
     """Least and greatest L4 (m), and how many between. Raises LinkageError where the crank cannot turn."""
-    from models.four_bar.design import allowed_lengths
+    from models.four_bar.design_map import allowed_lengths
     from solve.units import conversion
 
     if text is None:
         return allowed_lengths(_linkage(model, model.parameters["L4"])), _LENGTHS
     usage = f'--L4 is \'{text}\'; write "A:B:N unit", N lengths from A to B, such as --L4 "0.52:0.63:48 m"'
-    found = _RANGE.fullmatch(text.strip())
-    if not found:
+    match = _RANGE.fullmatch(text.strip())
+    if not match:
         raise UnitError(usage)
     try:
-        low, high = (float(found[name]) * conversion(found["unit"], "m") for name in ("low", "high"))
+        low, high = (float(match[name]) * conversion(match["unit"], "m") for name in ("low", "high"))
     except ValueError:
         raise UnitError(usage) from None
-    count = int(found["count"] or _LENGTHS)
+    count = int(match["count"] or _LENGTHS)
     if not 0 < low < high or not 2 <= count <= _MOST_LENGTHS:
         raise ValueOutOfBoundsError(usage + f", A below B, N from 2 to {_MOST_LENGTHS}")
     for length in (low, high):

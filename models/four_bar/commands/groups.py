@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from solve.commands.groups import Numbers
 
 if TYPE_CHECKING:
-    from solve.beams.model import StructureModel
+    from solve.beams.structure import StructureModel
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class FourBar(Numbers):
 
     def loaded(self) -> "StructureModel":
         """The model. Raises SolveError subclasses for bad input."""
-        from solve.beams.model import StructureModel
+        from solve.beams.structure import StructureModel
 
         model, _ = self.of("four_bar")
         assert isinstance(model, StructureModel)

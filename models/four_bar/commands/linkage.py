@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from solve.commands.parse import numbers
+from solve.commands.groups import CaseNumbers, Results
 from solve.errors import ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -17,14 +17,7 @@ if TYPE_CHECKING:
 
 
 def linkage(
-    set: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="Set a parameter, in SI units; repeatable."),
-    ] = None,
-    cases: Annotated[str | None, typer.Option(metavar="FILE", help="Another case file (.toml).")] = None,
-    case: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Case of the case file; the first by default.")
-    ] = None,
+    numbers: CaseNumbers,
     speed: Annotated[
         str | None,
         typer.Option(metavar='"300 rpm"', help="Crank speed with unit, for forces and torque."),
@@ -56,28 +49,19 @@ def linkage(
 ) -> None:
     """Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces."""
     from models.four_bar.linkage import Linkage
-    from models.four_bar.parameters import CASES, chosen
     from models.four_bar.rigid.record import linkage_record
     from solve.units import speed_in_si, with_unit
 
-    files = [_picture(file) for file in (plot, base_planes)]
-    values = chosen(case, CASES if cases is None else Path(cases), numbers("--set", set or []))
-    links = Linkage(*(values.parameters[name] for name in ("L1", "L2", "L3", "L4")), branch=branch)
-    of_case = values.speed if speed is None else speed
+    files = [Results(plot=file).files()[0] for file in (plot, base_planes)]
+    case = numbers.case_of("four_bar")
+    links = Linkage(*(case.parameters[name] for name in ("L1", "L2", "L3", "L4")), branch=branch)
+    of_case = case.speed if speed is None else speed
     omega = None if of_case is None else speed_in_si(of_case)
     t1 = None if position is None else with_unit(position, "rad")
     points = [_point(text) for text in coupler_point or ()] or [complex(links.L2 / 2)]
-    record = linkage_record(values.case, values.parameters, links, omega, t1, points)
-    _draw(files, links, values.parameters, omega, points, t1)
-    _tell(record, json_, [file for file in files if file])
-
-
-def _picture(file: str | None) -> Path | None:
-    if file is None:
-        return None
-    from solve.results.files import PICTURES, checked
-
-    return checked(file, PICTURES, "picture")
+    record = linkage_record(case.name, case.parameters, links, omega, t1, points)
+    _draw(files, links, case.parameters, omega, points, t1)
+    _deliver(record, json_, [file for file in files if file])
 
 
 def _point(text: str) -> complex:
@@ -116,7 +100,7 @@ def _draw(
         save_figure(base_planes_figure(linkage), planes)
 
 
-def _tell(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) -> None:
+def _deliver(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) -> None:
     from rich.console import Console
 
     from models.four_bar.rigid.report import linkage_report

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from solve.arrays import Array
-    from solve.beams.contributions import Contributions
+    from solve.beams.observations import Contributions
     from solve.results.contents import Contents
     from solve.results.orbit import Orbit
 
@@ -47,41 +47,41 @@ def modes(
 
     model.require_part_of_modes(of)
     orbit = solve.periodic(model, speed, rtol=rtol)
-    found = model.modal_contributions(orbit, of, count)
+    contributions = model.modal_contributions(orbit, of, count)
     alone = None
     if uncoupled:
-        alone = solve.periodic(model, speed, "modal", _UNCOUPLED_STEPS).signal(of)(found.phase)
+        alone = solve.periodic(model, speed, "modal", _UNCOUPLED_STEPS).signal(of)(contributions.phase)
 
     def figure() -> Any:
         from solve.results.contributions_plot import contributions_figure
 
-        return contributions_figure(model, found, orbit.speed, alone)
+        return contributions_figure(model, contributions, orbit.speed, alone)
 
     deliver(
         results,
         orbit.warnings,
-        record=lambda: _record(orbit, found, alone),
-        report=lambda: _report(orbit, found, alone, four_bar.choices),
+        record=lambda: _record(orbit, contributions, alone),
+        report=lambda: _report(orbit, contributions, alone, four_bar.choices),
         figure=figure,
-        contents=lambda: _contents(orbit, found, alone),
+        contents=lambda: _contents(orbit, contributions, alone),
     )
 
 
-def _record(orbit: "Orbit", found: "Contributions", alone: "Array | None") -> dict[str, Any]:
+def _record(orbit: "Orbit", contributions: "Contributions", alone: "Array | None") -> dict[str, Any]:
     from solve.results.record import model_record, plain
 
-    beside = {} if alone is None else {"uncoupled": {"values": alone, "error": _error(found, alone)}}
+    beside = {} if alone is None else {"uncoupled": {"values": alone, "error": _error(contributions, alone)}}
     return plain(
         {
             **model_record(orbit.system),
             "speed": orbit.speed,
-            "quantity": found.output,
-            "unit": orbit.system.units[found.output],
-            "phase": found.phase,
-            "total": found.total,
+            "quantity": contributions.output,
+            "unit": orbit.system.units[contributions.output],
+            "phase": contributions.phase,
+            "total": contributions.total,
             "modes": [
                 {"frequency": frequencies, "contribution": values, "max_abs": abs(values).max()}
-                for frequencies, values in zip(found.frequencies, found.values, strict=True)
+                for frequencies, values in zip(contributions.frequencies, contributions.values, strict=True)
             ],
             "error_estimate": orbit.error_estimate._asdict(),
             **beside,
@@ -89,23 +89,25 @@ def _record(orbit: "Orbit", found: "Contributions", alone: "Array | None") -> di
     )
 
 
-def _error(found: "Contributions", alone: "Array") -> float:
+def _error(contributions: "Contributions", alone: "Array") -> float:
     """Largest error over the turn beside the largest value."""
-    return float(abs(alone - found.total).max() / abs(found.total).max())
+    return float(abs(alone - contributions.total).max() / abs(contributions.total).max())
 
 
 def _report(
-    orbit: "Orbit", found: "Contributions", alone: "Array | None", choices: "list[str]"
+    orbit: "Orbit", contributions: "Contributions", alone: "Array | None", choices: "list[str]"
 ) -> "RenderableType":
     from rich.console import Group
 
     from solve.results.quantities import fixed, prefixed
     from solve.results.report import heading, table
 
-    largest = abs(found.total).max()
-    factor, unit = prefixed(orbit.system.units[found.output], largest)
-    made = table(found.output, "mode", "mean ω (rad/s)", f"max|…| ({unit})", "share of max (%)")
-    for number_, (frequencies, values) in enumerate(zip(found.frequencies, found.values, strict=True), 1):
+    largest = abs(contributions.total).max()
+    factor, unit = prefixed(orbit.system.units[contributions.output], largest)
+    made = table(contributions.output, "mode", "mean ω (rad/s)", f"max|…| ({unit})", "share of max (%)")
+    for number_, (frequencies, values) in enumerate(
+        zip(contributions.frequencies, contributions.values, strict=True), 1
+    ):
         size = abs(values).max()
         made.add_row(
             str(number_),
@@ -115,7 +117,7 @@ def _report(
         )
     made.add_row("all", "", fixed(largest * factor, largest * factor, 5), "100.0")
     if alone is not None:
-        size, error = abs(alone).max(), _error(found, alone)
+        size, error = abs(alone).max(), _error(contributions, alone)
         made.add_row(
             "uncoupled", "", fixed(size * factor, largest * factor, 5), f"{100 * size / largest:.1f}"
         )
@@ -123,17 +125,17 @@ def _report(
     return Group(heading(orbit.system, orbit.speed, choices), made)
 
 
-def _contents(orbit: "Orbit", found: "Contributions", alone: "Array | None") -> "Contents":
+def _contents(orbit: "Orbit", contributions: "Contributions", alone: "Array | None") -> "Contents":
     from solve.results.contents import table_contents
     from solve.results.record import model_record
 
-    unit = orbit.system.units[found.output]
+    unit = orbit.system.units[contributions.output]
     columns: dict[str, tuple[Any, str, str]] = {
-        "phase": (found.phase, "rad", "phase of the drive"),
-        "all": (found.total, unit, f"{found.output}, all modes"),
+        "phase": (contributions.phase, "rad", "phase of the drive"),
+        "all": (contributions.total, unit, f"{contributions.output}, all modes"),
     }
-    for number_, values in enumerate(found.values, 1):
-        columns[f"mode_{number_}"] = (values, unit, f"{found.output}, mode {number_}")
+    for number_, values in enumerate(contributions.values, 1):
+        columns[f"mode_{number_}"] = (values, unit, f"{contributions.output}, mode {number_}")
     if alone is not None:
-        columns["uncoupled"] = (alone, unit, f"{found.output}, modes that do not couple")
+        columns["uncoupled"] = (alone, unit, f"{contributions.output}, modes that do not couple")
     return table_contents(columns, {**model_record(orbit.system), "speed": orbit.speed})

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Results
+from solve.commands.groups import Results, Speeds, progressing
 from solve.commands.parse import figure_kept, number
-from solve.commands.speeds import Speeds, progressing
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -16,9 +15,9 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from solve.beams.model import StructureModel
+    from solve import Sweeps
+    from solve.beams.structure import StructureModel
     from solve.results.contents import Contents
-    from solve.studies.sweeps import Sweeps
     from solve.system import PeriodicSystem
 
 _MOST_CURVES = 12
@@ -61,20 +60,20 @@ def study(
     model = four_bar.loaded()
     title, systems = _systems(model, over, corrected)
 
+    import solve
     from solve.commands.deliver import deliver
     from solve.results.rows import shown
-    from solve.studies.sweeps import sweeps
 
     names = shown(model, of or ["follower_midpoint_stress_plus"])
     with progressing("study", len(omegas) * len(systems)) as progress:
-        found = sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
+        compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
     deliver(
         results,
-        _warnings(found),
-        record=lambda: _record(model, found, names, kept),
-        report=lambda: _report(model, found, names, kept, four_bar.choices),
-        figure=lambda: found.plot(names, kept),
-        contents=lambda: _contents(model, found, names, kept),
+        _warnings(compared),
+        record=lambda: _record(model, compared, names, kept),
+        report=lambda: _report(model, compared, names, kept, four_bar.choices),
+        figure=lambda: compared.plot(names, kept),
+        contents=lambda: _contents(model, compared, names, kept),
     )
 
 
@@ -83,7 +82,7 @@ def _systems(
 ) -> tuple[str, "dict[str, PeriodicSystem]"]:
     """What varies, and the systems by its value. Raises SolveError subclasses."""
     from models.four_bar.dynamic_correction import Corrected
-    from solve.studies.sweeps import variants
+    from solve import variants
 
     systems: dict[str, PeriodicSystem] = {}
     title = ""
@@ -119,38 +118,38 @@ def _values(over: str) -> tuple[str, "Sequence[float | str]"]:
     return name, values
 
 
-def _warnings(found: "Sweeps") -> list[str]:
+def _warnings(compared: "Sweeps") -> list[str]:
     """What is doubtful or has no result, by the system."""
-    from solve.commands.sweep import sweep_warnings
-
-    return [f"{label}: {text}" for label, each in found.sweeps.items() for text in sweep_warnings(each)]
+    return [f"{label}: {text}" for label, each in compared.sweeps.items() for text in each.warnings]
 
 
-def _record(model: "StructureModel", found: "Sweeps", names: "Sequence[str]", figure: str) -> dict[str, Any]:
+def _record(
+    model: "StructureModel", compared: "Sweeps", names: "Sequence[str]", figure: str
+) -> dict[str, Any]:
     from solve.results.record import model_record, plain
 
     return plain(
         {
             **model_record(model),
-            "over": found.title,
+            "over": compared.title,
             "figure": figure,
-            "speeds": found.speeds,
+            "speeds": compared.speeds,
             "systems": [
                 {
                     "value": label,
                     "responses": {name: each.figures(name, figure) for name in names},
                     "spectral_radius": each.spectral_radius,
                 }
-                for label, each in found.sweeps.items()
+                for label, each in compared.sweeps.items()
             ],
-            "extremes": {name: [one._asdict() for one in found.extremes(name, figure)] for name in names},
+            "extremes": {name: [one._asdict() for one in compared.extremes(name, figure)] for name in names},
         }
     )
 
 
 def _report(
     model: "StructureModel",
-    found: "Sweeps",
+    compared: "Sweeps",
     names: "Sequence[str]",
     figure: str,
     choices: "Sequence[str]",
@@ -162,14 +161,16 @@ def _report(
     from solve.results.report import model_heading, table
 
     head, parts = model_heading(model, choices), []
-    low, high = (f"{speed * _RPM:.6g}" for speed in (found.speeds.min(), found.speeds.max()))
-    head.add_row("over", f"{len(found.speeds)} speeds from {low} to {high} rpm")
+    low, high = (f"{speed * _RPM:.6g}" for speed in (compared.speeds.min(), compared.speeds.max()))
+    head.add_row("over", f"{len(compared.speeds)} speeds from {low} to {high} rpm")
     for name in names:
-        values = found.figures(name, figure)
+        values = compared.figures(name, figure)
         factor, unit = prefixed(model.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
         shown = f"max|{name}|" if figure == "max_abs" else f"{figure} {name}"
-        made = table(f"{shown} in {unit}, for {found.title or 'each'}", "rpm", "", *found.sweeps, left=2)
-        for speed, kind, responses in found.extremes(name, figure):
+        made = table(
+            f"{shown} in {unit}, for {compared.title or 'each'}", "rpm", "", *compared.sweeps, left=2
+        )
+        for speed, kind, responses in compared.extremes(name, figure):
             cells = (fixed(each * factor, each * factor, 4) for each in responses)
             made.add_row(f"{speed * _RPM:.2f}", kind, *cells)
         made.add_row("largest", "", *(fixed(each, each, 4) for each in np.nanmax(values, axis=1) * factor))
@@ -178,13 +179,13 @@ def _report(
     return Group(head, *parts)
 
 
-def _contents(model: "StructureModel", found: "Sweeps", names: "Sequence[str]", figure: str) -> "Contents":
+def _contents(model: "StructureModel", compared: "Sweeps", names: "Sequence[str]", figure: str) -> "Contents":
     from solve.results.contents import table_contents
     from solve.results.record import model_record
 
-    columns: dict[str, tuple[Any, str, str]] = {"speed": (found.speeds, "rad/s", "speed of rotation")}
-    for label, each in found.sweeps.items():
+    columns: dict[str, tuple[Any, str, str]] = {"speed": (compared.speeds, "rad/s", "speed of rotation")}
+    for label, each in compared.sweeps.items():
         for name in names:
-            meaning = f"{figure} of {name}, {found.title} {label}"
+            meaning = f"{figure} of {name}, {compared.title} {label}"
             columns[f"{name} {label}"] = (each.figures(name, figure), model.units.get(name, ""), meaning)
     return table_contents(columns, model_record(model))

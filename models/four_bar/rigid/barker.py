@@ -30,8 +30,8 @@ class BarkerClass:
 
 
 CLASSES = {
-    found.symbol: found
-    for found in (
+    each.symbol: each
+    for each in (
         BarkerClass(1, "GCCC", "Grashof crank-crank-crank", "Grashof", "frame L4 shortest"),
         BarkerClass(2, "GCRR", "Grashof crank-rocker-rocker", "Grashof", "input L1 shortest"),
         BarkerClass(3, "GRCR", "Grashof rocker-crank-rocker", "Grashof", "coupler L2 shortest"),

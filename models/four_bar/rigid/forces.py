@@ -60,8 +60,8 @@ class JointForces:
 
 
 def bodies(parameters: Mapping[str, float]) -> tuple[Body, Body, Body]:
-    """Crank, coupler and follower as uniform bars of mass rho A L. The joint masses mA and mB ride on
-    crank and follower, so that F12 and F23 are what the coupler's own bearings carry."""
+    """Crank, coupler and follower as uniform bars of mass rho A L. The joint masses mA and mB are fixed
+    to crank and follower, so that F12 and F23 are the forces on the coupler alone."""
     crank, coupler, follower = (
         Body.bar(parameters["rho"] * parameters[f"A{i}"] * parameters[f"L{i}"], parameters[f"L{i}"])
         for i in (1, 2, 3)

@@ -12,8 +12,8 @@ import numpy as np
 from models.four_bar.linkage import ADVISED, Linkage, Plane
 from models.four_bar.rigid.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
 from models.four_bar.rigid.forces import Body, JointForces, bodies, inertial_power, joint_forces
+from solve import signal_statistics
 from solve.arrays import Array
-from solve.period.signal import statistics
 
 JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
 """The joints, and the force that each carries."""
@@ -51,16 +51,15 @@ def linkage_record(
         record |= _turn(linkage, links, speed, points)
     if position is not None:
         record["position"] = _position(linkage, links, speed, position, points)
-    return {**record, "warnings": [*concerns(linkage), *_concerns_at(linkage, position)]}
+    return {**record, "warnings": [*transmission_warnings(linkage), *_position_warnings(linkage, position)]}
 
 
 def _kind(linkage: Linkage) -> dict[str, Any]:
     """Class, Grashof's condition, solution space, and what the crank can reach."""
-    found = classify(linkage)
     return {
         "branch": linkage.branch,
         "mobility": mobility(),
-        "class": vars(found),
+        "class": vars(classify(linkage)),
         "grashof": satisfies_grashof(linkage),
         "solution_space": dict(
             zip(("lambda2", "lambda3", "lambda4"), solution_space(linkage), strict=True),
@@ -84,7 +83,7 @@ def _turn(
         for field in RATIOS
         for link in (2, 3)
     }
-    fastest = statistics(lambda t: np.abs(linkage.motion(t).omega[2]), TURN)
+    fastest = signal_statistics(lambda t: np.abs(linkage.motion(t).omega[2]), TURN)
     record = {
         "transmission_angle": {**gamma._asdict(), "within_advised": _within(gamma.min, gamma.max)},
         "follower": {"dead_points": linkage.dead_points, "swing": _swing(linkage)},
@@ -122,7 +121,7 @@ def _position(
     return record
 
 
-def concerns(linkage: Linkage) -> list[str]:
+def transmission_warnings(linkage: Linkage) -> list[str]:
     """Warnings: a transmission angle outside the advised range, which is certain where the crank does
     not turn fully, for coupler and follower are in line at its ends."""
     if not linkage.turns_fully:
@@ -138,7 +137,7 @@ def concerns(linkage: Linkage) -> list[str]:
     ]
 
 
-def _concerns_at(linkage: Linkage, t1: float | None) -> list[str]:
+def _position_warnings(linkage: Linkage, t1: float | None) -> list[str]:
     """Warnings of one position: its transmission angle."""
     if t1 is None:
         return []
@@ -157,7 +156,7 @@ def _force_record(linkage: Linkage, links: Sequence[Body], speed: float) -> dict
         return joint_forces(linkage.motion(t1, speed), links)
 
     peaks = {
-        joint: statistics(lambda t, name=name: np.abs(getattr(forces(t), name)), TURN)
+        joint: signal_statistics(lambda t, name=name: np.abs(getattr(forces(t), name)), TURN)
         for joint, name in JOINTS.items()
     }
     return {
@@ -177,13 +176,13 @@ def _energy_residual(linkage: Linkage, links: Sequence[Body], speed: float) -> f
 
 
 def _range(signal: Callable[[Array], Array]) -> dict[str, float]:
-    found = statistics(signal, TURN)
+    extremes = signal_statistics(signal, TURN)
     return {
-        "max": found.max,
-        "max_position": found.max_phase,
-        "min": found.min,
-        "min_position": found.min_phase,
-        "mean": found.mean,
+        "max": extremes.max,
+        "max_position": extremes.max_phase,
+        "min": extremes.min,
+        "min_position": extremes.min_phase,
+        "mean": extremes.mean,
     }
 
 

@@ -75,11 +75,11 @@ def _turn(record: Mapping[str, Any]) -> Table:
     rows = [(label, "", record["ratios"][name]) for name, label in _RATIOS.items()]
     if "drive_torque" in record:
         rows.append(("drive torque", "N m", record["drive_torque"]))
-    for label, unit, found in rows:
-        size = max(abs(found["max"]), abs(found["min"]))
+    for label, unit, figures in rows:
+        size = max(abs(figures["max"]), abs(figures["min"]))
         factor, unit = prefixed(unit, size)
-        high, low, mean = (fixed(found[key] * factor, size * factor, 5) for key in ("max", "min", "mean"))
-        high_at, low_at = _degrees(found["max_position"]), _degrees(found["min_position"])
+        high, low, mean = (fixed(figures[key] * factor, size * factor, 5) for key in ("max", "min", "mean"))
+        high_at, low_at = _degrees(figures["max_position"]), _degrees(figures["min_position"])
         made.add_row(label, unit, high, high_at, low, low_at, mean)
     return made
 
@@ -109,10 +109,10 @@ def _remarks(record: Mapping[str, Any]) -> list[Text]:
 
 def _peaks(record: Mapping[str, Any]) -> RenderableType:
     made = table("Joint forces", "joint", "force", "unit", "peak", "at t1", left=3)
-    for joint, found in record["joint_forces"].items():
-        factor, unit = prefixed("N", found["peak"])
+    for joint, peak in record["joint_forces"].items():
+        factor, unit = prefixed("N", peak["peak"])
         made.add_row(
-            joint, f"|{JOINTS[joint]}|", unit, f"{found['peak'] * factor:.5g}", _degrees(found["position"])
+            joint, f"|{JOINTS[joint]}|", unit, f"{peak['peak'] * factor:.5g}", _degrees(peak["position"])
         )
     balance = f"\nenergy balance: torque × ω1 = dT/dt within {record['energy_residual']:.1e} of its peak"
     return Group(made, Text(balance))
@@ -131,8 +131,8 @@ def _position(record: Mapping[str, Any]) -> list[RenderableType]:
     for name in JOINTS:
         force = [*forces[name], math.hypot(*forces[name])] if forces else []
         points.add_row(name, *(f"{x:.6f}" for x in record[name]), *(f"{value:.5g}" for value in force))
-    for found in record["coupler_points"]:
-        points.add_row(f"coupler {_point(found['point'])}", *(f"{x:.6f}" for x in found["position"]))
+    for traced in record["coupler_points"]:
+        points.add_row(f"coupler {_point(traced['point'])}", *(f"{x:.6f}" for x in traced["position"]))
     advantage = record["mechanical_advantage"]
     merits = f"\ntransmission angle {_degrees(record['transmission_angle'])}, mechanical advantage T3/T1 " + (
         f"{advantage:.5g}" if math.isfinite(advantage) else "infinite"

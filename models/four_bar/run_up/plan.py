@@ -1,9 +1,9 @@
 """The run-up plan: L4 as a function of speed that keeps the stress low (thesis 7.5).
 
-A map of ratios (P, g) of stress to allowable stress, over rising speeds (P,) and lengths L4 (g,), has at
-every point a least ratio with which it can be reached: along the best path from the lowest speed the
-greatest ratio on the way. A plan is a path whose ratios stay below a cap, as near to the mechanism's own
-L4 and with as few bends as that allows.
+A map has ratios (P, g) of stress to allowable stress over rising speeds (P,) and lengths L4 (g,). Whoever
+goes from the lowest speed to a point of the map meets some greatest ratio on the way; on the best path it
+is least. A plan is a path whose ratios stay below a cap, as near to the mechanism's own L4 and with as few
+bends as that allows.
 """
 
 from dataclasses import dataclass
@@ -61,8 +61,8 @@ class Plan:
 
 
 def arrival(ratio: Array) -> Array:
-    """Least greatest ratio (P, g) on paths from the lowest speed to each point; L4 may change at constant
-    speed, the speed does not fall."""
+    """For each point (P, g) of the map the greatest ratio on the way there from the lowest speed, by the path
+    on which it is least. On a path L4 may change at constant speed, and the speed does not fall."""
     reached, before = np.empty_like(ratio), np.zeros(ratio.shape[1])
     for number, own in enumerate(ratio):
         row = np.maximum(own, before)
@@ -75,9 +75,9 @@ def arrival(ratio: Array) -> Array:
 
 
 def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
-    """Lowest and highest L4 (P,) at every speed between which the ratio stays below the cap, such that one
-    leads to the next and the last holds length number `final`, if any; None where there is no such
-    passage."""
+    """Lowest and highest L4 (P,) at every speed, between which the ratio stays below the cap. Each range
+    overlaps the next, and the last contains length number `final` if one is given. None where no such
+    ranges exist."""
     reach = _reached_below(ratio, cap)
     if reach is None:
         return None
@@ -154,8 +154,8 @@ def least_change(
     cost = np.concatenate((np.zeros(P), np.gradient(speeds) / whole, np.full(P - 2, _BENDING * whole)))
     bounds = [*zip(low, high, strict=True), *[(0.0, None)] * (2 * P - 2)]
     A = sparse.csr_array(np.vstack(rows))
-    found = linprog(cost, A_ub=A, b_ub=np.concatenate(limits), bounds=bounds)
-    return _knots(speeds, found.x[:P], rate) if found.status == 0 else None
+    solution = linprog(cost, A_ub=A, b_ub=np.concatenate(limits), bounds=bounds)
+    return _knots(speeds, solution.x[:P], rate) if solution.status == 0 else None
 
 
 def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
@@ -175,12 +175,13 @@ def plan_below(
     rate: float,
     returns: bool,
 ) -> Plan | None:
-    """A plan from the lowest to the highest speed with ratios below the cap, from L4 number `own` on;
-    returns: whether the cap also lets it come back there at the highest speed. None where there is none."""
-    found = corridor(L4, ratio, cap, own if returns else None)
-    if found is None:
+    """A plan from the lowest to the highest speed with ratios below the cap, which begins at L4 number `own`.
+    returns: whether it must be possible, below the cap, to go back there at the highest speed. None where
+    there is no such plan."""
+    passage = corridor(L4, ratio, cap, own if returns else None)
+    if passage is None:
         return None
-    return least_change(speeds, *found, float(L4[own]), rate, (float(L4[own]), None))
+    return least_change(speeds, *passage, float(L4[own]), rate, (float(L4[own]), None))
 
 
 def least_cap(

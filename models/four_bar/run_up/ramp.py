@@ -17,13 +17,11 @@ import numpy as np
 from models.four_bar.linkage import BRANCHES
 from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.stress_map import StressMap, stress_rows
+from solve import Radau
 from solve.arrays import Array
-from solve.beams.model import StructureModel
-from solve.beams.motion import Motion
-from solve.beams.positions import Positions
-from solve.beams.rigid import inertia_load
-from solve.methods.radau import Radau
-from solve.period.grid import Grid
+from solve.beams.assembly import Positions
+from solve.beams.motion import Motion, inertia_load
+from solve.beams.structure import StructureModel
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8
@@ -33,15 +31,15 @@ TURN = 2 * math.pi
 
 
 class Drive(NamedTuple):
-    """Ω (rad/s) and α (rad/s²) of the crank, L4 (m) with its first and second derivative by time, and the
-    time (s), all (k,)."""
+    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, L4 (m) with its first and second derivative by time,
+    all (k,)."""
 
     time: Array
     speed: Array
     acceleration: Array
     L4: Array
-    velocity: Array
-    pull: Array
+    L4_velocity: Array
+    L4_acceleration: Array
 
 
 @dataclass(frozen=True)
@@ -119,18 +117,18 @@ def simulate(
     """The stresses during a run-up that begins in quasi-static equilibrium."""
     moving = _Moving(stresses, run_up)
     x = moving.at_rest()
-    last, found = np.zeros(len(x) // 2), []
+    last, largest = np.zeros(len(x) // 2), []
     for turn in range(turns):
         x, last, peaks = moving.turn(turn, x, last)
-        found.append(peaks)
+        largest.append(peaks)
         if progress:
             progress(turn + 1)
     at = run_up(np.arange(1, turns + 1) * TURN)
-    return Simulated(at.time, at.speed, at.L4, np.array(found))
+    return Simulated(at.time, at.speed, at.L4, np.array(largest))
 
 
 @dataclass(frozen=True)
-class _Carried(Motion):
+class _MotionWithDamping(Motion):
     """Equations of motion over the crank angle whose damping is given, (k, n, n) at crank angles (k,)."""
 
     given: Callable[[Array], Array]
@@ -145,13 +143,14 @@ class _Moving:
 
     def __init__(self, stresses: StressMap, run_up: Callable[[Array], Drive]):
         self._map, self._drive = stresses, run_up
-        self._model = model = stresses.lines[0].model
-        self._grid, self._collocation = Grid.uniform(_STEPS, TURN), _METHOD.collocation
-        self._stages = self._grid.stages(np.array(self._collocation.c)).ravel()
+        self._model = model = stresses.lengths[0].model
+        self._nodes, self._collocation = np.linspace(0.0, TURN, _STEPS + 1), _METHOD.collocation
+        self._h = np.diff(self._nodes)
+        self._stages = (self._nodes[:-1, None] + self._h[:, None] * np.array(self._collocation.c)).ravel()
         self._samples = np.arange(_STEPS * _SAMPLES) * (TURN / (_STEPS * _SAMPLES))
         self._beams = replace(model.beams, angle=lambda phi: self._kinematics(phi)[0], carried=True)
         terms, stiffening, damping = (str(model.options[name]) for name in ("terms", "stiffening", "damping"))
-        self._motion = _Carried(
+        self._motion = _MotionWithDamping(
             self._beams,
             lambda phi: self._kinematics(phi)[1:],
             TURN,
@@ -172,20 +171,21 @@ class _Moving:
     def turn(self, number: int, x: Array, last: Array) -> tuple[Array, Array, Array]:
         """State and acceleration by φ at the end of turn `number`, from those at its start, and the largest
         |stress| (links,) during the turn."""
-        h, s = self._grid.h, len(self._collocation.c)
+        h, s = self._h, len(self._collocation.c)
         drive = self._drive(number * TURN + self._stages)
         M, C, K, d = self._motion(number * TURN + self._stages, 1.0)
         speed, alpha = (part[:, None, None] for part in (drive.speed, drive.acceleration))
         parts = (speed**2 * M, speed * C + alpha * M, K, d)
-        stages = (part.reshape(_STEPS, s, *part.shape[1:]) for part in parts)
+        stages = (part.reshape(1, _STEPS, s, *part.shape[1:]) for part in parts)
         a = self._collocation.stage_accelerations(h, *stages)
         steps, states = self._collocation.steps(h, a), [x]
-        for A, b in zip(steps.A, steps.b, strict=True):
+        for A, b in zip(steps.A[0], steps.b[0], strict=True):
             states.append(A @ states[-1] + b)
         states = np.array(states)
-        inner = np.squeeze(a[..., :-1] @ states[:-1, None, :, None], -1) + a[..., -1]
+        inner = np.squeeze(a[0, ..., :-1] @ states[:-1, None, :, None], -1) + a[0, ..., -1]
         starts = np.concatenate((last[None], inner[:-1, -1]))
-        curve = self._collocation.curve(self._grid.nodes, states, starts, inner, inner[:, -1])
+        accelerations = (part[None] for part in (starts, inner, inner[:, -1]))
+        curve = self._collocation.curve(self._nodes, states[None], *accelerations)[0]
         return states[-1], inner[-1, -1], self._peaks(number, curve(self._samples))
 
     def _peaks(self, number: int, q: Array) -> Array:
@@ -204,7 +204,7 @@ class _Moving:
     @cached_property
     def _damping_at_nodes(self) -> Array:
         """C (nodes, k, n, n) at the stages, of the mechanism at the map's lengths."""
-        return np.stack([line.model.at(self._stages, 0.0)[1] for line in self._map.lines])
+        return np.stack([length.model.at(self._stages, 0.0)[1] for length in self._map.lengths])
 
 
 def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, Array, Array]:
@@ -219,10 +219,10 @@ def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, 
     e2 = span * np.conj(L2 - L3 * np.exp(1j * gamma))
     e2 /= np.abs(e2)
     e3 = e2 * np.exp(1j * gamma)
-    omega2, omega3 = _components(1j * L2 * e2, -1j * L3 * e3, drive.velocity - 1j * L1 * drive.speed * e1)
+    omega2, omega3 = _components(1j * L2 * e2, -1j * L3 * e3, drive.L4_velocity - 1j * L1 * drive.speed * e1)
     normal = L1 * drive.speed**2 * e1 + L2 * omega2**2 * e2 - L3 * omega3**2 * e3
     alpha2, alpha3 = _components(
-        1j * L2 * e2, -1j * L3 * e3, drive.pull - 1j * L1 * drive.acceleration * e1 + normal
+        1j * L2 * e2, -1j * L3 * e3, drive.L4_acceleration - 1j * L1 * drive.acceleration * e1 + normal
     )
     return (
         np.stack((phi, np.angle(e2), np.angle(e3)), axis=1),

@@ -13,25 +13,16 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
+from solve import PeriodicCurves, Radau
 from solve.arrays import Array
-from solve.batch.engines import chosen_engine
-from solve.batch.family import Speeds
-from solve.batch.level import GridTables, Level
-from solve.batch.tables import Chunk, Sampled, Separated, Separation
-from solve.beams.assembly import rotations
-from solve.beams.beams import Beams
-from solve.beams.model import StructureModel
-from solve.methods.radau import Radau
-from solve.period.grid import Grid
+from solve.beams.assembly import Beams, rotations
+from solve.beams.structure import StructureModel
 
 METHOD = Radau(order=9)
 """L-stable: the axial modes are far too fast to be followed."""
 
-_STEPS = 48
-"""Steps a turn of the coarser of two grids; the finer one has twice as many and gives the result."""
-
-_SAMPLES = 4
-"""Crank angles a step of the finer grid at which the stress is looked at."""
+_STEPS, _SAMPLES = 96, 4
+"""Steps a turn, and crank angles a step at which the stress is looked at."""
 
 _TOGETHER = 8
 """Speeds whose stresses are held in memory together."""
@@ -46,25 +37,26 @@ class Peaks:
     link's length, and the crank angle (rad).
 
     error (P,): the greater of the relative differences that half the steps, and two Chebyshev points
-    fewer, make to the largest stress. growth (P, lengths solved): a bound of the spectral radius.
+    fewer, make to the largest stress. radius_bound (P, lengths solved): upper bound of the
+    spectral radius.
     """
 
     stress: Array
     place: Array
     phase: Array
     error: Array
-    growth: Array
+    radius_bound: Array
 
 
 def places(beams: Beams) -> list[Array]:
     """For each link the fractions of its length where the stress is looked at: where the thesis does, at
     the clamped root or the middle, and at two places within each element."""
-    found = []
+    by_link = []
     for link, count in zip(beams.freedoms.links, beams.freedoms.counts, strict=True):
         root = [0.0] if link.start_rotation == "" else [1.0] if link.end_rotation == "" else [0.5]
         within = (np.arange(count)[:, None] + np.array(_BARLOW)).ravel() / count
-        found.append(np.unique([*root, *within]))
-    return found
+        by_link.append(np.unique([*root, *within]))
+    return by_link
 
 
 def stress_rows(beams: Beams, angle: Array) -> Array:
@@ -99,7 +91,7 @@ class StressMap:
         self.links = [link.name for link in model.beams.freedoms.links]
         self.places = places(model.beams)
         self._ends = np.cumsum([0, *map(len, self.places)])
-        self.lines = [Line(model.varied({"L4": float(L4)})) for L4 in self.nodes]
+        self.lengths = [OneLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
 
     def weights(self, L4: Array) -> Array:
         """Values at lengths (g,) from those at the nodes: (g, nodes)."""
@@ -112,7 +104,7 @@ class StressMap:
         return np.array([function(own) for own in np.split(values, self._ends[1:-1])])
 
     def peaks(self, speeds: Array, L4: Array, progress: Callable[[int], None] | None = None) -> Peaks:
-        """At every speed (P,) and every length (g,) between the ends; progress is told the speeds done."""
+        """At speeds (P,) and lengths (g,) between the ends. progress gets the number of speeds done."""
         parts = []
         for start in range(0, len(speeds), _TOGETHER):
             parts.append(self._peaks(speeds[start : start + _TOGETHER], L4))
@@ -121,7 +113,7 @@ class StressMap:
         return Peaks(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
     def _peaks(self, speeds: Array, L4: Array) -> Peaks:
-        solved = [line.stresses(speeds) for line in self.lines]
+        solved = [each.stresses(speeds) for each in self.lengths]
         stresses = np.stack([each[0] for each in solved], axis=1)
         weights, shape = self.weights(L4), (len(speeds), len(L4), len(self.links))
         stress, place, phase = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -148,78 +140,28 @@ class StressMap:
 _FIELDS = tuple(Peaks.__dataclass_fields__)
 
 
-class Line:
-    """One length L4: stresses at many speeds."""
+class OneLength:
+    """Stresses at many speeds of the mechanism with one length L4."""
 
     def __init__(self, model: StructureModel):
         self.model = model
-        self._engine, _ = chosen_engine("auto")
+        self._curves = PeriodicCurves(model, METHOD, _STEPS, _SAMPLES)
 
     def stresses(self, speeds: Array) -> tuple[Array, Array, Array]:
-        """Axial and bending stresses (P, 2, S, k) in Pa at the crank angles `phase`, the relative
-        difference (P,) that half the steps make, and a bound (P,) of the spectral radius. Infinite
-        where there is no periodic solution."""
-        coarse, fine = (self._level(steps, speeds) for steps in (_STEPS, 2 * _STEPS))
-        q = [
-            np.where(level.sound[:, None, None], _sampled(level, a_step), np.inf)
-            for level, a_step in ((coarse, 2 * _SAMPLES), (fine, _SAMPLES))
-        ]
+        """Axial and bending stresses (P, 2, S, k) in Pa, the relative difference (P,) that half the steps
+        make, and a bound (P,) of the spectral radius. Infinite where there is no periodic solution."""
+        curves = self._curves(speeds)
         with np.errstate(invalid="ignore"):
-            first, second = (np.einsum("kasn,pnk->pask", self._rows, each, optimize=True) for each in q)
-            largest = np.abs(second).max(axis=(1, 2, 3))
-            error = np.abs(second - first).max(axis=(1, 2, 3)) / largest
-        return second, error, _growth(fine.Phi)
-
-    @cached_property
-    def phase(self) -> Array:
-        """Crank angles (k,) of the stresses."""
-        count = 2 * _STEPS * _SAMPLES
-        return np.arange(count) * (self.model.period / count)
+            coarse, fine = (
+                np.einsum("kasn,pnk->pask", self._rows, q, optimize=True) for q in (curves.coarse, curves.q)
+            )
+            largest = np.abs(fine).max(axis=(1, 2, 3))
+            error = np.abs(fine - coarse).max(axis=(1, 2, 3)) / largest
+        return fine, error, curves.radius_bound
 
     @cached_property
     def _rows(self) -> Array:
-        return stress_rows(self.model.beams, self.model.beams.angle(self.phase))
-
-    @cached_property
-    def _family(self) -> Speeds:
-        return Speeds(self.model)
-
-    @cached_property
-    def _separation(self) -> Separation:
-        speeds = np.array([1.0, 3.0, 9.0, 27.0, 81.0, 243.0])
-        return Separation(self._family, speeds[:, None], self.model.period, self.model.n)
-
-    def _level(self, steps: int, speeds: Array) -> Level:
-        grid, collocation = Grid.uniform(steps, self.model.period), METHOD.collocation
-        phase = grid.stages(np.array(collocation.c)).ravel()
-        tables, coefficients = self._chunk(speeds).tables(steps, phase, np.arange(len(speeds)))
-        return self._engine.level(
-            GridTables(collocation, steps, self.model.period, tables, None), coefficients, True
-        )
-
-    def _chunk(self, speeds: Array) -> Chunk:
-        points, separation = speeds[:, None], self._separation
-        if separation.separable:
-            coefficients, represented = separation.coefficients(points)
-            if represented.all():
-                return Separated(separation, points, coefficients)
-        return Sampled(self._family, points, self.model.n, self.model.period)
-
-
-def _sampled(level: Level, a_step: int) -> Array:
-    assert level.curves is not None
-    return level.curves.sampled(a_step)
-
-
-def _growth(Phi: Array, doublings: int = 6) -> Array:
-    """A bound of the spectral radius of matrices (P, N, N): the norm of a high power, its root."""
-    power, scale = Phi, np.zeros(len(Phi))
-    for _ in range(doublings):
-        power = power @ power
-        size = np.linalg.norm(power, axis=(1, 2))
-        size = np.where(size > 0, size, 1.0)
-        power, scale = power / size[:, None, None], 2 * scale + np.log(size)
-    return np.exp(scale / 2**doublings)
+        return stress_rows(self.model.beams, self.model.beams.angle(self._curves.phase))
 
 
 def _surfaces(stresses: Array) -> Array:

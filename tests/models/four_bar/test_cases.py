@@ -1,11 +1,15 @@
 """The case file and the parameters' checks."""
 
 import math
+from pathlib import Path
 
 import pytest
 
-from models.four_bar.parameters import CASES, PARAMETERS, chosen
+import models.four_bar
+from solve import case_numbers
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+
+CASES = Path(models.four_bar.__path__[0]) / "cases.toml"
 
 TABLE_41 = {
     "L1": 0.170, "L2": 0.328, "L3": 0.525, "L4": 0.547,
@@ -18,14 +22,14 @@ TABLE_41 = {
 
 
 def test_table_41_is_the_default():
-    found = chosen(None, CASES, {})
-    assert found.case == "table41"
+    found = case_numbers("four_bar")
+    assert found.name == "table41"
     assert found.speed is None
     assert found.parameters == pytest.approx(TABLE_41, rel=1e-14)
 
 
 def test_table_32_has_sections_of_its_widths_and_thicknesses():
-    values = chosen("table32", CASES, {}).parameters
+    values = case_numbers("four_bar", "table32").parameters
     for k, (width, thickness) in enumerate(((24.8, 6.35), (25, 3.42), (25, 3.15)), start=1):
         assert values[f"A{k}"] == pytest.approx(width * thickness * 1e-6, rel=1e-9)
         assert values[f"I{k}"] == pytest.approx(width * thickness**3 / 12 * 1e-12, rel=1e-6)
@@ -35,28 +39,28 @@ def test_table_32_has_sections_of_its_widths_and_thicknesses():
 
 def test_the_printed_second_moment_of_the_crank_is_not_that_of_its_section():
     """Thesis Table 4.1 prints 520.47e-12 m⁴ where Table 3.2 gives 529.17e-12; the others agree."""
-    printed, derived = (chosen(case, CASES, {}).parameters for case in ("table41", "table32"))
+    printed, derived = (case_numbers("four_bar", case).parameters for case in ("table41", "table32"))
     assert printed["I1"] / derived["I1"] == pytest.approx(0.98357, abs=1e-5)
     assert printed["I2"] / derived["I2"] == pytest.approx(1.0, abs=1e-4)
     assert printed["I3"] / derived["I3"] == pytest.approx(1.0, abs=1e-4)
 
 
 def test_values_can_be_replaced():
-    assert chosen(None, CASES, {"L2": 0.4}).parameters["L2"] == 0.4
+    assert case_numbers("four_bar", parameters={"L2": 0.4}).parameters["L2"] == 0.4
 
 
-@pytest.mark.parametrize("name", [name for name, *_ in PARAMETERS])
+@pytest.mark.parametrize("name", TABLE_41)
 def test_values_out_of_bounds_are_refused(name):
     for wrong in (-1.0, math.nan, math.inf):
         with pytest.raises(ValueOutOfBoundsError, match=rf"{name} \(.*\) is .*allowed: >"):
-            chosen(None, CASES, {name: wrong})
+            case_numbers("four_bar", parameters={name: wrong})
 
 
 def test_unknown_names_are_refused():
-    with pytest.raises(UnknownNameError, match=r"unknown case of cases\.toml 'table14'"):
-        chosen("table14", CASES, {})
+    with pytest.raises(UnknownNameError, match=r"unknown case of four_bar 'table14'"):
+        case_numbers("four_bar", "table14")
     with pytest.raises(UnknownNameError, match="unknown parameter of four_bar 'roh'; did you mean 'rho'"):
-        chosen(None, CASES, {"roh": 1.0})
+        case_numbers("four_bar", parameters={"roh": 1.0})
 
 
 def test_a_missing_value_is_refused(tmp_path):
@@ -64,5 +68,5 @@ def test_a_missing_value_is_refused(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("\n".join(line for line in text.splitlines() if not line.startswith("rho")))
     with pytest.raises(MissingValueError, match=r"no value for rho; .*: rho=NUMBER"):
-        chosen(None, file, {})
-    assert chosen(None, file, {"rho": 2700.0}).parameters["rho"] == 2700.0
+        case_numbers("four_bar", cases=file)
+    assert case_numbers("four_bar", cases=file, parameters={"rho": 2700.0}).parameters["rho"] == 2700.0

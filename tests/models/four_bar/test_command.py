@@ -4,13 +4,16 @@ import json
 import math
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import models.four_bar
 from models.four_bar.__main__ import run
 from models.four_bar.linkage import Linkage
 
+CASES = Path(models.four_bar.__path__[0]) / "cases.toml"
 ROCKER = ("--set", "L1=0.4")
 KEYS = {
     "model", "case", "parameters", "branch", "mobility", "class", "grashof", "solution_space", "turns_fully",
@@ -131,10 +134,9 @@ def test_report_without_a_speed_says_how_to_get_forces(answer):
 
 
 def test_a_case_file_may_name_the_speed(answer, tmp_path):
-    from models.four_bar.parameters import CASES
-
     file = tmp_path / "mine.toml"
-    text = CASES.read_text(encoding="utf-8").replace("[case.table41]", '[case.table41]\nspeed = "30 rad/s"')
+    text = CASES.read_text(encoding="utf-8")
+    text = text.replace("[case.table41]", '[case.table41]\nspeed = "30 rad/s"')
     file.write_text(text, encoding="utf-8")
     assert json.loads(answer("--json", "--cases", str(file))[0])["speed"] == 30.0
     assert json.loads(answer("--json", "--cases", str(file), "--speed", "1 Hz")[0])["speed"] == 2 * math.pi
@@ -189,7 +191,7 @@ def test_pictures_are_written(answer, tmp_path):
         (("--position", "70"), "'70' has no unit; write it like '70 deg'"),
         (("--position", "nan deg"), "does not close at t1 = nan°"),
         (("--branch", "opened"), "unknown branch 'opened'; did you mean 'open'?"),
-        (("--case", "table14"), "unknown case of cases.toml 'table14'; did you mean 'table41'?"),
+        (("--case", "table14"), "unknown case of four_bar 'table14'; did you mean 'table41'?"),
         (("--cases", "absent.toml"), "case file 'absent.toml' cannot be read"),
         (("--coupler-point", "1"), "--coupler-point is '1'; write two numbers X,Y in metres"),
         (("--coupler-point", "1,inf"), "--coupler-point is '1,inf'"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.beams.contributions import followed
+from solve.beams.observations import followed
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 
 SPEED = 35.0

@@ -10,10 +10,11 @@ import pytest
 
 import solve
 from models.four_bar.__main__ import run
-from models.four_bar.design import Design, DesignError, allowed_lengths, checked_allowable
-from models.four_bar.design_report import verdict_contents
+from models.four_bar.design import damping_effects, designed, plan_to_last
+from models.four_bar.design_map import DesignError, allowed_lengths, checked_allowable, design_map
+from models.four_bar.design_report import outcome_contents
 from models.four_bar.linkage import Linkage
-from models.four_bar.verdict import verdict
+from models.four_bar.outcome import carry_out
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
 from solve.results.save import save
 
@@ -27,15 +28,20 @@ KEYS = {
 }  # fmt: skip
 
 
-def designed(stress=100e6, speeds=(8.0, 33.0), lengths=(0.53, 0.63), **parameters):
+def made(stress=100e6, speeds=(8.0, 33.0), lengths=(0.53, 0.63), **parameters):
     model = solve.load("four_bar", **parameters)
     start = np.geomspace(*speeds, 24)
-    return Design(model, dict.fromkeys(LINKS, stress), start, lengths, 9)
+    return designed(design_map(model, dict.fromkeys(LINKS, stress), start, lengths, 9))
+
+
+def planned(design, target):
+    """The plan to a target without return."""
+    return plan_to_last(design.map.until(target), design.rate, False)
 
 
 @pytest.fixture(scope="module")
 def design():
-    return designed()
+    return made()
 
 
 def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
@@ -43,7 +49,7 @@ def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
     assert math.degrees(Linkage(0.170, 0.328, 0.525, low).transmission_extremes().min) == pytest.approx(40)
     assert math.degrees(Linkage(0.170, 0.328, 0.525, high).transmission_extremes().max) == pytest.approx(140)
     with pytest.raises(DesignError, match="nowhere to go"):
-        designed(lengths=(0.547, 0.547))
+        made(lengths=(0.547, 0.547))
     with pytest.raises(DesignError, match="no L4 keeps"):
         allowed_lengths(Linkage(0.3, 0.328, 0.525, 0.547))
 
@@ -51,7 +57,7 @@ def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
 def test_peaks_and_bands_are_those_of_the_stress_over_speed(design):
     """At the own L4, against single solutions at the mean frequency's divisions 7 and 6 and beside them."""
     assert [peak.speed for peak in design.peaks][-2:] == pytest.approx([26.1, 30.4], abs=0.15)
-    model = design.model
+    model = design.map.model
     edge = design.quiet[0].end
     names = [
         f"{place}_stress_{side}"
@@ -66,11 +72,11 @@ def test_peaks_and_bands_are_those_of_the_stress_over_speed(design):
 
 
 def test_damping_changes_stress_as_a_second_solution_says(design):
-    (found,) = design.damping(np.array([26.1]))
+    (found,) = damping_effects(design.map, np.array([26.1]))
     for link, name in (("crank", "crank_root"), ("follower", "follower_midpoint")):
         before, after = (
             max(
-                solve.periodic(design.model.varied({"zeta": zeta}), 26.1, rtol=1e-6)
+                solve.periodic(design.map.model.varied({"zeta": zeta}), 26.1, rtol=1e-6)
                 .statistics(f"{name}_stress_{side}")
                 .max_abs
                 for side in ("plus", "minus")
@@ -82,13 +88,14 @@ def test_damping_changes_stress_as_a_second_solution_says(design):
 
 
 def test_moving_the_pivot_never_needs_more(design):
-    assert (design.with_pivot <= design.with_return).all()
-    assert (design.with_return <= design.without_pivot).all()
-    assert (design.with_pivot[-10:] < 0.8 * design.without_pivot[-10:]).all()
+    needed = design.needed
+    assert (needed.moving <= needed.returning).all()
+    assert (needed.returning <= needed.fixed).all()
+    assert (needed.moving[-10:] < 0.8 * needed.fixed[-10:]).all()
 
 
 def test_a_plan_is_simulated_below_the_allowable_stress(design):
-    found = verdict(design, 29.0, duration=8.0)
+    found = carry_out(design, 29.0, duration=8.0)
     assert found.plan is not None
     assert not found.returns
     assert found.trials[0].worst < 1
@@ -99,26 +106,26 @@ def test_a_plan_is_simulated_below_the_allowable_stress(design):
 
 @pytest.mark.slow
 def test_no_plan_and_the_smallest_allowable_that_has_one(design):
-    found = verdict(design, 33.0)
+    found = carry_out(design, 33.0)
     assert found.plan is None
     assert found.trials == []
     assert found.least[0] > 1
     assert "no plan exists" in found.text
     assert f"{100 * found.least[0]:.4g} MPa" in found.text
     highest = float(re.findall(r"up to ([\d.]+) rad/s the allowable", found.text)[0])
-    assert design.plan(highest - 0.01, False) is not None
-    assert design.plan(highest + 0.5, False) is None
+    assert planned(design, highest - 0.01) is not None
+    assert planned(design, highest + 0.5) is None
     # Just above this allowable stress a plan exists, just below none.
     for factor, exists in ((1.005, True), (0.995, False)):
-        scaled = designed(100e6 * found.least[0] * factor)
-        assert (scaled.plan(33.0, False) is not None) == exists
+        scaled = made(100e6 * found.least[0] * factor)
+        assert (planned(scaled, 33.0) is not None) == exists
 
 
 def test_a_need_within_the_error_of_the_map_is_no_proof(design):
     """Where L4 is greatest, a hundredth above 1 is not told from 1 by a map that errs by two."""
-    found = verdict(design, 33.0)
-    assert design.doubt(33.0) == max(design.missed, design.error.max())
-    near = dataclasses.replace(found, least=(1 + 0.5 * design.doubt(33.0), found.least[1]))
+    found = carry_out(design, 33.0)
+    assert design.map.error_until(33.0) == max(design.map.interpolation_error, design.map.error.max())
+    near = dataclasses.replace(found, least=(1 + 0.5 * design.map.error_until(33.0), found.least[1]))
     assert "no plan was found" in near.text
     assert "no plan exists" not in near.text
 
@@ -127,27 +134,27 @@ def test_progress_is_told_while_the_map_is_made():
     told = []
     model = solve.load("four_bar")
     start = np.geomspace(8.0, 12.0, 12)
-    Design(model, dict.fromkeys(LINKS, 1e8), start, (0.53, 0.63), 9, lambda *said: told.append(said))
+    design_map(model, dict.fromkeys(LINKS, 1e8), start, (0.53, 0.63), 9, lambda *said: told.append(said))
     assert told[:2] == [("stress map", 8), ("stress map", 12)]
     assert [done for _, done in told] == sorted(done for _, done in told)
 
 
 def test_the_worst_link_of_a_quiet_speed_decides_whether_damping_helps(design):
     """Against the allowable stresses, not the stresses: a weak coupler is the worst link."""
-    model = design.model
-    weak = Design(
+    model = design.map.model
+    weak = design_map(
         model, {"crank": 1e9, "coupler": 5e7, "follower": 1e9}, np.geomspace(8, 26, 20), (0.53, 0.63), 9
     )
     assert {weak.worst_link(float(speed)) for speed in weak.speeds} == {"coupler"}
-    assert design.worst_link(float(design.speeds[-1])) == "crank"
+    assert design.map.worst_link(float(design.map.speeds[-1])) == "crank"
 
 
 def test_the_default_goal_is_beyond_a_limiting_speed_where_it_can_be_reached():
     """At 118 MPa the quiet speed above 26.1 rad/s is reached with the pivot back in its place."""
-    found = verdict(designed(118e6, speeds=(8.0, 28.0)), duration=4.0)
+    found = carry_out(made(118e6, speeds=(8.0, 28.0)), duration=4.0)
     assert found.returns
     assert 26.3 < found.target < 28.0
-    assert found.design.without_pivot[-1] > 1
+    assert found.design.needed.fixed[-1] > 1
     assert found.trials[0].worst < 1
     assert found.trials[0].simulated.L4[-1] == pytest.approx(0.547)
 
@@ -155,15 +162,16 @@ def test_the_default_goal_is_beyond_a_limiting_speed_where_it_can_be_reached():
 def test_a_coarse_start_finds_the_same_map(design):
     """Narrow peaks between the first speeds are found: halving goes on until they are resolved."""
     model = solve.load("four_bar")
-    coarse = Design(model, dict.fromkeys(LINKS, 100e6), np.geomspace(8.0, 33.0, 7), (0.53, 0.63), 9)
-    assert coarse.missed < 0.01
+    start = np.geomspace(8.0, 33.0, 7)
+    coarse = designed(design_map(model, dict.fromkeys(LINKS, 100e6), start, (0.53, 0.63), 9))
+    assert coarse.map.interpolation_error < 0.01
     assert [peak.speed for peak in coarse.limiting] == pytest.approx(
         [peak.speed for peak in design.limiting], rel=2e-3
     )
     between = np.exp(
-        np.interp(np.log(design.speeds), np.log(coarse.speeds), np.log(coarse.ratio[:, coarse.own]))
+        np.interp(np.log(design.map.speeds), np.log(coarse.map.speeds), np.log(coarse.map.own_ratio))
     )
-    assert between == pytest.approx(design.ratio[:, design.own], rel=0.03)
+    assert between == pytest.approx(design.map.own_ratio, rel=0.03)
 
 
 def test_json(capsys):
@@ -182,21 +190,23 @@ def test_json(capsys):
 
 def test_files_of_every_kind_hold_what_a_run_up_needs(design, tmp_path):
     xarray = pytest.importorskip("xarray")
-    found = verdict(design, 29.0, duration=2.0)
+    found = carry_out(design, 29.0, duration=2.0)
     for ending in ("npz", "csv", "mat", "nc"):
-        save(verdict_contents(found), tmp_path / f"design.{ending}")
+        save(outcome_contents(found), tmp_path / f"design.{ending}")
     with xarray.open_dataset(tmp_path / "design.nc", engine="h5netcdf") as kept:
-        np.testing.assert_array_equal(kept["least_ratio_moving"], design.with_pivot)
+        np.testing.assert_array_equal(kept["least_ratio_moving"], design.needed.moving)
         record = json.loads(kept.attrs["metadata"])
     assert (record["returns"], record["target"]) == (False, 29.0)
-    np.testing.assert_allclose(record["stress"]["crank"], design.stress[:, :, 0])
+    np.testing.assert_allclose(record["stress"]["crank"], design.map.stress[:, :, 0])
 
 
 def test_compression_beyond_what_a_link_bears_is_told():
     """A slender coupler; its Euler load is π²EI/L²."""
     model = solve.load("four_bar", options={"stiffening": "on"}, I2=3e-12)
     start = np.geomspace(20.0, 28.0, 12)
-    found = verdict(Design(model, dict.fromkeys(LINKS, 5e9), start, (0.54, 0.56), 5), 28.0, duration=0.5)
+    found = carry_out(
+        designed(design_map(model, dict.fromkeys(LINKS, 5e9), start, (0.54, 0.56), 5)), 28.0, duration=0.5
+    )
     euler = math.pi**2 * 210e9 * 3e-12 / 0.328**2
     assert any("link coupler" in text and f"Euler load of {euler:.4g} N" in text for text in found.warnings)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.four_bar.linkage import BRANCHES, Linkage, LinkageError
-from models.four_bar.rigid.record import concerns
+from models.four_bar.rigid.record import transmission_warnings
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from tests.models.four_bar.cranks import THESIS, cranks
 from tests.models.four_bar.multibody import witness
@@ -176,11 +176,11 @@ def test_the_thesis_linkage_stays_within_the_advised_transmission_angles():
     found = linkage.transmission_extremes()
     assert (found.min_position, found.max_position) == (0.0, math.pi)
     assert math.radians(40) < found.min < found.max < math.radians(140)
-    assert concerns(linkage) == []
+    assert transmission_warnings(linkage) == []
 
 
 def test_a_bad_transmission_angle_is_a_warning():
-    (warning,) = concerns(Linkage(0.5, 0.6, 0.55, 0.2))
+    (warning,) = transmission_warnings(Linkage(0.5, 0.6, 0.55, 0.2))
     least = math.acos((0.6**2 + 0.55**2 - (0.5 - 0.2) ** 2) / (2 * 0.6 * 0.55))
     assert f"from {math.degrees(least):.2f}°" in warning
     assert "40°–140°" in warning

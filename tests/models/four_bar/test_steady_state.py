@@ -166,7 +166,7 @@ def test_compression_beyond_eulers_load_is_said_with_link_force_and_angle():
     """The coupler pulls and pushes what turns the follower; its own inertia is small beside mB."""
     heavy = {"options": {"stiffening": "on"}, "mB": 20.0}
     light = solve.load("four_bar", options={"stiffening": "on"})
-    assert light.doubts(30.0) == []
+    assert light.warnings(30.0) == []
     model = solve.load("four_bar", **heavy)
     p = model.parameters
     euler = np.pi**2 * p["E"] * p["I2"] / p["L2"] ** 2
@@ -175,18 +175,18 @@ def test_compression_beyond_eulers_load_is_said_with_link_force_and_angle():
     angle = model.at_positions(phase).angle[:, 1]
     along = forces["A_force_x"] * np.cos(angle) + forces["A_force_y"] * np.sin(angle)
     limit = np.sqrt(euler / along.max())
-    (said,) = [each for each in model.doubts(1.02 * limit) if "coupler" in each]
+    (said,) = [each for each in model.warnings(1.02 * limit) if "coupler" in each]
     assert f"Euler load of {euler:.4g} N" in said
     degrees = float(said.split(" deg")[0].split()[-1])
     assert degrees == pytest.approx(np.degrees(phase[along.argmax()]), abs=3)
-    assert not any("coupler" in each for each in model.doubts(0.98 * limit))
+    assert not any("coupler" in each for each in model.warnings(0.98 * limit))
 
 
 def test_a_sweep_has_the_doubts_of_its_speeds():
     model = solve.load("four_bar", options={"stiffening": "on"})
     found = solve.sweep(model, [30.0, 90.0], rtol=1e-4, quantities=["A_x"])
     for speed, point in zip((30.0, 90.0), found.points, strict=True):
-        assert list(point.warnings) == model.doubts(speed)
+        assert list(point.warnings) == model.warnings(speed)
     assert len(found.points[1].warnings) == 1
 
 
@@ -204,7 +204,7 @@ def test_numbers_that_make_no_linkage_are_refused(parameters, said):
 
 
 def test_a_ratio_that_was_meant_in_percent_is_doubted_and_rest_is_refused():
-    assert any("percent" in each for each in solve.load("four_bar", zeta=2.0).doubts(30.0))
+    assert any("percent" in each for each in solve.load("four_bar", zeta=2.0).warnings(30.0))
     with pytest.raises(ValueOutOfBoundsError, match="speed"):
         solve.periodic(solve.load("four_bar"), 0.0)
 

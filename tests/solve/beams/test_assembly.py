@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import solve
+from solve.beams.assembly import Positions
 from solve.beams.elements import element
-from solve.beams.positions import Positions
 from solve.errors import StructureError
 from tests.solve.beams.frames import beams
 
@@ -206,8 +206,7 @@ def test_an_inextensible_link_is_the_limit_of_a_very_stiff_one(kind):
 
 
 def _frequencies(positions):
-    from solve.beams.eigen import lowest_frequencies
-    from solve.beams.wittrick_williams import exact_frequencies
+    from solve.beams.frozen import exact_frequencies, lowest_frequencies
 
     if positions.beams.exact_links:
         return exact_frequencies(positions, 6)

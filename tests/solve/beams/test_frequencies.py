@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from solve.beams.eigen import lowest_frequencies, modes
-from solve.beams.positions import Positions
-from solve.beams.wittrick_williams import count_below, exact_frequencies
+from solve.beams.assembly import Positions
+from solve.beams.frozen import count_below, exact_frequencies, lowest_frequencies, modes
 from tests.solve.beams.frames import beam, beams
 
 STILL = np.zeros(1)

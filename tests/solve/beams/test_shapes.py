@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import solve
-from solve.beams.positions import Positions
-from solve.beams.shapes import shapes
-from solve.beams.wittrick_williams import exact_frequencies
+from solve.beams.assembly import Positions
+from solve.beams.frozen import exact_frequencies, shapes
 from tests.solve.beams.frames import beam, beams
 
 

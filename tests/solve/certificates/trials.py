@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from solve import Newmark, Orbit, Radau, RungeKutta4, SolveError, periodic
-from solve.methods.auto import Auto
+from solve.methods.auto import auto
 from solve.methods.bahgat_willmert import BahgatWillmert
 from solve.methods.fourier import Fourier
 from solve.methods.gauss import Gauss
@@ -31,6 +31,10 @@ class Trial:
     steps: int | None
     rtol: float
     suits: Callable[[Member], bool] = lambda member: True
+
+    @property
+    def name(self) -> str:
+        return getattr(self.method, "name", "auto")
 
 
 @dataclass(frozen=True)
@@ -58,8 +62,8 @@ def dying(member: Member) -> bool:
 
 
 TRIALS = [
-    Trial(Auto(), None, 1e-4),
-    Trial(Auto(), None, 1e-8),
+    Trial(auto, None, 1e-4),
+    Trial(auto, None, 1e-8),
     Trial(Gauss(4), None, 1e-5),
     Trial(Gauss(10), 40, 0.9),
     Trial(Gauss(16), None, 1e-8),
@@ -94,7 +98,7 @@ def outcomes(member: Member, trials: list[Trial] = TRIALS) -> list[Outcome]:
 
 
 def _outcome(member: Member, trial: Trial, q: np.ndarray, multipliers: np.ndarray) -> Outcome:
-    name = trial.method.name
+    name = trial.name
     try:
         found = periodic(member.system, member.speed, trial.method, steps=trial.steps, rtol=trial.rtol)
     except SolveError as refusal:

@@ -55,12 +55,12 @@ def test_tables_fit_80_columns(command):
 
 
 def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeypatch, tmp_path):
-    from solve.results import style
+    from solve.commands import deliver
 
     figures = []
-    keep = style.save_figure
+    keep = deliver.save_figure
     monkeypatch.setattr(
-        style, "save_figure", lambda figure, file: (figures.append(figure), keep(figure, file))
+        deliver, "save_figure", lambda figure, file: (figures.append(figure), keep(figure, file))
     )
     assert command("compare", *ARGUMENTS, "--plot", "work.png").status == 0
     assert (tmp_path / "work.png").read_bytes().startswith(b"\x89PNG")

@@ -169,7 +169,7 @@ BAD = {
 
 
 def test_many_positions_are_taken_in_parts(monkeypatch):
-    from solve.studies import frequencies as study
+    from solve.beams import structure
 
     model = solve.load("four_bar", options={"elements": 3})
     phases = np.linspace(0.0, 6.0, 11)
@@ -179,7 +179,7 @@ def test_many_positions_are_taken_in_parts(monkeypatch):
     monkeypatch.setattr(
         type(model), "at_positions", lambda self, p: (looked_at.append(len(p)), at_positions(self, p))[1]
     )
-    monkeypatch.setattr(study, "_MOST_ENTRIES", 3 * study.frequencies(model).freedoms ** 2)
+    monkeypatch.setattr(structure, "_MOST_ENTRIES", 3 * solve.frequencies(model).freedoms ** 2)
     looked_at.clear()
     in_parts = solve.frequencies(model, phases).values
     assert max(looked_at) <= 3

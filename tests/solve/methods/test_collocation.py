@@ -9,7 +9,7 @@ from solve import Radau, floquet
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
-from tests.solve.systems import constant, random_system, seeds
+from tests.solve.systems import chain_of, constant, random_system, seeds
 from tests.solve.witnesses import rate_matrices
 
 RADAU = [Radau(order) for order in (3, 5, 7, 9, 11, 13)]
@@ -83,7 +83,7 @@ def test_radau_is_stiffly_accurate(rule):
 def step_of(rule, system, h, speed=1.0):
     """The first of two steps of length h."""
     grid = Grid(np.array([0.0, h, 2 * h]), np.zeros(2, dtype=bool))
-    steps = rule.discretise(system, speed, grid).steps
+    steps = chain_of(rule, system, speed, grid)
     return steps.A[0], steps.b[0]
 
 

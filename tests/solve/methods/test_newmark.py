@@ -11,7 +11,7 @@ from solve import Newmark, floquet, periodic
 from solve.errors import StepsError, ValueOutOfBoundsError
 from solve.period.grid import Grid
 from solve.period.period_map import monodromy
-from tests.solve.systems import cam, constant, random_system, seeds
+from tests.solve.systems import cam, chain_of, constant, frozen_modes, random_system, seeds
 
 
 def printed_maps(system, speed, steps, gamma, beta):
@@ -55,7 +55,7 @@ def test_core_of_order_2n_equals_the_map_of_order_3n(seed, n, speed, steps, para
     for ours, theirs in ((orbit.q, q), (orbit.qd, speed * v), (orbit.qdd, speed**2 * a)):
         np.testing.assert_allclose(ours[:, :-1], theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
 
-    core = np.poly(monodromy(rule.discretise(system, speed, Grid.uniform(steps, system.period)).steps))
+    core = np.poly(monodromy(chain_of(rule, system, speed, Grid.uniform(steps, system.period))))
     scale = np.abs(np.linalg.eigvals(product)).max() ** np.arange(3 * n + 1)
     np.testing.assert_allclose(
         np.poly(product) / scale, np.concatenate((core, np.zeros(n))) / scale, rtol=0, atol=1e-11
@@ -72,7 +72,7 @@ def test_one_step_of_the_core_is_the_printed_step_seen_through_the_predictor(see
     one, zero = np.eye(n), np.zeros((n, n))
     D = np.block([[one, h * one, h**2 * (0.5 - beta) * one], [zero, one, (1 - gamma) * h * one]])
     A = printed_maps(system, 1.0, 40, gamma, beta)[0][0]
-    B = Newmark(gamma, beta).discretise(system, 1.0, Grid.uniform(40, system.period)).steps.A[0]
+    B = chain_of(Newmark(gamma, beta), system, 1.0, Grid.uniform(40, system.period)).A[0]
     np.testing.assert_allclose(B @ D, D @ A, rtol=0, atol=1e-13)
     assert np.linalg.matrix_rank(A, tol=1e-10) == 2 * n
 
@@ -101,7 +101,7 @@ def oscillator(omega):
 def spectral_radius_of_a_step(rule, angle):
     """Of an undamped oscillator that turns by ω h = `angle` in the step."""
     step = Grid(np.array([0.0, angle, 2 * angle]), np.zeros(2, dtype=bool))
-    return np.abs(np.linalg.eigvals(rule.discretise(oscillator(1.0), 1.0, step).steps.A[0])).max()
+    return np.abs(np.linalg.eigvals(chain_of(rule, oscillator(1.0), 1.0, step).A[0])).max()
 
 
 @pytest.mark.parametrize("angle", [1e-3, 1.0, 10.0, 1e4])
@@ -114,8 +114,7 @@ def test_stability_limit(beta, limit):
     rule = Newmark(0.5, beta)
     assert spectral_radius_of_a_step(rule, 0.999 * limit) == pytest.approx(1.0, abs=1e-9)
     assert spectral_radius_of_a_step(rule, 1.001 * limit) > 1.01
-    frozen = oscillator(40.0).frozen_eigenvalues(1.0)
-    assert rule.least_steps(frozen, 2 * np.pi) == np.ceil(40.0 * 2 * np.pi / limit)
+    assert rule.least_steps(frozen_modes(oscillator(40.0), 1.0)) == np.ceil(40.0 * 2 * np.pi / limit)
 
 
 def test_steps_beyond_the_stability_limit_are_refused_with_the_remedy():

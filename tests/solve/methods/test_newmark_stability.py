@@ -9,7 +9,7 @@ from solve import Newmark
 from solve.methods.newmark_stability import oscillation_limit, spectral_radius, stability_limit
 from solve.period.grid import Grid
 from solve.results.newmark_region import newmark_region_figure
-from tests.solve.systems import constant
+from tests.solve.systems import chain_of, constant
 
 gammas, betas = st.floats(0.0, 1.0), st.floats(0.0, 1.0)
 OSCILLATOR = constant(np.eye(1), np.zeros((1, 1)), np.eye(1), lambda phase: np.ones((len(phase), 1)))
@@ -28,7 +28,7 @@ def printed_matrix(gamma, beta, angle):
 
 def radius_of_a_step(gamma, beta, angle):
     step = Grid(np.array([0.0, angle, 2 * angle]), np.zeros(2, dtype=bool))
-    return np.abs(np.linalg.eigvals(Newmark(gamma, beta).discretise(OSCILLATOR, 1.0, step).steps.A[0])).max()
+    return np.abs(np.linalg.eigvals(chain_of(Newmark(gamma, beta), OSCILLATOR, 1.0, step).A[0])).max()
 
 
 @given(gammas, betas, st.floats(1e-2, 50.0))

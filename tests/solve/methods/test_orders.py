@@ -31,7 +31,7 @@ MEASURED = [  # the method, its order, steps at which multipliers show it; curve
     (Gauss(10), 10, (16, 20, 28), 8, (20, 24, 28)),
     (Gauss(12), 12, (12, 14, 16), 9, (14, 16, 18)),
     (Gauss(14), 14, (10, 11, 12), 10, (10, 12, 14)),
-    (Gauss(16), 16, (8, 9, 10), 11, (8, 10)),
+    (Gauss(16), 16, (9, 10), 11, (8, 10)),
 ]
 NAMES = [repr(method) for method, *_ in MEASURED]
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from solve import RungeKutta4, periodic
 from solve.errors import StepsError
 from solve.period.grid import Grid
-from tests.solve.systems import cam, constant, random_system, seeds
+from tests.solve.systems import cam, chain_of, constant, frozen_modes, random_system, seeds
 from tests.solve.witnesses import Shooting, multiplier_error, rate_matrices, slope
 
 CORRECTED, PRINTED = 1.0, 0.5
@@ -50,7 +50,7 @@ def monodromy(A):
 @settings(max_examples=30, deadline=None)
 def test_maps_equal_the_corrected_closed_forms(seed, n, speed, steps):
     system = random_system(seed, n)
-    maps = RungeKutta4().discretise(system, speed, Grid.uniform(steps, system.period)).steps
+    maps = chain_of(RungeKutta4(), system, speed, Grid.uniform(steps, system.period))
     A, b = chain(system, speed, steps, CORRECTED)
     np.testing.assert_allclose(maps.A, A, rtol=0, atol=1e-12 * np.abs(A).max())
     np.testing.assert_allclose(maps.b, b, rtol=0, atol=1e-12 * np.abs(b).max())
@@ -106,11 +106,11 @@ def test_stability_limit(omega, decay, limit):
     """|R(z)| = 1 at z = 2√2 i, and at z = -2.785… on the real axis."""
     system, rule = oscillator(omega, decay), RungeKutta4()
     fastest = np.abs(np.roots([1.0, decay, omega**2])).max()
-    least = rule.least_steps(system.frozen_eigenvalues(1.0), system.period)
+    least = rule.least_steps(frozen_modes(system, 1.0))[0]
     assert least == np.ceil(fastest * 2 * np.pi / limit)
 
     def spectral_radius(steps):
-        maps = rule.discretise(system, 1.0, Grid.uniform(steps, system.period)).steps
+        maps = chain_of(rule, system, 1.0, Grid.uniform(steps, system.period))
         return np.abs(np.linalg.eigvals(maps.A[0])).max()
 
     assert spectral_radius(least) <= 1.0 < spectral_radius(least - 1)
@@ -122,5 +122,5 @@ def test_too_few_steps_are_refused_with_the_remedy():
 
 
 def test_many_stable_steps_of_the_slow_cam_need_more_than_five_thousand():
-    frozen = cam("2").frozen_eigenvalues(100 * np.pi / 30)
-    assert RungeKutta4().least_steps(frozen, 2 * np.pi) > 5000
+    modes = frozen_modes(cam("2"), 100 * np.pi / 30)
+    assert RungeKutta4().least_steps(modes) > 5000

@@ -9,7 +9,6 @@ from matplotlib.colors import to_hex
 from numpy.testing import assert_allclose
 
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.results.plot import stability_figure
 from solve.results.style import VERMILION, save_figure
 from tests.solve.results.problems import SPEED, chain, multipliers, orbit, response, x_of
 
@@ -141,7 +140,7 @@ def test_instability_stands_out():
         one = np.ones((len(phase), 1, 1))
         return one, -0.2 * one, 4.0 * one, one[:, 0]
 
-    figure = stability_figure(solve.floquet(solve.PeriodicSystem(growing, ["q"]), SPEED))
+    figure = solve.floquet(solve.PeriodicSystem(growing, ["q"]), SPEED).plot()
     texts = {text.get_text(): to_hex(text.get_color()) for axes in figure.axes for text in axes.texts}
     assert texts["unstable"] == VERMILION.lower()
     circle = panels(figure)[2][0]

@@ -11,8 +11,9 @@ from rich.console import Console
 import solve
 from solve.errors import MatricesError
 from solve.results.orbit import QuasiStatic
-from solve.results.record import orbit_record, plain, stability_record
-from solve.results.report import described, orbit_report, stability_report
+from solve.results.orbit_report import orbit_record, orbit_report, stability_record, stability_report
+from solve.results.record import plain
+from solve.results.report import described
 from tests.solve.results.problems import SPEED, chain, orbit, oscillators
 
 

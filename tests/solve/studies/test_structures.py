@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.batch.family import variants
+from solve.batch.family import SystemFamily
 
 SAME = 1e-8
 """Relative difference that the condition of a stiff structure leaves to rounding (1e-9 seen)."""
@@ -34,7 +34,7 @@ def test_a_sweep_is_its_single_solves(four_bar):
 @pytest.mark.parametrize("options", [{}, {"terms": "full", "stiffening": "on"}, {"damping": "rayleigh"}])
 def test_matrices_between_speeds_follow_from_three(options):
     model = solve.load("four_bar", options=options)
-    family, phase = variants(model, ["speed", "L4"]), np.linspace(0.0, 6.0, 7)
+    family, phase = SystemFamily(model, ["speed", "L4"]), np.linspace(0.0, 6.0, 7)
     points = np.array([[w, L4] for L4 in (0.53, 0.547) for w in (20.0, 23.0, 31.0, 38.0, 40.0)])
     found = family.entries(phase, points)
     for (speed, L4), entries in zip(points, found, strict=True):

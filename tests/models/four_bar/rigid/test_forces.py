@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.four_bar.linkage import BRANCHES, Linkage
-from models.four_bar.parameters import CASES, chosen
 from models.four_bar.rigid.forces import Body, bodies, inertial_power, joint_forces, kinetic_energy
+from solve import case_numbers
 from tests.models.four_bar.cranks import cranks
 from tests.models.four_bar.multibody import witness
 
-PARAMETERS = chosen(None, CASES, {}).parameters
+PARAMETERS = case_numbers("four_bar").parameters
 SPEEDS = (30.0, 62.0, 300 * math.pi / 30)
 POINTS = 720
 OFF = np.array([0.0, 0.003, -0.003])

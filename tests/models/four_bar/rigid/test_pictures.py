@@ -8,14 +8,14 @@ from matplotlib.patches import Polygon
 from matplotlib.path import Path
 
 from models.four_bar.linkage import Linkage, LinkageError
-from models.four_bar.parameters import CASES, chosen
 from models.four_bar.rigid.barker import base_plane, classify
 from models.four_bar.rigid.base_planes import base_planes_figure
 from models.four_bar.rigid.draw import linkage_figure
 from models.four_bar.rigid.forces import bodies, joint_forces
+from solve import case_numbers
 from tests.models.four_bar.cranks import THESIS
 
-LINKS = bodies(chosen(None, CASES, {}).parameters)
+LINKS = bodies(case_numbers("four_bar").parameters)
 POINT = 0.1 + 0.15j
 
 

@@ -25,15 +25,15 @@ def test_rates_of_the_drive_are_those_of_its_curves():
     pairs = (
         (phi, drive.speed),
         (drive.speed, drive.acceleration),
-        (drive.L4, drive.velocity),
-        (drive.velocity, drive.pull),
+        (drive.L4, drive.L4_velocity),
+        (drive.L4_velocity, drive.L4_acceleration),
     )
     for value, rate in pairs:
         missed = np.abs(np.gradient(value, drive.time) - rate)
         # Accelerations jump at corners, a few points each.
         assert np.sort(missed)[-40] < 1e-3 * np.abs(rate).max()
     assert drive.L4[-1] == pytest.approx(0.547)
-    assert (drive.velocity[-1], drive.speed[-1]) == pytest.approx((0.0, 30.0))
+    assert (drive.L4_velocity[-1], drive.speed[-1]) == pytest.approx((0.0, 30.0))
 
 
 def test_kinematics_at_rest_of_the_pivot_are_those_of_the_linkage():
@@ -65,7 +65,7 @@ def test_a_violent_run_up_agrees_with_a_structure_by_hand(stresses):
         )
 
     hand = Moving(
-        stresses.lines[0].model.parameters,
+        stresses.lengths[0].model.parameters,
         lambda t: 24 * t + 6 * t**2,
         lambda t: 0.575 - 0.02 * np.cos(6 * t),
     )
@@ -85,7 +85,7 @@ def test_a_slow_run_up_goes_through_steady_states(stresses):
     plan = Plan(np.array([24.0, 27.0]), np.array([0.55, 0.60]), lead=0.3)
     run_up = RunUp(plan, 24.0, 30.0)
     found = simulate(stresses, run_up, run_up.turns)
-    model = stresses.lines[0].model
+    model = stresses.lengths[0].model
     for turn in (40, 80, 110):
         before, after = found.speed[turn - 1 : turn + 1]
         assert after - before < 0.03

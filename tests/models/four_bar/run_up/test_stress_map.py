@@ -54,7 +54,7 @@ def test_error_tells_what_a_finer_map_changes():
 
 def test_growth_bounds_the_spectral_radius():
     model = solve.load("four_bar")
-    bound = StressMap(model, 0.547, 0.547, 1).peaks(SPEEDS, np.array([0.547])).growth[:, 0]
+    bound = StressMap(model, 0.547, 0.547, 1).peaks(SPEEDS, np.array([0.547])).radius_bound[:, 0]
     true = np.array([solve.floquet(model, float(speed)).spectral_radius for speed in SPEEDS])
     assert (bound >= true * (1 - 1e-6)).all()
     assert bound == pytest.approx(true, rel=0.2)

@@ -1,0 +1,225 @@
+"""The map of the design method: stress over allowable stress for speeds and ground links L4 (thesis 7.5).
+
+Ratios are those of stress to allowable stress, the greatest of all links where no link is named.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import Akima1DInterpolator
+
+from models.four_bar.linkage import ADVISED, Linkage
+from models.four_bar.run_up.stress_map import StressMap
+from solve.arrays import Array
+from solve.beams.structure import StructureModel
+from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError
+
+_TOLERANCE = 0.01
+"""Relative error of the interpolated stress up to which an interval of speeds is not halved."""
+
+_SHORTEST = 0.25
+"""Relative length of an interval, as a part of ζ, up to which it is not halved: peaks are 2ζ wide."""
+
+_MOST_HALVINGS = 8
+
+Progress = Callable[[str, int], None]
+"""Called with the name of what is calculated and the number of its points that are done."""
+
+
+class DesignError(SolveError):
+    """A design that is asked for what this mechanism cannot do at any stress: a length, a speed."""
+
+
+def no_progress(what: str, done: int) -> None:
+    """The progress of a calculation that nobody watches."""
+
+
+@dataclass(frozen=True)
+class DesignMap:
+    """Steady stresses of a four-bar at P rising speeds (rad/s) and g ground links L4 (m), its own among them.
+
+    allowable (links,): Pa. stress (P, g, links): largest |stress| over a turn, Pa. error (P,) and
+    radius_bound (P,): as in `Peaks`, the latter the greatest of all L4. interpolation_error: the largest
+    relative error found between the speeds when intervals were halved last.
+    """
+
+    stress_map: StressMap
+    model: StructureModel
+    allowable: Array
+    speeds: Array
+    L4: Array
+    stress: Array
+    error: Array
+    radius_bound: Array
+    interpolation_error: float
+
+    @property
+    def links(self) -> list[str]:
+        return self.stress_map.links
+
+    @property
+    def own_L4(self) -> float:
+        """L4 of the mechanism itself."""
+        return self.model.parameters["L4"]
+
+    @cached_property
+    def own(self) -> int:
+        """Its number among the lengths."""
+        return int(np.searchsorted(self.L4, self.own_L4))
+
+    @cached_property
+    def ratios(self) -> Array:
+        """Ratio of each link (P, g, links)."""
+        return self.stress / self.allowable
+
+    @cached_property
+    def ratio(self) -> Array:
+        """(P, g)."""
+        return self.ratios.max(axis=2)
+
+    @property
+    def own_ratio(self) -> Array:
+        """(P,), at the mechanism's own L4."""
+        return self.ratio[:, self.own]
+
+    def worst_link(self, speed: float) -> str:
+        """The link with the greatest ratio at a speed of the map, at the own L4."""
+        at = int(np.searchsorted(self.speeds, speed))
+        return self.links[int(self.ratios[at, self.own].argmax())]
+
+    def error_until(self, target: float) -> float:
+        """Relative error of the stresses up to a speed: of the map's points, or of what is between them."""
+        return max(self.interpolation_error, float(np.nanmax(self.error[self.speeds <= target])))
+
+    def until(self, target: float) -> "DesignMap":
+        """The map up to a speed, which becomes its last."""
+        below = int(np.count_nonzero(self.speeds < target * (1 - 1e-9)))
+        if target in self.speeds:
+            last = {name: getattr(self, name)[below : below + 1] for name in _BY_SPEED}
+        else:
+            last = _solved(self.stress_map, np.array([target]), self.L4)
+        return replace(
+            self, **{name: np.concatenate((getattr(self, name)[:below], last[name])) for name in _BY_SPEED}
+        )
+
+
+_BY_SPEED = ("speeds", "stress", "error", "radius_bound")
+
+
+def design_map(
+    model: StructureModel,
+    allowable: Mapping[str, float],
+    speeds: Array,
+    lengths: tuple[float, float],
+    count: int = 48,
+    progress: Progress = no_progress,
+) -> DesignMap:
+    """The map of a mechanism with allowable stresses (Pa) by link, over L4 between two lengths (m).
+
+    speeds: those to begin with; intervals are halved where interpolation between them is not good enough.
+    count: lengths beside the mechanism's own. Raises DesignError for what cannot be.
+    """
+    _require_possible(model, lengths)
+    stress_map = StressMap(model, *lengths)
+    L4 = np.unique([*np.linspace(*lengths, count), model.parameters["L4"]])
+    stresses = DesignMap(
+        stress_map,
+        model,
+        np.array([allowable[link] for link in stress_map.links]),
+        L4=L4,
+        interpolation_error=0.0,
+        **_solved(stress_map, speeds, L4, progress),
+    )
+    stresses = _refined(stresses, progress)
+    if stresses.own_ratio[0] > 1:
+        raise DesignError(
+            f"at {stresses.speeds[0]:.4g} rad/s, the lowest speed, the stress is already "
+            f"{stresses.own_ratio[0]:.4g} times the allowable one; begin --speeds lower or allow more"
+        )
+    return stresses
+
+
+def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> None:
+    """Raise DesignError where there is no damping, or L4 cannot vary about the mechanism's own."""
+    low, high = lengths
+    if model.parameters["zeta"] <= 0:
+        raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
+    if not low < high:
+        raise DesignError(f"L4 from {low:g} to {high:g} m leaves the pivot nowhere to go; widen the range")
+    own = model.parameters["L4"]
+    if not low <= own <= high:
+        raise DesignError(
+            f"the mechanism's own L4, {own:g} m, is not between {low:.4f} and {high:.4f} m, the lengths "
+            "allowed; widen --L4"
+        )
+
+
+def _solved(
+    stress_map: StressMap, speeds: Array, L4: Array, progress: Progress = no_progress, before: int = 0
+) -> dict[str, Array]:
+    """What a map has by speed, at speeds (P,); `before`: points that are done already."""
+    peaks = stress_map.peaks(speeds, L4, lambda done: progress("stress map", before + done))
+    return {
+        "speeds": speeds,
+        "stress": peaks.stress,
+        "error": peaks.error,
+        "radius_bound": peaks.radius_bound.max(axis=1),
+    }
+
+
+def _refined(stresses: DesignMap, progress: Progress) -> DesignMap:
+    """The map with its intervals of speeds halved where interpolation in them is not good enough."""
+    open_ = np.ones(len(stresses.speeds) - 1, dtype=bool)
+    for _ in range(_MOST_HALVINGS):
+        at = np.log(stresses.speeds)
+        open_ &= np.diff(at) > _SHORTEST * stresses.model.parameters["zeta"]
+        if not open_.any():
+            break
+        middle = ((at[:-1] + at[1:]) / 2)[open_]
+        added = _solved(stresses.stress_map, np.exp(middle), stresses.L4, progress, len(at))
+        guess = np.exp(Akima1DInterpolator(at, np.log(stresses.stress))(middle))
+        guess, solved = ((stress / stresses.allowable).max(axis=2) for stress in (guess, added["stress"]))
+        error = np.abs(guess / solved - 1).max(axis=1)
+        rough = np.zeros(len(open_), dtype=bool)
+        rough[open_] = error > _TOLERANCE
+        place, open_ = 1 + np.flatnonzero(open_), np.repeat(rough, 1 + open_)
+        inserted = {
+            name: np.insert(getattr(stresses, name), place, added[name], axis=0) for name in _BY_SPEED
+        }
+        stresses = replace(stresses, interpolation_error=float(error.max()), **inserted)
+    return stresses
+
+
+def allowed_lengths(linkage: Linkage, angles: tuple[float, float] = ADVISED) -> tuple[float, float]:
+    """Least and greatest L4 (m) at which the crank turns fully and the transmission angle stays between
+    two angles (rad; thesis 3.3 advises 40° to 140°). Raises DesignError where there is none."""
+    L1, L2, L3 = linkage.L1, linkage.L2, linkage.L3
+    near, far = (math.sqrt(L2**2 + L3**2 - 2 * L2 * L3 * math.cos(angle)) for angle in angles)
+    low, high = L1 + near, far - L1
+    if not low < high:
+        least, most = (math.degrees(angle) for angle in angles)
+        raise DesignError(
+            f"no L4 keeps the transmission angle between {least:g}° and {most:g}° with L1, L2, L3 = "
+            f"{L1:g}, {L2:g}, {L3:g} m; shorten the crank or give --L4"
+        )
+    return low, high
+
+
+def checked_allowable(links: list[str], given: Mapping[str, float]) -> dict[str, float]:
+    """Allowable stresses (Pa) by link. Raises UnknownNameError, MissingValueError, ValueOutOfBoundsError."""
+    for link, stress in given.items():
+        if link not in links:
+            raise UnknownNameError("link", link, links)
+        if not (math.isfinite(stress) and stress > 0):
+            raise ValueOutOfBoundsError(
+                f"allowable stress of the {link} is {stress / 1e6:g} MPa; allowed: finite, > 0, like 100 MPa"
+            )
+    missing = [link for link in links if link not in given]
+    if missing:
+        raise MissingValueError(
+            f"no allowable stress for {', '.join(missing)}; give one for each link or one for all"
+        )
+    return dict(given)

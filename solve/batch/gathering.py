@@ -1,0 +1,114 @@
+"""Points solved, and what is kept of each put in its place."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.batch import Batch
+from solve.certify.certified import Certified
+from solve.period.curve import PeriodicCurve
+from solve.period.frozen import PHASES
+from solve.period.multipliers import verdicts
+from solve.period.quantities import Quantities
+from solve.results.points import METHODS, Kept, PointResults
+from solve.statistics import Statistics
+from solve.system import PeriodicSystem
+
+_FEWEST = 8
+"""Points prepared together, however large."""
+
+_MEMORY = 2**23
+"""Bytes that the frozen coefficients of points prepared together may take."""
+
+
+def gathered(
+    batch: Batch, points: Array, kept: Kept | None = None, progress: Callable[[int], None] | None = None
+) -> PointResults:
+    """All the points (P, v); progress is told the number of points done."""
+    n = batch.family.example.n
+    results, done = PointResults.blank(len(points), n, kept or Kept()), 0
+    size = chunk_size(n)
+    for start in range(0, len(points), size):
+        keeper = _Keeper(batch, points[start : start + size], results, start)
+        for result in batch.solved(keeper.points):
+            if isinstance(result, Certified):
+                keeper.keep(result)
+                done += len(result)
+            else:
+                results.failures[start + result.position] = str(result.reason)
+                done += 1
+            if progress:
+                progress(done)
+    return results
+
+
+def chunk_size(n: int) -> int:
+    """Points with n coordinates that are prepared together."""
+    return max(_FEWEST, _MEMORY // (8 * PHASES * (3 * n**2 + n)))
+
+
+@dataclass(frozen=True)
+class _Keeper:
+    """Puts what is found of some points in its place among the results, from `start` on."""
+
+    batch: Batch
+    points: Array
+    results: PointResults
+    start: int
+
+    def keep(self, found: Certified) -> None:
+        """Points that the same grid served."""
+        at, results, solutions = self.start + found.positions, self.results, found.solutions
+        rho, errors = solutions.multipliers, found.errors
+        results.multipliers[at], results.errors[at] = rho.values, errors
+        results.verdicts[at] = verdicts(solutions.Phi, rho, errors[:, 1], results.kept.meetings)
+        results.steps[at], results.methods[at] = found.steps, METHODS.index(found.method.name)
+        if results.kept.warnings:
+            self._keep_warnings(found)
+        if solutions.curve is None:
+            results.errors[at, 0] = np.nan
+        else:
+            self._keep_figures(found.positions, solutions.curve)
+
+    def _keep_warnings(self, found: Certified) -> None:
+        of_model = type(self.batch.family.example).warnings is not PeriodicSystem.warnings
+        doubtful = found.doubtful
+        for position in np.arange(len(found)) if of_model else np.flatnonzero(doubtful):
+            point = int(found.positions[position])
+            texts = found.warnings(int(position)) if doubtful[position] else []
+            if of_model:
+                system, speed = self.batch.family.system(self.points[point])
+                texts += system.warnings(speed)
+            if texts:
+                self.results.warnings[self.start + point] = texts
+
+    def _keep_figures(self, positions: Array, curve: PeriodicCurve) -> None:
+        kept, points, family = self.results.kept, self.points[positions], self.batch.family
+        if not (kept.names or kept.spectra):
+            return
+        system, at = family.example, self.start + positions
+        order = [*system.coordinates, *system.outputs]
+        with_outputs = any(name in system.outputs for name in (*kept.names, *kept.spectra))
+
+        def outputs(phase: Array, *state: Array) -> Array:
+            return family.outputs(phase, points, *state)
+
+        speeds = self.batch.speeds(points)
+        quantities = Quantities(curve, speeds, outputs if with_outputs else None)
+        self.results.figures[at] = quantities.figures()[:, [order.index(name) for name in kept.names]]
+        if kept.spectra:
+            chosen = [order.index(name) for name in kept.spectra]
+            self.results.amplitudes[at] = quantities.amplitudes(chosen, kept.harmonics)
+        if kept.warnings and system.judged_quantities:
+            self._judge(at)
+
+    def _judge(self, at: Array) -> None:
+        """Bounds of the model that the solutions leave."""
+        names, judged = self.results.kept.names, self.batch.family.example.judged
+        for place in map(int, at):
+            figures = (Statistics(*row) for row in self.results.figures[place])
+            texts = judged(dict(zip(names, figures, strict=True)))
+            if texts:
+                self.results.warnings.setdefault(place, []).extend(texts)

@@ -1,0 +1,311 @@
+"""A structure of beams from a generated module: a model whose matrices are assembled, not printed."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol, Self
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.beams.assembly import Beams, Positions, Properties
+from solve.beams.elements import EXACT, Freedoms, freedoms
+from solve.beams.frozen import exact_frequencies, lowest_frequencies, shapes
+from solve.beams.motion import Compression, Motion, State
+from solve.beams.observations import (
+    LINEAR,
+    SURFACES,
+    Contributions,
+    Point,
+    contributions,
+    joint_force,
+    quantity,
+)
+from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
+from solve.model.model import Model, Specification
+from solve.system import DrawnLink, Matrices, ModeShape
+
+if TYPE_CHECKING:
+    import casadi
+
+MOST = 200
+"""Frequencies of a structure with exact elements, which has infinitely many."""
+
+_MOST_ENTRIES = 2**22
+"""Entries of a matrix over the positions that are looked at together; more are taken in parts."""
+
+_SPEEDS = 3
+"""Speeds from which the matrices follow at all others: Ω²M, ΩC, K, d go with 1, Ω and Ω²."""
+
+_STILL = {"terms": "full", "stiffening": "off", "damping": "modal"}
+"""Options of the motion, and what stands for them where a structure has none because it stands still."""
+
+_ASSEMBLED = 36
+"""Positions of a turn at which the links must meet."""
+
+
+class Response(Protocol):
+    """An orbit, or its quasi-static solution."""
+
+    @property
+    def speed(self) -> float:
+        """In rad/s."""
+        ...
+
+    def state(self, phase: Array) -> tuple[Array, Array, Array]:
+        """q, q̇, q̈ (n, k), derivatives by time, at phases (k,)."""
+        ...
+
+
+class Kinematics:
+    """What the generated `properties` of a structure give: its constants, and its links' angles."""
+
+    def __init__(self, specification: Specification):
+        self._p = specification.p
+        self._properties: casadi.Function = specification.module.properties(**specification.own_options)
+
+    @property
+    def properties(self) -> Properties:
+        """The constants of links and joints."""
+        values = self._properties.call({"phase": 0.0, "p": self._p})
+        columns = {name: value.full().ravel() for name, value in values.items() if name != "angle"}
+        return Properties(**{**columns, "damping_ratio": float(columns["damping_ratio"][0])})
+
+    def angle(self, phase: Array) -> Array:
+        """Angles (m, links) of the links at phases (m,)."""
+        return self._properties(phase=phase[None], p=self._p)["angle"].full().T
+
+    def rates(self, phase: Array) -> tuple[Array, Array]:
+        """First and second derivative (m, links) of the links' angles by the phase."""
+        rate, second = (each.full().T for each in self._rates(phase[None]))
+        return rate, second
+
+    @cached_property
+    def _rates(self) -> "casadi.Function":
+        import casadi
+
+        phase = casadi.SX.sym("phase")  # pyright: ignore[reportAttributeAccessIssue]
+        angle = self._properties(phase=phase, p=self._p)["angle"]
+        rate = casadi.jacobian(angle, phase)
+        return casadi.Function("rates", [phase], [rate, casadi.jacobian(rate, phase)])
+
+
+class StructureModel(Model):
+    """Links and joints of a generated module, with the elements that the options choose."""
+
+    def __init__(self, specification: Specification, motion: Motion):
+        chosen = motion.beams.freedoms
+        units = zip(chosen.names, chosen.units, strict=True)
+        declared = [(name, unit, "displacement from the rigid motion") for name, unit in units]
+        super().__init__(specification, motion, declared)
+        self.motion, self.beams = motion, motion.beams
+        self.moves = specification.module.MOVES
+        self.links = _drawn(chosen)
+
+    @classmethod
+    def of(cls, specification: Specification) -> Self:
+        """Raises StructureError where the links cannot be assembled all the way round."""
+        module, kinematics = specification.module, Kinematics(specification)
+        counts = list(map(int, _of_each_link(specification, "elements")))
+        chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(specification, "element"), counts)
+        beams = Beams(chosen, kinematics.properties, kinematics.angle)
+        if module.MOVES:
+            Positions(beams, np.linspace(0.0, module.PERIOD, _ASSEMBLED, endpoint=False))
+        terms = {name: specification.options.get(name, usual) for name, usual in _STILL.items()}
+        return cls(specification, Motion(beams, kinematics.rates, module.PERIOD, **terms))
+
+    def at(self, phase: Array, speed: float) -> Matrices:
+        self.require_motion()
+        return super().at(phase, speed)
+
+    def entries_over(self, phase: Array, speeds: Array) -> Array:
+        """At more than three speeds by Lagrange's polynomials between three of them."""
+        low, high = speeds.min(), speeds.max()
+        if len(speeds) <= _SPEEDS or high - low < 1e-3 * high:
+            return super().entries_over(phase, speeds)
+        nodes = np.linspace(low, high, _SPEEDS)
+        weights = np.ones((len(speeds), _SPEEDS))
+        for i, j in np.ndindex(_SPEEDS, _SPEEDS):
+            if i != j:
+                weights[:, i] *= (speeds - nodes[j]) / (nodes[i] - nodes[j])
+        return np.tensordot(weights, super().entries_over(phase, nodes), axes=1)
+
+    def many_points(self, names: Sequence[str]) -> None:
+        return None
+
+    @property
+    def freedoms(self) -> int:
+        """Those that no inextensible link takes away."""
+        return self.at_positions(np.zeros(1)).n
+
+    @property
+    def most_frequencies(self) -> int:
+        return MOST if self.beams.exact_links else self.freedoms
+
+    def frequencies(self, positions: Array, count: int) -> Array:
+        parts = math.ceil(len(positions) * self.freedoms**2 / _MOST_ENTRIES)
+        found = []
+        for part in np.array_split(positions, max(parts, 1)):
+            frozen = self.at_positions(part)
+            if self.beams.exact_links:
+                found.append(exact_frequencies(frozen, count))
+            else:
+                found.append(lowest_frequencies(*frozen.matrices(), count))
+        return np.concatenate(found)
+
+    def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
+        return shapes(self.beams, position, frequencies)
+
+    def pinned_frequencies(self) -> dict[str, float]:
+        """Of bending: (π/L)² √(EI/µ)."""
+        p = self.beams.properties
+        alone = (np.pi / p.length) ** 2 * np.sqrt(p.EI / p.mu)
+        return dict(zip((link.name for link in self.links), alone.tolist(), strict=True))
+
+    def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+        if not self.outputs:
+            return {}
+        state = State(self.motion, phase, speed, q, qd, qdd)
+        numbers = {link.name: number for number, link in enumerate(self.beams.freedoms.links)}
+        return {
+            name: quantity(state, kind, numbers.get(link, 0), place)
+            for name, (kind, link, place) in zip(self.outputs, self.module.OBSERVED, strict=True)
+        }
+
+    def warnings(self, speed: float) -> list[str]:
+        if not self.module.MOVES:
+            return []
+        found, ratio = [], self.beams.properties.damping_ratio
+        if ratio == 0 and self.options["terms"] == "instantaneous":
+            found.append(
+                "terms=instantaneous leaves out M'q', what M changes as the links turn: without damping that "
+                "feeds energy, and |ρ| > 1 at every speed says nothing of stability; use --option terms=full"
+            )
+        if ratio > 1 and self.options["damping"] == "modal":
+            found.append(
+                f"damping ratio {ratio:g}: beyond 1 no mode vibrates; a ratio is 0.02, not 2 (percent)"
+            )
+        if self.options["stiffening"] == "on":
+            found += self._compression.warnings(speed)
+        return found
+
+    @cached_property
+    def _compression(self) -> Compression:
+        return Compression(self.motion)
+
+    def joint_force(self, link: str, joint: str, turn: Response, phase: Array) -> tuple[Array, Array, Array]:
+        """Force along x and y (N) and moment (N m), (k,) each, of a joint on a link that ends there, at
+        phases (k,) of an orbit, or of its quasi-static solution. Raises UnknownNameError."""
+        number = self._number(link)
+        ends = self.beams.freedoms.links[number][1:3]
+        if joint not in ends:
+            raise UnknownNameError(f"joint of link {link}", joint, ends)
+        state = State(self.motion, phase, turn.speed, *turn.state(phase))
+        return joint_force(state, number, ends.index(joint))
+
+    def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
+        """Transverse displacement (k,) in m from the rigid motion, at a fraction (0 … 1) of a link's length,
+        for q (n, k) at phases (k,). Raises UnknownNameError and ValueOutOfBoundsError."""
+        return self.point(link, fraction).displacement(self.beams.angle(phase), q)[1]
+
+    def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
+        """Axial stress (k,) in Pa, E (u′ ∓ (h/2) v″), on the surface "plus" or "minus" of a link at a
+        fraction (0 … 1) of its length, for q (n, k) at phases (k,).
+
+        Raises UnknownNameError and ValueOutOfBoundsError.
+        """
+        if surface not in SURFACES:
+            raise UnknownNameError("surface", surface, SURFACES)
+        return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
+
+    def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
+        """Places x + iy (k,) in m, rigid and with deflections q (n, k), of a point that a section carries
+        at the fraction `along` (0 … 1) of a link, `across` m beside its axis; the first held joint is at 0.
+
+        Raises UnknownNameError and ValueOutOfBoundsError.
+        """
+        point, positions = self.point(link, along), self.at_positions(phase)
+        start = [name for name, _ in self.beams.freedoms.joints].index(self.module.LINKS[point.number][1])
+        direction = np.exp(1j * positions.angle[:, point.number])
+        rigid = along * self.beams.properties.length[point.number] + 1j * across
+        u, v = point.displacement(positions.angle, q)
+        moved = u + 1j * v - across * point.rotation(positions.angle, q)
+        places = positions.joints[:, start] + rigid * direction
+        return places, places + moved * direction
+
+    def modal_contributions(
+        self, turn: Response, output: str, count: int = 4, samples: int = 720
+    ) -> Contributions:
+        """What the lowest modes of each position, followed along the turn, give to a deflection or stress
+        of an orbit, or of its quasi-static solution. Raises UnknownNameError, ValueOutOfBoundsError."""
+        kind, link, place = self.require_part_of_modes(output)
+        if not 1 <= count <= self.n:
+            raise ValueOutOfBoundsError(f"{count} modes asked for; allowed: 1 to {self.n}")
+        phase = np.linspace(0.0, self.period, samples + 1)
+        state = State(self.motion, phase, turn.speed, *turn.state(phase))
+        return contributions(state, output, kind, self._number(link), place, count)
+
+    def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
+        """Kind, link and place of an output that is linear in the deflections. Raises UnknownNameError."""
+        observed = zip(self.outputs, self.module.OBSERVED, strict=True)
+        linear = {name: each for name, each in observed if each[0] in LINEAR}
+        if output not in linear:
+            raise UnknownNameError(f"deflection or stress of {self.name}", output, linear)
+        return linear[output]
+
+    def _number(self, link: str) -> int:
+        names = [each.name for each in self.beams.freedoms.links]
+        if link not in names:
+            raise UnknownNameError(f"link of {self.name}", link, names)
+        return names.index(link)
+
+    def point(self, link: str, fraction: float) -> Point:
+        """The place at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
+        ValueOutOfBoundsError."""
+        if not 0 <= fraction <= 1:
+            raise ValueOutOfBoundsError(f"place on link {link} is {fraction}; allowed: 0 to 1 of its length")
+        return Point(self.beams, self._number(link), fraction)
+
+    def at_positions(self, phase: Array) -> Positions:
+        """The structure frozen at phases (m,)."""
+        return Positions(self.beams, phase)
+
+    def require_motion(self) -> None:
+        """Raise NoMotionError where the links stand still, or their elements have frequencies only."""
+        if not self.module.MOVES:
+            raise NoMotionError(
+                f"{self.name} is a structure of which only the frequencies are known; "
+                f"run: python -m solve frequencies {self.name}"
+            )
+        if EXACT in self.beams.freedoms.kinds:
+            raise NoMotionError(
+                f"element {EXACT} of {self.name} has frequencies, but no equations of motion; "
+                "choose another element"
+            )
+        if any(link.inextensible for link in self.beams.freedoms.links):
+            raise NoMotionError(
+                f"{self.name} has inextensible links, of which only the frequencies are known; "
+                "let them stretch"
+            )
+
+
+def _of_each_link(specification: Specification, option: str) -> list[str]:
+    parts = str(specification.options[option]).split(",")
+    return parts if len(parts) > 1 else parts * len(specification.module.LINKS)
+
+
+def _drawn(freedoms: Freedoms) -> tuple[DrawnLink, ...]:
+    held = dict(freedoms.joints)
+    shared = Counter(joint for link in freedoms.links for joint in (link.start, link.end))
+    rotations = Counter(name for link in freedoms.links for name in (link.start_rotation, link.end_rotation))
+
+    def support(joint: str, rotation: str) -> str:
+        if held[joint]:
+            return "pinned" if rotation else "clamped"
+        return "joined" if shared[joint] > 1 and rotations[rotation] == 1 else ""
+
+    return tuple(
+        DrawnLink(link.name, (support(link.start, link.start_rotation), support(link.end, link.end_rotation)))
+        for link in freedoms.links
+    )

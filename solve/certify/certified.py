@@ -1,0 +1,119 @@
+"""What is asked of points, and their solutions with the errors estimated from a second grid."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.estimates import enough_steps
+from solve.errors import SolveError
+from solve.methods.method import Method, Solutions
+from solve.period.frozen import Frozen
+from solve.period.points import Points
+
+NEAR_ONE = 1e-3
+"""Distance of a multiplier from +1 below which the height of a response deserves a warning."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of points: `steps`, or as many as `rtol` needs; with `orbit` the periodic solutions.
+
+    witness: an L-stable method whose multipliers judge those of methods that are not. reference: from
+    points to converging methods, which judge approximations.
+    """
+
+    orbit: bool
+    rtol: float
+    steps: int | None
+    engine: str
+    witness: Method
+    reference: Callable[[Points], Iterator[tuple[Method, Array]]]
+
+
+@dataclass(frozen=True)
+class Certified:
+    """Points that the same method and grid served, with the errors estimated from a second grid.
+
+    positions (k,) among the points asked for; errors (k, 2) of orbit and multipliers; modes: frozen ones.
+    """
+
+    positions: Array
+    method: Method
+    solutions: Solutions
+    errors: Array
+    request: Request
+    modes: Frozen
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def steps(self) -> int:
+        """Steps per period."""
+        return self.solutions.grid.steps
+
+    @property
+    def doubtful(self) -> Array:
+        """Points (k,) that deserve a warning."""
+        multipliers = self.solutions.multipliers
+        found = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
+        found |= (multipliers.resolved == 0) | bool(self.method.warnings)
+        if self.request.steps is not None and not self.method.l_stable:
+            found |= ~self.modes.within(self.steps * self.method.follows / self.modes.period)
+        return found
+
+    def warnings(self, at: int) -> list[str]:
+        """What is doubtful about one of the points, a sentence each.
+
+        Whoever chose the steps is warned of modes that they do not follow; where refinement chose them,
+        an L-stable method has confirmed the multipliers to within their error.
+        """
+        orbit, multipliers = map(float, self.errors[at])
+        method, request, rho = self.method, self.request, self.solutions.multipliers
+        parts = [("orbit", orbit), ("multipliers", multipliers)]
+        warnings = list(method.warnings)
+        if not rho.resolved[at]:
+            parts.pop()
+            warnings.append(
+                "no multiplier keeps a digit: they are so small that nothing is left of a disturbance after "
+                "one turn, and only that is certain"
+            )
+        missed = [f"{name} to {error:.1e}" for name, error in parts if error > request.rtol]
+        if request.steps is not None or multipliers > request.rtol:
+            warnings += unresolved_modes(method, float(self.modes[np.array([at])].reach[0]), self.steps)
+        if missed:
+            where = "at the precision in reach" if request.steps is None else f"with {request.steps} steps"
+            where = where if method.converges else "is an approximation that"
+            warnings.append(
+                f"{method.name} {where} gives the {' and the '.join(missed)} only, "
+                f"not to rtol {request.rtol:g}"
+            )
+        near = float(rho.distance_from_one[at])
+        if near < NEAR_ONE:
+            warnings.append(
+                f"a multiplier is only {near:.1e} from +1 (resonance or a stability boundary): "
+                "the height of the response means little here"
+            )
+        return warnings
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Why a point has no solution, at its position."""
+
+    position: int
+    reason: SolveError
+
+
+def unresolved_modes(method: Method, reach: float, steps: int) -> list[str]:
+    """A warning where the method keeps modes that its steps do not resolve; reach: ω_max T."""
+    if method.l_stable or reach <= steps * method.follows:
+        return []
+    enough = f", or at least {enough_steps(reach, method.follows)} steps" if method.converges else ""
+    return [
+        f"ω_max h = {reach / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
+        f"{method.name} neither follows nor damps them: the multipliers may be false though the "
+        f"orbit is right; use radau{enough}"
+    ]

@@ -1,0 +1,136 @@
+"""Errors of solutions from two grids, and what no two grids show. Errors are relative, as `rtol` is; those
+of orbit and multipliers stand beside each other: (P, 2)."""
+
+import math
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.methods.method import Method, Solutions
+from solve.period.curve import PeriodicCurve
+from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding, rounding_errors
+from solve.period.points import Points, matrices
+
+_AT_ONE = 0.1
+"""Part of a method's own error within which its extrapolated multiplier must meet +1 to be taken for it."""
+
+_ALIASING_PHASES = 1021
+"""Evenly spaced phases at which the orders of the matrices are looked for: no multiple of any grid's."""
+
+_COMPARED = 4
+"""Phases a step at which curves are compared."""
+
+
+class Reference:
+    """What is known of points from another grid, for the next one to be compared with: multipliers, and
+    samples (P, n, k) of the curves at phases (k,)."""
+
+    def __init__(self, multipliers: Multipliers, phase: Array | None = None, samples: Array | None = None):
+        self.multipliers, self.phase, self.samples = multipliers, phase, samples
+
+    @classmethod
+    def of(cls, solutions: Solutions) -> "Reference":
+        if solutions.curve is None:
+            return cls(solutions.multipliers)
+        starts, h = solutions.grid.nodes[:-1, None], solutions.grid.h[:, None]
+        phase = (starts + h * (np.arange(_COMPARED) / _COMPARED)).ravel()
+        return cls(solutions.multipliers, phase, solutions.curve.sampled(_COMPARED))
+
+    def __getitem__(self, points: Array) -> "Reference":
+        samples = None if self.samples is None else self.samples[points]
+        return Reference(self.multipliers[points], self.phase, samples)
+
+    def differences(self, fine: Solutions) -> Array:
+        """To the better solutions: of the orbit, per coordinate max|difference|/max|q|, and of the
+        multipliers.
+
+        A coordinate that rests but for rounding (the mass that a tuned absorber quiets) has no size of its
+        own to compare with; it is measured by the largest.
+        """
+        multipliers = self.multipliers.difference(fine.multipliers)
+        orbit = np.zeros_like(multipliers)
+        if self.samples is not None and self.phase is not None and fine.curve is not None:
+            orbit = _orbit_differences(self.samples, self.phase, fine.curve, closing_rounding(fine))
+        return np.column_stack((orbit, multipliers))
+
+
+def _orbit_differences(samples: Array, phase: Array, curve: PeriodicCurve, rounding: Array) -> Array:
+    q = curve(phase)
+    scale, error = np.abs(q).max(axis=2), np.abs(samples - q).max(axis=2)
+    largest = scale.max(axis=1, keepdims=True)
+    scale = np.where(scale > rounding[:, None] * largest, scale, largest)
+    return (error / np.where(scale > 0, scale, 1.0)).max(axis=1)
+
+
+def differences(coarse: Solutions, fine: Solutions) -> Array:
+    """Of orbits and multipliers, see `Reference.differences`."""
+    return Reference.of(coarse).differences(fine)
+
+
+def at_one(coarse: Multipliers, fine: Multipliers, ratio: float, order: float, steps: int) -> Array:
+    """Whether the multipliers nearest to +1 (P,) of two grids, the finer one of `steps`, go there as the
+    steps get finer."""
+    nearest = fine.nearest_one
+    change = (nearest - coarse.nearest_one) / (ratio**order - 1)
+    return np.abs(nearest + change - 1) <= np.maximum(_AT_ONE * np.abs(change), EPS * max(8, steps))
+
+
+def within_reach(solutions: Solutions, errors: Array, wanted: Array) -> Array:
+    """Errors to ask for: the wanted ones, or what rounding leaves where that is more and errors are low
+    enough for it to matter."""
+    radius = solutions.multipliers.spectral_radius
+    most = np.maximum(most_rounding(solutions.Phi, radius), 8 * solutions.rounding)
+    limited = errors[:, 1] <= np.maximum(np.maximum(most, wanted[:, 1]), 64 * EPS)
+    open_ = np.flatnonzero((errors > wanted).any(axis=1) & limited)
+    if len(open_):
+        wanted = wanted.copy()
+        wanted[open_] = np.maximum(rounding(solutions[open_]), wanted[open_])
+    return wanted
+
+
+def closing_rounding(solutions: Solutions) -> Array:
+    """Error of the orbit (P,) that rounding leaves in a problem of this condition."""
+    closing = EPS * accumulated(solutions.grid.steps) * np.nan_to_num(solutions.condition)
+    return np.maximum(closing, 64 * EPS)
+
+
+def rounding(solutions: Solutions) -> Array:
+    """Errors that rounding leaves, of orbit and multipliers."""
+    multipliers = np.maximum(rounding_errors(solutions.Phi), 8 * solutions.rounding)
+    return np.column_stack((closing_rounding(solutions), np.maximum(multipliers, 64 * EPS)))
+
+
+def aliasing(points: Points, method: Method, finest: int) -> Array:
+    """Error (P,) of orbit and multipliers that evenly spaced samples cannot tell: orders of the matrices
+    above half the finest grid's steps, such as 48 teeth, may look like lower ones on every grid. A series
+    needs the orders about them too."""
+    if not method.samples_evenly or points.breaks:
+        return np.zeros(len(points))
+    seen = finest // 4 if method.spectral else finest // 2
+    return _content(points)[:, seen + 1 :].sum(axis=1)
+
+
+def _content(points: Points) -> Array:
+    """Parts (P, k) of orders 0, 1, … in M, C, K or d, whichever is larger; the largest order of each is 1."""
+    phases = np.arange(_ALIASING_PHASES) * (points.period / _ALIASING_PHASES)
+    M, C, K, d = matrices(points, phases)
+    tiny = np.finfo(float).tiny
+    inertia = np.abs(np.einsum("pkii->pki", M)).mean(axis=1, keepdims=True)
+    unit = 1.0 / np.sqrt(np.maximum(inertia, tiny))
+    scaled = (*(unit[..., None] * part * unit[..., None, :] for part in (M, C, K)), d * unit)
+    sizes = []
+    for part in scaled:
+        series = np.abs(np.fft.rfft(part.reshape(*part.shape[:2], -1), axis=1)).max(axis=2)
+        sizes.append(series / np.maximum(series.max(axis=1, keepdims=True), tiny))
+    return np.max(sizes, axis=0)
+
+
+def raised(errors: Array, floors: Array, alias: Array, hidden: Array) -> Array:
+    """Errors estimated from two grids, raised by what no two grids show: rounding, orders of the matrices
+    that they see alike (P,), and modes that neither follows (P,)."""
+    return np.maximum(np.maximum(errors, floors), np.column_stack((alias, np.maximum(alias, hidden))))
+
+
+def enough_steps(reach: float, follows: float) -> int:
+    """Steps that follow a mode which turns `reach` in a period."""
+    return math.ceil(reach / follows)

@@ -1,0 +1,88 @@
+"""Modes too fast for both of two grids: what they may hide of the multipliers."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.methods.method import Method
+from solve.period.frozen import PHASES, Frozen, surviving
+from solve.period.multipliers import NEGLIGIBLE, Multipliers
+
+_PHASE_ERROR = 0.1
+"""Angle (rad) at the end of a period by which a grid may misplace a mode, if two grids are to tell their
+error: beyond it they may agree by chance."""
+
+_EVERY = np.arange(PHASES)
+_STAGES = _EVERY[::16], _EVERY[8::16], _EVERY[4::8], np.flatnonzero(_EVERY % 4)
+"""The phases in the order in which they are asked for, as long as more could change anything."""
+
+_UNSURE, _FAR = 1.2, 1e-3
+"""An exponent and a factor that change nothing where few phases serve."""
+
+_SAME, _CLOSE = 0.1, 0.3
+"""Relative change by further phases that counts as none, unless as close as this to what is allowed."""
+
+Witness = Callable[[Array], Multipliers]
+"""Multipliers of points at positions (k,) by an L-stable method."""
+
+
+def hidden(
+    modes: Frozen, method: Method, steps: int, multipliers: Multipliers, rtol: float, witness: Witness
+) -> tuple[Array, Array]:
+    """From the frozen modes of points: errors (P,) of the multipliers, relative to the spectral radius, that
+    both of two grids may have from modes that `steps` do not follow, or that they misplace by so much of a
+    turn that the grids may agree by chance; and whether the steps follow the fastest modes (P,).
+
+    An L-stable method loses modes that it does not follow, which is wrong where they truly live on; any
+    other may turn them into anything, and is judged by one that is L-stable.
+    """
+    limit = steps * method.follows
+    followed = modes.within(limit / modes.period)
+    errors = np.zeros(len(modes))
+    open_ = np.flatnonzero(~followed)
+    if method.l_stable:
+        if len(open_):
+            radius = multipliers.spectral_radius[open_]
+            lost, followed[open_] = _survivors(modes[open_], limit, rtol * radius)
+            radius = np.maximum(radius, NEGLIGIBLE)
+            kept = lost < radius
+            errors[open_] = np.where(kept, lost / np.where(kept, radius, 1.0), 1.0) * ~followed[open_]
+        return errors, followed
+    if len(open_):
+        followed[open_] = modes[open_].reach <= limit
+    doubtful = np.flatnonzero(~followed | ~_in_phase(modes, method, steps))
+    if len(doubtful):
+        errors[doubtful] = multipliers[doubtful].difference(witness(doubtful))
+    return errors, followed
+
+
+def _in_phase(modes: Frozen, method: Method, steps: int) -> Array:
+    """Whether the steps misplace no mode by so much that grids may meet by chance (P,)."""
+    if not method.phase_error(np.ones(1), 1).any():
+        return np.ones(len(modes), dtype=bool)
+    return method.phase_error(modes.reach, steps) < _PHASE_ERROR
+
+
+def _survivors(modes: Frozen, limit: float, allowed: Array) -> tuple[Array, Array]:
+    """What a period leaves (P,) of modes beyond the limit, and whether there are none such.
+
+    A few of the phases tell where that matters clearly or clearly not beside what is `allowed` (P,), some
+    more where it has settled; all of them tell elsewhere.
+    """
+    lost, followed = np.ones(len(allowed)), np.zeros(len(allowed), dtype=bool)
+    open_ = np.arange(len(allowed))
+    known = modes.eigenvalues(_EVERY[:0])
+    for phases in _STAGES:
+        known = np.concatenate((known, modes[open_].eigenvalues(phases)), axis=1)
+        before, left, most = lost[open_], surviving(known, modes.period, limit), allowed[open_]
+        matters = left**_UNSURE * _FAR > most
+        matters_not = left ** (1 / _UNSURE) < _FAR * most
+        same = (np.abs(left - before) < _SAME * left) & (np.abs(left - most) > _CLOSE * most)
+        beyond = np.abs(known).max(axis=(1, 2)) * modes.period > limit
+        lost[open_], followed[open_] = left, ~beyond
+        still = ~((beyond & (matters | same)) | matters_not)
+        open_, known = open_[still], known[still]
+        if len(open_) == 0:
+            break
+    return lost, followed

@@ -1,0 +1,323 @@
+"""Two grids that agree: finer and finer steps for many points at once, orbit and multipliers judged
+separately."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.certified import Certified, Failed, Request
+from solve.certify.estimates import (
+    Reference,
+    aliasing,
+    at_one,
+    differences,
+    raised,
+    rounding,
+    within_reach,
+)
+from solve.certify.hidden import hidden
+from solve.certify.pace import Pace, estimated, far, finished, first_steps, judged, rung, seen_by_both
+from solve.errors import StepsError
+from solve.methods.method import Method, Solutions, no_orbit
+from solve.period.frozen import Frozen, frozen
+from solve.period.grid import Grid
+from solve.period.multipliers import Multipliers
+from solve.period.points import Points
+
+_FEW_STEPS = 360
+WITNESS_RTOL = 1e-10
+"""Accuracy of multipliers by which others are judged."""
+
+UNDERFLOW = 1e-30
+"""Spectral radius below which multipliers are refined only as long as grids agree better and better."""
+
+_ALIAS = 0.01
+"""Part of the tolerance that orders may have that samples do not tell: a resonance may enlarge them."""
+
+_MEMORY = 2**25
+"""Bytes that the points solved at once may take."""
+
+
+def certified(points: Points, method: Method, request: Request) -> Iterator[Certified | Failed]:
+    """Each of the points once, in groups as they come.
+
+    With `steps`: that grid, judged by one twice as fine. Without: refined until both errors of the finer
+    of two grids are estimated at `rtol` or less, or the precision in reach is achieved. A point fails with
+    ResonanceError where an orbit is asked for and a multiplier is at +1 for all that the method can tell.
+    Raises StepsError for `steps` that the method cannot use at any point.
+    """
+    refinement = Refinement(points, method, request)
+    every = np.arange(len(points))
+    if request.steps is not None:
+        refused = list(refinement.unusable(request.steps, every))
+        yield from refused
+        every = np.setdiff1d(every, [failure.position for failure in refused])
+    if not method.converges:
+        yield from refinement.approximated(every)
+    elif request.steps is None:
+        yield from refinement.refined(every)
+    else:
+        yield from refinement.judged(every)
+
+
+def on_one_grid(
+    points: Points, method: Method, request: Request, steps: int
+) -> Iterator[tuple[Array, Solutions]]:
+    """The points on that many steps, not judged, in parts with their positions (k,); failures left out."""
+    refinement = Refinement(points, method, request)
+    for part in refinement.parts(steps, np.arange(len(points))):
+        solutions = refinement.solved(steps, part)
+        known = np.setdiff1d(np.arange(len(part)), list(solutions.failures))
+        yield part[known], solutions[known] if solutions.failures else solutions
+
+
+@dataclass(frozen=True)
+class _Trail:
+    """What is known of points from the grids before: their reference, and the differences (k, 2) that the
+    last of these made."""
+
+    positions: Array
+    differences: Array
+    reference: Reference | None = None
+
+    def __getitem__(self, some: Array) -> "_Trail":
+        reference = None if self.reference is None else self.reference[some]
+        return _Trail(self.positions[some], self.differences[some], reference)
+
+
+class Refinement:
+    """Points under one method."""
+
+    def __init__(self, points: Points, method: Method, request: Request):
+        self.points, self.method, self.request = points, method, request
+        self.most = method.most_steps(points.n)
+        self.orders = np.array([method.curve_order, method.order])
+
+    @cached_property
+    def modes(self) -> Frozen:
+        """Frozen ones of all points."""
+        return frozen(self.points)
+
+    @cached_property
+    def least(self) -> Array:
+        """Steps (P,) below which the method cannot be stable."""
+        if type(self.method).least_steps is Method.least_steps:
+            return np.ones(len(self.points), dtype=int)
+        return self.method.least_steps(self.modes)
+
+    def unusable(self, steps: Any, positions: Array) -> Iterator[Failed]:
+        """The points at which the method is unstable with so many steps. Raises StepsError for a number that
+        it can use nowhere."""
+        name = self.method.name
+        fewest = max(1, len(self.points.breaks))
+        whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
+        if not whole or steps < fewest:
+            raise StepsError(
+                f"steps is {steps!r}; allowed: whole numbers of at least {fewest}; leave --steps out to have "
+                "it chosen"
+            )
+        most = self.most // 2 if self.method.converges else self.most
+        if steps > most:
+            raise StepsError(
+                f"{name} takes at most {most} steps a period for {self.points.n} "
+                f"coordinates; given: {steps}; use fewer, or leave --steps out to have it chosen"
+            )
+        for position in positions[steps < self.least[positions]].tolist():
+            reason = StepsError(
+                f"{name} with {steps} steps a period is beyond its stability limit; use at "
+                f"least {self.least[position]} steps, or a method without limit (radau)"
+            )
+            yield Failed(position, reason)
+
+    def solved(self, steps: int, positions: Array) -> Solutions:
+        """Those of the points at the positions (k,) on that many steps."""
+        points = self.points if len(positions) == len(self.points) else self.points[positions]
+        grid = Grid.uniform(steps, points.period, points.breaks)
+        return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
+
+    def approximated(self, positions: Array) -> Iterator[Certified | Failed]:
+        """A method that does not converge to the truth, judged by one that does."""
+        steps = min(_FEW_STEPS, self.most) if self.request.steps is None else self.request.steps
+        truth = replace(self.request, rtol=min(self.request.rtol, 1e-8), steps=None)
+        for part in self.parts(steps, positions):
+            chosen, part = yield from self._sound(self.solved(steps, part), part)
+            if not len(part):
+                continue
+            points = self.points[part]
+            for method, at in self.request.reference(points):
+                for better in certified(points[at], method, truth):
+                    if isinstance(better, Failed):
+                        yield Failed(int(part[at[better.position]]), better.reason)
+                        continue
+                    own = chosen[at[better.positions]]
+                    errors = np.maximum(differences(own, better.solutions), rounding(own))
+                    yield self._certified(part[at[better.positions]], own, errors)
+
+    def judged(self, positions: Array) -> Iterator[Certified | Failed]:
+        """On the steps given, by twice as many."""
+        steps = self.request.steps
+        assert steps is not None
+        for part in self.parts(2 * steps, positions):
+            coarse, part = yield from self._sound(self.solved(steps, part), part)
+            if not len(part):
+                continue
+            fine = self.solved(2 * steps, part)
+            known = np.setdiff1d(np.arange(len(part)), list(fine.failures))
+            fine, part = yield from self._sound(fine, part)
+            coarse = coarse[known]
+            if not len(part):
+                continue
+            resonant = self._resonant(coarse.multipliers, fine, 2.0)
+            yield from self._no_orbits(part[resonant])
+            coarse, fine, part = coarse[~resonant], fine[~resonant], part[~resonant]
+            if not len(part):
+                continue
+            errors = judged(differences(coarse, fine), self.orders)
+            unseen, _ = self._hidden(steps, part, coarse.multipliers)
+            alias = aliasing(self.points[part], self.method, 2 * steps)
+            yield self._certified(part, coarse, raised(errors, rounding(coarse), alias, unseen))
+
+    def refined(self, positions: Array) -> Iterator[Certified | Failed]:
+        """On as many steps as each point needs."""
+        wanted = np.maximum(first_steps(self.method), len(self.points.breaks))
+        first = np.maximum(wanted, np.ceil(1.2 * self.least[positions])).astype(int)
+        for steps in np.unique(first):
+            these = positions[first == steps]
+            yield from self._on(Pace(rung(int(steps))), _Trail(these, np.full((len(these), 2), np.inf)))
+
+    def _on(self, pace: Pace, trail: _Trail) -> Iterator[Certified | Failed]:
+        """The points that need at least this many steps, and then those that need more."""
+        for part in self.parts(pace.steps, np.arange(len(trail.positions))):
+            further = yield from self._compared(pace, trail[part])
+            for onward, still_open in further:
+                yield from self._on(onward, still_open)
+
+    def _compared(self, pace: Pace, trail: _Trail) -> Iterator[Certified | Failed]:
+        """Solve, compare with the grid before, and return the points that are still open with the paces at
+        which they go on."""
+        fine = self.solved(pace.steps, trail.positions)
+        reference = trail.reference
+        if reference is None:
+            return (yield from self._begun(pace, trail, fine))
+        known = np.setdiff1d(np.arange(len(fine)), list(fine.failures))
+        fine, _ = yield from self._sound(fine, trail.positions)
+        if not len(known):
+            return []
+        if len(known) < len(trail.positions):
+            trail, reference = trail[known], reference[known]
+        found, before = reference.differences(fine), trail.differences
+        errors = estimated(found, before, pace, self.orders)
+        rtol = self.request.rtol
+        wanted = np.column_stack((np.maximum(rtol, 2 * fine.defect), np.full(len(fine), rtol)))
+        wanted = within_reach(fine, errors, wanted)
+        radius = np.maximum(reference.multipliers.spectral_radius, fine.multipliers.spectral_radius)
+        small = radius < UNDERFLOW
+        done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
+        done = done & (fine.rounding < 1.0)
+        leap = done | far(pace, errors, wanted, self.orders)
+        last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
+        ended = np.zeros(len(fine), dtype=bool)
+        at = np.flatnonzero(done | last)
+        if len(at):
+            ended[at] = yield from self._ended(pace, trail[at], fine[at], errors[at], small[at], last[at])
+        onward = _Trail(trail.positions, found, Reference.of(fine))
+        return [
+            (pace.onward(way, self.most), onward[chosen])
+            for way in (False, True)
+            if len(chosen := np.flatnonzero(~ended & (leap == way)))
+        ]
+
+    def _begun(self, pace: Pace, trail: _Trail, first: Solutions) -> Iterator[Certified | Failed]:
+        """The first grid; points that overflow begin with twice the steps."""
+        again = [at for at, reason in first.failures.items() if isinstance(reason, StepsError)]
+        if 2 * pace.steps > self.most:
+            again = []
+        known = np.setdiff1d(np.arange(len(first)), list(first.failures))
+        positions, onward = trail.positions, []
+        for at, reason in first.failures.items():
+            if at not in again:
+                yield Failed(int(positions[at]), reason)
+        if len(known):
+            sound = first if len(known) == len(first) else first[known]
+            begun = _Trail(positions[known], trail.differences[known], Reference.of(sound))
+            onward.append((pace.onward(False, self.most), begun))
+        if again:
+            onward.append((Pace(2 * pace.steps), trail[np.array(again)]))
+        return onward
+
+    def _ended(
+        self, pace: Pace, trail: _Trail, fine: Solutions, errors: Array, small: Array, last: Array
+    ) -> Iterator[Certified | Failed]:
+        """Points whose grids agree, unless modes that these do not follow, or orders that they do not see,
+        matter and the grids are not their `last` (k,); returns which points have ended (k,)."""
+        positions = trail.positions
+        unseen, _ = self._hidden(seen_by_both(pace, self.method), positions, fine.multipliers)
+        alias = aliasing(self.points[positions], self.method, pace.steps)
+        ended = (np.maximum(unseen, alias / _ALIAS) <= self.request.rtol) | last
+        resonant = np.zeros(len(fine), dtype=bool)
+        if trail.reference is not None:
+            resonant = ended & self._resonant(trail.reference.multipliers, fine, pace.ratio)
+        yield from self._no_orbits(positions[resonant])
+        for kind in (False, True):
+            good = np.flatnonzero(ended & ~resonant & (small == kind))
+            if len(good):
+                chosen = fine[good]
+                found = raised(errors[good], rounding(chosen), alias[good], unseen[good])
+                if kind:
+                    chosen = chosen.with_multipliers(chosen.multipliers.with_digits(found[:, 1]))
+                yield self._certified(positions[good], chosen, found)
+        return ended
+
+    def _hidden(self, steps: int, positions: Array, multipliers: Multipliers) -> tuple[Array, Array]:
+        def witness(at: Array) -> Multipliers:
+            return self._witnessed(positions[at])
+
+        modes = self.modes if len(positions) == len(self.points) else self.modes[positions]
+        return hidden(modes, self.method, steps, multipliers, self.request.rtol, witness)
+
+    def _witnessed(self, positions: Array) -> Multipliers:
+        """Multipliers of the points by the witness; zero where it cannot tell."""
+        values = np.zeros((len(positions), 2 * self.points.n), dtype=complex)
+        resolved = np.zeros(len(positions), dtype=int)
+        request = replace(self.request, orbit=False, rtol=WITNESS_RTOL, steps=None)
+        for found in certified(self.points[positions], self.request.witness, request):
+            if isinstance(found, Certified):
+                rho = found.solutions.multipliers
+                values[found.positions], resolved[found.positions] = rho.values, rho.resolved
+        return Multipliers(values, resolved)
+
+    def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: float) -> Array:
+        """Points (k,) with a multiplier that goes to +1, where an orbit is asked for."""
+        if not self.request.orbit:
+            return np.zeros(len(fine), dtype=bool)
+        return at_one(coarse, fine.multipliers, ratio, self.method.order, fine.grid.steps)
+
+    def _certified(self, positions: Array, solutions: Solutions, errors: Array) -> Certified:
+        errors[:, 0] += solutions.defect
+        return Certified(positions, self.method, solutions, errors, self.request, self.modes[positions])
+
+    def _sound(self, solutions: Solutions, positions: Array) -> Iterator[Failed]:
+        """Report failures; returns the other solutions and their positions."""
+        if not solutions.failures:
+            return solutions, positions
+        for at, reason in solutions.failures.items():
+            yield Failed(int(positions[at]), reason)
+        known = np.setdiff1d(np.arange(len(positions)), list(solutions.failures))
+        return solutions[known], positions[known]
+
+    @staticmethod
+    def _no_orbits(positions: Array) -> Iterator[Failed]:
+        return (Failed(position, no_orbit()) for position in positions.tolist())
+
+    def parts(self, steps: int, positions: Array) -> list[Array]:
+        """The positions, split so that each part fits into memory."""
+        if len(positions) < 2:
+            return [positions] if len(positions) else []
+        size = self.method.bytes_a_step(self.points.n, self.request.orbit, self.request.engine)
+        size = (size + 8 * self.points.bytes_a_phase) * steps
+        return np.array_split(positions, min(len(positions), math.ceil(len(positions) * size / _MEMORY)))

@@ -1,0 +1,127 @@
+"""Collocation over one period in compiled code: many points, or segments of one period, side by side in
+vector registers."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.kernel.library import LANES, Size, run
+
+_POINT_TABLES, _SEGMENTS = 1, 2
+"""`own` of lanes.c: every lane has tables of its own; the lanes are segments of one period."""
+
+
+class Samples(NamedTuple):
+    """Terms of the entries at the phases that a method samples: table (k, R), the same for all points, or
+    (P, k, R); coefficients (P, R); entry (R,), rising: where each term belongs."""
+
+    table: Array
+    coefficients: Array
+    entry: Array
+
+    @property
+    def own(self) -> bool:
+        return self.table.ndim == 3
+
+
+class Periods(NamedTuple):
+    """Monodromy matrices Phi (P, N, N); with orbits, coefficients of the curves (P, n, m, D), lowest power
+    first, and closed (P, 2, N, N), G and H of the closed systems (G + H) x = r; of one point, the maps of
+    the steps (1, m, N, N+1)."""
+
+    Phi: Array
+    curves: Array | None
+    closed: Array | None
+    maps: Array | None
+
+
+def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
+    """Memory that a step of a point takes: its curve of so many powers, and a part of a group's work."""
+    return 8 * n * (2 * powers + 12) if orbit else 8
+
+
+def solved(
+    size: Size, weights: Mapping[str, Array], period: float, stages: Samples, nodes: Samples | None
+) -> Periods:
+    """Each point on m equal steps, sampled at the stages (m s phases, step by step) and, for orbits by a
+    method whose steps do not end at a stage, at the nodes (m phases). Raises CompilerError, MemoryError."""
+    m = stages.table.shape[-2] // size.stages
+    if len(stages.coefficients) == 1 and m % LANES == 0 and stages.own and size.orbit:
+        return _in_segments(
+            size, weights, period / m, stages.table[0], None if nodes is None else nodes.table[0]
+        )
+    return _side_by_side(size, weights, period / m, stages, nodes)
+
+
+def _side_by_side(
+    size: Size, weights: Mapping[str, Array], h: float, stages: Samples, nodes: Samples | None
+) -> Periods:
+    points, m = len(stages.coefficients), stages.table.shape[-2] // size.stages
+    groups, N, D = -(-points // LANES), 2 * size.n, len(weights["powers"])
+    Phi, closed = (np.zeros((groups, *shape, LANES)) for shape in ((N, N), (2, N, N)))
+    curves = np.zeros((groups * LANES if size.orbit else 0, size.n, m, D))
+    maps = np.zeros((LANES, m, N, N + 1)) if points == 1 and size.orbit else None
+    arrays = {
+        "stages": _laid_out(stages, groups),
+        "nodes": np.zeros(1) if nodes is None else _laid_out(nodes, groups),
+        "coefficients": _grouped(stages.coefficients, groups),
+        **weights,
+        **({} if maps is None else {"maps": maps}),
+    }
+    run(
+        "level",
+        size,
+        {**arrays, "Phi": Phi, "closed": closed, "curves": curves},
+        stages.entry,
+        groups=groups,
+        steps=m,
+        h=h,
+        terms=len(stages.entry),
+        own=_POINT_TABLES if stages.own else 0,
+    )
+    Phi = _by_points(Phi, points)
+    if not size.orbit:
+        return Periods(Phi, None, None, None)
+    return Periods(Phi, curves[:points], _by_points(closed, points), None if maps is None else maps[:1])
+
+
+def _in_segments(
+    size: Size, weights: Mapping[str, Array], h: float, stages: Array, nodes: Array | None
+) -> Periods:
+    """One point from entries (m s, 3n² + n) at the stages, and (m, 3n² + n) at the nodes."""
+    n, m, D = size.n, len(stages) // size.stages, len(weights["powers"])
+    N, L = 2 * n, m // LANES
+    Phi, closed = (np.empty((*shape, LANES)) for shape in ((N, N), (2, N, N)))
+    maps, curves = np.empty((m, N, N + 1)), np.empty((LANES, n, L, D))
+    arrays = {
+        "stages": np.ascontiguousarray(stages),
+        "nodes": np.zeros(1) if nodes is None else np.ascontiguousarray(nodes),
+        "coefficients": np.zeros(1),
+        **weights,
+        "Phi": Phi,
+        "closed": closed,
+        "curves": curves,
+        "maps": maps,
+    }
+    run("segments", size, arrays, groups=1, steps=L, h=h, terms=0, own=_SEGMENTS)
+    curve = np.moveaxis(curves, 0, 1).reshape(1, n, m, D)
+    return Periods(Phi[None, ..., 0], curve, closed[None, ..., 0], maps[None])
+
+
+def _laid_out(samples: Samples, groups: int) -> Array:
+    """The table; where each point has its own (P, k, R), by groups (groups, k, R, LANES)."""
+    return _grouped(samples.table, groups) if samples.own else np.ascontiguousarray(samples.table)
+
+
+def _grouped(values: Array, groups: int) -> Array:
+    """(P, …) as (groups, …, LANES); the last point fills the lanes that are left."""
+    filled = np.concatenate((values, np.repeat(values[-1:], groups * LANES - len(values), axis=0)))
+    return np.ascontiguousarray(np.moveaxis(filled.reshape(groups, LANES, *values.shape[1:]), 1, -1))
+
+
+def _by_points(values: Array, points: int) -> Array:
+    """(groups, …, LANES) as (P, …)."""
+    moved = np.moveaxis(values, -1, 1)
+    return np.ascontiguousarray(moved.reshape(-1, *moved.shape[2:])[:points])

@@ -1,0 +1,143 @@
+"""Modes with the coefficients frozen at some phases: how fast they are, bounds first, eigenvalues where
+the bounds leave doubt."""
+
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array, solved
+from solve.period.points import Points, parted, rate_of
+
+PHASES = 128
+"""At which the coefficients are frozen unless a caller asks for fewer."""
+
+_ITERATIONS = 6
+
+
+class Frozen:
+    """Of P points, at the middles of k equal parts of the period, from fields (3n² + n, P, k) of their
+    entries."""
+
+    def __init__(self, fields: Array, n: int, period: float):
+        self._fields, self._n, self.period = fields, n, period
+        self._matrices = fields[: 3 * n**2].reshape(3, n, n, *fields.shape[1:])
+
+    def __len__(self) -> int:
+        return self._fields.shape[1]
+
+    def __getitem__(self, points: Array) -> "Frozen":
+        return Frozen(self._fields[:, points], self._n, self.period)
+
+    def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
+        """Eigenvalues (P, k, 2n), by the phase, at some of the phases, all by default."""
+        if self._n == 1:
+            return _quadratic(*self._matrices[:, 0, 0][..., phases])
+        entries = np.moveaxis(self._fields[..., phases], 0, -1)
+        rate = rate_of(*parted(entries, self._n))[..., :-1]
+        return _eigenvalues(rate)
+
+    @cached_property
+    def reach(self) -> Array:
+        """ω_max T (P,), the angle that the fastest mode turns in one period."""
+        return np.abs(self.eigenvalues()).max(axis=(1, 2)) * self.period
+
+    def faster(self, rate: float) -> Array:
+        """Whether sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any of the phases (P,)."""
+        if self._n == 1:
+            return np.any(self._fastest() > rate, axis=1)
+        faster = ~self._slow(rate)
+        open_ = np.flatnonzero(faster)
+        if len(open_) > 1:
+            stiffest = self[open_]._stiffest()
+            open_ = open_[self[open_]._at(stiffest)._fastest()[:, 0] <= rate]
+        if len(open_):
+            faster[open_] = (self[open_]._fastest() > rate).any(axis=1)
+        return faster
+
+    def within(self, reach: float) -> Array:
+        """Whether all eigenvalues are sure to have moduli of at most `reach` (P,): λ²M + λC + K
+        is regular beyond where (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v (Perron, Collatz)."""
+        C, K = self._ratios()
+        if self._n == 1:
+            # Schur and Cohn's criterion, sharp for a single mode.
+            inside = (np.abs(K) <= reach**2) & (np.abs(C) <= reach + K / reach)
+            return np.all(inside, axis=(0, 1, 3))
+        return _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+
+    def _at(self, phase: int) -> "Frozen":
+        return Frozen(self._fields[..., phase : phase + 1], self._n, self.period)
+
+    def _stiffest(self) -> int:
+        """The phase at which the point in the middle is stiffest: a guess for the others."""
+        middle = self[np.array([len(self) // 2])]
+        return int(middle._fastest()[0].argmax())
+
+    def _fastest(self) -> Array:
+        """The larger of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C), (P, k)."""
+        M, C, K = np.moveaxis(self._matrices, (1, 2), (3, 4))
+        if self._n == 1:
+            stiffness, damping = (np.abs(part[..., 0, 0] / M[..., 0, 0]) for part in (K, C))
+        else:
+            stiffness, damping = (np.abs(_eigenvalues(solved(M, part))).max(axis=-1) for part in (K, C))
+        return np.maximum(np.sqrt(stiffness), damping)
+
+    def _slow(self, rate: float) -> Array:
+        """Whether the points are sure not to be faster than the rate."""
+        C, K = self._ratios()
+        return _contracts(np.abs(K) / rate**2) & _contracts(np.abs(C) / rate)
+
+    def _ratios(self) -> tuple[Array, Array]:
+        """M⁻¹C and M⁻¹K as fields (n, n, P, k), by elimination without exchange, as inertia allows."""
+        M, C, K = self._matrices
+        n, rows = self._n, np.concatenate((M, C, K), axis=1)
+        with np.errstate(all="ignore"):
+            for k in range(n):
+                rows[k, k + 1 :] /= rows[k, k]
+                for i in range(n):
+                    if i != k:
+                        rows[i, k + 1 :] -= rows[i, k] * rows[k, k + 1 :]
+        return rows[:, n : 2 * n], rows[:, 2 * n :]
+
+
+def frozen(points: Points, phases: int = PHASES) -> Frozen:
+    """The points with their coefficients frozen at so many phases."""
+    middles = (np.arange(phases) + 0.5) * (points.period / phases)
+    return Frozen(points.tables(middles).fields(), points.n, points.period)
+
+
+def surviving(eigenvalues: Array, period: float, limit: float) -> Array:
+    """What a period leaves, at most 1, of the least damped mode with ω T above the limit (…), from frozen
+    eigenvalues (…, k, 2n) at k phases."""
+    size = np.abs(eigenvalues)
+    fast = (size * period > limit) | (size == size.max(axis=-1, keepdims=True))
+    rates = np.where(fast, np.real(eigenvalues), -np.inf).max(axis=-1)
+    return np.exp(np.minimum(rates.mean(axis=-1) * period, 0.0))
+
+
+def _eigenvalues(matrices: Array) -> Array:
+    """Eigenvalues (…, N); infinite where a matrix is not finite."""
+    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
+    if finite.all():
+        return np.linalg.eigvals(matrices)
+    values = np.linalg.eigvals(np.where(finite[..., None, None], matrices, 0.0))
+    return np.where(finite[..., None], values, np.inf)
+
+
+def _quadratic(M: Array, C: Array, K: Array) -> Array:
+    """Roots (…, 2) of λ²M + λC + K."""
+    half, product = C / (2 * M), K / M
+    root = np.sqrt((half**2 - product).astype(complex))
+    larger = -half - np.where(half < 0, -1.0, 1.0) * root
+    return np.stack(
+        (larger, np.where(larger != 0, product / np.where(larger != 0, larger, 1.0), 0.0)), axis=-1
+    )
+
+
+def _contracts(B: Array) -> Array:
+    """Whether non-negative fields B (n, n, P, k) are sure to have spectral radii of at most 1 (P,)."""
+    v = np.ones(B.shape[1:])
+    with np.errstate(all="ignore"):
+        for _ in range(_ITERATIONS):
+            v = np.einsum("ijpk,jpk->ipk", B, v)
+            v = np.maximum(v / v.max(axis=0), 1e-3)
+        return (np.einsum("ijpk,jpk->ipk", B, v) <= v).all(axis=(0, 2))

@@ -1,0 +1,140 @@
+"""Points solved side by side: systems that differ by numbers, each at a speed, given by samples.
+
+An entry is one of those of Ω²M, ΩC, K by rows and d, the matrices of derivatives by the phase:
+3n² + n of them.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from solve.arrays import Array, solved
+from solve.system import Matrices, PeriodicSystem
+
+
+@dataclass(frozen=True)
+class Tables:
+    """R terms at k phases: table (k, R), the same for all points, or (P, k, R); coefficients (P, R) of the
+    terms at each point; entry (R,), rising: to which entry each term belongs; n coordinates."""
+
+    table: Array
+    coefficients: Array
+    entry: Array
+    n: int
+
+    @classmethod
+    def of(cls, entries: Array, n: int) -> "Tables":
+        """Of entries (P, k, 3n² + n) that are sampled for each point by itself."""
+        count = entries.shape[-1]
+        return cls(entries, np.ones((len(entries), count)), np.arange(count), n)
+
+    @property
+    def own(self) -> bool:
+        """Whether every point has a table of its own."""
+        return self.table.ndim == 3
+
+    def fields(self) -> Array:
+        """All entries as fields over points and phases (3n² + n, P, k)."""
+        made = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
+        for term, entry in enumerate(self.entry):
+            made[entry] += self.coefficients[:, term, None] * self.table[..., term]
+        return made
+
+    def entries(self) -> Array:
+        """The same as (P, k, 3n² + n)."""
+        if self.own and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n:
+            return self.table
+        return np.moveaxis(self.fields(), 0, -1)
+
+
+class Points(Protocol):
+    """Some points: n coordinates each, the period in phase, and breaks, phases where the matrices jump.
+
+    bytes_a_phase: memory that a point's own tables take a phase.
+    """
+
+    @property
+    def n(self) -> int: ...
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def breaks(self) -> tuple[float, ...]: ...
+
+    @property
+    def bytes_a_phase(self) -> int: ...
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, positions: Array) -> "Points":
+        """The points at the positions (k,)."""
+        ...
+
+    def tables(self, phase: Array) -> Tables:
+        """At phases (k,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class OnePoint:
+    """A system at a speed (rad/s)."""
+
+    system: PeriodicSystem
+    speed: float
+    bytes_a_phase: int = 0
+
+    @property
+    def n(self) -> int:
+        return self.system.n
+
+    @property
+    def period(self) -> float:
+        return self.system.period
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.system.breaks
+
+    def __len__(self) -> int:
+        return 1
+
+    def __getitem__(self, positions: Array) -> "OnePoint":
+        return self
+
+    def tables(self, phase: Array) -> Tables:
+        return Tables.of(self.system.entries(phase, self.speed)[None], self.n)
+
+
+def matrices(points: Points, phase: Array) -> Matrices:
+    """Ω²M, ΩC, K (P, k, n, n) and d (P, k, n) at phases (k,)."""
+    return parted(points.tables(phase).entries(), points.n)
+
+
+def parted(entries: Array, n: int) -> Matrices:
+    """Ω²M, ΩC, K (…, n, n) and d (…, n) of entries (…, 3n² + n)."""
+    M, C, K = (
+        entries[..., part * n**2 : (part + 1) * n**2].reshape(*entries.shape[:-1], n, n) for part in range(3)
+    )
+    return M, C, K, entries[..., 3 * n**2 :]
+
+
+def state_rate(points: Points, phase: Array) -> Array:
+    """(P | f) of x′ = P x + f, x = (q, dq/dphase): (P, k, 2n, 2n+1), chapter Eq. (5); NaN where M is
+    singular."""
+    return rate_of(*matrices(points, phase))
+
+
+def rate_of(M: Array, C: Array, K: Array, d: Array) -> Array:
+    """The same (…, 2n, 2n+1) of matrices (…, n, n) and loads (…, n)."""
+    n = d.shape[-1]
+    rate = np.zeros((*d.shape[:-1], 2 * n, 2 * n + 1))
+    rate[..., range(n), range(n, 2 * n)] = 1.0
+    rate[..., n:, :] = solved(M, np.concatenate((-K, -C, d[..., None]), axis=-1))
+    return rate
+
+
+def affine(maps: Array, x: Array) -> Array:
+    """A x + b (…, k) of maps (A | b) (…, k, N+1) at x (…, N)."""
+    return np.squeeze(maps[..., :-1] @ x[..., None], -1) + maps[..., -1]

@@ -1,0 +1,163 @@
+"""Quantities over one turn: extrema of the continuous curve, means and harmonics."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
+from solve.period.curve import PeriodicCurve
+from solve.statistics import Statistics
+
+Signal = Callable[[Array], Array]
+"""Values (k,) at phases (k,)."""
+
+Outputs = Callable[[Array, Array, Array, Array], Array]
+"""Outputs (P, o, k) at phases (P, k) and states q, q̇, q̈ (P, n, k), derivatives by time."""
+
+FIGURES = Statistics._fields
+
+LEAST_SAMPLES = 2048
+_SAMPLES_PER_STEP = 4
+_ZOOMS = 6
+_ZOOM = np.linspace(-1.0, 1.0, 33)
+
+
+def samples_a_step(steps: int) -> int:
+    """Samples of a step with which a turn of so many steps is resolved."""
+    wanted = max(LEAST_SAMPLES, 2 ** math.ceil(math.log2(_SAMPLES_PER_STEP * steps)))
+    return math.ceil(wanted / steps)
+
+
+def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
+    """The fields of `Statistics` (…, 7) of quantities with values (…, k) at k phases evenly from 0 on.
+
+    at: values (…, j) of each quantity at phases (…, j) of its own, by which extrema are refined between
+    the samples, so that they are those of the continuous curve.
+    """
+    width = period / values.shape[-1]
+    high_at, high = _extreme(values, at, width, 1.0)
+    low_at, low = _extreme(values, at, width, -1.0)
+    made = {
+        "max": high,
+        "min": -low,
+        "max_abs": np.maximum(high, low),
+        "mean": values.mean(axis=-1),
+        "max_phase": high_at % period,
+        "min_phase": low_at % period,
+        "rms": np.sqrt(np.mean(values**2, axis=-1)),
+    }
+    return np.stack([made[name] for name in FIGURES], axis=-1)
+
+
+def _extreme(values: Array, at: Callable[[Array], Array], width: float, sign: float) -> tuple[Array, Array]:
+    """Phases (…) and values, times the sign, of the largest maxima of sign · value."""
+    centre = (sign * values).argmax(axis=-1) * width
+    highest = np.full(centre.shape, -np.inf)
+    for _ in range(_ZOOMS):
+        phase = centre[..., None] + width * _ZOOM
+        around = sign * at(phase)
+        best = around.argmax(axis=-1)[..., None]
+        centre, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (phase, around))
+        width /= 16
+    return centre, highest
+
+
+def statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
+    """Of one quantity, given as a function of the phase."""
+    values = signal(np.arange(samples) * (period / samples))
+    return Statistics(*figures(values, signal, period).tolist())
+
+
+def spectrum(values: Array, count: int) -> tuple[Array, Array]:
+    """Amplitudes [A0, A1, …] and phase angles [0, ψ1, …], (…, count + 1), of A0 + Σ A_k cos(kφ + ψ_k) from
+    values (…, m) at m phases evenly from 0 on; A0 is the signed mean, the others are single-sided peak
+    amplitudes."""
+    series = np.fft.rfft(values, axis=-1)[..., : count + 1] / values.shape[-1]
+    amplitudes, angles = 2 * np.abs(series), np.angle(series)
+    amplitudes[..., 0], angles[..., 0] = series[..., 0].real, 0.0
+    return amplitudes, angles
+
+
+def enough_samples(samples: int, count: int) -> int:
+    """Samples a turn, at least so many, that tell `count` harmonics. Raises ValueOutOfBoundsError."""
+    if not (isinstance(count, int | np.integer) and count >= 0):
+        raise ValueOutOfBoundsError(f"harmonics are {count!r}; allowed: whole numbers from 0 on, such as 60")
+    return max(samples, 8 * int(count))
+
+
+def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SAMPLES) -> tuple[Array, Array]:
+    """Amplitudes and phase angles of `count` harmonics of one quantity, k counted per period. Raises
+    ValueOutOfBoundsError."""
+    enough = enough_samples(samples, count)
+    return spectrum(signal(np.arange(enough) * (period / enough)), count)
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """Coordinates, and behind them outputs where there are such, of P points: q quantities.
+
+    curve: of the points, (P, n, …). speeds (P,) in rad/s.
+    """
+
+    curve: PeriodicCurve
+    speeds: Array
+    outputs: Outputs | None = None
+
+    @property
+    def period(self) -> float:
+        return float(self.curve.nodes[-1])
+
+    @cached_property
+    def values(self) -> Array:
+        """Samples (P, q, k), evenly over the turn, that resolve the curves."""
+        return self.sampled(samples_a_step(len(self.curve.nodes) - 1))
+
+    def sampled(self, a_step: int) -> Array:
+        """The same with so many samples a step; of steps of different lengths evenly too."""
+        count = a_step * (len(self.curve.nodes) - 1)
+        phase = np.arange(count) * (self.period / count)
+        uniform = bool(np.ptp(np.diff(self.curve.nodes)) <= 1e-12 * self.period)
+        states = (
+            (self.curve.sampled(a_step, order) if uniform else self.curve(phase, order)) for order in range(3)
+        )
+        q = next(states)
+        if self.outputs is None:
+            return q
+        rates = (rate * part for rate, part in zip(self._rates[1:], states, strict=True))
+        every = np.broadcast_to(phase, (len(q), count))
+        return np.concatenate((q, self.outputs(every, q, *rates)), axis=1)
+
+    def at(self, phase: Array) -> Array:
+        """Each quantity at phases of its own (P, q, k): (P, q, k)."""
+        n = self.curve.n
+        values = self.curve.each(phase[:, :n])
+        if self.outputs is None:
+            return values
+        P, o, k = len(phase), phase.shape[1] - n, phase.shape[2]
+        every = phase[:, n:].reshape(P, 1, o * k)
+        shared = np.repeat(every, n, axis=1)
+        states = (rate * self.curve.each(shared, order) for order, rate in enumerate(self._rates))
+        outputs = self.outputs(every[:, 0], *states).reshape(P, o, o, k)
+        return np.concatenate((values, outputs[:, np.arange(o), np.arange(o)]), axis=1)
+
+    def figures(self) -> Array:
+        """(P, q, 7): the fields of `Statistics`."""
+        return figures(self.values, self.at, self.period)
+
+    def amplitudes(self, quantities: list[int], count: int) -> Array:
+        """(P, chosen, count + 1): signed mean and single-sided amplitudes of `count` harmonics."""
+        steps, enough = len(self.curve.nodes) - 1, enough_samples(self.values.shape[-1], count)
+        values = self.values if enough == self.values.shape[-1] else self.sampled(-(-enough // steps))
+        return spectrum(values[:, quantities], count)[0]
+
+    @property
+    def _rates(self) -> list[Array]:
+        return [
+            np.ones((len(self.speeds), 1, 1)),
+            self.speeds[:, None, None],
+            self.speeds[:, None, None] ** 2,
+        ]

@@ -1,0 +1,319 @@
+"""Stability over two quantities: spectral radius, verdict, and the boundaries between."""
+
+import math
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.period.multipliers import VERDICTS
+from solve.results.contents import Contents, table_contents
+from solve.results.plot import title_of
+from solve.results.points import FAILED, PointResults
+from solve.results.record import model_record, plain
+from solve.results.report import RenderableType, model_heading, table
+from solve.results.stability import Stability
+from solve.results.style import BLACK, GREY, Axes, Figure, new_figure, styled
+from solve.results.sweep_plot import KIND_NAMES
+from solve.system import PeriodicSystem
+
+_MOST_CURVES = 20
+
+_LINES = {"+1": "-", "-1": (0, (5, 2)), "complex": (0, (1, 1.2))}
+_COLORS = ["#1F4E79", "#5B9BD5", "#C9DFF2", "#FFFFFF", "#FBCDB0", "#DD6B20", "#8A2A06"]
+_MOST_DECAY = 4.0
+"""Growth exponents a period below minus this, and above it, look alike."""
+
+_LABEL = 48
+"""Characters a line of a label."""
+
+
+class BoundaryCurve(NamedTuple):
+    """A curve between a stable and an unstable region: the multiplier that leaves the unit circle, "+1", "-1"
+    or "complex", and points (k, 2), x and y."""
+
+    name: str
+    points: Array
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A line through a chart: values (k,) of the quantity `along`, `across` held at `value`.
+
+    spectral_radius and stable (k,): 1 or 0, NaN where a point failed. crossings: where stability is lost or
+    won, and the multiplier that leaves the unit circle.
+    """
+
+    along: str
+    across: str
+    value: float
+    values: Array
+    spectral_radius: Array
+    stable: Array
+    crossings: Sequence[tuple[float, str]]
+
+    def record(self) -> dict[str, Any]:
+        return {
+            "along": self.along,
+            "values": self.values,
+            "at": {self.across: self.value},
+            "spectral_radius": self.spectral_radius,
+            "stable": [None if math.isnan(one) else bool(one) for one in self.stable],
+            "crossings": [{"at": at, "kind": kind} for at, kind in self.crossings],
+        }
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Stability at ny × nx points: y (ny,) over x (nx,), each a parameter in SI units or "speed" (rad/s).
+
+    system: the model as it was given, or the first that could be built. boundaries: curves between stable
+    and unstable regions. solve_at (x, y) and solve_cut (position of the quantity that is held, its value)
+    solve further points. notes: how the engine was chosen, where that is not as asked.
+    """
+
+    x_name: str
+    x: Array
+    y_name: str
+    y: Array
+    system: PeriodicSystem
+    results: PointResults
+    boundaries: Sequence[BoundaryCurve]
+    solve_at: Callable[[float, float], Stability]
+    solve_cut: Callable[[int, float], Cut]
+    notes: Sequence[str] = ()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self.y), len(self.x)
+
+    @property
+    def spectral_radius(self) -> Array:
+        """Largest |ρ| (ny, nx); NaN where a point failed."""
+        return self.results.spectral_radius.reshape(self.shape)
+
+    @property
+    def multipliers(self) -> Array:
+        """(ny, nx, 2n), falling in modulus; zero where unresolved, NaN where a point failed."""
+        return self.results.multipliers.reshape(*self.shape, -1)
+
+    @property
+    def error_estimate(self) -> Array:
+        """Of the multipliers, relative to the spectral radius (ny, nx)."""
+        return self.results.errors[:, 1].reshape(self.shape)
+
+    @property
+    def stable(self) -> Array:
+        """(ny, nx): 1 or 0, NaN where a point failed."""
+        verdicts = self.results.verdicts
+        found = np.where(verdicts == VERDICTS.index("unstable"), 0.0, 1.0)
+        return np.where(verdicts == FAILED, np.nan, found).reshape(self.shape)
+
+    @property
+    def verdicts(self) -> Array:
+        """Texts (ny, nx): "asymptotically stable", "stable", "unstable" or "failed"."""
+        return np.array([*VERDICTS, "failed"])[self.results.verdicts].reshape(self.shape)
+
+    @property
+    def kinds(self) -> Array:
+        """Texts (ny, nx): the largest multiplier of unstable points, "+1", "-1" or "complex"."""
+        return self.results.kinds.reshape(self.shape)
+
+    @property
+    def failures(self) -> dict[tuple[int, int], str]:
+        """Reasons by row and column."""
+        return {divmod(at, len(self.x)): text for at, text in self.results.failures.items()}
+
+    @property
+    def warnings(self) -> list[str]:
+        """How many points failed, and why the first did."""
+        if not self.failures:
+            return []
+        reason, total = next(iter(self.failures.values())), len(self.results)
+        return [
+            f"{len(self.failures)} of {total} points give no result, and boundaries end beside them: {reason}"
+        ]
+
+    def at(self, x: float, y: float) -> Stability:
+        """The stability at a point anywhere, with its warnings."""
+        return self.solve_at(x, y)
+
+    def cut(self, x: float | None = None, y: float | None = None) -> Cut:
+        """Stability along the line at that x or that y, crossings refined. Raises ValueOutOfBoundsError
+        unless one of the two is given."""
+        if (x is None) == (y is None):
+            raise ValueOutOfBoundsError("a cut needs either x or y; give one of them")
+        return self.solve_cut(0, float(x)) if x is not None else self.solve_cut(1, float(y or 0.0))
+
+    def cut_at(self, name: str, value: float) -> Cut:
+        """The same by the name of the quantity that is held. Raises UnknownNameError."""
+        if name not in (self.x_name, self.y_name):
+            raise UnknownNameError("quantity of the chart", name, (self.x_name, self.y_name))
+        return self.cut(x=value) if name == self.x_name else self.cut(y=value)
+
+    def plot(self) -> Figure:
+        """Growth ln|ρ| a period, and the boundaries between stable and unstable; speeds in rpm."""
+        from matplotlib.lines import Line2D
+
+        factors = _factor(self.x_name), _factor(self.y_name)
+        kinds = [kind for kind in KIND_NAMES if any(curve.name == kind for curve in self.boundaries)]
+        styles = {kind: {"color": BLACK, "linestyle": _LINES[kind], "linewidth": 1.1} for kind in kinds}
+        with styled():
+            figure = new_figure(4.6)
+            figure.suptitle(f"{title_of(self.system)}: stability", fontweight="bold")
+            axes = figure.subplots()
+            _draw_growth(figure, axes, self)
+            for kind, points in self.boundaries:
+                axes.plot(*(points * factors).T, **styles[kind])
+            if kinds:
+                keys = [Line2D([], [], **styles[kind]) for kind in kinds]
+                names = [f"boundary {KIND_NAMES[kind]}" for kind in kinds]
+                figure.legend(keys, names, loc="outside lower center", ncols=len(keys), handlelength=3)
+            axes.set_xlabel(_label(self.system, self.x_name))
+            axes.set_ylabel(_label(self.system, self.y_name))
+            axes.set_xlim(*(self.x[[0, -1]] * factors[0]))
+            axes.set_ylim(*(self.y[[0, -1]] * factors[1]))
+            axes.ticklabel_format(scilimits=(-3, 6))
+            axes.grid(visible=False)
+        return figure
+
+    def record(self, cuts: Sequence[Cut] = ()) -> dict[str, Any]:
+        """Of `solve chart --json`."""
+        return plain(
+            {
+                **model_record(self.system),
+                "x": {"name": self.x_name, "values": self.x},
+                "y": {"name": self.y_name, "values": self.y},
+                "spectral_radius": self.spectral_radius,
+                "verdicts": self.verdicts,
+                "kinds": self.kinds,
+                "error_estimate": self.error_estimate,
+                "boundaries": self._boundary_records,
+                "cuts": [cut.record() for cut in cuts],
+                "failures": [
+                    {"row": j, "column": i, "error": text} for (j, i), text in self.failures.items()
+                ],
+            }
+        )
+
+    @property
+    def _boundary_records(self) -> list[dict[str, Any]]:
+        return [
+            {"kind": curve.name, "x": curve.points[:, 0], "y": curve.points[:, 1]}
+            for curve in self.boundaries
+        ]
+
+    def report(self, cuts: Sequence[Cut] = (), choices: Sequence[str] = ()) -> RenderableType:
+        """The share of stable points, the boundaries, and where the cuts cross them."""
+        from rich.console import Group
+
+        radius, share = self.spectral_radius, 100 * np.nanmean(self.stable)
+        head = model_heading(self.system, choices)
+        head.add_row("over", f"{_range(self.x_name, self.x)}, {_range(self.y_name, self.y)}")
+        head.add_row("stable", f"{share:.4g} % of {radius.size} points; largest |ρ| {np.nanmax(radius):.6g}")
+        return Group(head, self._boundary_table(), *map(_cut_table, cuts))
+
+    def _boundary_table(self) -> RenderableType:
+        from rich.text import Text
+
+        if not self.boundaries:
+            return Text("\nno boundary in this range")
+        names = self.x_name, self.y_name
+        made = table("Boundaries between stable and unstable", "kind", "points", *names, left=1)
+        for curve in sorted(self.boundaries, key=lambda curve: -len(curve.points))[:_MOST_CURVES]:
+            spans = map(_span, names, curve.points.T)
+            made.add_row(curve.name, str(len(curve.points)), *spans)
+        if len(self.boundaries) > _MOST_CURVES:
+            made.caption = f"and {len(self.boundaries) - _MOST_CURVES} shorter ones"
+        return made
+
+    def contents(self) -> Contents:
+        """A row a point, for a file."""
+        xs, ys = (part.ravel() for part in np.meshgrid(self.x, self.y))
+        columns: dict[str, tuple[Any, str, str]] = {
+            self.x_name: (xs, "", "across"),
+            self.y_name: (ys, "", "upwards"),
+            "spectral_radius": (self.spectral_radius.ravel(), "1", "largest modulus of a Floquet multiplier"),
+            "verdict": (self.verdicts.ravel(), "", "stability"),
+            "kind": (self.kinds.ravel(), "", "largest multiplier of unstable points"),
+            "error": (
+                [self.failures.get(at, "") for at in np.ndindex(self.shape)],
+                "",
+                "why there is no result",
+            ),
+        }
+        return table_contents(columns, {**model_record(self.system), "boundaries": self._boundary_records})
+
+
+def _cut_table(cut: Cut) -> RenderableType:
+    from rich.text import Text
+
+    where = f"Along {cut.along} at {_span(cut.across, np.array([cut.value]))}"
+    if not cut.crossings:
+        return Text(f"\n{where}: no boundary")
+    made = table(where, "at", "kind", left=0)
+    for at, kind in cut.crossings:
+        made.add_row(_span(cut.along, np.array([at]), 9), kind)
+    return made
+
+
+def _range(name: str, values: Array) -> str:
+    return f"{name} {_span(name, values)} ({len(values)})"
+
+
+def _span(name: str, values: Array, digits: int = 6) -> str:
+    unit = " rpm" if name == "speed" else ""
+    low, high = (f"{value * _factor(name):.{digits}g}" for value in (values.min(), values.max()))
+    return f"{low}{unit}" if low == high else f"{low} … {high}{unit}"
+
+
+def _draw_growth(figure: Figure, axes: Axes, chart: Chart) -> None:
+    from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
+
+    with np.errstate(divide="ignore"):
+        growth = np.clip(np.log(chart.spectral_radius), -_MOST_DECAY, _MOST_DECAY)
+    low, high = min(np.nanmin(growth), -1e-3), max(np.nanmax(growth), 1e-3)
+    axes.set_facecolor("#EEEEEE")
+    mesh = axes.pcolormesh(
+        chart.x * _factor(chart.x_name),
+        chart.y * _factor(chart.y_name),
+        growth,
+        cmap=LinearSegmentedColormap.from_list("stability", _COLORS),
+        norm=TwoSlopeNorm(0.0, low if low < -1e-2 else -high, high),
+        shading="nearest",
+        rasterized=True,
+    )
+    bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
+    if low >= -1e-2:
+        bar.ax.set_ylim(0.0, high)
+    else:
+        bar.set_ticks([*_ticks(low)[:-1], *_ticks(high)])
+    bar.set_label("growth a period, ln |ρ|", color=GREY)
+    bar.outline.set_linewidth(0.5)  # type: ignore[operator]
+
+
+def _ticks(end: float) -> list[float]:
+    """Round values between 0 and the end of one side of the colours, rising."""
+    from matplotlib.ticker import MaxNLocator
+
+    values = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(min(end, 0.0), max(end, 0.0))
+    return [float(value) for value in values if min(end, 0.0) <= value <= max(end, 0.0)]
+
+
+def _factor(name: str) -> float:
+    """From SI units to those shown."""
+    return 30 / math.pi if name == "speed" else 1.0
+
+
+def _label(system: PeriodicSystem, name: str) -> str:
+    if name == "speed":
+        return "speed (rpm)"
+    if name not in system.parameter_labels:
+        return name
+    unit, meaning = system.parameter_labels[name]
+    label = f"{name} ({unit.replace('^2', '²')})" if unit != "1" else name
+    return "\n".join(textwrap.wrap(f"{label}: {meaning}", _LABEL))

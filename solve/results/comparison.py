@@ -1,0 +1,196 @@
+"""Methods side by side on one problem: at equal steps and at equal accuracy."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from solve.results.contents import Contents, rows_contents
+from solve.results.orbit import Orbit
+from solve.results.plot import titled
+from solve.results.record import model_record, plain
+from solve.results.report import RenderableType, heading, table
+from solve.results.style import Figure
+from solve.results.work_precision import Work, work_precision_figure
+
+ORBIT, MULTIPLIERS = "orbit", "multipliers"
+"""Whose error is brought to a target; that of the multipliers where there is no load and so no orbit."""
+
+_UNRESOLVED, _OTHER_VERDICT = "*", "≠"
+_LEGEND = {
+    _UNRESOLVED: "ω_max h is beyond what the method follows or damps: multipliers may be false",
+    _OTHER_VERDICT: "not the truth's verdict",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method on one number of steps a period: those `asked` for, and those of its grid.
+
+    Errors are relative, against the reference; NaN, as is time (s of the processor, the shortest of some
+    runs), where there is no result: `reason` says why. The orbit's is NaN without a load too. at: "equal
+    steps" or "equal accuracy"; target: the error to reach in the latter. followed: whether the steps
+    follow the fastest mode, or the method damps what they do not; otherwise the multipliers may be false.
+    """
+
+    method: str
+    order: float
+    steps: int | None
+    at: str
+    asked: int | None = None
+    orbit_error: float = math.nan
+    multiplier_error: float = math.nan
+    time: float = math.nan
+    verdict: str | None = None
+    followed: bool = True
+    target: float | None = None
+    reason: str | None = None
+    warnings: list[str] = field(default_factory=list)
+
+    def error(self, of: str) -> float:
+        """Of ORBIT or MULTIPLIERS."""
+        return self.orbit_error if of == ORBIT else self.multiplier_error
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """reference: the converged orbit. judged_by: ORBIT or MULTIPLIERS, whose errors the targets are. rows:
+    the comparison. measured: further points of each method, rising in steps, for a work–precision picture."""
+
+    reference: Orbit
+    judged_by: str
+    targets: Sequence[float]
+    rows: list[Row]
+    measured: list[Row]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Targets that the reference cannot judge."""
+        error = max(self.reference.error_estimate)
+        targets = {row.target for row in self.rows if row.target is not None}
+        blurred = [f"{target:g}" for target in sorted(targets) if target < 10 * error]
+        if not blurred:
+            return []
+        return [
+            f"the reference is known to {error:.0e} only; the target {', '.join(blurred)} is too close to it"
+        ]
+
+    def plot(self) -> Figure:
+        """Error over time, a line a method."""
+        points: dict[str, list[Row]] = {}
+        for row in self.measured:
+            if row.reason is None:
+                points.setdefault(row.method, []).append(row)
+        kinds = [ORBIT, MULTIPLIERS] if self.judged_by == ORBIT else [MULTIPLIERS]
+        lines = {
+            name: Work(
+                np.array([row.time for row in rows]),
+                {kind: np.array([row.error(kind) for row in rows]) for kind in kinds},
+            )
+            for name, rows in points.items()
+        }
+        known_to = {kind: getattr(self.reference.error_estimate, kind) for kind in kinds}
+        title = f"{titled(self.reference.system, self.reference.speed)}: work and precision"
+        return work_precision_figure(title, lines, known_to, {self.judged_by: self.targets})
+
+    def record(self) -> dict[str, Any]:
+        """Of `solve compare --json`."""
+        reference = self.reference
+        return plain(
+            {
+                **model_record(reference.system),
+                "speed": reference.speed,
+                "period": reference.period,
+                "reference": {
+                    "method": reference.method,
+                    "steps": reference.steps,
+                    "error_estimate": reference.error_estimate._asdict(),
+                    "spectral_radius": reference.spectral_radius,
+                    "verdict": reference.verdict,
+                },
+                "judged_by": self.judged_by,
+                "targets": self.targets,
+                "rows": [vars(row) for row in self.rows],
+                "measured": [vars(row) for row in self.measured],
+                "warnings": self.warnings,
+            }
+        )
+
+    def contents(self) -> Contents:
+        """A row a method and number of steps, for a file."""
+        columns = {
+            "method": ("", "", ""),
+            "order": (0, "", ""),
+            "steps": (0, "", "a period; 0: none"),
+            "orbit_error": (math.nan, "1", "relative"),
+            "multiplier_error": (math.nan, "1", "relative"),
+            "time": (math.nan, "s", "of the processor, shortest of some runs"),
+            "verdict": ("", "", ""),
+            "at": ("", "", ""),
+            "followed": (True, "", "whether the steps follow the fastest mode"),
+            "target": (math.nan, "1", f"error of the {self.judged_by} to reach"),
+            "reason": ("", "", "why there is no result"),
+        }
+        metadata = {**model_record(self.reference.system), "speed": self.reference.speed}
+        return rows_contents([vars(row) for row in self.rows], columns, metadata)
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """A table for each number of steps and each target."""
+        from rich.console import Group
+
+        reference = self.reference
+        head = heading(reference.system, reference.speed, choices)
+        orbit, multipliers = reference.error_estimate
+        head.add_row("truth", f"{reference.method}, {reference.steps} steps a period")
+        head.add_row("", f"known to: orbit {orbit:.1e}, multipliers {multipliers:.1e} (relative)")
+        groups: dict[str, list[Row]] = {}
+        for row in self.rows:
+            alike = f"{row.asked} steps a period"
+            if row.target is not None:
+                alike = f"{self.judged_by} right to {row.target:g}"
+            groups.setdefault(f"At {row.at}: {alike}", []).append(row)
+        return Group(head, *(_table(title, rows, reference.verdict) for title, rows in groups.items()))
+
+
+def _table(title: str, rows: Sequence[Row], truth: str) -> RenderableType:
+    from rich.console import Group
+    from rich.text import Text
+
+    made = table(title, "method", "steps", "q error", "ρ error", "time (ms)", "ratio", "stability", "")
+    done = [row for row in rows if row.reason is None]
+    if rows[0].target is not None:
+        done.sort(key=lambda row: row.time)
+    quickest = min((row.time for row in done), default=math.nan)
+    marks = [_marks(row, truth) for row in done]
+    for row, mark in zip(done, marks, strict=True):
+        made.add_row(
+            row.method,
+            str(row.steps),
+            "–" if math.isnan(row.orbit_error) else f"{row.orbit_error:.1e}",
+            f"{row.multiplier_error:.1e}",
+            f"{1e3 * row.time:.2f}",
+            f"{row.time / quickest:.2f}" if quickest else "–",
+            (row.verdict or "").removesuffix("ally stable"),
+            mark,
+        )
+    notes = [f"{mark} {text}" for mark, text in _LEGEND.items() if any(mark in each for each in marks)]
+    notes += _reasons(rows)
+    return Group(made, *(Text(note, "dim") for note in notes))
+
+
+def _marks(row: Row, truth: str) -> str:
+    return _UNRESOLVED * (not row.followed) + _OTHER_VERDICT * (row.verdict != truth)
+
+
+def _reasons(rows: Sequence[Row]) -> list[str]:
+    """Why methods have no result, or what is doubtful about their own settings; methods of one kind
+    together."""
+    reasons: dict[str, list[str]] = {}
+    for row in rows:
+        # The last warning of a method that does not follow is said by its mark.
+        warnings = row.warnings if row.followed else row.warnings[:-1]
+        for reason in warnings if row.reason is None else [row.reason]:
+            reasons.setdefault(reason, []).append(row.method)
+    return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]

@@ -1,0 +1,304 @@
+"""Critical speeds three ways, side by side."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.contents import Contents, rows_contents
+from solve.results.plot import label_speeds, labelled, title_of
+from solve.results.quantities import fixed, named, prefixed
+from solve.results.record import model_record, plain
+from solve.results.report import RenderableType, Table, model_heading, table
+from solve.results.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    LIGHT,
+    ORANGE,
+    VERMILION,
+    Axes,
+    Figure,
+    new_figure,
+    styled,
+)
+from solve.system import PeriodicSystem
+
+_RPM = 30 / math.pi
+_MOST_COMBINATIONS = 20
+_MOST_DECADES = 1e3
+"""Ratio of a response over speed from which its axis is logarithmic."""
+
+_HEADROOM = 1.15
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A combination resonance (ω̄i + sign · ω̄j)/order, modes counted from 1, at a speed in rad/s."""
+
+    speed: float
+    modes: tuple[int, int]
+    sign: int
+    order: int
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """A speed (rad/s) at which something has a local maximum, and its height there."""
+
+    speed: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Critical:
+    """One critical speed in three ways (rad/s), None where a way does not show it.
+
+    mode (from 1) and order: of the integer division, with the frequencies' means at this speed; at_rest:
+    the same division with those at rest. ratios: the means over the row's speed, from the lowest mode on.
+    """
+
+    response: Maximum | None = None
+    multiplier: Maximum | None = None
+    division: float | None = None
+    mode: int | None = None
+    order: int | None = None
+    at_rest: float | None = None
+    ratios: Sequence[float] = ()
+
+    @property
+    def speed(self) -> float:
+        """The first of the three that there is."""
+        ways = [way.speed for way in (self.response, self.multiplier) if way]
+        return ways[0] if ways else float(self.division or np.nan)
+
+    def record(self) -> dict[str, Any]:
+        """Speeds in rad/s."""
+        return {
+            "speed": self.speed,
+            "response": self.response and self.response.speed,
+            "response_height": self.response and self.response.height,
+            "multiplier": self.multiplier and self.multiplier.speed,
+            "multiplier_real_part": self.multiplier and self.multiplier.height,
+            "division": self.division,
+            "division_at_rest": self.at_rest,
+            "mode": self.mode,
+            "order": self.order,
+            "ratios": self.ratios,
+        }
+
+
+@dataclass(frozen=True)
+class CriticalSpeeds:
+    """rows: critical speeds, falling; combinations: (ω̄i ± ω̄j)/k. Behind them over speeds (P,), rising:
+    response, the dominant multiplier's real part and modulus (P,), unstable (P,), mean frequencies (P, n)."""
+
+    system: PeriodicSystem
+    quantity: str
+    figure: str
+    rows: Sequence[Critical]
+    combinations: Sequence[Combination]
+    speeds: Array
+    response: Array
+    real_part: Array
+    radius: Array
+    unstable: Array
+    frequencies: Array
+    orders: int
+    notes: Sequence[str] = ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """About the equations themselves at the highest speed."""
+        return self.system.warnings(float(self.speeds[-1]))
+
+    def maxima(self, way: str) -> list[tuple[float, float]]:
+        """Speeds and heights of the maxima of the "response" or of the "multiplier"."""
+        found = (getattr(row, way) for row in self.rows)
+        return [(maximum.speed, maximum.height) for maximum in found if maximum is not None]
+
+    @property
+    def divided(self) -> list[tuple[float, int, int]]:
+        """Speed, mode and order of the integer divisions."""
+        return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
+
+    def plot(self, campbell: bool = False) -> Figure:
+        """Response, dominant multiplier and Campbell diagram over speed, or this alone."""
+        drawn = (_draw_campbell,) if campbell else (_draw_response, _draw_multiplier, _draw_campbell)
+        title = "Campbell diagram" if campbell else "critical speeds"
+        with styled():
+            figure = new_figure(3.8 if campbell else 7.6)
+            figure.suptitle(f"{title_of(self.system)}: {title}", fontweight="bold")
+            ratios = (1.1, 0.9, 1.3)[-len(drawn) :]
+            places = figure.subplots(len(drawn), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+            for axes, draw in zip(places, drawn, strict=True):
+                draw(axes, self)
+            label_speeds(places[-1], self.speeds * _RPM)
+            figure.align_ylabels()
+        return figure
+
+    def record(self) -> dict[str, Any]:
+        """Of `solve critical --json`."""
+        return plain(
+            {
+                **model_record(self.system),
+                "range": [self.speeds[0], self.speeds[-1]],
+                "quantity": self.quantity,
+                "figure": self.figure,
+                "rows": [row.record() for row in self.rows],
+                "combinations": [vars(one) for one in self.combinations],
+                "notes": self.notes,
+                "warnings": self.warnings,
+            }
+        )
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """A row a critical speed; combinations below."""
+        from rich.console import Group
+
+        head = model_heading(self.system, choices)
+        low, high = (f"{speed * _RPM:.6g}" for speed in (self.speeds[0], self.speeds[-1]))
+        head.add_row("between", f"{low} and {high} rpm")
+        tables = [self._rows_table()]
+        if self.combinations:
+            tables.append(self._combinations_table())
+        return Group(head, *tables)
+
+    def _rows_table(self) -> Table:
+        heights = [row.response.height for row in self.rows if row.response]
+        largest = max(map(abs, heights), default=0.0)
+        factor, unit = prefixed(self.system.units.get(self.quantity, ""), largest)
+        height = f"height ({unit})" if unit else "height"
+        columns = "response", height, "multiplier", "Re ρ", "ω̄/k", "at rest", "mode", "k"
+        made = table(f"Critical speeds in rpm; height: {named(self.figure, self.quantity)}", *columns, left=0)
+        for row in self.rows:
+            made.add_row(
+                _rpm(row.response and row.response.speed),
+                fixed(row.response.height * factor, largest * factor, 5) if row.response else "–",
+                _rpm(row.multiplier and row.multiplier.speed),
+                f"{row.multiplier.height:.2e}" if row.multiplier else "–",
+                _rpm(row.division),
+                _rpm(row.at_rest),
+                str(row.mode or "–"),
+                str(row.order or "–"),
+            )
+        made.caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
+        return made
+
+    def _combinations_table(self) -> Table:
+        made = table("Combinations (ω̄i ± ω̄j)/k, rpm", "speed", "i", "j", "k", left=0)
+        for one in self.combinations[:_MOST_COMBINATIONS]:
+            made.add_row(_rpm(one.speed), str(one.modes[0]), f"{one.sign * one.modes[1]:+d}", str(one.order))
+        if len(self.combinations) > _MOST_COMBINATIONS:
+            made.caption = f"and {len(self.combinations) - _MOST_COMBINATIONS} at lower speeds"
+        return made
+
+    def contents(self) -> Contents:
+        """A row a critical speed, for a file."""
+        unit, none = self.system.units.get(self.quantity, ""), math.nan
+        columns = {
+            "response": (none, "rad/s", "maximum of the response"),
+            "response_height": (none, unit, f"{self.figure} of {self.quantity}"),
+            "multiplier": (none, "rad/s", "maximum of the dominant multiplier's real part"),
+            "multiplier_real_part": (none, "1", "its height"),
+            "division": (none, "rad/s", "integer division of the mean natural frequency at this speed"),
+            "division_at_rest": (none, "rad/s", "the same of the frequency at rest"),
+            "mode": (none, "", "of the division"),
+            "order": (none, "", "of the division"),
+        }
+        return rows_contents([row.record() for row in self.rows], columns, model_record(self.system))
+
+
+def _rpm(speed: float | None) -> str:
+    return "–" if speed is None else f"{speed * _RPM:.3f}"
+
+
+def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
+    name, maxima = found.quantity, found.maxima("response")
+    known = np.abs(found.response[np.isfinite(found.response)])
+    largest = float(known.max(initial=0.0))
+    factor, unit = prefixed(found.system.units.get(name, ""), largest)
+    speeds, response = _through(found.speeds, found.response, maxima)
+    axes.plot(speeds * _RPM, response * factor, color=BLUE)
+    if largest > _MOST_DECADES * float(known.min(initial=largest)) > 0:
+        axes.set_yscale("log")
+    _draw_marks(axes, maxima, factor, BLUE)
+    axes.set_ylabel(labelled(named(found.figure, name), unit))
+    axes.set_title(found.system.meanings.get(name, ""), loc="left", color=GREY)
+    _shade(axes, found)
+
+
+def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
+    """Real part of the dominant multiplier on a scale of sign and root, which shows small ones too."""
+    power = 0.25
+
+    def rooted(values: Array) -> Array:
+        return np.sign(values) * np.abs(values) ** power
+
+    maxima = found.maxima("multiplier")
+    speeds, real_part = _through(found.speeds, found.real_part, maxima)
+    axes.plot(speeds * _RPM, rooted(real_part), color=VERMILION, linewidth=0.9)
+    for sign in (1, -1):
+        axes.plot(found.speeds * _RPM, sign * rooted(found.radius), color=GREY, linewidth=0.7, linestyle=":")
+    marks = [(speed, float(rooted(np.array(height)))) for speed, height in maxima]
+    _draw_marks(axes, marks, 1, VERMILION)
+    reach = float(np.nanmax(found.radius, initial=1e-12))
+    ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
+    places = [0.0, *ticks, *(-size for size in ticks)]
+    axes.set_yticks([float(rooted(np.array(place))) for place in places], [f"{place:g}" for place in places])
+    axes.set_ylabel("Re ρ, and\n±|ρ| (dots)")
+    axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
+    _shade(axes, found)
+
+
+def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    rpm, divided = found.speeds * _RPM, found.divided
+    orders = sorted({order for *_, order in divided})
+    shown = sorted({mode for _, mode, _ in divided}) or [1]
+    top = _HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
+    for order in orders:
+        rays = order * found.speeds / (2 * math.pi)
+        axes.plot(rpm, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)
+        at = min(rpm[-1], top * 60 / order)
+        if order <= 12 or order % 5 == 0:
+            place, style = (at, at * order / 60), {"color": GREY, "fontsize": 7, "annotation_clip": True}
+            axes.annotate(str(order), place, ha="right", va="top", **style)
+    for mode in shown:
+        axes.plot(rpm, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3)
+    for speed, _, order in divided:
+        axes.plot(speed * _RPM, order * speed / (2 * math.pi), "o", color=GREEN, zorder=4)
+    axes.set_ylim(0.0, top)
+    axes.yaxis.set_major_locator(MaxNLocator(6))
+    axes.set_ylabel("mean natural\nfrequency (Hz)")
+    axes.set_title("Campbell diagram: orders of rotation, integer divisions", loc="left", color=GREY)
+
+
+def _through(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
+    """The curve's points and the maxima between them, by rising speed."""
+    at, heights = np.array([*zip(speeds, values, strict=True), *marks]).T
+    order = np.argsort(at)
+    return at[order], heights[order]
+
+
+def _draw_marks(axes: Axes, marks: Sequence[tuple[float, float]], factor: float, color: str) -> None:
+    for speed, height in marks:
+        axes.plot(speed * _RPM, height * factor, "v", color=color, markersize=4.5, zorder=4)
+
+
+def _shade(axes: Axes, found: CriticalSpeeds) -> None:
+    """Unstable speeds."""
+    from matplotlib.lines import Line2D
+
+    if not found.unstable.any():
+        return
+    rpm = found.speeds * _RPM
+    style = {"color": ORANGE, "alpha": 0.3}
+    across = axes.get_xaxis_transform()
+    axes.fill_between(rpm, 0, 1, where=found.unstable.tolist(), transform=across, linewidth=0, **style)
+    axes.legend(handles=[Line2D([], [], linewidth=6, label="unstable", **style)], loc="upper left")

@@ -1,0 +1,121 @@
+"""Results of many points, in arrays: a point costs some hundred bytes."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.methods import choice
+from solve.period.multipliers import UNIT_CIRCLE
+from solve.period.quantities import FIGURES
+
+KINDS = ("+1", "-1", "complex")
+"""Which multiplier leaves the unit circle: period T, period 2T, or a pair."""
+
+_REAL = 1e-6
+"""Imaginary part, relative to the modulus, up to which a multiplier counts as real."""
+
+FAILED = -1
+"""Instead of the position of a verdict, where there is none."""
+
+METHODS = tuple(choice.METHODS)
+"""Names of methods, by position."""
+
+_ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods")
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is kept of a point beside its stability: figures of the quantities `names`, amplitudes of so
+    many harmonics of some of them, the texts of warnings; meetings: whether multipliers that meet on the
+    unit circle are looked at, of which the verdict may be "unstable" though none is outside."""
+
+    names: tuple[str, ...] = ()
+    spectra: tuple[str, ...] = ()
+    harmonics: int = 0
+    warnings: bool = True
+    meetings: bool = True
+
+
+@dataclass(frozen=True)
+class PointResults:
+    """Arrays over P points.
+
+    figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers
+    (P, N), zero where unresolved; errors (P, 2) of orbit and multipliers; verdicts (P,), positions in
+    VERDICTS or FAILED; steps (P,); methods (P,), positions in METHODS. warnings and failures: texts by
+    point.
+    """
+
+    kept: Kept
+    figures: Array
+    amplitudes: Array
+    multipliers: Array
+    errors: Array
+    verdicts: Array
+    steps: Array
+    methods: Array
+    warnings: dict[int, list[str]] = field(default_factory=dict)
+    failures: dict[int, str] = field(default_factory=dict)
+
+    @classmethod
+    def blank(cls, count: int, n: int, kept: Kept) -> "PointResults":
+        """Of points that are still to be solved."""
+        return cls(
+            kept,
+            np.full((count, len(kept.names), len(FIGURES)), np.nan),
+            np.full((count, len(kept.spectra), kept.harmonics + 1), np.nan),
+            np.full((count, 2 * n), np.nan, dtype=complex),
+            np.full((count, 2), np.nan),
+            np.full(count, FAILED, dtype=np.int8),
+            np.zeros(count, dtype=np.int32),
+            np.zeros(count, dtype=np.int8),
+        )
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __getitem__(self, index: Array) -> "PointResults":
+        """Some of the points."""
+        part = PointResults(self.kept, *(getattr(self, name)[index] for name in _ARRAYS))
+        for position, point in enumerate(index.tolist()):
+            if point in self.warnings:
+                part.warnings[position] = self.warnings[point]
+            if point in self.failures:
+                part.failures[position] = self.failures[point]
+        return part
+
+    @property
+    def spectral_radius(self) -> Array:
+        """Largest |ρ| (P,); NaN where the point failed."""
+        return np.abs(self.multipliers[:, 0])
+
+    @property
+    def failed(self) -> Array:
+        """Where there is no result (P,)."""
+        return self.verdicts == FAILED
+
+    @property
+    def outside(self) -> Array:
+        """Where a multiplier lies outside the unit circle by more than its error (P,)."""
+        radius = self.spectral_radius
+        return ~self.failed & (radius - 1 > np.maximum(self.errors[:, 1] * radius, UNIT_CIRCLE))
+
+    @property
+    def kinds(self) -> Array:
+        """The multiplier that is outside: texts (P,), one of KINDS or none."""
+        return np.where(self.outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
+
+    def insert(self, index: Array, part: "PointResults") -> None:
+        """Take over the results of some of the points."""
+        for name in _ARRAYS:
+            getattr(self, name)[index] = getattr(part, name)
+        self.warnings.update({int(index[at]): texts for at, texts in part.warnings.items()})
+        self.failures.update({int(index[at]): text for at, text in part.failures.items()})
+
+
+def kinds_of(multipliers: Array) -> Array:
+    """Positions in KINDS (k,) of what the first of the multipliers (k, N) is."""
+    leader = multipliers[:, 0]
+    pair = np.abs(np.imag(leader)) > _REAL * np.abs(leader)
+    return np.where(pair, 2, np.where(np.real(leader) > 0, 0, 1))

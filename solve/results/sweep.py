@@ -1,0 +1,255 @@
+"""The periodic solution over many speeds, a row of figures a speed."""
+
+import itertools
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import UnknownNameError
+from solve.period.multipliers import VERDICTS
+from solve.period.quantities import Statistics
+from solve.results.contents import Contents, table_contents
+from solve.results.points import FAILED, FIGURES, METHODS, PointResults
+from solve.results.quantities import fixed, prefixed
+from solve.results.record import model_record, plain
+from solve.results.report import RenderableType, model_heading, table
+from solve.results.stability import ErrorEstimate
+from solve.results.style import Figure
+from solve.results.sweep_plot import sweep_figure, waterfall_figure
+from solve.system import PeriodicSystem
+
+_WIDTH = 48
+"""Characters of a line of 80 that columns of quantities may take, beside speed, radius and stability."""
+
+_MOST_ROWS = 60
+"""Rows of the table; of more speeds every k-th is shown."""
+
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+"""A number in a warning, not the digits of a name such as q1."""
+
+
+_UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
+"""Errors of a point that failed."""
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """One speed of a sweep: what is kept of its orbit, or the reason why there is none.
+
+    statistics: of coordinates and outputs by name. multipliers: resolved ones, falling in modulus.
+    error: the reason; figures are then NaN.
+    """
+
+    speed: float
+    statistics: Mapping[str, Statistics] = field(default_factory=dict)
+    spectral_radius: float = float("nan")
+    verdict: str = ""
+    method: str = ""
+    steps: int = 0
+    error_estimate: ErrorEstimate = _UNKNOWN
+    warnings: Sequence[str] = ()
+    error: str | None = None
+    multipliers: Sequence[complex] = ()
+
+    @property
+    def stable(self) -> bool | None:
+        return None if self.error else self.verdict != "unstable"
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The results of many speeds (rad/s), in the order given. engine: what solved them; notes: how it
+    was chosen, where that is not as asked."""
+
+    system: PeriodicSystem
+    speeds: Array
+    results: PointResults
+    engine: str = ""
+    notes: Sequence[str] = ()
+
+    @cached_property
+    def points(self) -> Sequence[SweepPoint]:
+        """One a speed."""
+        return [self._point(at) for at in range(len(self.speeds))]
+
+    def _point(self, at: int) -> SweepPoint:
+        results, speed = self.results, float(self.speeds[at])
+        if results.verdicts[at] == FAILED:
+            return SweepPoint(speed, error=results.failures[at])
+        figures = (Statistics(*row.tolist()) for row in results.figures[at])
+        multipliers = results.multipliers[at]
+        return SweepPoint(
+            speed,
+            dict(zip(results.kept.names, figures, strict=True)),
+            float(results.spectral_radius[at]),
+            VERDICTS[results.verdicts[at]],
+            METHODS[results.methods[at]],
+            int(results.steps[at]),
+            ErrorEstimate(*results.errors[at].tolist()),
+            results.warnings.get(at, ()),
+            multipliers=multipliers[multipliers != 0].tolist(),
+        )
+
+    @property
+    def spectral_radius(self) -> Array:
+        """Largest |ρ| a speed; NaN where the point failed."""
+        return self.results.spectral_radius
+
+    @property
+    def multipliers(self) -> Array:
+        """(P, 2n), falling in modulus; zero where unresolved, NaN where the point failed."""
+        return self.results.multipliers
+
+    def figures(self, name: str, figure: str = "max_abs") -> Array:
+        """max, min, max_abs, mean or rms of a coordinate or output a speed; NaN where the point failed.
+
+        Raises UnknownNameError.
+        """
+        if name not in self.results.kept.names:
+            raise UnknownNameError("coordinate or output", name, self.results.kept.names)
+        if figure not in FIGURES:
+            raise UnknownNameError("figure", figure, FIGURES)
+        return self.results.figures[:, self.results.kept.names.index(name), FIGURES.index(figure)]
+
+    def spectrum(self, name: str) -> Array:
+        """Amplitudes (P, harmonics + 1) of a quantity whose spectrum the sweep was asked for.
+
+        Raises UnknownNameError.
+        """
+        known = self.results.kept.spectra
+        if name not in known:
+            raise UnknownNameError("spectrum", name, known)
+        return self.results.amplitudes[:, known.index(name)]
+
+    @property
+    def unstable(self) -> list[tuple[float, float, str]]:
+        """Runs of neighbouring unstable speeds: from, to (rad/s, half way to stable neighbours, not beyond
+        the last known speed beside failed ones) and the kind of the largest multiplier; `bands` refines
+        their edges."""
+        order = np.argsort(self.speeds)
+        speeds, kinds, failed = self.speeds[order], self.results.kinds[order], self.results.failed[order]
+        between = np.where(failed[:-1], speeds[1:], (speeds[1:] + speeds[:-1]) / 2)
+        between = np.where(failed[1:], speeds[:-1], between)
+        middles = np.concatenate((speeds[:1], between, speeds[-1:]))
+        starts = [0, *(np.flatnonzero(kinds[1:] != kinds[:-1]) + 1).tolist(), len(kinds)]
+        return [
+            (float(middles[first]), float(middles[last]), str(kinds[first]))
+            for first, last in itertools.pairwise(starts)
+            if kinds[first]
+        ]
+
+    @property
+    def warnings(self) -> list[str]:
+        """One line a kind of warning or failure, with the speeds where it first and last stands. Texts of
+        one kind differ in their numbers alone; the whole text of the first is shown."""
+        reasons = {at: [f"no result: {text}"] for at, text in self.results.failures.items()}
+        texts = {**self.results.warnings, **reasons}
+        groups: dict[str, tuple[str, list[float]]] = {}
+        for at in sorted(texts):
+            for text in texts[at]:
+                groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(float(self.speeds[at]))
+        return [f"{text} ({_where(at, len(self.speeds))})" for text, at in groups.values()]
+
+    def record(self) -> dict[str, Any]:
+        """Of `solve sweep --json`."""
+        points = [_point_record(self.system, point) for point in self.points]
+        return plain({**model_record(self.system), "speeds": self.speeds, "points": points})
+
+    def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
+        """Response over speed with its maxima, the spectral radius below, unstable speeds shaded
+        (matplotlib Figure). Raises UnknownNameError."""
+        responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
+        return sweep_figure(self.system, self.speeds, responses, self.spectral_radius, figure, self.unstable)
+
+    def waterfall(self, name: str) -> Figure:
+        """The spectrum of a quantity over speed (matplotlib Figure). Raises UnknownNameError for one whose
+        spectrum the sweep was not asked for."""
+        return waterfall_figure(self.system, self.speeds, name, self.spectrum(name))
+
+    def report(self, names: Sequence[str], choices: Sequence[str] = ()) -> RenderableType:
+        """A row a speed with the largest moduli of these quantities, as many as fit."""
+        from rich.console import Group
+
+        sizes = {name: float(np.nanmax(self.figures(name), initial=0.0)) for name in names}
+        scales = {name: prefixed(self.system.units.get(name, ""), size) for name, size in sizes.items()}
+        columns = [f"max|{name}| ({unit})" if unit else f"max|{name}|" for name, (_, unit) in scales.items()]
+        fitting = max(
+            1, sum(width <= _WIDTH for width in itertools.accumulate(len(each) + 2 for each in columns))
+        )
+        scales = dict(itertools.islice(scales.items(), fitting))
+        every = math.ceil(len(self.points) / _MOST_ROWS)
+        title = "Over speed" if every == 1 else f"Over speed: one in {every} of {len(self.points)}"
+        made = table(title, "rpm", *columns[:fitting], "|ρ|", "stability", left=0)
+        if fitting < len(names):
+            made.caption = "others by --show NAME, all by --json"
+        for point in self.points[::every]:
+            row = [
+                fixed(point.statistics[name].max_abs * factor, sizes[name] * factor, 6)
+                if name in point.statistics
+                else "–"
+                for name, (factor, _) in scales.items()
+            ]
+            verdict = "failed" if point.error else point.verdict.removesuffix("ally stable")
+            radius = "–" if point.error else f"{point.spectral_radius:.6g}"
+            made.add_row(f"{point.speed * 30 / math.pi:.7g}", *row, radius, verdict)
+        return Group(model_heading(self.system, choices), made)
+
+    def contents(self) -> Contents:
+        """A row a speed, for a file."""
+        system = self.system
+        columns: dict[str, tuple[Any, str, str]] = {"speed": (self.speeds, "rad/s", "speed of rotation")}
+        for name in (*system.coordinates, *system.outputs):
+            for figure in ("max", "min", "max_abs", "mean", "rms"):
+                meaning = f"{figure} of {system.meanings.get(name, name)}"
+                columns[f"{name}_{figure}"] = (
+                    self.figures(name, figure),
+                    system.units.get(name, ""),
+                    meaning,
+                )
+        points = self.points
+        columns["spectral_radius"] = (self.spectral_radius, "1", "largest modulus of a Floquet multiplier")
+        columns["verdict"] = ([point.verdict for point in points], "", "stability")
+        columns["steps"] = ([point.steps for point in points], "", "a period")
+        columns["error"] = ([point.error or "" for point in points], "", "why there is no result")
+        return table_contents(columns, model_record(system))
+
+
+def _where(speeds: list[float], total: int) -> str:
+    first, low, high = (f"{speed * 30 / math.pi:.6g} rpm" for speed in (speeds[0], min(speeds), max(speeds)))
+    if len(speeds) == 1:
+        return f"at {first}"
+    return f"at {first}; of this kind at {len(speeds)} of {total} speeds, from {low} to {high}"
+
+
+def _point_record(system: PeriodicSystem, point: SweepPoint) -> dict[str, Any]:
+    if point.error is not None:
+        return {"speed": point.speed, "error": point.error}
+
+    def quantities(names: Sequence[str]) -> dict[str, Any]:
+        return {
+            name: {
+                "unit": system.units.get(name, ""),
+                **{figure: getattr(point.statistics[name], figure) for figure in FIGURES},
+            }
+            for name in names
+            if name in point.statistics
+        }
+
+    return {
+        "speed": point.speed,
+        "coordinates": quantities(system.coordinates),
+        "outputs": quantities(system.outputs),
+        "spectral_radius": point.spectral_radius,
+        "verdict": point.verdict,
+        "stable": point.stable,
+        "method": point.method,
+        "steps": point.steps,
+        "error_estimate": point.error_estimate._asdict(),
+        "warnings": point.warnings,
+    }

@@ -1,0 +1,87 @@
+"""Periodic solutions at many speeds on one grid: the curves themselves, beside the figures of a sweep."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.batch import Batch
+from solve.batch.family import over_speed
+from solve.errors import MatricesError, StepsError
+from solve.kernel.engines import chosen_engine
+from solve.methods.method import Method
+from solve.methods.radau import Radau
+from solve.single import request
+from solve.system import PeriodicSystem
+
+_METHOD = Radau()
+
+_SPEEDS = (1.0, 3.0, 9.0, 27.0, 81.0, 243.0)
+"""Speeds (rad/s) from which the matrices' dependence on speed is learnt; others are checked against it."""
+
+_DOUBLINGS = 6
+"""Squarings of a monodromy matrix by which the norm of its power bounds the spectral radius."""
+
+
+@dataclass(frozen=True)
+class SolvedCurves:
+    """Periodic solutions at P speeds: q (P, n, k) on the given steps, and `coarse` (P, n, k) on half as many,
+    which differs from q by about its error; infinite where there is no periodic solution. radius_bound
+    (P,): upper bound of the spectral radius."""
+
+    q: Array
+    coarse: Array
+    radius_bound: Array
+
+
+class PeriodicCurves:
+    """The periodic solutions of one system at any speeds, on a given grid; what they share is sampled once.
+
+    steps: even number of steps a period. samples: phases a step at which q is wanted. Raises StepsError, and
+    MatricesError for a system with breaks, which need steps of their own.
+    """
+
+    def __init__(self, system: PeriodicSystem, method: Method = _METHOD, steps: int = 96, samples: int = 4):
+        if not (isinstance(steps, int) and steps >= 2 and steps % 2 == 0):
+            raise StepsError(f"steps is {steps!r}; allowed: even numbers of at least 2, such as 96")
+        if system.breaks:
+            raise MatricesError(
+                f"{system.name} has matrices that jump; steps must end there: use periodic at each speed"
+            )
+        self.system, self.steps, self.samples = system, steps, samples
+        asked = request(None, 1e-6, chosen_engine("auto")[0], orbit=True)
+        self._batch = Batch(over_speed(system), np.array(_SPEEDS)[:, None], method, asked)
+
+    @cached_property
+    def phase(self) -> Array:
+        """Phases (k,) of the curves."""
+        count = self.steps * self.samples
+        return np.arange(count) * (self.system.period / count)
+
+    def __call__(self, speeds: Array) -> SolvedCurves:
+        """At speeds (P,) in rad/s."""
+        (coarse, _), (fine, Phi) = (
+            self._sampled(speeds, self.steps // parts, parts * self.samples) for parts in (2, 1)
+        )
+        return SolvedCurves(fine, coarse, _radius_bound(Phi))
+
+    def _sampled(self, speeds: Array, steps: int, samples: int) -> tuple[Array, Array]:
+        """q (P, n, k) with so many samples a step, and the monodromy matrices (P, N, N)."""
+        n = self.system.n
+        q, Phi = np.full((len(speeds), n, steps * samples), np.inf), np.zeros((len(speeds), 2 * n, 2 * n))
+        for positions, solutions in self._batch.solutions(speeds[:, None], steps):
+            assert solutions.curve is not None
+            q[positions], Phi[positions] = solutions.curve.sampled(samples), solutions.Phi
+        return q, Phi
+
+
+def _radius_bound(Phi: Array) -> Array:
+    """A bound (P,) of the spectral radius of matrices (P, N, N): the norm of a high power, its root."""
+    power, scale = Phi, np.zeros(len(Phi))
+    for _ in range(_DOUBLINGS):
+        power = power @ power
+        size = np.linalg.norm(power, axis=(1, 2))
+        size = np.where(size > 0, size, 1.0)
+        power, scale = power / size[:, None, None], 2 * scale + np.log(size)
+    return np.exp(scale / 2**_DOUBLINGS)

@@ -1,0 +1,310 @@
+"""Many points at once give what each gives alone."""
+
+import copy
+import multiprocessing
+import pickle
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import solve
+from solve.batch import tables
+from solve.batch.family import BuiltFamily, over_speed
+from solve.batch.tables import Separation
+from solve.errors import UnknownNameError
+from solve.period.frozen import Frozen
+from solve.period.multipliers import VERDICTS, Multipliers, rounding_errors, verdicts
+from solve.period.points import Tables
+from tests.solve import systems
+
+FIGURES = ("max", "min", "max_abs", "mean", "rms")
+RANGES = {
+    "cam": (12.0, 90.0),
+    "manipulator": (2.0, 50.0),
+    "gear_pair": (100.0, 300.0),
+    "mathieu": (0.4, 4.0),
+    "coupler": (30.0, 700.0),
+}
+SAME = 1e-10
+"""Relative difference that counts as none."""
+
+
+def agrees(point, system, speed, **chosen):
+    """Whether a point of a sweep is what `periodic` gives, warnings included."""
+    orbit = solve.periodic(system, speed, **chosen)
+    assert (point.method, point.steps, point.verdict) == (orbit.method, orbit.steps, orbit.verdict)
+    assert point.spectral_radius == pytest.approx(orbit.spectral_radius, rel=SAME)
+    np.testing.assert_allclose(
+        point.multipliers, orbit.multipliers, rtol=0, atol=SAME * orbit.spectral_radius
+    )
+    for name in (*system.coordinates, *system.outputs):
+        alone, ours = orbit.statistics(name), point.statistics[name]
+        for figure in FIGURES:
+            difference = abs(getattr(ours, figure) - getattr(alone, figure))
+            assert difference <= SAME * alone.max_abs, f"{figure} of {name} at {speed} rad/s"
+    assert list(point.warnings) == orbit.warnings
+    for ours, alone in zip(point.error_estimate, orbit.error_estimate, strict=True):
+        # Estimates at the level of rounding are as random as that.
+        assert abs(ours - alone) <= max(0.2 * alone, 3e-12), f"error estimates at {speed} rad/s"
+
+
+@pytest.mark.parametrize("engine", ["numpy", "auto"])
+@pytest.mark.parametrize("name", RANGES)
+def test_a_sweep_is_its_single_solves(name, engine):
+    model = solve.load(name)
+    speeds = np.random.default_rng(1).uniform(*RANGES[name], 5)
+    found = solve.sweep(model, speeds, engine=engine)
+    for point, speed in zip(found.points, speeds, strict=True):
+        agrees(point, model, float(speed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RANGES)
+def test_a_hundred_points_of_every_model(name):
+    model = solve.load(name)
+    speeds = np.random.default_rng(2).uniform(*RANGES[name], 100)
+    found = solve.sweep(model, speeds)
+    for point, speed in zip(found.points, speeds, strict=True):
+        agrees(point, model, float(speed))
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=systems.seeds, n=st.integers(1, 4))
+def test_systems_of_functions(seed, n):
+    system = systems.random_system(seed, n)
+    speeds = [0.6, 1.0, 1.7]
+    for point, speed in zip(solve.sweep(system, speeds).points, speeds, strict=True):
+        agrees(point, system, speed)
+
+
+@pytest.mark.parametrize(
+    ("method", "steps"),
+    [("radau", 50), ("gauss", 64), (solve.Gauss(16), None), ("newmark", 200), ("rk4", None)],
+)
+def test_methods_and_given_steps(method, steps):
+    system = systems.random_system(3, 2)
+    speeds = [0.8, 1.3]
+    for point, speed in zip(solve.sweep(system, speeds, method, steps).points, speeds, strict=True):
+        agrees(point, system, speed, method=method, steps=steps)
+
+
+def test_jumps_of_the_matrices():
+    system, speeds = systems.meissner(), [0.7, 1.1]
+    for point, speed in zip(solve.sweep(system, speeds).points, speeds, strict=True):
+        agrees(point, system, speed)
+
+
+def test_entries_that_do_not_separate_are_sampled_point_by_point():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return (
+            one,
+            0.2 * one,
+            (4 + np.cos(phase + speed * np.sin(phase)))[:, None, None],
+            np.cos(phase)[:, None],
+        )
+
+    system, speeds = solve.PeriodicSystem(matrices, ["q"]), [0.5, 0.9, 1.4]
+    assert not Separation(over_speed(system), np.linspace(0.1, 9, 40)[:, None], system.period, 1).separable
+    for point, speed in zip(solve.sweep(system, speeds).points, speeds, strict=True):
+        agrees(point, system, speed)
+
+
+def test_a_point_unlike_those_learnt_from_is_found_out():
+    ordinary = np.column_stack((np.zeros(50), np.linspace(1, 2, 50)))
+
+    def build(kink, delta):
+        return systems.system(kinked(kink, delta), 1)
+
+    family = BuiltFamily(build, ["kink", "delta"], ordinary, 1.0)
+    separation = Separation(family, ordinary, 2 * np.pi, 1)
+    _, fits = separation.coefficients(np.array([[0.0, 1.5], [0.3, 1.5]]))
+    assert fits.tolist() == [True, False]
+
+
+def kinked(kink, delta):
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = delta + np.cos(phase) + kink * np.cos(3 * phase)
+        return one, 0.1 * one, stiffness[:, None, None], np.ones((len(phase), 1))
+
+    return matrices
+
+
+def test_tables_are_made_once_and_the_oldest_make_room(monkeypatch):
+    separation = Separation(over_speed(systems.system(kinked(0.3, 2.0), 1)), np.ones((4, 1)), 2 * np.pi, 1)
+    coarse, fine, finest = (np.linspace(0, end, 1000) for end in (4, 5, 6))
+    asked, made = [], separation.table(coarse)
+    monkeypatch.setattr(tables, "_MOST_KEPT", 2 * made.nbytes)
+    monkeypatch.setattr(Separation, "_terms", lambda self, phase: asked.append(phase[-1]) or made)
+    for phase in (coarse, fine, coarse, fine, finest, fine, coarse):
+        assert separation.table(phase) is made
+    assert asked == [5, 6, 4]
+    monkeypatch.setattr(tables, "_MOST_KEPT", 0)
+    assert separation.table(np.linspace(0, 7, 1000)) is made
+
+
+@pytest.mark.parametrize("small", [1e-3, 1e-8, 1e-11])
+def test_a_small_term_costs_no_digits(small):
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = 3 + speed * small * np.sin(phase) + speed**2 * np.cos(2 * phase)
+        return one, one, stiffness[:, None, None], one[:, 0]
+
+    family, points = over_speed(solve.PeriodicSystem(matrices, ["q"])), np.linspace(0.1, 2.0, 60)[:, None]
+    separation = Separation(family, points, 2 * np.pi, 1)
+    coefficients, fits = separation.coefficients(points)
+    assert fits.all()
+    phase = np.random.default_rng(0).uniform(0, 2 * np.pi, 200)
+    found = Tables(separation.table(phase), coefficients, separation.entry, 1).entries()
+    truth = family.entries(phase, points)
+    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-14 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("name", ["cam", "four_bar"])
+def test_no_points_have_no_entries(name):
+    family = over_speed(solve.load(name))
+    n = family.example.n
+    assert family.entries(np.array([0.1, 0.2]), np.empty((0, 1))).shape == (0, 2, 3 * n**2 + n)
+
+
+def test_all_parameters_and_the_speed_of_a_model_vary():
+    model = solve.load("cam")
+    found = solve.chart(
+        model, {"speed": [40.0, 50.0, 60.0]}, {"k3": [1e8, 2e8, 3e8]}, boundaries=False, engine="numpy"
+    )
+    for row, k3 in enumerate(found.y):
+        varied = solve.load("cam", k3=k3)
+        for column, speed in enumerate(found.x):
+            alone = solve.floquet(varied, speed)
+            assert found.spectral_radius[row, column] == pytest.approx(alone.spectral_radius, rel=SAME)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=systems.seeds, N=st.sampled_from([2, 4, 6]), decades=st.floats(0, 14))
+def test_multipliers_of_many_matrices_are_those_of_each(seed, N, decades):
+    rng = np.random.default_rng(seed)
+    Phi = rng.standard_normal((12, N, N)) @ np.diag(10.0 ** -np.linspace(0, decades, N))
+    ours, finer = Multipliers.of(Phi), Multipliers.of(Phi * (1 + 1e-6 * rng.standard_normal(Phi.shape)))
+    judged, errors = verdicts(Phi, ours, np.full(12, 1e-9)), rounding_errors(Phi)
+    differences = ours.difference(finer)
+    for k, matrix in enumerate(Phi):
+        alone = Multipliers.of(matrix)
+        np.testing.assert_array_equal(ours.values[k], alone.values)
+        assert ours.resolved[k] == alone.resolved
+        assert not ours.values[k, ours.resolved[k] :].any()
+        truth = np.linalg.eigvals(matrix)
+        truth = truth[np.argsort(-np.abs(truth))][: alone.resolved]
+        size = np.abs(truth[0]) if len(truth) else 1.0
+        for value in ours.values[k, : ours.resolved[k]]:
+            assert np.abs(truth - value).min() <= 1e-7 * abs(value) + 1e-13 * size
+        assert judged[k] == verdicts(matrix, alone, np.float64(1e-9))
+        assert VERDICTS[judged[k]] in VERDICTS
+        assert differences[k] == alone.difference(finer[k])
+        assert errors[k] == rounding_errors(matrix)
+
+
+def eigenvalue_condition(matrix):
+    """Error of the eigenvalues that 8 eps‖Φ‖ makes, from LAPACK's own eigenvectors."""
+    values, right = np.linalg.eig(matrix)
+    perturbation = 8 * np.finfo(float).eps * np.linalg.norm(matrix, 2) / np.abs(values).max()
+    with np.errstate(all="ignore"):
+        condition = np.linalg.norm(np.linalg.pinv(right), axis=1).max()
+    defective = np.linalg.matrix_rank(right, tol=1e-7) < len(matrix)
+    return np.sqrt(perturbation) if defective else min(perturbation * condition, np.sqrt(perturbation))
+
+
+@pytest.mark.parametrize("matrix", [np.eye(2), np.triu(np.ones((2, 2))), np.triu(np.ones((4, 4))), np.eye(4)])
+def test_rounding_of_defective_and_semisimple_multipliers(matrix):
+    alone = eigenvalue_condition(matrix)
+    assert 0.3 * alone <= rounding_errors(matrix) <= 3 * alone
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=systems.seeds, n=st.integers(1, 4), scale=st.floats(0.2, 5.0))
+def test_bounds_of_frozen_modes_are_never_wrong(seed, n, scale):
+    system, speeds = systems.random_system(seed, n), np.array([0.5, 1.0, 2.0])
+    phase = (np.arange(32) + 0.5) * (system.period / 32)
+    entries = over_speed(system).entries(phase, speeds[:, None])
+    modes = Frozen(np.moveaxis(entries, -1, 0), n, system.period)
+    fastest = np.array([fastest_of(system, phase, speed) for speed in speeds])
+    rate = scale * np.median(fastest)
+    assert modes.faster(rate).tolist() == (fastest > rate).tolist()
+    alone = np.array(
+        [np.abs(systems.frozen_modes(system, speed, 32).eigenvalues()).max() for speed in speeds]
+    )
+    assert not (modes.within(rate) & (alone > rate * (1 + 1e-12))).any()
+    np.testing.assert_allclose(modes.reach, alone * system.period, rtol=1e-9)
+
+
+def fastest_of(system, phase, speed):
+    """Largest frozen angular frequency or decay rate, by phase."""
+    M, C, K, _ = system.in_phase(phase, speed)
+    stiffness, damping = (np.abs(np.linalg.eigvals(np.linalg.solve(M, A))).max() for A in (K, C))
+    return max(np.sqrt(stiffness), damping)
+
+
+@pytest.mark.slow
+def test_a_chart_in_parts_is_the_same(monkeypatch):
+    """Small parts in other processes, with points that fail among them."""
+    monkeypatch.setattr("solve.batch.spread.chunk_size", lambda n: 7)
+    model = solve.load("coupler", alpha=0, cx=0, cy=0)
+    axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
+    alone, seen = solve.chart(model, *axes), []
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as executor:
+        parts = solve.chart(model, *axes, executor=executor, progress=seen.append)
+    np.testing.assert_array_equal(parts.verdicts, alone.verdicts)
+    np.testing.assert_allclose(parts.spectral_radius, alone.spectral_radius, rtol=SAME)
+    assert parts.failures == alone.failures
+    assert len(parts.boundaries) == len(alone.boundaries)
+    assert seen[:4] == [6, 12, 18, 24]
+
+
+def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
+    monkeypatch.setattr("solve.batch.spread.chunk_size", lambda n: 1)
+
+    def interrupted(done):
+        raise KeyboardInterrupt
+
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(KeyboardInterrupt):
+            solve.sweep(solve.load("cam"), np.linspace(30, 60, 400), executor=executor, progress=interrupted)
+        ended = executor.submit(time.perf_counter).result(timeout=30)
+    assert ended
+
+
+def test_an_executor_gets_parts_and_gives_the_same():
+    model, speeds = solve.load("manipulator"), np.linspace(3, 30, 9)
+    alone = solve.sweep(model, speeds)
+    seen = []
+    with ThreadPoolExecutor(2) as executor:
+        spread = solve.sweep(model, speeds, executor=executor, progress=seen.append)
+    np.testing.assert_array_equal(spread.spectral_radius, alone.spectral_radius)
+    np.testing.assert_array_equal(spread.figures("q1"), alone.figures("q1"))
+    assert seen[-1] == len(speeds)
+
+
+def test_models_travel_to_other_processes_and_threads():
+    model = solve.load("cam", k1=7e4)
+    for twin in (pickle.loads(pickle.dumps(model)), copy.copy(model)):
+        assert twin.parameters == model.parameters
+        assert twin.options == model.options
+        phase = np.linspace(0, 6, 7)
+        for ours, theirs in zip(model.at(phase, 50.0), twin.at(phase, 50.0), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_progress_rises_to_the_number_of_points():
+    seen = []
+    solve.sweep(solve.load("mathieu"), np.linspace(0.5, 3, 30), progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == 30
+
+
+def test_an_unknown_engine_is_refused():
+    with pytest.raises(UnknownNameError, match="did you mean 'numpy'"):
+        solve.sweep(solve.load("mathieu"), [1.0], engine="numpie")

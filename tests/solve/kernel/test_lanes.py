@@ -1,0 +1,188 @@
+"""Compiled lanes give what NumPy gives, and a machine without a working compiler loses speed alone."""
+
+import os
+import stat
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import solve
+from solve.batch.family import BuiltFamily, over_speed
+from solve.batch.tables import Sampled, Separated, Separation
+from solve.kernel import compiler, library
+from solve.kernel.engines import COMPILED, NUMPY, EngineError
+from solve.kernel.library import Size, trouble
+from solve.period.grid import Grid
+from tests.solve import systems
+
+SAME = 1e-12
+SMALL = Size(1, 1, 2, True, False)
+
+
+needs_compiler = pytest.mark.skipif(bool(trouble()), reason=trouble() or "compiles")
+
+
+def grids(family, points, n, method, steps, orbit=True, own=False, period=2 * np.pi):
+    """The same grid by both engines: compiled, NumPy."""
+    if own:
+        chunk = Sampled(family, points)
+    else:
+        separation = Separation(family, points, period, n)
+        coefficients, fits = separation.coefficients(points)
+        assert fits.all()
+        chunk = Separated(separation, coefficients)
+    grid = Grid.uniform(steps, period)
+    return [method.solutions(chunk, grid, orbit, engine) for engine in (COMPILED, NUMPY)]
+
+
+def same(ours, theirs):
+    size = np.maximum(np.abs(theirs.Phi).max(axis=(1, 2), keepdims=True), np.finfo(float).tiny)
+    assert (np.abs(ours.Phi - theirs.Phi) <= SAME * size).all()
+    assert {at: str(why) for at, why in ours.failures.items()} == {
+        at: str(why) for at, why in theirs.failures.items()
+    }
+    if theirs.curve is not None:
+        sound = np.setdiff1d(np.arange(len(theirs)), list(theirs.failures))
+        q, truth = (each.curve.sampled(4)[sound] for each in (ours, theirs))
+        size = np.abs(truth).max(axis=2, keepdims=True)
+        assert (np.abs(q - truth) <= SAME * size).all()
+        np.testing.assert_allclose(ours.condition[sound], theirs.condition[sound], rtol=0.5)
+
+
+@needs_compiler
+@settings(max_examples=20, deadline=None)
+@given(
+    seed=systems.seeds,
+    n=st.sampled_from([1, 2, 3]),
+    method=st.sampled_from([solve.Radau(5), solve.Radau(), solve.Gauss(4), solve.Gauss(), solve.Gauss(16)]),
+    steps=st.sampled_from([7, 16, 50, 64]),
+    points=st.sampled_from([1, 8, 11]),
+    orbit=st.booleans(),
+)
+def test_grids_are_the_same(seed, n, method, steps, points, orbit):
+    family = over_speed(systems.random_system(seed, n))
+    same(*grids(family, np.linspace(0.7, 1.4, points)[:, None], n, method, steps, orbit))
+
+
+@needs_compiler
+@pytest.mark.parametrize("method", [solve.Radau(), solve.Gauss()], ids=["radau", "gauss"])
+@pytest.mark.parametrize("own", [False, True], ids=["separated", "sampled"])
+def test_the_stiff_cam(method, own):
+    family, speeds = over_speed(systems.cam()), np.linspace(30.0, 80.0, 10)[:, None]
+    same(*grids(family, speeds, 3, method, 256, own=own))
+
+
+@needs_compiler
+@pytest.mark.parametrize("method", [solve.Radau(), solve.Gauss()], ids=["radau", "gauss"])
+def test_rows_are_exchanged_where_pivots_vanish(method):
+    def swapped(stiffness):
+        def matrices(phase, speed):
+            M = np.tile([[0.0, 1.0], [1.0, 0.0]], (len(phase), 1, 1))
+            K = np.zeros((len(phase), 2, 2))
+            K[:, 0, 1] = K[:, 1, 0] = stiffness + np.cos(phase)
+            return M, 0.1 * M, K, np.ones((len(phase), 2))
+
+        return systems.system(matrices, 2)
+
+    points = np.linspace(2, 3, 9)[:, None]
+    same(*grids(BuiltFamily(swapped, ["stiffness"], points, 1.0), points, 2, method, 32))
+
+
+@needs_compiler
+def test_what_overflows_or_resonates_is_not_sound():
+    def matrices(delta):
+        def of(phase, speed):
+            one = np.ones((len(phase), 1, 1))
+            return one, 0 * one, delta * one, np.cos(phase)[:, None]
+
+        return systems.system(of, 1)
+
+    points = np.array([[-1e5], [0.5], [1.0], [2.0]])
+    family = BuiltFamily(lambda delta: matrices(delta), ["delta"], points, 1.0)
+    for found in grids(family, points, 1, solve.Gauss(), 256):
+        failures = {at: type(why).__name__ for at, why in found.failures.items()}
+        assert failures.pop(0) == "StepsError"
+        if not failures:
+            assert found.condition[2] > 1e12
+        else:
+            assert failures == {2: "ResonanceError"}
+
+
+@pytest.fixture
+def own_cache(tmp_path, monkeypatch):
+    """An empty cache, and nothing remembered of earlier compilers."""
+
+    def forget():
+        for remembered in (compiler._compiler, library.library, library.trouble):
+            remembered.cache_clear()
+
+    forget()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    yield tmp_path / "cache" / "parametric-vibration"
+    monkeypatch.undo()
+    forget()
+
+
+def script(path, text):
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return str(path)
+
+
+@needs_compiler
+def test_libraries_are_kept(own_cache):
+    library.library(SMALL)
+    (made,) = own_cache.iterdir()
+    written = made.stat().st_mtime_ns
+    library.library.cache_clear()
+    library.library(SMALL)
+    assert [file.stat().st_mtime_ns for file in own_cache.iterdir()] == [written]
+
+
+def test_a_broken_compiler_is_told_of_in_one_line(own_cache, tmp_path, monkeypatch):
+    monkeypatch.setenv(
+        "CC", script(tmp_path / "cc", 'case "$*" in *-dM*) exit 0;; esac; echo no luck >&2; exit 1')
+    )
+    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert found.engine == "numpy"
+    assert found.points[0].error is None
+    (note,) = found.notes
+    assert "no luck" in note
+    assert "NumPy is used" in note
+    assert "\n" not in note
+    assert list(own_cache.iterdir()) == [], "something half-written is left"
+
+
+def test_no_compiler_is_no_trouble(own_cache, tmp_path, monkeypatch):
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert (found.engine, list(found.notes)) == ("numpy", [])
+
+
+def test_compiled_code_that_is_asked_for_and_cannot_be_had(own_cache, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(EngineError, match=r"no C compiler \(no-such-compiler\).*leave the engine out"):
+        solve.sweep(solve.load("mathieu"), [1.0], engine="compiled")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser writes everywhere")
+def test_a_cache_that_cannot_be_written(own_cache, tmp_path):
+    tmp_path.joinpath("cache").mkdir(mode=0o500)
+    assert "no room" in " ".join(solve.sweep(solve.load("mathieu"), [1.0]).notes)
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["cam", "manipulator", "gear_pair", "mathieu", "coupler"])
+def test_sweeps_are_the_same(name):
+    model = solve.load(name)
+    speeds = np.linspace(1.0, 1.2, 9) * {"mathieu": 1.0, "gear_pair": 180.0}.get(name, 50.0)
+    ours, theirs = (solve.sweep(model, speeds, engine=engine) for engine in ("compiled", "numpy"))
+    np.testing.assert_allclose(ours.spectral_radius, theirs.spectral_radius, rtol=SAME)
+    for quantity in (*model.coordinates, *model.outputs):
+        high = np.abs(theirs.figures(quantity))
+        for figure in ("max", "min", "rms"):
+            difference = np.abs(ours.figures(quantity, figure) - theirs.figures(quantity, figure))
+            assert (difference <= SAME * high).all(), f"{figure} of {quantity}"

@@ -1,0 +1,130 @@
+"""A system alone and among a thousand others: the same bytes, steps, verdicts and warnings."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from solve import Gauss, Newmark, Radau, RungeKutta4
+from solve.certify.certified import Certified
+from solve.certify.refinement import certified
+from solve.kernel.engines import COMPILED, NUMPY
+from solve.kernel.library import trouble
+from solve.methods.hsu import Hsu
+from solve.methods.march import March
+from solve.methods.modal import Modal
+from solve.period.grid import Grid
+from solve.period.multipliers import verdicts
+from solve.period.points import Tables, matrices
+from solve.single import request
+from tests.solve import systems
+
+ONE_STEP = [Radau(), Radau(3), Gauss(), Gauss(16), Newmark(), Newmark(0.6, 0.3), RungeKutta4(), Hsu()]
+ENGINES = [
+    NUMPY,
+    pytest.param(COMPILED, marks=pytest.mark.skipif(bool(trouble()), reason=trouble() or "compiles")),
+]
+SEEDS, PLACE = range(8), 617
+
+
+@dataclass(frozen=True)
+class Several:
+    """Systems at speed 1, side by side, each sampled by itself; `which` (P,) are their numbers."""
+
+    each: tuple
+    which: np.ndarray
+    bytes_a_phase: int = 0
+    breaks: tuple = ()
+    period: float = 2 * np.pi
+
+    @property
+    def n(self):
+        return self.each[0].n
+
+    def __len__(self):
+        return len(self.which)
+
+    def __getitem__(self, positions):
+        return Several(self.each, self.which[positions])
+
+    def tables(self, phase):
+        entries = np.array([system.entries(phase, 1.0) for system in self.each])
+        return Tables.of(entries[self.which], self.n)
+
+
+@pytest.fixture(scope="module", params=[1, 2, 3])
+def points(request):
+    """A thousand points, of eight systems in turn; the one at PLACE occurs once."""
+    each = tuple(systems.random_system(seed, request.param) for seed in (*SEEDS, 77))
+    which = np.arange(1000) % len(SEEDS)
+    which[PLACE] = len(SEEDS)
+    return Several(each, which)
+
+
+def alone_and_among(points, solved):
+    place = np.array([PLACE])
+    return solved(points[place]), solved(points)[place]
+
+
+@pytest.mark.parametrize("method", [*ONE_STEP, March(), Modal()], ids=repr)
+def test_one_grid_gives_the_same_bytes(method, points):
+    grid = Grid.uniform(60, points.period)
+    if isinstance(method, March):
+        points = points[np.arange(PLACE - 20, PLACE + 1)]
+        place = np.array([20])
+    else:
+        place = np.array([PLACE])
+    one, other = method.solutions(points[place], grid, True), method.solutions(points, grid, True)
+    assert not one.failures
+    np.testing.assert_array_equal(one.Phi[0], other.Phi[place[0]])
+    np.testing.assert_array_equal(one.curve.coefficients[0], other.curve.coefficients[place[0]])
+    assert one.condition[0] == other.condition[place[0]] or np.isnan(one.condition[0])
+
+
+@pytest.mark.skipif(bool(trouble()), reason=trouble() or "compiles")
+@pytest.mark.parametrize("method", ONE_STEP[:4], ids=repr)
+@pytest.mark.parametrize("steps", [48, 50])
+def test_one_grid_compiled_differs_by_rounding(method, steps, points):
+    one, other = alone_and_among(
+        points, lambda some: method.solutions(some, Grid.uniform(steps, points.period), True, COMPILED)
+    )
+    allowed = 1e-13 * one.condition[0]
+    assert np.abs(one.Phi - other.Phi).max() <= allowed * np.abs(one.Phi).max()
+    q, truth = one.curve.sampled(2), other.curve.sampled(2)
+    assert np.abs(q - truth).max() <= allowed * np.abs(truth).max()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("steps", [None, 30])
+@pytest.mark.parametrize("method", ONE_STEP, ids=repr)
+def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points):
+    points = points[np.arange(PLACE - 40, PLACE + 1)]
+    rtol = 1e-2 if method.order <= 2 else 1e-5
+    asked = request(steps, rtol, engine, orbit=True)
+
+    def found(some, position):
+        for result in certified(some, method, asked):
+            if isinstance(result, Certified):
+                for at in np.flatnonzero(result.positions == position):
+                    solutions, errors = result.solutions, result.errors
+                    judged = verdicts(solutions.Phi, solutions.multipliers, errors[:, 1])
+                    return result.steps, judged[at], result.warnings(int(at)), errors[at]
+            elif result.position == position:
+                return str(result.reason)
+        raise AssertionError("a point without a result")
+
+    alone, among = found(points[np.array([40])], 0), found(points, 40)
+    if isinstance(alone, str):
+        assert alone == among
+        return
+    assert alone[:2] == among[:2]
+    assert [text.split(" to ")[0] for text in alone[2]] == [text.split(" to ")[0] for text in among[2]]
+    if engine == NUMPY:
+        assert alone[2] == among[2]
+        np.testing.assert_array_equal(alone[3], among[3])
+
+
+def test_matrices_of_several_points_are_those_of_each(points):
+    phase = np.linspace(0.0, 6.0, 5)
+    for part, own in zip(matrices(points, phase), points.each[-1].in_phase(phase, 1.0), strict=True):
+        np.testing.assert_array_equal(part[PLACE], own)

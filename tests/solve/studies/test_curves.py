@@ -1,0 +1,36 @@
+"""Periodic solutions at many speeds on one grid, against single solutions."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import MatricesError, StepsError
+
+SPEEDS = np.array([20.0, 40.0, 62.8])
+
+
+def test_curves_are_those_of_single_solutions():
+    model = solve.load("coupler")
+    curves = solve.PeriodicCurves(model, solve.Radau(9), steps=128)
+    solved = curves(SPEEDS)
+    assert solved.q.shape == solved.coarse.shape == (3, model.n, 512)
+    for number, speed in enumerate(SPEEDS):
+        orbit = solve.periodic(model, float(speed), rtol=1e-10)
+        expected = orbit.at(curves.phase)
+        size = np.abs(expected).max(axis=1, keepdims=True)
+        error = np.abs(solved.q[number] - expected) / size
+        assert error.max() < 1e-7
+        assert error.max() <= max((np.abs(solved.coarse[number] - expected) / size).max(), 1e-9)
+        assert solved.radius_bound[number] >= orbit.spectral_radius * (1 - 1e-6)
+
+
+def test_what_the_grid_cannot_hold_is_refused():
+    with pytest.raises(StepsError, match="even"):
+        solve.PeriodicCurves(solve.load("coupler"), steps=95)
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, one, one, one[:, 0]
+
+    with pytest.raises(MatricesError, match="jump"):
+        solve.PeriodicCurves(solve.PeriodicSystem(matrices, ["q"], breaks=(1.0,)))

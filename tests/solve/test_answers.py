@@ -1,0 +1,86 @@
+"""What every periodic system answers about itself, so that nobody asks what kind of system it is."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import solve
+from solve.batch.family import SPEED, SystemFamily
+from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
+
+
+def spring(phase, speed):
+    """An oscillator with natural frequency 2 rad/s, that has no matrices beyond 10 rad/s."""
+    if speed > 10:
+        raise MatricesError("too fast")
+    one = np.ones((len(phase), 1, 1))
+    return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
+
+
+@pytest.fixture
+def own():
+    return solve.PeriodicSystem(spring, ["q"])
+
+
+def test_a_system_of_a_users_own_has_neither_case_nor_parameters_nor_links(own):
+    assert (own.case, own.case_speed, own.title) == (None, None, "")
+    assert (dict(own.parameters), dict(own.options), own.links) == ({}, {}, ())
+    assert own.moves
+    assert own.varied() is own
+    with pytest.raises(UnknownNameError, match="parameter or option of system 'k'"):
+        own.varied({"k": 1.0})
+    with pytest.raises(ValueOutOfBoundsError, match="has no links to draw"):
+        own.mode_shapes(0.0, np.ones(1))
+    assert own.pinned_frequencies() == {}
+
+
+def test_its_frequencies_and_entries_over_speeds(own):
+    np.testing.assert_allclose(own.frequencies(np.array([0.0, 1.0]), 1), 2.0, rtol=1e-14)
+    phase = np.array([0.0, 0.5])
+    found = own.entries_over(phase, np.array([3.0, 20.0]))
+    np.testing.assert_array_equal(found[0], own.entries(phase, 3.0))
+    assert np.isnan(found[1]).all()
+
+
+def test_it_varies_in_its_speed_alone(own):
+    family = SystemFamily(own, [SPEED])
+    assert family.system(np.array([3.0])) == (own, 3.0)
+    with pytest.raises(UnknownNameError, match="quantity of system 'k'"):
+        SystemFamily(own, [SPEED, "k"])
+
+
+def test_a_structure_tells_its_links_and_how_their_ends_are_held():
+    frame, linkage = solve.load("portal_frame"), solve.load("four_bar")
+    assert (frame.moves, linkage.moves) == (False, True)
+    assert linkage.links[0] == ("crank", ("clamped", "joined"))
+    assert [link.name for link in linkage.links] == list(linkage.pinned_frequencies())
+    assert sum(link.ends.count("clamped") for link in frame.links) == 2
+
+
+@pytest.mark.parametrize("name", ["cam", "four_bar"])
+def test_models_are_copied_and_pickled_with_their_numbers(name):
+    model = solve.load(name)
+    phase = np.linspace(0.0, 1.0, 5)
+    varied = model.varied({next(iter(model.parameters)): 0.9 * next(iter(model.parameters.values()))})
+    for other in (copy.copy(varied), pickle.loads(pickle.dumps(varied))):
+        assert type(other) is type(model)
+        assert (other.case, other.case_speed) == (model.case, model.case_speed)
+        assert (other.parameters, other.options) == (varied.parameters, varied.options)
+        for part, expected in zip(other.at(phase, 3.0), varied.at(phase, 3.0), strict=True):
+            np.testing.assert_array_equal(part, expected)
+
+
+@pytest.mark.parametrize("name", ["cam", "four_bar"])
+def test_all_points_at_once_and_one_by_one_are_the_same(name):
+    model, phase = solve.load(name), np.linspace(0.0, 6.0, 7)
+    parameter, value = next((name, value) for name, value in model.parameters.items() if value != 0)
+    family = SystemFamily(model, [SPEED, parameter])
+    points = np.array([[speed, factor * value] for factor in (1.0, 1.01) for speed in (2.0, 5.0, 7.0, 9.0)])
+    expected = []
+    for point in points:
+        system, speed = family.system(point)
+        expected.append(system.entries(phase, speed))
+    scale = np.abs(expected).max(axis=(0, 1))
+    assert (np.abs(family.entries(phase, points) - expected) <= 1e-12 * np.where(scale > 0, scale, 1)).all()
