@@ -63,7 +63,7 @@ class _Keeper:
         at, results, solutions = self.start + found.positions, self.results, found.solutions
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
-        results.verdicts[at] = verdicts(solutions.Phi, rho, errors[:, 1], results.kept.meetings)
+        results.verdicts[at] = verdicts(solutions.Phi, rho, found.absolute, results.kept.meetings)
         results.steps[at], results.methods[at] = found.steps, METHODS.index(found.method.name)
         if results.kept.warnings:
             self._keep_warnings(found)

@@ -36,13 +36,15 @@ class Request:
 class Certified:
     """Points that the same method and grid served, with the errors estimated from a second grid.
 
-    positions (k,) among the points asked for; errors (k, 2) of orbit and multipliers; modes: frozen ones.
+    positions (k,) among the points asked for; errors (k, 2) of orbit and multipliers, relative; absolute
+    (k,): of the multipliers; modes: frozen ones.
     """
 
     positions: Array
     method: Method
     solutions: Solutions
     errors: Array
+    absolute: Array
     request: Request
     modes: Frozen
 

@@ -29,17 +29,17 @@ Witness = Callable[[Array], Multipliers]
 
 def hidden(
     modes: Frozen, method: Method, steps: int, multipliers: Multipliers, rtol: float, witness: Witness
-) -> tuple[Array, Array]:
-    """From the frozen modes of points: errors (P,) of the multipliers, relative to the spectral radius, that
-    both of two grids may have from modes that `steps` do not follow, or that they misplace by so much of a
-    turn that the grids may agree by chance; and whether the steps follow the fastest modes (P,).
+) -> Array:
+    """Errors (P, 2) of the multipliers of points, relative to the spectral radius and absolute, that both of
+    two grids may have from frozen modes that `steps` do not follow, or that they misplace by so much of a
+    turn that the grids may agree by chance.
 
     An L-stable method loses modes that it does not follow, which is wrong where they truly live on; any
     other may turn them into anything, and is judged by one that is L-stable.
     """
     limit = steps * method.follows
     followed = modes.within(limit / modes.period)
-    errors = np.zeros(len(modes))
+    errors = np.zeros((len(modes), 2))
     open_ = np.flatnonzero(~followed)
     if method.l_stable:
         if len(open_):
@@ -47,14 +47,17 @@ def hidden(
             lost, followed[open_] = _survivors(modes[open_], limit, rtol * radius)
             radius = np.maximum(radius, NEGLIGIBLE)
             kept = lost < radius
-            errors[open_] = np.where(kept, lost / np.where(kept, radius, 1.0), 1.0) * ~followed[open_]
-        return errors, followed
+            share = np.where(kept, lost / np.where(kept, radius, 1.0), 1.0)
+            errors[open_] = np.column_stack((share, lost)) * ~followed[open_, None]
+        return errors
     if len(open_):
         followed[open_] = modes[open_].reach <= limit
     doubtful = np.flatnonzero(~followed | ~_in_phase(modes, method, steps))
     if len(doubtful):
-        errors[doubtful] = multipliers[doubtful].difference(witness(doubtful))
-    return errors, followed
+        ours, truth = multipliers[doubtful], witness(doubtful)
+        absolute = np.maximum(ours.distance(truth), truth.bound)
+        errors[doubtful] = np.column_stack((ours.difference(truth), absolute))
+    return errors
 
 
 def _in_phase(modes: Frozen, method: Method, steps: int) -> Array:

@@ -156,7 +156,8 @@ class Refinement:
                         continue
                     own = chosen[at[better.positions]]
                     errors = np.maximum(differences(own, better.solutions), rounding(own))
-                    yield self._certified(part[at[better.positions]], own, errors)
+                    radius = better.solutions.multipliers.spectral_radius
+                    yield self._certified(part[at[better.positions]], own, errors, errors[:, 1] * radius)
 
     def judged(self, positions: Array) -> Iterator[Certified | Failed]:
         """On the steps given, by twice as many."""
@@ -178,9 +179,12 @@ class Refinement:
             if not len(part):
                 continue
             errors = judged(differences(coarse, fine), self.orders)
-            unseen, _ = self._hidden(steps, part, coarse.multipliers)
+            unseen = self._hidden(steps, part, coarse.multipliers)
             alias = aliasing(self.points[part], self.method, 2 * steps)
-            yield self._certified(part, coarse, raised(errors, rounding(coarse), alias, unseen))
+            with np.errstate(over="ignore", invalid="ignore"):
+                absolute = np.fmax(errors[:, 1] * fine.multipliers.spectral_radius, unseen[:, 1])
+            errors = raised(errors, rounding(coarse), alias, unseen[:, 0])
+            yield self._certified(part, coarse, errors, absolute)
 
     def refined(self, positions: Array) -> Iterator[Certified | Failed]:
         """On as many steps as each point needs."""
@@ -256,9 +260,9 @@ class Refinement:
         """Points whose grids agree, unless modes that these do not follow, or orders that they do not see,
         matter and the grids are not their `last` (k,); returns which points have ended (k,)."""
         positions = trail.positions
-        unseen, _ = self._hidden(seen_by_both(pace, self.method), positions, fine.multipliers)
+        unseen = self._hidden(seen_by_both(pace, self.method), positions, fine.multipliers)
         alias = aliasing(self.points[positions], self.method, pace.steps)
-        ended = (np.maximum(unseen, alias / _ALIAS) <= self.request.rtol) | last
+        ended = (np.maximum(unseen[:, 0], alias / _ALIAS) <= self.request.rtol) | last
         resonant = np.zeros(len(fine), dtype=bool)
         if trail.reference is not None:
             resonant = ended & self._resonant(trail.reference.multipliers, fine, pace.ratio)
@@ -267,13 +271,13 @@ class Refinement:
             good = np.flatnonzero(ended & ~resonant & (small == kind))
             if len(good):
                 chosen = fine[good]
-                found = raised(errors[good], rounding(chosen), alias[good], unseen[good])
+                found = raised(errors[good], rounding(chosen), alias[good], unseen[good, 0])
                 if kind:
                     chosen = chosen.with_multipliers(chosen.multipliers.with_digits(found[:, 1]))
-                yield self._certified(positions[good], chosen, found)
+                yield self._certified(positions[good], chosen, found, unseen[good, 1])
         return ended
 
-    def _hidden(self, steps: int, positions: Array, multipliers: Multipliers) -> tuple[Array, Array]:
+    def _hidden(self, steps: int, positions: Array, multipliers: Multipliers) -> Array:
         def witness(at: Array) -> Multipliers:
             return self._witnessed(positions[at])
 
@@ -281,15 +285,16 @@ class Refinement:
         return hidden(modes, self.method, steps, multipliers, self.request.rtol, witness)
 
     def _witnessed(self, positions: Array) -> Multipliers:
-        """Multipliers of the points by the witness; zero where it cannot tell."""
+        """Multipliers of the points by the witness; zero with an infinite bound where it cannot tell."""
         values = np.zeros((len(positions), 2 * self.points.n), dtype=complex)
-        resolved = np.zeros(len(positions), dtype=int)
+        resolved, bound = np.zeros(len(positions), dtype=int), np.full(len(positions), np.inf)
         request = replace(self.request, orbit=False, rtol=WITNESS_RTOL, steps=None)
         for found in certified(self.points[positions], self.request.witness, request):
             if isinstance(found, Certified):
                 rho = found.solutions.multipliers
                 values[found.positions], resolved[found.positions] = rho.values, rho.resolved
-        return Multipliers(values, resolved)
+                bound[found.positions] = rho.bound
+        return Multipliers(values, resolved, bound)
 
     def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: float) -> Array:
         """Points (k,) with a multiplier that goes to +1, where an orbit is asked for."""
@@ -297,9 +302,14 @@ class Refinement:
             return np.zeros(len(fine), dtype=bool)
         return at_one(coarse, fine.multipliers, ratio, self.method.order, fine.grid.steps)
 
-    def _certified(self, positions: Array, solutions: Solutions, errors: Array) -> Certified:
+    def _certified(self, positions: Array, solutions: Solutions, errors: Array, absolute: Array) -> Certified:
+        """absolute (k,): errors of the multipliers, beside what the relative ones leave of these."""
         errors[:, 0] += solutions.defect
-        return Certified(positions, self.method, solutions, errors, self.request, self.modes[positions])
+        radius = solutions.multipliers.spectral_radius
+        with np.errstate(over="ignore"):
+            absolute = np.maximum(absolute, np.where(radius > 0, errors[:, 1], 0.0) * radius)
+        modes = self.modes[positions]
+        return Certified(positions, self.method, solutions, errors, absolute, self.request, modes)
 
     def _sound(self, solutions: Solutions, positions: Array) -> Iterator[Failed]:
         """Report failures; returns the other solutions and their positions."""

@@ -212,7 +212,7 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
         except SolveError as error:
             failures[at] = error
     if not each:
-        nothing = np.zeros((len(points), 1, 1))
+        nothing = np.zeros((len(points), 2 * points.n, 2 * points.n))
         return Solutions(Grid.uniform(1, points.period), nothing, None, nothing[:, 0, 0], failures=failures)
     return _beside(each, len(points), failures)
 

@@ -15,42 +15,51 @@ NEGLIGIBLE = 1e-100
 """Modulus below which multipliers count as unresolved: products of so different factors keep no digit."""
 
 UNIT_CIRCLE = 1e-9
-"""Distance from 1 within which a modulus counts as 1, unless its error estimate is larger."""
+"""Distance from 1 within which a modulus counts as 1, beside its own error."""
+
+KNOWN_ON_CIRCLE = 1e-6
+"""Absolute error of a modulus up to which a multiplier counts as being on the unit circle."""
 
 _SWEEPS, _GAIN = 8, 0.95
 """Of balancing a pair: at most so often, and only where norms fall to this part of themselves."""
 
-VERDICTS = ("asymptotically stable", "stable", "unstable")
+VERDICTS = ("asymptotically stable", "stable", "unstable", "undetermined")
+ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 EPS = float(np.finfo(float).eps)
 _TINY = float(np.finfo(float).tiny)
+
+_LOST = 8 * EPS
+"""Part of the norm below which rounding leaves no digit of a multiplier."""
 
 
 @dataclass(frozen=True)
 class Multipliers:
     """values (…, N): complex, falling in modulus, + imaginary part first, zero where unresolved: below
-    eps‖Φ‖ or 1e-100 and so lost in rounding. resolved (…): how many of them are not."""
+    `bound` (…) and so lost in rounding. resolved (…): how many of them are not."""
 
     values: Array
     resolved: Array
+    bound: Array
 
     @classmethod
     def of(cls, Phi: Array) -> "Multipliers":
-        """Eigenvalues of finite monodromy matrices (…, N, N)."""
+        """Eigenvalues of finite monodromy matrices (…, N, N); rounding is 8 eps‖Φ‖ of the balanced
+        matrix, in whatever units Φ is given, or 1e-100."""
         values = _pair(Phi) if Phi.shape[-1] == 2 else np.linalg.eigvals(Phi).astype(complex)
         values = np.take_along_axis(values, np.argsort(-np.abs(values), axis=-1, kind="stable"), axis=-1)
         _put_positive_first(values)
-        modulus, norm = np.abs(values), frobenius(Phi)
-        # Frobenius' norm bounds the spectral one from both sides; between them only it decides.
-        least = EPS * norm[..., None]
-        unsure = ((modulus <= least) & (modulus > least / math.sqrt(Phi.shape[-1]))).any(axis=-1)
+        modulus, norm = np.abs(values), np.asarray(frobenius(Phi))
+        # Frobenius' norm bounds that of the balanced matrix, which is asked for only where it decides.
+        unsure = (modulus <= _LOST * norm[..., None]).any(axis=-1)
         if unsure.any():
-            norm = np.where(unsure, np.linalg.norm(Phi, 2, axis=(-2, -1)), norm)
-        kept = modulus > np.maximum(EPS * norm, NEGLIGIBLE)[..., None]
-        return cls(np.where(kept, values, 0.0), kept.sum(axis=-1))
+            norm[unsure] = np.linalg.norm(_balanced(Phi[unsure]), 2, axis=(-2, -1))
+        bound = np.maximum(_LOST * norm, NEGLIGIBLE)
+        kept = modulus > bound[..., None]
+        return cls(np.where(kept, values, 0.0), kept.sum(axis=-1), bound)
 
     def __getitem__(self, points: Any) -> "Multipliers":
-        return Multipliers(self.values[points], self.resolved[points])
+        return Multipliers(self.values[points], self.resolved[points], self.bound[points])
 
     @property
     def spectral_radius(self) -> Array:
@@ -71,9 +80,8 @@ class Multipliers:
         known = np.arange(self.values.shape[-1]) < self.resolved[..., None]
         return np.where(known, np.abs(self.values - 1.0), np.inf).min(axis=-1)
 
-    def difference(self, other: "Multipliers") -> Array:
-        """Largest distance (…) to the matched multipliers of `other`, the better ones, relative to their
-        spectral radius; infinite where that is 0 and ours is not."""
+    def distance(self, other: "Multipliers") -> Array:
+        """Largest distance (…) to the matched multipliers of `other`."""
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
         nearest = distance.argmin(axis=-1)
         largest = np.asarray(distance.min(axis=-1).max(axis=-1))
@@ -82,14 +90,20 @@ class Multipliers:
         for point in zip(*np.nonzero(np.atleast_1d(shared)), strict=True) if shared.any() else ():
             at = point if largest.ndim else ()
             largest[at] = _assigned(distance[at])
-        scale = other.spectral_radius
-        nothing = np.where(largest == 0, 0.0, np.inf)
-        return np.where(scale > 0, largest / np.where(scale > 0, scale, 1.0), nothing)
+        return largest
+
+    def difference(self, other: "Multipliers") -> Array:
+        """The same relative to the spectral radius of the others, the better ones; infinite where that is 0
+        and ours is not."""
+        distance, scale = self.distance(other), other.spectral_radius
+        nothing = np.where(distance == 0, 0.0, np.inf)
+        return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), nothing)
 
     def with_digits(self, error: Array) -> "Multipliers":
         """Those alone of which the error (…), relative to the spectral radius, leaves a digit."""
-        kept = np.abs(self.values) > (error * self.spectral_radius)[..., None]
-        return Multipliers(np.where(kept, self.values, 0.0), kept.sum(axis=-1))
+        bound = np.maximum(error * self.spectral_radius, self.bound)
+        kept = np.abs(self.values) > bound[..., None]
+        return Multipliers(np.where(kept, self.values, 0.0), kept.sum(axis=-1), bound)
 
 
 def frobenius(Phi: Array) -> Array:
@@ -112,10 +126,11 @@ def most_rounding(Phi: Array, radius: Array) -> Array:
 def rounding_errors(Phi: Array) -> Array:
     """Errors of the multipliers (…), relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes:
     as many times larger as the eigenvalue is ill-conditioned, and its square root in a defective pair."""
+    balanced = _balanced(Phi)
     if Phi.shape[-1] == 2:
-        values, norm, conditions = _balanced_pair(Phi)
+        values = _pair(balanced)
+        norm, conditions = _pair_conditions(balanced, values)
     else:
-        balanced = scaled_alike(Phi)[0]
         values, right = np.linalg.eig(balanced)
         # Complex for every point alike, whatever its neighbours are.
         right = right.astype(complex)
@@ -131,8 +146,22 @@ def rounding_errors(Phi: Array) -> Array:
     return np.where(known, np.minimum(perturbation * conditions, np.sqrt(perturbation)), 0.0)
 
 
-def _balanced_pair(Phi: Array) -> tuple[Array, Array, Array]:
-    """Of 2 × 2 matrices (…, 2, 2), balanced: eigenvalues (…, 2), spectral norm, condition of both values."""
+def _pair_conditions(Phi: Array, values: Array) -> tuple[Array, Array]:
+    """Spectral norms (…) of 2 × 2 matrices, and the condition of both eigenvalues."""
+    # Schur's form [[ρ1, t], [0, ρ2]] gives both eigenvalues the condition sqrt(1 + t²/|ρ1 - ρ2|²).
+    square = (Phi**2).sum(axis=(-2, -1))
+    excess = square - (np.abs(values) ** 2).sum(axis=-1)
+    excess = np.where(excess < 8 * EPS * square, 0.0, excess)
+    gap = np.abs(values[..., 0] - values[..., 1]) ** 2
+    half, product = square / 2, np.abs(np.prod(values, axis=-1))
+    norm = np.sqrt(half + np.sqrt(np.maximum(half**2 - product**2, 0.0)))
+    return norm, np.sqrt(1 + np.where(excess > 0, excess / np.where(gap > 0, gap, 1e-300), 0.0))
+
+
+def _balanced(Phi: Array) -> Array:
+    """Matrices (…, N, N) in units of the state in which rows and columns are alike."""
+    if Phi.shape[-1] > 2:
+        return scaled_alike(Phi)[0]
     balanced = Phi.copy()
     for _ in range(_SWEEPS):
         column, row = (np.sqrt((balanced**2).sum(axis=axis)) for axis in (-2, -1))
@@ -143,15 +172,7 @@ def _balanced_pair(Phi: Array) -> tuple[Array, Array, Array]:
         factor = np.where(gains, factor, 1.0)[..., 0]
         balanced[..., 1, 0] *= factor
         balanced[..., 0, 1] /= factor
-    values = _pair(balanced)
-    # Schur's form [[ρ1, t], [0, ρ2]] gives both eigenvalues the condition sqrt(1 + t²/|ρ1 - ρ2|²).
-    square = (balanced**2).sum(axis=(-2, -1))
-    excess = square - (np.abs(values) ** 2).sum(axis=-1)
-    excess = np.where(excess < 8 * EPS * square, 0.0, excess)
-    gap = np.abs(values[..., 0] - values[..., 1]) ** 2
-    half, product = square / 2, np.abs(np.prod(values, axis=-1))
-    norm = np.sqrt(half + np.sqrt(np.maximum(half**2 - product**2, 0.0)))
-    return values, norm, np.sqrt(1 + np.where(excess > 0, excess / np.where(gap > 0, gap, 1e-300), 0.0))
+    return balanced
 
 
 def scaled_alike(matrices: Array) -> tuple[Array, Array]:
@@ -165,42 +186,48 @@ def scaled_alike(matrices: Array) -> tuple[Array, Array]:
     return matrices * units[..., None, :] / units[..., :, None], units
 
 
-def verdicts(Phi: Array, multipliers: Multipliers, error: Array, meetings: bool = True) -> Array:
+def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, meetings: bool = True) -> Array:
     """Positions (…) in VERDICTS.
 
-    error (…): of the multipliers, relative to the spectral radius. A modulus counts as 1 within that error
-    (absolute, where the radius is below 1) or 1e-9, whichever is larger. Multipliers on the unit circle
-    leave the system stable only where their algebraic equals their geometric multiplicity (chapter
-    Section 2); without `meetings` that is not looked at, and the moduli alone decide.
+    errors (…): of the multipliers, absolute; e is that, or the bound of unresolved ones where it is larger.
+    Asymptotically stable: all |ρ| + e < 1 - 1e-9. Unstable: some |ρ| - e > 1 + 1e-9, or one on the unit
+    circle whose algebraic exceeds its geometric multiplicity (chapter Section 2). Stable: those that are not
+    inside have e ≤ 1e-6, and none is defective. Else undetermined, also where the defect cannot be told.
+    Without `meetings` defects are not looked at.
     """
-    values, radius = multipliers.values, multipliers.spectral_radius
-    modulus = np.abs(values)
-    absolute = np.where(radius > 0, error, 0.0) * np.minimum(radius, 1.0)
-    tolerance = np.maximum(absolute, UNIT_CIRCLE)[..., None]
-    judged = np.where((modulus < 1 - tolerance).all(axis=-1), 0, 1)
-    judged = np.where((modulus > 1 + tolerance).any(axis=-1), 2, judged)
+    values = multipliers.values
+    modulus, unresolved = np.abs(values), np.arange(values.shape[-1]) >= multipliers.resolved[..., None]
+    absolute = np.asarray(errors)[..., None]
+    e = np.where(unresolved, np.maximum(multipliers.bound[..., None], absolute), absolute)
+    inside, outside = modulus + e < 1 - UNIT_CIRCLE, modulus - e > 1 + UNIT_CIRCLE
+    on_circle = ~inside & ~outside
+    judged = np.where(on_circle.any(axis=-1), STABLE, ASYMPTOTICALLY_STABLE)
+    judged = np.where((on_circle & ~(e <= KNOWN_ON_CIRCLE)).any(axis=-1), UNDETERMINED, judged)
+    judged = np.where(outside.any(axis=-1), UNSTABLE, judged)
     if not meetings:
         return judged
-    on_circle = (np.abs(modulus - 1) <= tolerance)[..., :, None] & ~np.eye(modulus.shape[-1], dtype=bool)
+    tolerance = np.maximum(absolute, UNIT_CIRCLE)
     distance = np.abs(values[..., :, None] - values[..., None, :])
-    close = (on_circle & (distance <= np.sqrt(tolerance)[..., None])).any(axis=(-2, -1))
-    for point in map(tuple, np.argwhere((judged == 1) & close)):
-        if _defective(Phi[point], values[point], float(tolerance[point][0])):
-            judged[point] = 2
+    both = on_circle[..., :, None] & ~np.eye(values.shape[-1], dtype=bool)
+    close = (both & (distance <= np.sqrt(tolerance)[..., None])).any(axis=(-2, -1))
+    for point in map(tuple, np.argwhere((judged == STABLE) & close)):
+        judged[point] = _met(Phi[point], values[point][on_circle[point]], float(tolerance[point][0]))
     return judged
 
 
-def _defective(Phi: Array, values: Array, tolerance: float) -> bool:
-    """Whether one of the multipliers (N,) on the unit circle has fewer eigenvectors than it counts."""
+def _met(Phi: Array, values: Array, tolerance: float) -> int:
+    """The verdict where multipliers (k,) on the unit circle are close: UNSTABLE with fewer eigenvectors than
+    they count, STABLE with as many, UNDETERMINED where the tolerance leaves that open."""
     # A double multiplier of a defective block splits by the square root of a perturbation.
-    cluster = math.sqrt(tolerance)
-    for value in values[np.abs(np.abs(values) - 1) <= tolerance]:
+    cluster, found = math.sqrt(tolerance), STABLE
+    for value in values:
         algebraic = int(np.sum(np.abs(values - value) <= cluster))
         if algebraic > 1:
             singular = np.linalg.svd(Phi - value * np.eye(len(Phi)), compute_uv=False)
-            if np.sum(singular <= 10 * cluster * max(float(singular[0]), 1.0)) < algebraic:
-                return True
-    return False
+            scale = max(float(singular[0]), 1.0)
+            if np.sum(singular <= 10 * cluster * scale) < algebraic:
+                return UNSTABLE
+    return found
 
 
 def _pair(Phi: Array) -> Array:

@@ -13,7 +13,7 @@ from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.period.multipliers import VERDICTS
 from solve.results.contents import Contents, table_contents
 from solve.results.plot import title_of
-from solve.results.points import FAILED, PointResults
+from solve.results.points import PointResults
 from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, model_heading, table
 from solve.results.stability import Stability
@@ -108,14 +108,12 @@ class Chart:
 
     @property
     def stable(self) -> Array:
-        """(ny, nx): 1 or 0, NaN where a point failed."""
-        verdicts = self.results.verdicts
-        found = np.where(verdicts == VERDICTS.index("unstable"), 0.0, 1.0)
-        return np.where(verdicts == FAILED, np.nan, found).reshape(self.shape)
+        """(ny, nx): 1 or 0, NaN where a point failed or its verdict is undetermined."""
+        return np.array([1.0, 1.0, 0.0, np.nan, np.nan])[self.results.verdicts].reshape(self.shape)
 
     @property
     def verdicts(self) -> Array:
-        """Texts (ny, nx): "asymptotically stable", "stable", "unstable" or "failed"."""
+        """Texts (ny, nx): "asymptotically stable", "stable", "unstable", "undetermined" or "failed"."""
         return np.array([*VERDICTS, "failed"])[self.results.verdicts].reshape(self.shape)
 
     @property
@@ -211,10 +209,13 @@ class Chart:
         """The share of stable points, the boundaries, and where the cuts cross them."""
         from rich.console import Group
 
-        radius, share = self.spectral_radius, 100 * np.nanmean(self.stable)
+        radius, known = self.spectral_radius, self.stable[np.isfinite(self.stable)]
+        share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())
         head = model_heading(self.system, choices)
         head.add_row("over", f"{_range(self.x_name, self.x)}, {_range(self.y_name, self.y)}")
         head.add_row("stable", f"{share:.4g} % of {radius.size} points; largest |ρ| {np.nanmax(radius):.6g}")
+        if open_:
+            head.add_row("undetermined", f"{open_} points, within their error of the unit circle")
         return Group(head, self._boundary_table(), *map(_cut_table, cuts))
 
     def _boundary_table(self) -> RenderableType:

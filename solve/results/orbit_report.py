@@ -16,7 +16,12 @@ from solve.results.stability import Stability
 _LONGEST_NAME = 26
 _RANKS = ("strongest", "second", "third")
 _MOST_MULTIPLIERS = 8
-_VERDICT_STYLE = {"asymptotically stable": "bold green", "stable": "bold yellow", "unstable": "bold red"}
+_VERDICT_STYLE = {
+    "asymptotically stable": "bold green",
+    "stable": "bold yellow",
+    "unstable": "bold red",
+    "undetermined": "bold magenta",
+}
 
 
 def stability_record(result: Stability) -> dict[str, Any]:

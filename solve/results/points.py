@@ -6,7 +6,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.methods import choice
-from solve.period.multipliers import UNIT_CIRCLE
+from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
 
 KINDS = ("+1", "-1", "complex")
@@ -99,7 +99,12 @@ class PointResults:
     def outside(self) -> Array:
         """Where a multiplier lies outside the unit circle by more than its error (P,)."""
         radius = self.spectral_radius
-        return ~self.failed & (radius - 1 > np.maximum(self.errors[:, 1] * radius, UNIT_CIRCLE))
+        return ~self.failed & (radius - self.errors[:, 1] * radius > 1 + UNIT_CIRCLE)
+
+    @property
+    def undetermined(self) -> Array:
+        """Where the errors leave the verdict open (P,)."""
+        return self.verdicts == UNDETERMINED
 
     @property
     def kinds(self) -> Array:

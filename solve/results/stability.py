@@ -1,4 +1,4 @@
-"""Floquet multipliers, exponents and the three verdicts of stability (chapter Section 2)."""
+"""Floquet multipliers, exponents and the verdict of stability (chapter Section 2)."""
 
 import math
 from collections.abc import Sequence
@@ -104,13 +104,13 @@ class Stability:
 
     @cached_property
     def verdict(self) -> str:
-        """ "asymptotically stable", "stable" or "unstable"."""
-        Phi, error = self.certified.solutions.Phi, self.certified.errors[:, 1]
-        return VERDICTS[verdicts(Phi, self._rho, error)[0]]
+        """ "asymptotically stable", "stable", "unstable" or "undetermined"."""
+        return VERDICTS[verdicts(self.certified.solutions.Phi, self._rho, self.certified.absolute)[0]]
 
     @property
-    def stable(self) -> bool:
-        return self.verdict != "unstable"
+    def stable(self) -> bool | None:
+        """None where the verdict is undetermined."""
+        return None if self.verdict == "undetermined" else self.verdict != "unstable"
 
     @property
     def notes(self) -> list[str]:

@@ -59,7 +59,8 @@ class SweepPoint:
 
     @property
     def stable(self) -> bool | None:
-        return None if self.error else self.verdict != "unstable"
+        """None where the point failed or its verdict is undetermined."""
+        return None if self.verdict in {"", "undetermined"} else self.verdict != "unstable"
 
 
 @dataclass(frozen=True)

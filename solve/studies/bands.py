@@ -105,7 +105,9 @@ def _left_out(n: int, fast: int) -> str:
 
 def _failures(batch: Batch, points: Array) -> str:
     rpm = points[:, 0] * 30 / np.pi
-    reason = gathered(batch, points[:1], Kept(warnings=False)).failures[0]
+    reason = gathered(batch, points[:1], Kept(warnings=False)).failures.get(
+        0, "multipliers are within their error of the unit circle; ask for a smaller rtol"
+    )
     return (
         f"{len(points)} speeds between {rpm.min():.6g} and {rpm.max():.6g} rpm give no result, and bands "
         f"end open beside them: {reason}"

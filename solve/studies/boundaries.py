@@ -33,7 +33,8 @@ _NOISE = 1e-6
 @dataclass(frozen=True)
 class Judged:
     """Points (k, v) and what is known of them: unstable (k,), that a multiplier lies outside the unit circle
-    by more than its error; stable (k,), that none does; neither where the point failed. multipliers (k, N),
+    by more than its error; stable (k,), that none does; neither where the point failed or its errors leave
+    that open. multipliers (k, N),
     falling in modulus."""
 
     points: Array
@@ -45,7 +46,7 @@ class Judged:
     def of(cls, points: Array, results: PointResults) -> "Judged":
         failed, outside = results.failed, results.outside
         multipliers = np.where(failed[:, None], 0.0, results.multipliers)
-        return cls(points, ~(failed | outside), outside, multipliers)
+        return cls(points, ~(failed | outside | results.undetermined), outside, multipliers)
 
     def __getitem__(self, some: Array) -> "Judged":
         return Judged(*(getattr(self, name)[some] for name in Judged.__annotations__))

@@ -90,7 +90,7 @@ def test_gauss_on_the_slow_cam_invents_a_multiplier_beside_the_right_orbit():
 def test_piecewise_constant_steps_invent_growth_in_a_turning_beam():
     """Every frozen step is exact and damps; the chain of them grows, because the modes turn between."""
     found = floquet(turning_beam(), 1.0, "hsu", steps=101, rtol=0.9)
-    assert found.verdict == "stable"  # within its own error estimate nothing more is known
+    assert found.verdict == "undetermined"  # within its own error estimate nothing more is known
     assert found.spectral_radius > 1e3
     assert found.error_estimate.multipliers > 1e3
     assert abs(found.liouville) < 1e-9  # the volume is right all the same
