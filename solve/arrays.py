@@ -8,6 +8,13 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 
+def whole(chosen: Array, count: int) -> bool:
+    """Whether positions (k,), or a mask, choose all of so many points in their order: nothing to copy."""
+    if len(chosen) != count:
+        return False
+    return bool(chosen.all() if chosen.dtype == bool else (chosen == np.arange(count)).all())
+
+
 def solved(A: Array, b: Array) -> Array:
     """x of A x = b for matrices A (…, n, n) and b (…, n, k); NaN where A is singular."""
     try:

@@ -202,7 +202,10 @@ class PeriodicSystem:
 
     def entries(self, phase: Array, speed: float) -> Array:
         """Ω²M, ΩC, K by rows and d beside each other, (m, 3n² + n), for derivatives by the phase."""
-        return np.concatenate([part.reshape(len(phase), -1) for part in self.in_phase(phase, speed)], axis=1)
+        made = np.concatenate([part.reshape(len(phase), -1) for part in self.at(phase, speed)], axis=1)
+        made[:, : self.n**2] *= speed**2
+        made[:, self.n**2 : 2 * self.n**2] *= speed
+        return made
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         """The same at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""

@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, whole
 from solve.methods.method import Method, Solutions
 from solve.period.curve import PeriodicCurve
-from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding, rounding_errors
+from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
 from solve.period.points import Points, matrices
 
 _AT_ONE = 0.1
@@ -37,6 +37,8 @@ class Reference:
         return cls(solutions.multipliers, phase, solutions.curve.sampled(_COMPARED))
 
     def __getitem__(self, points: Array) -> "Reference":
+        if whole(points, len(self.multipliers.resolved)):
+            return self
         samples = None if self.samples is None else self.samples[points]
         return Reference(self.multipliers[points], self.phase, samples)
 
@@ -78,10 +80,13 @@ def at_one(coarse: Multipliers, fine: Multipliers, ratio: float, order: float, s
 def within_reach(solutions: Solutions, errors: Array, wanted: Array) -> Array:
     """Errors to ask for: the wanted ones, or what rounding leaves where that is more and errors are low
     enough for it to matter."""
+    missed = (errors > wanted).any(axis=1)
+    if not missed.any():
+        return wanted
     radius = solutions.multipliers.spectral_radius
     most = np.maximum(most_rounding(solutions.Phi, radius), 8 * solutions.rounding)
     limited = errors[:, 1] <= np.maximum(np.maximum(most, wanted[:, 1]), 64 * EPS)
-    open_ = np.flatnonzero((errors > wanted).any(axis=1) & limited)
+    open_ = np.flatnonzero(missed & limited)
     if len(open_):
         wanted = wanted.copy()
         wanted[open_] = np.maximum(rounding(solutions[open_]), wanted[open_])
@@ -96,8 +101,7 @@ def closing_rounding(solutions: Solutions) -> Array:
 
 def rounding(solutions: Solutions) -> Array:
     """Errors that rounding leaves, of orbit and multipliers."""
-    multipliers = np.maximum(rounding_errors(solutions.Phi), 8 * solutions.rounding)
-    return np.column_stack((closing_rounding(solutions), np.maximum(multipliers, 64 * EPS)))
+    return np.column_stack((closing_rounding(solutions), np.maximum(solutions.multiplier_rounding, 64 * EPS)))
 
 
 def aliasing(points: Points, method: Method, finest: int) -> Array:

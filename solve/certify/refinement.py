@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, whole
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import (
     Reference,
@@ -72,8 +72,7 @@ def on_one_grid(
     refinement = Refinement(points, method, request)
     for part in refinement.parts(steps, np.arange(len(points))):
         solutions = refinement.solved(steps, part)
-        known = np.setdiff1d(np.arange(len(part)), list(solutions.failures))
-        yield part[known], solutions[known] if solutions.failures else solutions
+        yield part[solutions.known], solutions[solutions.known]
 
 
 @dataclass(frozen=True)
@@ -86,6 +85,8 @@ class _Trail:
     reference: Reference | None = None
 
     def __getitem__(self, some: Array) -> "_Trail":
+        if whole(some, len(self.positions)):
+            return self
         reference = None if self.reference is None else self.reference[some]
         return _Trail(self.positions[some], self.differences[some], reference)
 
@@ -168,7 +169,7 @@ class Refinement:
             if not len(part):
                 continue
             fine = self.solved(2 * steps, part)
-            known = np.setdiff1d(np.arange(len(part)), list(fine.failures))
+            known = fine.known
             fine, part = yield from self._sound(fine, part)
             coarse = coarse[known]
             if not len(part):
@@ -208,12 +209,11 @@ class Refinement:
         reference = trail.reference
         if reference is None:
             return (yield from self._begun(pace, trail, fine))
-        known = np.setdiff1d(np.arange(len(fine)), list(fine.failures))
+        known = fine.known
         fine, _ = yield from self._sound(fine, trail.positions)
         if not len(known):
             return []
-        if len(known) < len(trail.positions):
-            trail, reference = trail[known], reference[known]
+        trail, reference = trail[known], reference[known]
         found, before = reference.differences(fine), trail.differences
         errors = estimated(found, before, pace, self.orders)
         rtol = self.request.rtol
@@ -229,6 +229,8 @@ class Refinement:
         at = np.flatnonzero(done | last)
         if len(at):
             ended[at] = yield from self._ended(pace, trail[at], fine[at], errors[at], small[at], last[at])
+        if ended.all():
+            return []
         onward = _Trail(trail.positions, found, Reference.of(fine))
         return [
             (pace.onward(way, self.most), onward[chosen])
@@ -241,14 +243,13 @@ class Refinement:
         again = [at for at, reason in first.failures.items() if isinstance(reason, StepsError)]
         if 2 * pace.steps > self.most:
             again = []
-        known = np.setdiff1d(np.arange(len(first)), list(first.failures))
+        known = first.known
         positions, onward = trail.positions, []
         for at, reason in first.failures.items():
             if at not in again:
                 yield Failed(int(positions[at]), reason)
         if len(known):
-            sound = first if len(known) == len(first) else first[known]
-            begun = _Trail(positions[known], trail.differences[known], Reference.of(sound))
+            begun = _Trail(positions[known], trail.differences[known], Reference.of(first[known]))
             onward.append((pace.onward(False, self.most), begun))
         if again:
             onward.append((Pace(2 * pace.steps), trail[np.array(again)]))
@@ -317,8 +318,7 @@ class Refinement:
             return solutions, positions
         for at, reason in solutions.failures.items():
             yield Failed(int(positions[at]), reason)
-        known = np.setdiff1d(np.arange(len(positions)), list(solutions.failures))
-        return solutions[known], positions[known]
+        return solutions[solutions.known], positions[solutions.known]
 
     @staticmethod
     def _no_orbits(positions: Array) -> Iterator[Failed]:

@@ -13,7 +13,6 @@ from solve.kernel.compiler import CompilerError, compiled
 
 LANES = 8
 _SOURCE = Path(__file__).with_name("lanes.c")
-_DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
 class Size(NamedTuple):
@@ -36,10 +35,9 @@ class _Problem(ctypes.Structure):
         ("h", ctypes.c_double),
         ("terms", ctypes.c_int),
         ("own", ctypes.c_int),
-        ("entry", ctypes.POINTER(ctypes.c_int)),
-        *((name, _DOUBLES) for name in ("stages", "nodes", "coefficients")),
-        *((name, _DOUBLES) for name in ("A", "A2", "b", "bA", "c", "powers")),
-        *((name, _DOUBLES) for name in ("Phi", "closed", "curves", "maps")),
+        *((name, ctypes.c_void_p) for name in ("entry", "stages", "nodes", "coefficients")),
+        *((name, ctypes.c_void_p) for name in ("A", "A2", "b", "bA", "c", "powers")),
+        *((name, ctypes.c_void_p) for name in ("Phi", "closed", "curves", "maps")),
     )
 
 
@@ -68,8 +66,8 @@ def run(
     Raises CompilerError, MemoryError.
     """
     indices = np.ascontiguousarray(np.zeros(1) if entry is None else entry, dtype=np.intc)
-    pointers = {name: part.ctypes.data_as(_DOUBLES) for name, part in arrays.items()}
-    problem = _Problem(entry=indices.ctypes.data_as(ctypes.POINTER(ctypes.c_int)), **pointers, **numbers)
+    pointers = {name: part.ctypes.data for name, part in arrays.items()}
+    problem = _Problem(entry=indices.ctypes.data, **pointers, **numbers)
     if getattr(library(size), kernel)(ctypes.byref(problem)):
         raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, whole
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
 from solve.kernel.engines import NUMPY
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers
+from solve.period.multipliers import Multipliers, rounding_errors
 from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
 from solve.period.points import Points, matrices
 
@@ -54,6 +54,8 @@ class Solutions:
 
     def __getitem__(self, points: Array) -> "Solutions":
         """Those of some points, none of them a failure."""
+        if whole(points, len(self)):
+            return self
         made = Solutions(
             self.grid,
             self.Phi[points],
@@ -66,6 +68,13 @@ class Solutions:
         )
         return made.with_multipliers(self.multipliers[points])
 
+    @property
+    def known(self) -> Array:
+        """Positions of the points (k,) that have a solution."""
+        found = np.ones(len(self), dtype=bool)
+        found[list(self.failures)] = False
+        return np.flatnonzero(found)
+
     def with_multipliers(self, multipliers: Multipliers) -> "Solutions":
         """The same with other multipliers than all of Φ."""
         changed = copy(self)
@@ -75,6 +84,11 @@ class Solutions:
     @cached_property
     def multipliers(self) -> Multipliers:
         return Multipliers.of(self.Phi)
+
+    @cached_property
+    def multiplier_rounding(self) -> Array:
+        """Errors of the multipliers (P,) that rounding leaves."""
+        return np.maximum(rounding_errors(self.Phi), 8 * self.rounding)
 
 
 class Method:

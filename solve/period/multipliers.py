@@ -245,7 +245,8 @@ def _pair(Phi: Array) -> Array:
 
 def _put_positive_first(values: Array) -> None:
     """Swap neighbours that are a conjugate pair with the - imaginary part first, in place."""
-    for k in range(values.shape[-1] - 1):
+    wrong = (values[..., 1:] == values[..., :-1].conj()) & (np.imag(values[..., :-1]) < 0)
+    for k in range(values.shape[-1] - 1) if wrong.any() else ():
         swap = (values[..., k + 1] == values[..., k].conj()) & (np.imag(values[..., k]) < 0)
         values[swap, k : k + 2] = values[swap, k : k + 2][..., ::-1]
 

@@ -36,6 +36,8 @@ class Tables:
 
     def fields(self) -> Array:
         """All entries as fields over points and phases (3n² + n, P, k)."""
+        if self._whole:
+            return np.ascontiguousarray(np.moveaxis(self.table, -1, 0))
         made = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
         for term, entry in enumerate(self.entry):
             made[entry] += self.coefficients[:, term, None] * self.table[..., term]
@@ -43,9 +45,12 @@ class Tables:
 
     def entries(self) -> Array:
         """The same as (P, k, 3n² + n)."""
-        if self.own and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n:
-            return self.table
-        return np.moveaxis(self.fields(), 0, -1)
+        return self.table if self._whole else np.moveaxis(self.fields(), 0, -1)
+
+    @property
+    def _whole(self) -> bool:
+        """Whether the table is the entries themselves, as `of` makes it."""
+        return self.own and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n
 
 
 class Points(Protocol):
