@@ -7,7 +7,7 @@ Differential Equations II, IV.5; the second-order form equals the method on q, q
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 
 import numpy as np
@@ -117,18 +117,9 @@ class Collocation:
         h = h[:, None, None, None]
         terms = np.concatenate((M, h * C, h**2 * K), axis=-1)
         system = np.empty((P, m, s, n, (s + 2) * n))
-        for i, weights in enumerate(self._stage_weights(n)):
+        for i, weights in enumerate(_stage_weights(self, n)):
             system[:, :, i] = (terms[:, :, i].reshape(P, m * n, 3 * n) @ weights).reshape(P, m, n, -1)
         return system.reshape(P, m, s * n, -1)
-
-    def _stage_weights(self, n: int) -> list[Array]:
-        """For each stage the weights (3n, (s + 2) n) of M, hC, h²K in its equations."""
-        s, A = len(self.c), self.A
-        rows = np.zeros((s, 3, s + 2))
-        rows[:, 0, :s] = np.eye(s)
-        rows[:, 1, :s], rows[:, 2, :s] = A, A @ A
-        rows[:, 2, s], rows[:, 1, s + 1], rows[:, 2, s + 1] = -1.0, -1.0, -np.array(self.c)
-        return [np.kron(row, np.eye(n)) for row in rows]
 
     def steps(self, h: Array, a: Array) -> Steps:
         """The affine maps of (q, v) over the steps h (m,), from stage accelerations (P, m, s, n, 2n+1)."""
@@ -149,6 +140,17 @@ class Collocation:
         accelerations = [a_start, *np.moveaxis(a, 2, 0), a_end][: len(self.curve_nodes)]
         data = [x[:, :-1, :n], h * x[:, :-1, n:], *(h**2 * part for part in accelerations)]
         return Curve.of(nodes, np.stack(data, axis=-1), self.curve_powers)
+
+
+@cache
+def _stage_weights(method: Collocation, n: int) -> list[Array]:
+    """For each stage the weights (3n, (s + 2) n) of M, hC, h²K in its equations."""
+    s, A = len(method.c), method.A
+    rows = np.zeros((s, 3, s + 2))
+    rows[:, 0, :s] = np.eye(s)
+    rows[:, 1, :s], rows[:, 2, :s] = A, A @ A
+    rows[:, 2, s], rows[:, 1, s + 1], rows[:, 2, s + 1] = -1.0, -1.0, -np.array(method.c)
+    return [np.kron(row, np.eye(n)) for row in rows]
 
 
 def discretise(method: Collocation, points: Points, grid: Grid) -> Discretisation:

@@ -47,7 +47,9 @@ class Solutions:
 
     def __post_init__(self) -> None:
         for name in ("defect", "rounding"):
-            object.__setattr__(self, name, np.broadcast_to(getattr(self, name), len(self.Phi)))
+            given = getattr(self, name)
+            if len(given) != len(self):
+                object.__setattr__(self, name, np.broadcast_to(given, len(self)))
 
     def __len__(self) -> int:
         return len(self.Phi)
