@@ -127,28 +127,28 @@ def _cyclic(blocks: Steps) -> tuple[Array, Array]:
     between them, until one row G x_0 + H x_B = r is left.
     """
     N = blocks.b.shape[-1]
-    G, H, r = blocks.A, np.broadcast_to(-np.eye(N), blocks.A.shape), -blocks.b[..., None]
-    eliminated = []
-    while G.shape[-3] > 1:
-        rows = G.shape[-3]
-        pairs = rows // 2 * 2
-        even, odd = np.s_[..., 0:pairs:2, :, :], np.s_[..., 1:pairs:2, :, :]
-        Q, R = np.linalg.qr(np.concatenate((H[even], G[odd]), axis=-2), mode="complete")
-        upper, lower = np.swapaxes(Q[..., :N, :], -1, -2), np.swapaxes(Q[..., N:, :], -1, -2)
-        joined = upper @ G[even], lower @ H[odd], upper @ r[even] + lower @ r[odd]
-        eliminated.append((rows, R[..., :N, :], *(part[..., :N, :] for part in joined)))
-        G, H, r = (
-            np.concatenate((new[..., N:, :], old[..., pairs:, :, :]), axis=-3)
-            for new, old in zip(joined, (G, H, r), strict=True)
-        )
-    x, condition = _closed(G[..., 0, :, :], H[..., 0, :, :], r[..., 0, :, :])
+    unit = np.broadcast_to(-np.eye(N), blocks.A.shape)
+    rows, eliminated = np.concatenate((blocks.A, unit, -blocks.b[..., None]), axis=-1), []
+    while rows.shape[-3] > 1:
+        pairs = rows.shape[-3] // 2 * 2
+        even, odd = rows[..., 0:pairs:2, :, :], rows[..., 1:pairs:2, :, :]
+        # Columns: the state between, the state before, the state after, r.
+        joined = np.zeros((*even.shape[:-2], 2 * N, 3 * N + 1))
+        joined[..., :N, :N], joined[..., N:, :N] = even[..., N : 2 * N], odd[..., :N]
+        joined[..., :N, N : 2 * N], joined[..., N:, 2 * N :] = even[..., :N], odd[..., N:]
+        joined[..., :N, -1] = even[..., -1]
+        joined = np.linalg.qr(joined, mode="r")
+        eliminated.append((rows.shape[-3], joined[..., :N, :]))
+        rows = np.concatenate((joined[..., N:, N:], rows[..., pairs:, :, :]), axis=-3)
+    x, condition = _closed(rows[..., 0, :, :N], rows[..., 0, :, N:-1], rows[..., 0, :, -1:])
     x = x[..., None, :, :]
-    for rows, R, g, h, s in reversed(eliminated):
-        inner = rows // 2
-        ends = np.roll(x, -1, axis=-3)[..., :inner, :, :]
-        finer = np.empty((*x.shape[:-3], rows, N, 1))
+    for count, joined in reversed(eliminated):
+        inner = count // 2
+        around = np.concatenate((x, np.roll(x, -1, axis=-3)), axis=-2)[..., :inner, :, :]
+        finer = np.empty((*x.shape[:-3], count, N, 1))
         finer[..., 0::2, :, :] = x
-        finer[..., 1::2, :, :] = np.linalg.solve(R, s - g @ x[..., :inner, :, :] - h @ ends)
+        right = joined[..., -1:] - joined[..., N:-1] @ around
+        finer[..., 1::2, :, :] = np.linalg.solve(joined[..., :N], right)
         x = finer
     return x[..., 0], condition
 
@@ -164,6 +164,6 @@ def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
 def closed_condition(G: Array, H: Array) -> Array:
     """Condition number (...) of G + H measured against (G, H)."""
     least = np.linalg.svd(G + H, compute_uv=False)[..., -1]
-    scale = np.linalg.norm(np.concatenate((G, H), axis=-2), 2, axis=(-2, -1))
+    scale = np.linalg.svd(np.concatenate((G, H), axis=-2), compute_uv=False)[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         return scale / least
