@@ -205,15 +205,15 @@ class Refinement:
     def _compared(self, pace: Pace, trail: _Trail) -> Iterator[Certified | Failed]:
         """Solve, compare with the grid before, and return the points that are still open with the paces at
         which they go on."""
-        fine = self.solved(pace.steps, trail.positions)
-        reference = trail.reference
+        positions, reference = trail.positions, trail.reference
+        fine = self.solved(pace.steps, positions)
         if reference is None:
             return (yield from self._begun(pace, trail, fine))
-        known = fine.known
-        fine, _ = yield from self._sound(fine, trail.positions)
-        if not len(known):
+        if fine.failures:
+            trail, reference = trail[fine.known], reference[fine.known]
+            fine, _ = yield from self._sound(fine, positions)
+        if not len(fine):
             return []
-        trail, reference = trail[known], reference[known]
         found, before = reference.differences(fine), trail.differences
         errors = estimated(found, before, pace, self.orders)
         rtol = self.request.rtol

@@ -106,7 +106,7 @@ def _in_segments(
         "maps": maps,
     }
     run("segments", size, arrays, groups=1, steps=L, h=h, terms=0, own=_SEGMENTS)
-    curve = np.moveaxis(curves, 0, 1).reshape(1, n, m, D)
+    curve = curves.swapaxes(0, 1).reshape(1, n, m, D)
     return Periods(Phi[None, ..., 0], curve, closed[None, ..., 0], maps[None])
 
 

@@ -182,17 +182,18 @@ class OneStep(Method):
     ) -> Solutions:
         """The solutions, with a reason for each that is not finite or not unique."""
         finite = np.isfinite(Phi).all(axis=(1, 2))
-        failures: dict[int, SolveError] = {
-            int(at): self._no_map(points[np.array([at])], grid) for at in np.flatnonzero(~finite)
-        }
+        unique = kept = finite
         if curve is not None and condition is not None:
-            unique = condition < 1 / SINGULAR
-            failures |= {int(at): no_orbit() for at in np.flatnonzero(finite & ~unique)}
-            lost = finite & unique & ~curve.finite
-            failures |= {int(at): self._overflow(grid.steps) for at in np.flatnonzero(lost)}
+            unique = finite & (condition < 1 / SINGULAR)
+            kept = unique & curve.finite
+        failures: dict[int, SolveError] = {}
+        for at in np.flatnonzero(~kept).tolist() if not kept.all() else ():
+            if not finite[at]:
+                failures[at] = self._no_map(points[np.array([at])], grid)
+            else:
+                failures[at] = self._overflow(grid.steps) if unique[at] else no_orbit()
         if failures:
-            Phi = Phi.copy()
-            Phi[list(failures)] = 0.0
+            Phi = np.where(kept[:, None, None], Phi, 0.0)
         if condition is None:
             condition = np.full(len(Phi), np.nan)
         return Solutions(grid, Phi, curve, condition, steps, failures=failures)

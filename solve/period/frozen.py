@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array, solved
+from solve.arrays import Array, solved, whole
 from solve.period.points import Points, parted, rate_of
 
 PHASES = 128
@@ -26,6 +26,8 @@ class Frozen:
         return self._fields.shape[1]
 
     def __getitem__(self, points: Array) -> "Frozen":
+        if whole(points, len(self)):
+            return self
         return Frozen(self._fields[:, points], self._n, self.period)
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
