@@ -1,39 +1,25 @@
 """python -m tests.benchmarks [--slow]: the contenders and their ratios to this package's own calls.
 
-Run it with OMP_NUM_THREADS=1 for one thread. Times are those of the processor, so that other work on the
-machine counts little.
+Run it with OMP_NUM_THREADS=1 for one thread.
 """
 
-import statistics
 import sys
-import time
 
-from tests.benchmarks.cam import ACCURACY, CONTENDERS, OURS, Contender, error
-
-
-def measured(contender: Contender) -> tuple[float, float]:
-    """Median processor time in seconds after one run to warm up, and the error."""
-    if contender.repeats > 1:
-        contender.run()
-    times = []
-    for _ in range(contender.repeats):
-        start = time.process_time()
-        result = contender.run()
-        times.append(time.process_time() - start)
-    return statistics.median(times), error(result)
+from tests.benchmarks.cam import ACCURACY, CONTENDERS, OURS, error
+from tests.benchmarks.timing import median
 
 
 def main() -> None:
     chosen = [c for c in CONTENDERS if c.repeats > 1 or "--slow" in sys.argv[1:]]
-    found = {contender.name: measured(contender) for contender in chosen}
+    found = {contender.name: median(contender.run, contender.repeats) for contender in chosen}
     print(f"cam, case 1, 600 rpm, orbit and multipliers, q3 to {ACCURACY:g}: medians, one thread")
     print("ratio: to the time of each of the four calls of this package\n")
     ours = [found[contender.name][0] for contender in chosen[:OURS]]
     print(f"{'':38}{'ms':>9}{'error':>9}" + "".join(f"{f'ratio {k + 1}':>9}" for k in range(OURS)))
     for contender in chosen:
-        seconds, achieved = found[contender.name]
+        seconds, result = found[contender.name]
         ratios = "".join(f"{seconds / unit:9.3g}" for unit in ours)
-        print(f"{contender.name:38}{1e3 * seconds:9.3f}{achieved:9.1e}{ratios}")
+        print(f"{contender.name:38}{1e3 * seconds:9.3f}{error(result):9.1e}{ratios}")
 
 
 if __name__ == "__main__":

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 import solve
-from solve.methods import segments
+from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.grid import Grid
+from solve.period.points import OnePoint
 from tests.benchmarks import casadi_peers, peers
+from tests.benchmarks.timing import REPEATS
 
 ACCURACY = 1e-6
 SPECTRAL_RADIUS = 0.0701120372
-REPEATS = 5
 OURS = 4
 """Of the contenders, the first ones are this package's own calls."""
 
@@ -38,40 +39,26 @@ def reference():
     return solve.periodic(cam(), peers.SPEED, solve.Radau(13), rtol=1e-12)
 
 
-def certified() -> Result:
+def certified(engine: str) -> Result:
     """The user's own call: accuracy asked for, error estimated, warnings and all."""
-    orbit = solve.periodic(cam(), peers.SPEED, rtol=ACCURACY)
+    orbit = solve.periodic(cam(), peers.SPEED, rtol=ACCURACY, engine=engine)
     return orbit.phase, orbit.q, orbit.multipliers
 
 
-def one_grid() -> Result:
+def one_grid(engine: str) -> Result:
     """The same method on one grid, its error unjudged as the peers' are."""
     grid = Grid.uniform(304, cam().period)
-    solution = solve.Radau().solution(cam(), peers.SPEED, grid, True)
-    assert solution.curve is not None
+    solutions = solve.Radau().solutions(OnePoint(cam(), peers.SPEED), grid, True, engine)
+    assert solutions.curve is not None
     phase = grid.nodes[:-1]
-    return phase, solution.curve(phase), solution.multipliers.values
-
-
-def by(engine: bool, run: Callable[[], Result]) -> Callable[[], Result]:
-    """The run in NumPy alone, or in compiled segments from the first grid on."""
-
-    def chosen() -> Result:
-        ready = segments.ready
-        segments.ready = lambda method, n, steps: engine and steps % 8 == 0 and segments.prepare(method, n)
-        try:
-            return run()
-        finally:
-            segments.ready = ready
-
-    return chosen
+    return phase, solutions.curve(phase)[0], solutions.multipliers.values[0]
 
 
 CONTENDERS = [
-    Contender("one grid, Radau, 304 steps: compiled", by(True, one_grid)),
-    Contender("one grid, Radau, 304 steps: NumPy", by(False, one_grid)),
-    Contender("solve.periodic, certified: compiled", by(True, certified)),
-    Contender("solve.periodic, certified: NumPy", by(False, certified)),
+    Contender("one grid, Radau, 304 steps: compiled", lambda: one_grid(COMPILED)),
+    Contender("one grid, Radau, 304 steps: NumPy", lambda: one_grid(NUMPY)),
+    Contender("solve.periodic, certified: compiled", lambda: certified(COMPILED)),
+    Contender("solve.periodic, certified: NumPy", lambda: certified(NUMPY)),
     Contender("CasADi mapaccum RK4, 9300 steps", lambda: casadi_peers.mapaccum(9300)),
     Contender("CasADi cvodes, matrix equation", lambda: casadi_peers.cvodes(4e-9)),
     Contender("SciPy DOP853 shooting", lambda: peers.dop853_shooting(2e-7)),

@@ -8,9 +8,6 @@ has died away, which gives no multipliers.
 
 import math
 import resource
-import statistics
-import time
-from collections.abc import Callable
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -18,7 +15,9 @@ from scipy.interpolate import CubicSpline
 
 import solve
 from solve.arrays import Array
+from solve.period.points import OnePoint, state_rate
 from solve.system import PeriodicSystem
+from tests.benchmarks.timing import median
 
 RTOL = 1e-5
 STRESS = "follower_midpoint_stress_plus"
@@ -30,21 +29,12 @@ def model(elements: int) -> solve.PeriodicSystem:
     return solve.load("four_bar", options={"elements": elements})
 
 
-def median(run: Callable[[], object], repeats: int) -> float:
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        run()
-        times.append(time.process_time() - start)
-    return statistics.median(times)
-
-
 class Marching:
     """SciPy's Radau over turns at one speed, in phase time."""
 
     def __init__(self, system: PeriodicSystem, speed: float, rtol: float):
         phase = np.linspace(0.0, system.period, _NODES + 1)
-        rate = system.state_rate(phase, speed)
+        rate = state_rate(OnePoint(system, speed), phase)[0]
         rate[-1] = rate[0]
         self.spline, self.period = CubicSpline(phase, rate, bc_type="periodic"), system.period
         self.rtol = rtol
@@ -78,14 +68,14 @@ def map_of_stress(count: int) -> solve.Sweep:
 
 
 def main() -> None:
-    large = median(lambda: solve.periodic(model(10), 30.0, rtol=RTOL), 1)
+    large, _ = median(lambda: solve.periodic(model(10), 30.0, rtol=RTOL), 1)
     print(f"90 freedoms, one period with multipliers: {large:.2f} s")
-    ours = median(lambda: map_of_stress(200), 1) / 200
+    ours = median(lambda: map_of_stress(200), 1)[0] / 200
     print(f"3 elements, {STRESS} at 200 speeds with multipliers: {ours * 1e3:.0f} ms a speed")
     system = model(3)
     orbit = solve.periodic(system, 40.0, rtol=RTOL)
     marching = Marching(system, 40.0, RTOL)
-    turn = median(lambda: marching.turn(start_of(orbit)), 3)
+    turn, _ = median(lambda: marching.turn(start_of(orbit)), 3)
     until_steady = math.ceil(math.log(RTOL) / math.log(orbit.spectral_radius))
     for what, turns in (("marching", until_steady), ("shooting, with multipliers", 2 * system.n + 1)):
         ratio = turns * turn / ours

@@ -4,8 +4,6 @@ Run it with OMP_NUM_THREADS=1 for one thread.
 """
 
 import functools
-import statistics
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,10 +13,10 @@ import scipy.sparse.linalg
 
 import solve
 from solve.studies.frequencies import turn
+from tests.benchmarks.timing import REPEATS, median
 
 ACCURACY = 2e-6
 COUNT = 4
-REPEATS = 5
 OURS = "dynamic stiffness, 1 a link"
 
 
@@ -72,24 +70,13 @@ def error(values: np.ndarray) -> float:
     return float(np.abs(values / reference() - 1).max())
 
 
-def measured(contender: Contender) -> tuple[float, float]:
-    """Median time in seconds after one run to warm up, and the error."""
-    values = contender.run()
-    times = []
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        contender.run()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times), error(values)
-
-
 def main() -> None:
-    found = {contender.name: measured(contender) for contender in CONTENDERS}
+    found = {contender.name: median(contender.run) for contender in CONTENDERS}
     unit = found[OURS][0]
     print(f"four-bar, 36 positions, {COUNT} frequencies: medians of {REPEATS}, one thread\n")
     print(f"{'':34}{'ms':>10}{'error':>11}{'ratio':>9}")
-    for name, (seconds, achieved) in found.items():
-        print(f"{name:34}{1e3 * seconds:10.1f}{achieved:11.1e}{seconds / unit:9.1f}")
+    for name, (seconds, values) in found.items():
+        print(f"{name:34}{1e3 * seconds:10.1f}{error(values):11.1e}{seconds / unit:9.1f}")
 
 
 if __name__ == "__main__":

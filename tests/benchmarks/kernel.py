@@ -1,24 +1,22 @@
 """python -m tests.benchmarks.kernel: the inner kernels beside dgemm, and how the cost grows.
 
-Run it with OMP_NUM_THREADS=1. Processor time, best of several runs.
+Run it with OMP_NUM_THREADS=1.
 """
 
 import ctypes
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 import solve
-from solve.batch.engines import chosen_engine
-from solve.batch.level import GridTables
-from solve.batch.tables import Tables
-from solve.kernel import library
+from solve.kernel import collocation, library
 from solve.kernel.compiler import compiled
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy
+from solve.period.points import OnePoint
+from tests.benchmarks.timing import best
 
 STEPS, POINTS = 256, 64
 
@@ -33,19 +31,6 @@ void chain(const double *maps, double *product, long count) {
     for (int i = 0; i < NX * W; i++) ((loose *)product)[i] = x[i];
 }
 """
-
-
-def best(run: Callable[[], object], repeats: int = 5) -> float:
-    """Shortest processor time in seconds, over runs that take some milliseconds at least."""
-    run()
-    times = []
-    for _ in range(repeats):
-        count, start = 0, time.process_time()
-        while time.process_time() - start < 0.02:
-            run()
-            count += 1
-        times.append((time.process_time() - start) / count)
-    return min(times)
 
 
 def dgemm() -> float:
@@ -93,12 +78,17 @@ def stages(n: int) -> float:
     entry = np.arange(3 * n**2 + n)
     table = 0.1 * rng.standard_normal((STEPS * s, len(entry)))
     table[:, : n**2] += np.eye(n).ravel()
-    tables = GridTables(method, STEPS, 2 * np.pi, Tables(table, entry, n), None)
     points = max(8, POINTS // n)
-    ones, engine = np.ones((points, len(entry))), chosen_engine("compiled")[0]
+    samples = collocation.Samples(table, np.ones((points, len(entry))), entry)
+    size = library.Size(n, s, len(method.curve_nodes), method.stiffly_accurate, False)
     rows, N = s * n, 2 * n
     flops = 2 / 3 * rows**3 + 2 * rows**2 * N + 2 * N**3
-    return flops * STEPS * points / best(lambda: engine.level(tables, ones, False), 3)
+    return (
+        flops
+        * STEPS
+        * points
+        / best(lambda: collocation.solved(size, method.weights, 2 * np.pi, samples, None), 3)
+    )
 
 
 def exponent(sizes: list[int], run: Callable[[int], Callable[[], object]], repeats: int = 5) -> float:
@@ -119,7 +109,7 @@ def one_grid(n: int, steps: int) -> Callable[[], object]:
 
     system = solve.PeriodicSystem(matrices, [f"q{k}" for k in range(n)])
     grid = Grid.uniform(steps, system.period)
-    return lambda: solve.Radau().solution(system, 1.0, grid, True)
+    return lambda: solve.Radau().solutions(OnePoint(system, 1.0), grid, True)
 
 
 def main() -> None:

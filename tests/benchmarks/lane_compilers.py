@@ -18,15 +18,14 @@ import casadi as ca
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.lanes import LaneEngine
-from solve.batch.level import GridTables
-from solve.batch.tables import Tables
+from solve.kernel import collocation
 from solve.kernel.compiler import compiled
+from solve.kernel.library import LANES, Size
 from solve.methods.radau import Radau
-from tests.benchmarks.kernel import best
+from tests.benchmarks.timing import best
 
 METHOD = Radau().collocation
-STAGES, STEPS, POINTS, LANES = len(METHOD.c), 256, 256, 8
+STAGES, STEPS, POINTS = len(METHOD.c), 256, 256
 H = 2 * np.pi / STEPS
 
 Run = Callable[[], Array]
@@ -121,10 +120,9 @@ def by_casadi(n: int, table: Array, coefficients: Array) -> Run:
 
 def by_lanes(n: int, table: Array, coefficients: Array) -> Run:
     """The package's own kernel."""
-    entries = np.arange(table.shape[1])
-    tables = GridTables(METHOD, STEPS, 2 * np.pi, Tables(table, entries, n), None)
-    engine = LaneEngine()
-    return lambda: engine.level(tables, coefficients, False).Phi
+    samples = collocation.Samples(table, coefficients, np.arange(table.shape[1]))
+    size = Size(n, STAGES, len(METHOD.curve_nodes), METHOD.stiffly_accurate, False)
+    return lambda: collocation.solved(size, METHOD.weights, 2 * np.pi, samples, None).Phi
 
 
 def by_numba(n: int, table: Array, coefficients: Array, lanes: int) -> Run:

@@ -4,26 +4,24 @@ Cam over 200 speeds and over speed × k3, Mathieu's chart of 300 × 300 points; 
 of the points, as a user would call it: one solve_ivp on the matrix equation of Φ.
 """
 
-import statistics
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from solve.batch.engines import chosen_engine
 
 import solve
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import gathered
-from solve.methods import segments
-from solve.methods.choice import chosen
+from solve.kernel.engines import COMPILED, NUMPY
+from solve.period.points import OnePoint, state_rate
 from solve.results.points import Kept
+from solve.single import request
 from tests.benchmarks.kernel import exponent
+from tests.benchmarks.timing import median
 
-REPEATS = 5
 RTOL = 1e-6
 SPEEDS = np.linspace(300, 900, 200) * np.pi / 30
 
@@ -41,23 +39,12 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 
 
-def median(run: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Median processor time in seconds after one run to warm up."""
-    run()
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        run()
-        times.append(time.process_time() - start)
-    return statistics.median(times)
-
-
 def dop853(system, speed: float, rtol: float) -> np.ndarray:
     """Φ by time-stepping the matrix equation in phase."""
-    n = system.n
+    n, point = system.n, OnePoint(system, speed)
 
     def rate(phase, y):
-        P = system.state_rate(np.array([phase]), speed)[0, :, :-1]
+        P = state_rate(point, np.array([phase]))[0, 0, :, :-1]
         return (P @ y.reshape(2 * n, 2 * n)).ravel()
 
     start = np.eye(2 * n).ravel()
@@ -80,25 +67,20 @@ def cam_sweeps() -> None:
     """200 speeds with periodic solutions, extrema, multipliers and certificates."""
     cam = solve.load("cam", case="1")
     q = cam.coordinates
-    compiled = median(lambda: solve.sweep(cam, SPEEDS, rtol=RTOL, quantities=q))
-    numpy = median(lambda: solve.sweep(cam, SPEEDS, rtol=RTOL, quantities=q, engine="numpy"), 3)
-    sample = SPEEDS[::20]
 
-    def one_by_one() -> float:
-        return median(lambda: [solve.periodic(cam, w, rtol=RTOL).statistics("q1") for w in sample], 1) * 20
+    def together(engine: str) -> object:
+        return solve.sweep(cam, SPEEDS, rtol=RTOL, quantities=q, engine=engine)
 
-    ready = segments.ready
-    try:
-        segments.ready = lambda method, n, steps: steps % 8 == 0 and segments.prepare(method, n)
-        single = one_by_one()
-        segments.ready = lambda method, n, steps: False
-        one = one_by_one()
-    finally:
-        segments.ready = ready
-    _say("cam, 200 speeds, orbit: compiled lanes", compiled, 200, 1.0)
-    _say("  NumPy batch", numpy, 200, numpy / compiled)
-    _say("  solve.periodic one by one, compiled (10 × 20)", single, 200, single / compiled)
-    _say("  solve.periodic one by one, NumPy (10 × 20)", one, 200, one / compiled)
+    def one_by_one(engine: str) -> object:
+        return [solve.periodic(cam, w, rtol=RTOL, engine=engine).statistics("q1") for w in SPEEDS[::20]]
+
+    unit, _ = median(lambda: together(COMPILED))
+    _say("cam, 200 speeds, orbit: compiled lanes", unit, 200, 1.0)
+    seconds, _ = median(lambda: together(NUMPY), 3)
+    _say("  NumPy batch", seconds, 200, seconds / unit)
+    for engine in (COMPILED, NUMPY):
+        seconds = 20 * median(lambda engine=engine: one_by_one(engine), 3)[0]
+        _say(f"  solve.periodic one by one, {engine} (10 × 20)", seconds, 200, seconds / unit)
 
 
 def cam_chart() -> None:
@@ -109,8 +91,8 @@ def cam_chart() -> None:
     def rows(count: int) -> None:
         solve.chart(cam, {"speed": SPEEDS[0] + 62 * side}, {"k3": k3[:count]}, rtol=RTOL, boundaries=False)
 
-    ours = median(lambda: rows(10), 3) * 30
-    peer = median(lambda: [dop853(cam, float(w), 1e-7) for w in (40.0, 60.0, 80.0)], 1) / 3 * 90_000
+    ours = median(lambda: rows(10), 3)[0] * 30
+    peer = median(lambda: [dop853(cam, float(w), 1e-7) for w in (40.0, 60.0, 80.0)], 1)[0] / 3 * 90_000
     _say("cam, speed × k3, 300 × 300 (10 rows × 30)", ours, 90_000, 1.0)
     _say("  DOP853 a point (3 points × 30 000)", peer, 90_000, peer / ours)
 
@@ -119,10 +101,10 @@ def mathieu_chart() -> None:
     """300 × 300 points of delta × epsilon with certificates; DOP853 on 100 of them."""
     model, side = solve.load("mathieu", zeta=0.0), np.linspace(0.0, 1.0, 300)
     x, y = {"delta": -1 + 11 * side}, {"epsilon": 0.02 + 7.98 * side}
-    grid = median(lambda: solve.chart(model, x, y, 1.0, boundaries=False))
-    whole = median(lambda: solve.chart(model, x, y, 1.0), 3)
+    grid, _ = median(lambda: solve.chart(model, x, y, 1.0, boundaries=False))
+    whole, _ = median(lambda: solve.chart(model, x, y, 1.0), 3)
     points = np.random.default_rng(0).uniform((-1, 0), (10, 8), (100, 2))
-    peer = median(lambda: [dop853_mathieu(*point, 1e-8) for point in points], 3) * 900
+    peer = median(lambda: [dop853_mathieu(*point, 1e-8) for point in points], 3)[0] * 900
     _say("Mathieu, 300 × 300: points", grid, 90_000, 1.0)
     _say("  with boundaries to 1e-9 of the range", whole, 90_000, whole / grid)
     _say("  DOP853 a point (100 points × 900)", peer, 90_000, peer / grid)
@@ -131,11 +113,13 @@ def mathieu_chart() -> None:
 def exponents() -> None:
     """Fitted powers of the cost in points and in steps (cam, stability and orbit on a fixed grid)."""
     cam = solve.load("cam", case="1")
-    engine, kept = chosen_engine("auto")[0], Kept(("q1",), warnings=False)
+    kept = Kept(("q1",), warnings=False)
 
     def grid(points: int, steps: int) -> Callable[[], object]:
         speeds = np.resize(SPEEDS, points)[:, None]
-        batch = Batch(over_speed(cam), SPEEDS[:, None], chosen("radau"), engine, steps, orbit=True)
+        batch = Batch(
+            over_speed(cam), SPEEDS[:, None], solve.Radau(), request(steps, RTOL, COMPILED, orbit=True)
+        )
         return lambda: gathered(batch, speeds, kept)
 
     counts, steps = [512, 1024, 2048, 4096], [128, 256, 512, 1024]

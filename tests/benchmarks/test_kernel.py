@@ -5,7 +5,7 @@ import pytest
 
 from tests.benchmarks import kernel
 from tests.benchmarks.lane_compilers import by_casadi, by_lanes, by_numba, problem
-from tests.solve.studies.test_lanes import needs_compiler
+from tests.solve.kernel.test_lanes import needs_compiler
 
 
 @needs_compiler
