@@ -57,6 +57,8 @@ class Fourier(Method):
             raise MatricesError(
                 f"{self.name} needs matrices without jumps, and this system has breaks; use radau or gauss"
             )
+        if not np.isfinite(state_rate(point, odd.nodes[:-1])).all():
+            raise self._no_map(point, odd)
         Phi, rounding = self.multiplied(point, odd)
         curve, condition = self.balanced_orbit(point, odd) if orbit else (None, np.nan)
         return Solutions(odd, Phi[None], curve, np.array([condition]), rounding=np.array([rounding]))

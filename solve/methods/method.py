@@ -142,6 +142,26 @@ class Method:
         """Monodromy matrices, and with `orbit` the periodic solutions."""
         raise NotImplementedError
 
+    def _no_map(self, point: Points, grid: Grid) -> SolveError:
+        """Why the maps of a point are not finite."""
+        phase = grid.stages(np.array([0.0, 0.25, 0.5, 0.75])).ravel()
+        M = matrices(point, phase)[0][0]
+        if not np.isfinite(M).all():
+            return MatricesError("the matrices have NaN or infinite entries; check the parameters")
+        singular = np.flatnonzero(np.linalg.slogdet(M)[0] == 0)
+        if len(singular):
+            return MatricesError(
+                f"M is singular at phase {phase[singular[0]]:.6g}: some coordinate has no inertia there; "
+                "give every coordinate a mass at every phase"
+            )
+        return self._overflow(grid.steps)
+
+    def _overflow(self, steps: int) -> StepsError:
+        return StepsError(
+            f"{self.name} with {steps} steps overflows within one period; use more steps or the default "
+            "method"
+        )
+
 
 @dataclass(frozen=True)
 class Discretisation:
@@ -197,26 +217,6 @@ class OneStep(Method):
         if condition is None:
             condition = np.full(len(Phi), np.nan)
         return Solutions(grid, Phi, curve, condition, steps, failures=failures)
-
-    def _no_map(self, point: Points, grid: Grid) -> SolveError:
-        """Why the maps of a point are not finite."""
-        phase = grid.stages(np.array([0.0, 0.25, 0.5, 0.75])).ravel()
-        M = matrices(point, phase)[0][0]
-        if not np.isfinite(M).all():
-            return MatricesError("the matrices have NaN or infinite entries; check the parameters")
-        singular = np.flatnonzero(np.linalg.slogdet(M)[0] == 0)
-        if len(singular):
-            return MatricesError(
-                f"M is singular at phase {phase[singular[0]]:.6g}: some coordinate has no inertia there; "
-                "give every coordinate a mass at every phase"
-            )
-        return self._overflow(grid.steps)
-
-    def _overflow(self, steps: int) -> StepsError:
-        return StepsError(
-            f"{self.name} with {steps} steps overflows within one period; use more steps or the default "
-            "method"
-        )
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:

@@ -52,9 +52,11 @@ class Newmark(OneStep):
         For γ < 1/2 it is unstable at any step, so that no number of steps is refused here; a warning says
         so.
         """
-        if self.gamma < 0.5:
+        limit = stability_limit(self.gamma, self.beta)
+        if self.gamma < 0.5 or np.isinf(limit):
             return super().least_steps(modes)
-        return np.maximum(1, np.ceil(modes.reach / stability_limit(self.gamma, self.beta))).astype(int)
+        reach = np.where(np.isfinite(modes.reach), modes.reach, 0.0)
+        return np.maximum(1, np.ceil(reach / limit)).astype(int)
 
     def phase_error(self, angle: Array, steps: int) -> Array:
         """With γ = 1/2 a mode's period is longer by (β - 1/12) (ωh)²/2 of itself; otherwise modes grow or

@@ -33,6 +33,7 @@ class RungeKutta4(OneStep):
         R(z) = 1 + z + z²/2 + z³/6 + z⁴/24.
         """
         values = modes.eigenvalues()
+        values = np.where(np.isfinite(values), values, 0.0)
         size = np.abs(values)
         decaying = (np.real(values) <= 1e-9 * size) & (size > 0)
         ray = values / np.where(size > 0, size, 1.0)
