@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from solve import Radau, floquet, periodic
-from solve.errors import MatricesError
 from solve.methods.fourier import differentiation
 from solve.period.grid import Grid
 from tests.solve.certificates.population import member
-from tests.solve.systems import constant, meissner, random_matrices, random_system, system
+from tests.solve.systems import constant, random_matrices, random_system, system
 from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 PHASES = np.linspace(0.0, 2 * np.pi, 401)
@@ -21,35 +20,6 @@ def test_orbit_and_multipliers_equal_dop853(seed):
     orbit = periodic(given, 1.0, "fourier", rtol=1e-9)
     assert relative_error(orbit.at(PHASES), truth.states(PHASES)[: given.n]) < 1e-9
     assert multiplier_error(orbit.multipliers, truth.multipliers) < 1e-9
-
-
-def peaked():
-    """Matrices of all orders, which fall as 0.38^k: analytic, but not a polynomial in cos and sin."""
-
-    def matrices(phase, speed):
-        peak = (1.0 / (1.25 - np.cos(phase)))[:, None, None]
-        one = np.ones_like(peak)
-        return one, 0.3 * one, 2.0 + 0.2 * peak, peak[:, 0]
-
-    return system(matrices, 1)
-
-
-@pytest.mark.parametrize("method", ["fourier", "hill"])
-def test_errors_fall_faster_than_any_power(method):
-    """Geometrically: log error falls in proportion to the steps, so that its slope over log steps steepens
-    from grid to grid."""
-    truth = periodic(peaked(), 1.0, Radau(13), rtol=1e-13)
-    steps = np.array([11, 19, 27, 35])
-    found = [periodic(peaked(), 1.0, method, steps=int(m), rtol=0.9) for m in steps]
-    for errors in (
-        [relative_error(orbit.at(PHASES), truth.at(PHASES)) for orbit in found],
-        [multiplier_error(orbit.multipliers, truth.multipliers) for orbit in found],
-    ):
-        slopes = -np.diff(np.log(errors)) / np.diff(np.log(steps))
-        assert (np.diff(slopes) > 0).all(), slopes
-        assert slopes[-1] > 12
-        rates = -np.diff(np.log(errors)) / np.diff(steps)
-        assert rates.max() < 1.5 * rates.min(), rates
 
 
 def test_forty_one_points_suffice_where_no_mode_rings():
@@ -91,12 +61,6 @@ def test_differentiation_is_exact_for_the_orders_it_holds():
         np.testing.assert_allclose(differentiation(grid) @ wave, slope, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("method", ["fourier", "bahgat-willmert"])
-def test_jumps_are_refused_with_the_remedy(method):
-    with pytest.raises(MatricesError, match=rf"{method} needs matrices without jumps, .* use radau or gauss"):
-        periodic(meissner(), 1.0, method)
-
-
 def at_speed(speed, damping=1.0):
     """A system whose matrices depend on the phase alone."""
     matrices = random_matrices(6, 2)
@@ -136,9 +100,3 @@ def test_bahgat_and_willmerts_variant_is_right_when_slow_and_wrong_when_fast():
     assert errors[0.01] / errors[0.005] == pytest.approx(2.0, abs=0.1)
     assert errors[0.005] < 0.01
     assert errors[1.0] > 0.1
-
-
-def test_bahgat_and_willmerts_variant_says_that_it_is_an_approximation():
-    given, omega = at_speed(1.0)
-    warned = periodic(given, omega, "bahgat-willmert", steps=61).warnings
-    assert any("bahgat-willmert is an approximation that gives the orbit to" in text for text in warned)

@@ -6,10 +6,10 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 from solve import floquet, periodic
-from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError
 from solve.methods.gauss import Gauss
 from solve.methods.hill import boundaries, determinant
-from tests.solve.systems import constant, meissner, random_system, system
+from tests.solve.systems import constant, random_system, system
 from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 EPSILONS = [-10.0, -3.0, 0.5, 3.0, 10.0]
@@ -130,8 +130,3 @@ def test_orbit_and_multipliers_equal_dop853(seed):
     orbit = periodic(given, 1.0, "hill", rtol=1e-9)
     assert relative_error(orbit.at(phases), truth.states(phases)[:2]) < 1e-9
     assert multiplier_error(orbit.multipliers, truth.multipliers) < 1e-9
-
-
-def test_jumps_are_refused_with_the_remedy():
-    with pytest.raises(MatricesError, match="hill needs matrices without jumps"):
-        floquet(meissner(), 1.0, "hill")
