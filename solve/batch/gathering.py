@@ -12,7 +12,7 @@ from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import verdicts
 from solve.period.quantities import Quantities
-from solve.results.points import METHODS, Kept, PointResults
+from solve.results.points import Kept, PointResults
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
@@ -64,7 +64,7 @@ class _Keeper:
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
         results.verdicts[at] = verdicts(solutions.Phi, rho, found.absolute, results.kept.meetings)
-        results.steps[at], results.methods[at] = found.steps, METHODS.index(found.method.name)
+        results.steps[at], results.methods[at] = found.steps, found.method.name
         if results.kept.warnings:
             self._keep_warnings(found)
         if solutions.curve is None:

@@ -74,7 +74,8 @@ def at_one(coarse: Multipliers, fine: Multipliers, ratio: float, order: float, s
     steps get finer."""
     nearest = fine.nearest_one
     change = (nearest - coarse.nearest_one) / (ratio**order - 1)
-    return np.abs(nearest + change - 1) <= np.maximum(_AT_ONE * np.abs(change), EPS * max(8, steps))
+    rounding = EPS * max(8, steps) / (1 - ratio**-order)
+    return np.abs(nearest + change - 1) <= np.maximum(_AT_ONE * np.abs(change), rounding)
 
 
 def within_reach(solutions: Solutions, errors: Array, wanted: Array) -> Array:

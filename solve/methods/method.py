@@ -202,7 +202,7 @@ class OneStep(Method):
     ) -> Solutions:
         """The solutions, with a reason for each that is not finite or not unique."""
         finite = np.isfinite(Phi).all(axis=(1, 2))
-        unique = kept = finite
+        unique = kept = np.asarray(finite)
         if curve is not None and condition is not None:
             unique = finite & (condition < 1 / SINGULAR)
             kept = unique & curve.finite

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solve.arrays import Array
-from solve.methods import choice
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
 
@@ -17,9 +16,6 @@ _REAL = 1e-6
 
 FAILED = -1
 """Instead of the position of a verdict, where there is none."""
-
-METHODS = tuple(choice.METHODS)
-"""Names of methods, by position."""
 
 _ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods")
 
@@ -43,8 +39,7 @@ class PointResults:
 
     figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers
     (P, N), zero where unresolved; errors (P, 2) of orbit and multipliers; verdicts (P,), positions in
-    VERDICTS or FAILED; steps (P,); methods (P,), positions in METHODS. warnings and failures: texts by
-    point.
+    VERDICTS or FAILED; steps (P,); methods (P,), their names. warnings and failures: texts by point.
     """
 
     kept: Kept
@@ -69,7 +64,7 @@ class PointResults:
             np.full((count, 2), np.nan),
             np.full(count, FAILED, dtype=np.int8),
             np.zeros(count, dtype=np.int32),
-            np.zeros(count, dtype=np.int8),
+            np.full(count, "", dtype=object),
         )
 
     def __len__(self) -> int:

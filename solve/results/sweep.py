@@ -15,7 +15,7 @@ from solve.errors import UnknownNameError
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Contents, table_contents
-from solve.results.points import FAILED, FIGURES, METHODS, PointResults
+from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.quantities import fixed, prefixed
 from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, model_heading, table
@@ -90,7 +90,7 @@ class Sweep:
             dict(zip(results.kept.names, figures, strict=True)),
             float(results.spectral_radius[at]),
             VERDICTS[results.verdicts[at]],
-            METHODS[results.methods[at]],
+            results.methods[at],
             int(results.steps[at]),
             ErrorEstimate(*results.errors[at].tolist()),
             results.warnings.get(at, ()),
