@@ -1,7 +1,7 @@
 """A linear system with periodic coefficients, M(Ωt)q″ + C(Ωt)q′ + K(Ωt)q = d(Ωt) (chapter Eq. (2))."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -143,6 +143,15 @@ class PeriodicSystem:
     def n(self) -> int:
         """Number of coordinates."""
         return len(self.coordinates)
+
+    def known_quantities(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
+        """Names of coordinates and outputs, by default all, each once. Raises UnknownNameError."""
+        known = (*self.coordinates, *self.outputs)
+        names = tuple(dict.fromkeys(known if names is None else names))
+        for name in names:
+            if name not in known:
+                raise UnknownNameError(f"coordinate or output of {self.name}", name, known)
+        return names
 
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives by time.

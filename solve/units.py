@@ -54,6 +54,14 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[float]:
     return found
 
 
+def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> list[float]:
+    """The same rising, each once. Raises ValueOutOfBoundsError for fewer than two, which `what` needs."""
+    found = sorted(set(speeds_given(speeds)))
+    if len(found) < 2:
+        raise ValueOutOfBoundsError(f"{what} need at least two speeds; give a range such as '100:900:81 rpm'")
+    return found
+
+
 def speeds_in_si(text: str) -> list[float]:
     """Speeds in rad/s from "A:B:N unit" (N points, both ends) or "600 900 1200 rpm"."""
     *numbers, unit = text.split() or [""]

@@ -30,8 +30,8 @@ def picture(
 ) -> None:
     """Draw the vibrating coupler at several crank positions, its deflection magnified."""
     (file, _) = Results(plot=plot).files()
-    model, of_case = numbers.of("coupler")
-    omega = speed.omega(model, of_case)
+    model = numbers.of("coupler")
+    omega = speed.omega(model)
 
     import solve
     from models.coupler.picture import checked_magnification, checked_positions, coupler_figure

@@ -23,6 +23,24 @@ _MEMORY = 2**23
 """Bytes that the frozen coefficients of points prepared together may take."""
 
 
+class Count:
+    """The number of points solved so far, of which `progress` is told."""
+
+    def __init__(self, progress: Callable[[int], None] | None, done: int = 0):
+        self.done, self._progress = done, progress
+
+    def add(self, more: int) -> None:
+        """So many more."""
+        self.done += more
+        if self._progress:
+            self._progress(self.done)
+
+    def onward(self) -> Callable[[int], None]:
+        """To be told how many there are beyond those so far."""
+        before = self.done
+        return lambda done: self.add(before + done - self.done)
+
+
 def gathered(
     batch: Batch, points: Array, kept: Kept | None = None, progress: Callable[[int], None] | None = None
 ) -> PointResults:

@@ -11,8 +11,11 @@ from solve.batch.batch import Batch
 from solve.batch.family import Family
 from solve.batch.gathering import chunk_size, gathered
 from solve.certify.certified import Request
+from solve.kernel.engines import chosen_engine
 from solve.methods.auto import Rule
+from solve.methods.choice import chosen
 from solve.results.points import Kept, PointResults
+from solve.single import request
 
 
 @dataclass(frozen=True)
@@ -28,16 +31,39 @@ class Task:
         """For points like these (P, v)."""
         return Batch(self.family, points, self.method, self.request)
 
+    def solved(
+        self, batch: Batch, points: Array, executor: Executor | None, progress: Callable[[int], None] | None
+    ) -> PointResults:
+        """The points (P, v), in a batch for them here or by the executor; progress is told the number of
+        points done."""
+        if executor is not None:
+            return _spread(self, points, executor, progress)
+        return gathered(batch, points, self.kept, progress)
+
     def __call__(self, points: Array) -> PointResults:
         # A twin: samplers of a model serve one thread.
         apart = replace(self, family=self.family.twin())
         return gathered(apart.batch(points), points, self.kept)
 
 
-def spread(
-    task: Task, points: Array, executor: Executor, progress: Callable[[int], None] | None = None
+def task_of(
+    family: Family,
+    method: str | Rule,
+    rtol: float,
+    engine: str,
+    kept: Kept | None = None,
+    steps: int | None = None,
+    orbit: bool = True,
+) -> tuple[Task, list[str]]:
+    """What is asked of points of the family, and what the user should know about the engine. Raises
+    SolveError subclasses for an unknown method or engine, and for a tolerance out of bounds."""
+    used, notes = chosen_engine(engine)
+    return Task(family, chosen(method), request(steps, rtol, used, orbit), kept or Kept()), notes
+
+
+def _spread(
+    task: Task, points: Array, executor: Executor, progress: Callable[[int], None] | None
 ) -> PointResults:
-    """The points (P, v) in parts that the executor solves; progress is told the number of points done."""
     n = task.family.example.n
     results, done = PointResults.blank(len(points), n, task.kept), 0
     parts = np.array_split(np.arange(len(points)), max(1, -(-len(points) // chunk_size(n))))

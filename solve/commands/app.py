@@ -1,5 +1,6 @@
 """The commands together, and how they fail: one line on standard error, exit status 2."""
 
+import importlib
 import io
 import os
 import sys
@@ -8,18 +9,20 @@ from typing import Any
 
 import typer
 
-from solve.commands.bands import bands
-from solve.commands.chart import chart
-from solve.commands.compare import compare
-from solve.commands.critical import critical
-from solve.commands.floquet import floquet
-from solve.commands.frequencies import frequencies
 from solve.commands.groups import flattened
-from solve.commands.periodic import periodic
-from solve.commands.sweep import sweep
 from solve.errors import SolveError
 
-COMMANDS = (periodic, floquet, compare, sweep, bands, chart, critical, frequencies)
+COMMANDS = {
+    "periodic": "Periodic vibration, its spectrum and its stability.",
+    "floquet": "Floquet multipliers, exponents and the verdict of stability.",
+    "compare": "Methods side by side: error, steps and time.",
+    "sweep": "Periodic vibration and stability over many speeds.",
+    "bands": "Unstable bands between the lowest and the highest speed, their edges refined.",
+    "chart": "Stability over two quantities, with named boundaries.",
+    "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
+    "frequencies": "Natural frequencies and mode shapes with the drive held still.",
+}
+"""Of `solve`: what `solve --help` says of each, the first line of its own help too."""
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Of the Click that Typer brings along or depends on, whichever it is."""
@@ -44,16 +47,31 @@ def application(
     return made
 
 
-app = application(
-    "solve",
-    COMMANDS,
-    "Steady-state vibration and stability of systems with periodic coefficients.",
-    'solve periodic cam --case 1 --speed "600 rpm" --plot cam.png',
-)
+def solve_application(called: str | None) -> typer.Typer:
+    """The commands of `solve`; of these only the one that is called is loaded."""
+    about = "Steady-state vibration and stability of systems with periodic coefficients."
+    example = 'solve periodic cam --case 1 --speed "600 rpm" --plot cam.png'
+    commands = [_loaded(name) if name == called else _named(name) for name in COMMANDS]
+    return application("solve", commands, about, example)
 
 
-def run(arguments: Sequence[str], commands: typer.Typer = app, name: str = "solve") -> int:
-    """Run one of these commands, under the name that the user typed, and return its exit status."""
+def _loaded(name: str) -> Callable[..., None]:
+    return getattr(importlib.import_module(f"solve.commands.{name}"), name)
+
+
+def _named(name: str) -> Callable[..., None]:
+    """What stands in the list of commands for one that is not called."""
+
+    def listed() -> None: ...
+
+    listed.__name__, listed.__doc__ = name, COMMANDS[name]
+    return listed
+
+
+def run(arguments: Sequence[str], commands: typer.Typer | None = None, name: str = "solve") -> int:
+    """Run one of these commands, by default of `solve`, under the name that the user typed, and return its
+    exit status."""
+    commands = commands or solve_application(next(iter(arguments), None))
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")

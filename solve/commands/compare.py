@@ -1,12 +1,12 @@
 """`solve compare`: methods side by side on one problem."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Annotated
 
 import typer
 
-from solve.commands.deliver import deliver
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import Problem, Results, Settings, Speed
 from solve.commands.parse import number, whole
 from solve.methods.auto import Rule
@@ -38,31 +38,23 @@ def compare(
     ] = None,
 ) -> None:
     """Methods side by side: error, steps and time."""
-    results.files()
-    model, of_case = problem.loaded()
-    omega, methods = speed.omega(model, of_case), _methods(method, settings)
+    model = problem.loaded()
+    omega, methods = speed.omega(model), _methods(method, settings.settings)
     with _progress() as progress:
-        comparison = compared(model, omega, methods, steps, rtol or TARGETS, progress)
-    deliver(
-        results,
-        comparison.warnings,
-        record=comparison.record,
-        report=lambda: comparison.report(problem.choices),
-        figure=comparison.plot,
-        contents=comparison.contents,
-    )
+        result = compared(model, omega, methods, steps, rtol or TARGETS, progress)
+    deliver_result(results, result, problem.choices)
 
 
-def _methods(names: Sequence[str] | None, settings: Settings) -> list[Rule]:
+def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) -> list[Rule]:
     """The methods, each with those of the settings that it knows. Raises UnknownNameError, and
     ValueOutOfBoundsError for a setting that none of them knows."""
     contestants = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
     known = {name: settings_of(name) for name in contestants if name in METHODS}
-    for setting, value in vars(settings).items():
+    for setting, value in settings.items():
         if value is not None and not any(setting in fields for fields in known.values()):
             chosen(contestants[0], **{setting: value})
     return [
-        chosen(name, **{key: value for key, value in vars(settings).items() if key in known.get(name, ())})
+        chosen(name, **{key: value for key, value in settings.items() if key in known.get(name, ())})
         for name in contestants
     ]
 

@@ -5,16 +5,15 @@ from typing import Annotated
 import typer
 
 import solve
-from solve.commands.deliver import deliver
-from solve.commands.groups import Problem, Results, Settings, Speeds, progressing
-from solve.commands.parse import figure_kept, number, whole
-from solve.methods.choice import chosen
+from solve.commands.deliver import deliver_result
+from solve.commands.groups import Accuracy, Problem, Results, Speeds, progressing
+from solve.commands.parse import figure_kept, whole
 
 
 def critical(
     problem: Problem,
     speeds: Speeds,
-    settings: Settings,
+    accuracy: Accuracy,
     results: Results,
     of: Annotated[
         str | None,
@@ -27,24 +26,11 @@ def critical(
         int, typer.Option(metavar="K", parser=whole, help="Highest order of integer divisions.")
     ] = 20,
     campbell: Annotated[bool, typer.Option("--campbell", help="Draw the Campbell diagram alone.")] = False,
-    method: Annotated[str, typer.Option(metavar="NAME", help="Method; auto chooses.")] = "auto",
-    rtol: Annotated[
-        float, typer.Option(metavar="R", parser=number, help="Relative error of each solution.")
-    ] = 1e-8,
 ) -> None:
     """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
-    results.files()
-    omegas = speeds.omegas()
-    kept = figure_kept(figure)
-    model, _ = problem.loaded()
-    rule = chosen(method, **vars(settings))
+    omegas, kept, model = speeds.omegas(), figure_kept(figure), problem.loaded()
     with progressing("points") as progress:
-        found = solve.critical_speeds(model, omegas, of, kept, orders, rule, rtol, progress=progress)
-    deliver(
-        results,
-        [*found.notes, *found.warnings],
-        record=found.record,
-        report=lambda: found.report(problem.choices),
-        figure=lambda: found.plot(campbell),
-        contents=found.contents,
-    )
+        result = solve.critical_speeds(
+            model, omegas, of, kept, orders, accuracy.rule, accuracy.rtol, progress=progress
+        )
+    deliver_result(results, result, problem.choices, result.notes, figure=lambda: result.plot(campbell))

@@ -4,13 +4,45 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from solve.commands.groups import Results
 from solve.results.contents import Contents
 from solve.results.report import RenderableType
 from solve.results.save import save
 from solve.results.style import Figure, save_figure
+
+
+class Result(Protocol):
+    """What a study or a solution answers when it is asked to show itself."""
+
+    @property
+    def warnings(self) -> list[str]: ...
+    def record(self) -> dict[str, Any]: ...
+    def report(self, choices: Sequence[str] = ()) -> RenderableType: ...
+    def plot(self) -> Figure: ...
+    def contents(self) -> Contents: ...
+
+
+def deliver_result(
+    flags: Results,
+    result: Result,
+    choices: Sequence[str],
+    notes: Sequence[str] = (),
+    record: Callable[[], dict[str, Any]] | None = None,
+    report: Callable[[], RenderableType] | None = None,
+    figure: Callable[[], Figure] | None = None,
+) -> None:
+    """`deliver` a result as it shows itself, but for what the command asks of it otherwise; its notes come
+    before its warnings. choices: what the user set beyond the case."""
+    deliver(
+        flags,
+        [*notes, *result.warnings],
+        record or result.record,
+        report or (lambda: result.report(choices)),
+        figure or result.plot,
+        result.contents,
+    )
 
 
 def deliver(
@@ -22,25 +54,22 @@ def deliver(
     contents: Callable[[], Contents],
 ) -> None:
     """Write and print what the flags ask for; standard output has the tables or the JSON, no more."""
+    from rich.console import Console
+
     picture, data = results.files()
-    written = []
     if picture is not None:
         save_figure(figure(), picture)
-        written.append(picture)
     if data is not None:
         save(contents(), data)
-        written.append(data)
     if results.json:
         print(json.dumps(record(), ensure_ascii=False, allow_nan=False))
     else:
-        from rich.console import Console
-
         Console(highlight=False).print(report())
     sys.stdout.flush()
-    _tell(warnings, written)
+    _print_warnings(warnings, [file for file in (picture, data) if file is not None])
 
 
-def _tell(warnings: Sequence[str], written: Sequence[Path]) -> None:
+def _print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:
     from rich.console import Console
     from rich.text import Text
 

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from solve.commands.deliver import deliver
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import Problem, Results
 from solve.commands.parse import points, whole
 from solve.errors import ValueOutOfBoundsError
@@ -35,28 +35,18 @@ def frequencies(
     modes: Annotated[bool, typer.Option("--modes", help="Also the mode shapes of a structure.")] = False,
 ) -> None:
     """Natural frequencies and mode shapes with the drive held still."""
-    results.files()
     if over and len(over) > 1:
         raise ValueOutOfBoundsError(f"--over is given {len(over)} times; vary one parameter a run")
     varied = points("--over", over[0]) if over else None
-    model, _ = problem.loaded(still=True)
-
+    model = problem.loaded(still=True)
     study.require_position(model, position)
     here = study.frequencies(model, position or 0.0, count)
-    whole_turn = variation = None
-    if turn is not None:
-        whole_turn = study.frequencies(model, study.turn(model, turn), count)
+    whole_turn = None if turn is None else study.frequencies(model, study.turn(model, turn), count)
+    variation = None
     if varied is not None:
         at = here.positions
         if position is None and model.moves:
             at = study.turn(model, turn or study.TURN)
         variation = study.frequencies_over(model, *varied, at, count)
-    found = Findings(here, whole_turn, variation, here.shapes() if modes else ())
-    deliver(
-        results,
-        found.warnings,
-        record=found.record,
-        report=lambda: found.report(problem.choices),
-        figure=(variation or whole_turn or here).plot,
-        contents=found.contents,
-    )
+    result = Findings(here, whole_turn, variation, here.shapes() if modes else ())
+    deliver_result(results, result, problem.choices)

@@ -22,7 +22,7 @@ from solve.model.cases import Case
 from solve.model.model import Model
 from solve.results.files import PICTURES, checked
 from solve.results.save import checked_data
-from solve.units import speed_in_si
+from solve.units import speed_in_si, speeds_in_si
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,8 @@ class CaseNumbers:
         typer.Option(metavar="NAME=NUMBER", help="Set a parameter, in SI units; repeatable."),
     ] = None
 
-    def case_of(self, model: str) -> "Case":
+    def case_of(self, model: str) -> Case:
         """The case with its numbers. Raises SolveError subclasses for bad input."""
-
         return case_numbers(model, self.case, self.cases, self.parameters)
 
     @property
@@ -58,16 +57,14 @@ class Numbers(CaseNumbers):
         typer.Option(metavar="NAME=VALUE", help="Choose an option of the model; repeatable."),
     ] = None
 
-    def of(self, model: str, still: bool = False) -> tuple[Model, str | None]:
-        """The model, and the speed that its case names, if any.
-
-        Raises NoMotionError for a model without equations of motion, unless what is asked of it needs none.
-        """
+    def of(self, name: str, still: bool = False) -> Model:
+        """The model of that name. Raises NoMotionError for one without equations of motion, unless what is
+        asked of it needs none."""
         options = assignments("--option", self.option or [])
-        found = loaded(model, self.case, self.cases, options, self.parameters)
+        model, _ = loaded(name, self.case, self.cases, options, self.parameters)
         if not still:
-            found[0].require_motion()
-        return found
+            model.require_motion()
+        return model
 
     @property
     def choices(self) -> list[str]:
@@ -83,7 +80,7 @@ class Problem(Numbers):
         str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
     ]
 
-    def loaded(self, still: bool = False) -> tuple[Model, str | None]:
+    def loaded(self, still: bool = False) -> Model:
         """As `of`, the model that the user names."""
         return self.of(self.model, still)
 
@@ -97,9 +94,9 @@ class Speed:
         typer.Option(metavar='"600 rpm"', help="Speed with unit: rpm, rad/s or Hz; else the case's."),
     ] = None
 
-    def omega(self, model: Model, of_case: str | None) -> float:
-        """Ω in rad/s. Raises MissingValueError where neither the flag nor the case gives it."""
-        given = self.speed if self.speed is not None else of_case
+    def omega(self, model: Model) -> float:
+        """Ω in rad/s. Raises MissingValueError where neither the flag nor the model's case gives it."""
+        given = self.speed if self.speed is not None else model.case_speed
         if given is None:
             where = f"case '{model.case}' of {model.name}" if model.case else f"{model.name} has no case and"
             raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
@@ -117,8 +114,6 @@ class Speeds:
 
     def omegas(self) -> list[float]:
         """Speeds in rad/s. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
-        from solve.units import speeds_in_si
-
         if self.speeds is None:
             raise MissingValueError('no speeds given; add a range, such as --speeds "100:900:81 rpm"')
         return speeds_in_si(self.speeds)
@@ -138,24 +133,36 @@ class Settings:
         int | None, typer.Option(metavar="P", parser=whole, help="Order, of methods that have several.")
     ] = None
 
+    @property
+    def settings(self) -> dict[str, float | None]:
+        """By name, None where a setting is not given."""
+        return {field.name: getattr(self, field.name) for field in fields(Settings)}
+
 
 @dataclass(frozen=True)
-class Accuracy:
-    """The method and how far it goes."""
+class Accuracy(Settings):
+    """The method, and how exact its result shall be."""
 
     method: Annotated[str, typer.Option(metavar="NAME", help="Method; auto chooses.")] = "auto"
-    steps: Annotated[
-        int | None,
-        typer.Option(metavar="N", parser=whole, help="Steps a period; by default as many as --rtol needs."),
-    ] = None
     rtol: Annotated[
         float,
         typer.Option(metavar="R", parser=number, help="Relative error of orbit and multipliers to reach."),
     ] = 1e-8
 
-    def chosen(self, settings: Settings) -> Rule:
-        """The method with its settings."""
-        return chosen(self.method, **vars(settings))
+    @property
+    def rule(self) -> Rule:
+        """The method with its settings. Raises UnknownNameError, ValueOutOfBoundsError."""
+        return chosen(self.method, **self.settings)
+
+
+@dataclass(frozen=True)
+class Steps(Accuracy):
+    """The same where the steps can be given."""
+
+    steps: Annotated[
+        int | None,
+        typer.Option(metavar="N", parser=whole, help="Steps a period; by default as many as --rtol needs."),
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -171,14 +178,14 @@ class Results:
     ] = None
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False
 
+    def __post_init__(self) -> None:
+        """Raises FileError before anything is calculated."""
+        self.files()
+
     def files(self) -> tuple[Path | None, Path | None]:
-        """The files of --plot and --save. Raises FileError before anything is calculated."""
-        picture = data = None
-        if self.plot is not None:
-            picture = checked(self.plot, PICTURES, "picture")
-        if self.save is not None:
-            data = checked_data(self.save)
-        return picture, data
+        """The files of --plot and --save. Raises FileError."""
+        picture = None if self.plot is None else checked(self.plot, PICTURES, "picture")
+        return picture, None if self.save is None else checked_data(self.save)
 
 
 @contextmanager

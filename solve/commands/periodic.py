@@ -5,18 +5,16 @@ from typing import Annotated
 import typer
 
 import solve
-from solve.commands.deliver import deliver
-from solve.commands.groups import Accuracy, Problem, Results, Settings, Speed
+from solve.commands.deliver import deliver_result
+from solve.commands.groups import Problem, Results, Speed, Steps
 from solve.commands.parse import harmonic_count, whole
-from solve.results.orbit_report import orbit_record, orbit_report
 from solve.results.rows import checked_scale, shown
 
 
 def periodic(
     problem: Problem,
     speed: Speed,
-    accuracy: Accuracy,
-    settings: Settings,
+    accuracy: Steps,
     results: Results,
     harmonics: Annotated[
         int | None, typer.Option(metavar="N", parser=whole, help="Orders of the spectrum; 60 by default.")
@@ -33,19 +31,15 @@ def periodic(
     ] = "linear",
 ) -> None:
     """Periodic vibration, its spectrum and its stability."""
-    results.files()
-    orders = harmonic_count(harmonics)
-    model, of_case = problem.loaded()
+    orders, model = harmonic_count(harmonics), problem.loaded()
     checked_scale(scale)
     shown(model, show)
-    orbit = solve.periodic(
-        model, speed.omega(model, of_case), accuracy.chosen(settings), accuracy.steps, accuracy.rtol
-    )
-    deliver(
+    orbit = solve.periodic(model, speed.omega(model), accuracy.rule, accuracy.steps, accuracy.rtol)
+    deliver_result(
         results,
-        orbit.warnings,
-        record=lambda: orbit_record(orbit, orders, quasi_static),
-        report=lambda: orbit_report(orbit, problem.choices, quasi_static),
+        orbit,
+        problem.choices,
+        record=lambda: orbit.record(orders, quasi_static),
+        report=lambda: orbit.report(problem.choices, quasi_static),
         figure=lambda: orbit.plot(show, quasi_static, scale, harmonics),
-        contents=orbit.contents,
     )

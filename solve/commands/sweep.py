@@ -5,8 +5,8 @@ from typing import Annotated
 import typer
 
 import solve
-from solve.commands.deliver import deliver
-from solve.commands.groups import Accuracy, Problem, Results, Settings, Speeds, progressing
+from solve.commands.deliver import deliver_result
+from solve.commands.groups import Problem, Results, Speeds, Steps, progressing
 from solve.commands.parse import harmonic_count, whole
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.results.rows import shown
@@ -19,8 +19,7 @@ from solve.system import PeriodicSystem
 def sweep(
     problem: Problem,
     speeds: Speeds,
-    accuracy: Accuracy,
-    settings: Settings,
+    accuracy: Steps,
     results: Results,
     show: Annotated[
         list[str] | None,
@@ -41,37 +40,29 @@ def sweep(
     ] = None,
 ) -> None:
     """Periodic vibration and stability over many speeds."""
-    results.files()
-    orders = harmonic_count(harmonics)
-    omegas = speeds.omegas()
-    model, _ = problem.loaded()
-    names = shown(model, show)
+    orders, omegas = harmonic_count(harmonics), speeds.omegas()
+    model = problem.loaded()
+    names, spectra = shown(model, show), [waterfall] if waterfall else []
     if turn is not None:
         _check_turn(model, turn, len(omegas), results, waterfall)
+    asked = accuracy.rule, accuracy.steps, accuracy.rtol
     with progressing("sweep", len(omegas)) as progress:
-        found = solve.sweep(
-            model,
-            omegas,
-            accuracy.chosen(settings),
-            accuracy.steps,
-            accuracy.rtol,
-            progress=progress,
-            spectra=[waterfall] if waterfall else [],
-            harmonics=orders,
-        )
+        result = solve.sweep(model, omegas, *asked, progress=progress, spectra=spectra, harmonics=orders)
 
     def figure() -> Figure:
         if turn:
-            return _turns(found, turn, accuracy, settings)
-        return found.waterfall(waterfall) if waterfall else found.plot(show)
+            return turn_figure(
+                [solve.periodic(model, omega, *asked) for omega in _solved(result, turn)], turn
+            )
+        return result.waterfall(waterfall) if waterfall else result.plot(show)
 
-    deliver(
+    deliver_result(
         results,
-        [*found.notes, *found.warnings],
-        record=found.record,
-        report=lambda: found.report(names, problem.choices),
+        result,
+        problem.choices,
+        result.notes,
+        report=lambda: result.report(problem.choices, names),
         figure=figure,
-        contents=found.contents,
     )
 
 
@@ -87,11 +78,9 @@ def _check_turn(
     checked_turn(model, name, count)
 
 
-def _turns(found: Sweep, name: str, accuracy: Accuracy, settings: Settings) -> Figure:
-    """The curves of the speeds that have a result. Raises ValueOutOfBoundsError where none has."""
-    speeds = [point.speed for point in found.points if point.error is None]
+def _solved(sweep: Sweep, turn: str) -> list[float]:
+    """The speeds that have a result to draw. Raises ValueOutOfBoundsError where none has."""
+    speeds = [point.speed for point in sweep.points if point.error is None]
     if not speeds:
-        raise ValueOutOfBoundsError(f"--turn {name}: no speed has a result to draw; {found.points[0].error}")
-    method = accuracy.chosen(settings)
-    orbits = [solve.periodic(found.system, speed, method, accuracy.steps, accuracy.rtol) for speed in speeds]
-    return turn_figure(orbits, name)
+        raise ValueOutOfBoundsError(f"--turn {turn}: no speed has a result to draw; {sweep.points[0].error}")
+    return speeds

@@ -1,26 +1,23 @@
 """Bands of speed in which the motion is unstable, with refined edges."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
-from solve.batch.gathering import gathered
-from solve.errors import ValueOutOfBoundsError
-from solve.kernel.engines import chosen_engine
+from solve.batch.gathering import Count, gathered
+from solve.batch.spread import task_of
 from solve.methods.auto import Rule
-from solve.methods.choice import chosen
 from solve.methods.radau import Radau
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
-from solve.single import request
 from solve.studies.boundaries import ALIVE, Judge, Judged, edges, hidden, judge, sectioned
 from solve.studies.watch import WATCHED, unwatched, watching
 from solve.system import PeriodicSystem
-from solve.units import checked_tolerance, speeds_given
+from solve.units import checked_tolerance, speeds_between
 
 GROWTH = 1e-6
 """Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
@@ -67,25 +64,16 @@ def bands(
     relative. progress is told the number of points solved so far. engine: as in `sweep`. Raises
     ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
     """
-    omegas = np.unique(speeds_given(speeds))
-    if len(omegas) < 2:
-        raise ValueOutOfBoundsError("bands need at least two speeds; give a range such as '100:900:81 rpm'")
+    omegas = np.array(speeds_between(speeds, "bands"))
     system.checked(float(omegas[-1]))
-    by, (used, notes) = chosen(method), chosen_engine(engine)
-    fast = unwatched(system, float(omegas[0]), by)
+    task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
+    fast = unwatched(system, float(omegas[0]), task.method)
     if fast:
-        notes = [*notes, _left_out(system.n, fast)]
+        task, notes = replace(task, method=Radau()), [*notes, _left_out(system.n, fast)]
     turning = _turning(system, omegas, WATCHED if fast else np.inf)
-    points, solved = _grid(omegas, turning)[:, None], [0]
-
-    def count(more: int) -> None:
-        solved[0] += more
-        if progress:
-            progress(solved[0])
-
-    asked_of = request(None, rtol, used, orbit=False)
-    batch = Batch(over_speed(system), points, Radau() if fast else by, asked_of)
-    asked = watching(batch, count) if fast else judge(batch, count)
+    points, count = _grid(omegas, turning)[:, None], Count(progress)
+    batch = task.batch(points)
+    asked = (watching if fast else judge)(batch, count.add)
     known = _closer(asked, asked(points), turning)
     middle = np.arange(1, len(known.points) - 1)
     spacing = float(np.diff(known.points[:, 0]).max())

@@ -10,17 +10,15 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
-from solve.batch.gathering import gathered
-from solve.batch.spread import Task, spread
+from solve.batch.gathering import Count
+from solve.batch.spread import task_of
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
-from solve.kernel.engines import chosen_engine
 from solve.loading import load
 from solve.methods.auto import Rule
-from solve.methods.choice import chosen
 from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept
 from solve.results.stability import Stability
-from solve.single import floquet, request
+from solve.single import floquet
 from solve.studies.boundaries import Judge, Judged, crossings, hidden, judge
 from solve.studies.contours import Crossings, contours
 from solve.system import PeriodicSystem
@@ -59,13 +57,9 @@ def chart(
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
     points = np.column_stack([part.ravel() for part in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
-    used, notes = chosen_engine(engine)
-    task = Task(family, chosen(method), request(None, rtol, used, orbit=False), Kept(warnings=False))
+    task, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     batch = task.batch(points)
-    if executor is None:
-        results = gathered(batch, points, task.kept, progress)
-    else:
-        results = spread(task, points, executor, progress)
+    results = task.solved(batch, points, executor, progress)
     if results.failed.all():
         reason = next(iter(results.failures.values()))
         raise NoResultError(f"none of the {len(points)} points gives a result: {reason}")
@@ -75,15 +69,9 @@ def chart(
     made = Chart(*parts, [], partial(_at, batch), solve_cut, notes)
     if not boundaries:
         return made
-    solved = [len(points)]
-
-    def count(more: int) -> None:
-        solved[0] += more
-        if progress:
-            progress(solved[0])
-
+    count = Count(progress, len(points))
     return replace(
-        made, boundaries=_boundaries(made, fineness, Judged.of(points, results), judge(batch, count))
+        made, boundaries=_boundaries(made, fineness, Judged.of(points, results), judge(batch, count.add))
     )
 
 

@@ -12,18 +12,16 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
-from solve.batch.gathering import gathered
+from solve.batch.gathering import Count, gathered
+from solve.batch.spread import task_of
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.kernel.engines import chosen_engine
 from solve.methods.auto import Rule
-from solve.methods.choice import chosen
 from solve.period.multipliers import VERDICTS
 from solve.results.critical_speeds import Critical, CriticalSpeeds, Maximum
 from solve.results.points import FIGURES, Kept, PointResults
-from solve.single import request
 from solve.studies.campbell import MeanFrequencies, combinations, divisions, mean_frequencies
 from solve.system import PeriodicSystem
-from solve.units import checked_tolerance, speeds_given
+from solve.units import checked_tolerance, speeds_between
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 """Figures of a quantity whose maxima count."""
@@ -62,35 +60,26 @@ def critical_speeds(
     progress is told the number of points solved so far. engine: as in `sweep`. Raises SolveError
     subclasses for bad input.
     """
-    omegas = np.unique(speeds_given(speeds))
-    if len(omegas) < 2:
-        raise ValueOutOfBoundsError(
-            "critical speeds need at least two speeds; give a range such as '100:900:81 rpm'"
-        )
-    known = (*system.coordinates, *system.outputs)
-    name = quantity or known[0]
-    if name not in known:
-        raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
+    omegas = np.array(speeds_between(speeds, "critical speeds"))
+    (name,) = system.known_quantities([quantity or system.coordinates[0]])
     if figure not in RESPONSES:
         raise UnknownNameError("figure", figure, RESPONSES)
     if orders < 1:
         raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
-    used, notes = chosen_engine(engine)
+    task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = mean_frequencies(system, np.array([0.0]))
     grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
-    asked = request(None, rtol, used, orbit=True)
-    batch = Batch(over_speed(system), grid[:, None], chosen(method), asked)
-    search = _Search(batch, name, figure, checked_tolerance(tolerance), progress)
+    batch = task.batch(grid[:, None])
+    search = _Search(batch, task.kept, figure, checked_tolerance(tolerance), Count(progress))
     found = search.solved(grid)
     frequencies = mean_frequencies(system, grid)
     skipped = frequencies.values[:, 0] > (orders + 0.5) * grid
     if skipped.any():
         limit = float(grid[skipped].max()) * 30 / np.pi
         notes = [*notes, f"below {limit:.4g} rpm only orders above {orders} lie: no maxima are looked for"]
-    failed = int(found.failed.sum())
-    if failed:
+    if found.failures:
         reason = next(iter(found.failures.values()))
-        notes = [*notes, f"{failed} of {len(grid)} speeds give no result: {reason}"]
+        notes = [*notes, f"{len(found.failures)} of {len(grid)} speeds give no result: {reason}"]
     return CriticalSpeeds(
         system,
         name,
@@ -125,22 +114,13 @@ class _Search:
     """Solves speeds and finds maxima between them."""
 
     batch: Batch
-    quantity: str
+    kept: Kept
     figure: str
     tolerance: float
-    progress: Callable[[int], None] | None
-    count: int = 0
+    count: Count
 
     def solved(self, speeds: Array) -> PointResults:
-        kept = Kept((self.quantity,), warnings=False)
-        before = self.count
-
-        def count(done: int) -> None:
-            self.count = before + done
-            if self.progress:
-                self.progress(self.count)
-
-        return gathered(self.batch, speeds[:, None], kept, count)
+        return gathered(self.batch, speeds[:, None], self.kept, self.count.onward())
 
     def response(self, found: PointResults) -> Array:
         return found.figures[:, 0, FIGURES.index(self.figure)]

@@ -6,13 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.batch import Batch
 from solve.batch.family import over_speed
+from solve.batch.spread import task_of
 from solve.errors import MatricesError, StepsError
-from solve.kernel.engines import chosen_engine
 from solve.methods.method import Method
 from solve.methods.radau import Radau
-from solve.single import request
 from solve.system import PeriodicSystem
 
 _METHOD = Radau()
@@ -50,8 +48,8 @@ class PeriodicCurves:
                 f"{system.name} has matrices that jump; steps must end there: use periodic at each speed"
             )
         self.system, self.steps, self.samples = system, steps, samples
-        asked = request(None, 1e-6, chosen_engine("auto")[0], orbit=True)
-        self._batch = Batch(over_speed(system), np.array(_SPEEDS)[:, None], method, asked)
+        task, _ = task_of(over_speed(system), method, rtol=1e-6, engine="auto")
+        self._batch = task.batch(np.array(_SPEEDS)[:, None])
 
     @cached_property
     def phase(self) -> Array:

@@ -7,15 +7,11 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.family import over_speed
-from solve.batch.gathering import gathered
-from solve.batch.spread import Task, spread
-from solve.errors import StepsError, UnknownNameError
-from solve.kernel.engines import chosen_engine
+from solve.batch.spread import task_of
+from solve.errors import StepsError
 from solve.methods.auto import Rule
-from solve.methods.choice import chosen
 from solve.results.points import Kept
 from solve.results.sweep import Sweep
-from solve.single import request
 from solve.system import PeriodicSystem
 from solve.units import speeds_given
 
@@ -44,21 +40,13 @@ def sweep(
     speed could mend.
     """
     omegas = np.array(speeds_given(speeds))
-    known = (*system.coordinates, *system.outputs)
-    for name in (*(quantities or ()), *spectra):
-        if name not in known:
-            raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
-    names = tuple(known if quantities is None else dict.fromkeys(quantities))
-    kept = Kept(names, tuple(spectra), harmonics if spectra else 0)
+    names = system.known_quantities(quantities)
+    kept = Kept(names, system.known_quantities(spectra), harmonics if spectra else 0)
     if steps is not None and not (isinstance(steps, int | np.integer) and steps >= 1):
         raise StepsError(
             f"steps is {steps!r}; allowed: whole numbers of at least 1; leave --steps out to have it chosen"
         )
-    used, notes = chosen_engine(engine)
-    points, family = omegas[:, None], over_speed(system)
-    task = Task(family, chosen(method), request(steps, rtol, used, orbit=True), kept)
-    if executor is None:
-        results = gathered(task.batch(points), points, kept, progress)
-    else:
-        results = spread(task, points, executor, progress)
-    return Sweep(system, omegas, results, used, notes)
+    task, notes = task_of(over_speed(system), method, rtol, engine, kept, steps)
+    points = omegas[:, None]
+    results = task.solved(task.batch(points), points, executor, progress)
+    return Sweep(system, omegas, results, task.request.engine, notes)

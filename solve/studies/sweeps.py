@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
+from solve.batch.gathering import Count
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.methods.auto import Rule
 from solve.model.model import Model
-from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
 from solve.studies.sweep import sweep
 from solve.system import PeriodicSystem
@@ -46,11 +46,11 @@ def sweeps(
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
     omegas = np.array(speeds_given(speeds))
-    found: dict[str, Sweep] = {}
-    for number, (label, system) in enumerate(systems.items()):
-        before = number * len(omegas)
-        report = None if progress is None else lambda done, before=before: progress(before + done)
-        found[label] = sweep(system, omegas, method, rtol=rtol, progress=report, quantities=tuple(quantities))
+    found, count = {}, Count(progress)
+    for label, system in systems.items():
+        found[label] = sweep(
+            system, omegas, method, rtol=rtol, progress=count.onward(), quantities=tuple(quantities)
+        )
     return Sweeps(title, omegas, found)
 
 

@@ -17,6 +17,6 @@ class FourBar(Numbers):
         """The model. Raises SolveError subclasses for bad input."""
         from solve.beams.structure import StructureModel
 
-        model, _ = self.of("four_bar")
+        model = self.of("four_bar")
         assert isinstance(model, StructureModel)
         return model
