@@ -8,7 +8,7 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Problem, Results
 from solve.commands.parse import points, whole
 from solve.errors import ValueOutOfBoundsError
-from solve.results.frequencies_report import Findings
+from solve.results.frequencies import Findings
 from solve.studies import frequencies as study
 
 

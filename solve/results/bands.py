@@ -1,20 +1,19 @@
 """Bands of speed in which the motion is unstable."""
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from solve.results.contents import Contents, rows_contents
+from solve.results.quantities import RPM
 from solve.results.record import model_record, plain
-from solve.results.report import RenderableType, model_heading, table
+from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
 from solve.results.sweep_plot import radius_figure
 from solve.system import PeriodicSystem
 
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
-_RPM = 30 / math.pi
 
 
 @dataclass(frozen=True)
@@ -63,40 +62,29 @@ class Bands(list[Band]):
 
     @property
     def _rows(self) -> list[dict[str, Any]]:
-        return [
-            {
-                "from": band.low,
-                "to": band.high,
-                "kind": band.kind,
-                "spectral_radius": band.spectral_radius,
-                "open_low": band.open_low,
-                "open_high": band.open_high,
-            }
-            for band in self
-        ]
+        names = {"low": "from", "high": "to"}
+        return [{names.get(name, name): value for name, value in vars(band).items()} for band in self]
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a band."""
-        from rich.console import Group
-        from rich.text import Text
-
-        low, high = (speed * _RPM for speed in self.range)
+        low, high = (speed * RPM for speed in self.range)
         head = model_heading(self.system, choices)
-        width = f"{self.spacing * _RPM:.3g} rpm"
-        limit = Text(f"solved at speeds up to {width} apart: narrower bands may be missed", "dim")
+        width = f"{self.spacing * RPM:.3g} rpm"
+        limit = text(f"solved at speeds up to {width} apart: narrower bands may be missed", "dim")
         if not self:
-            verdict = f"\nno unstable band found from {low:.6g} to {high:.6g} rpm"
-            return Group(head, Text(verdict, "bold green"), limit)
+            return stacked(
+                head, text(f"\nno unstable band found from {low:.6g} to {high:.6g} rpm", "bold green"), limit
+            )
         title = f"Unstable between {low:.6g} and {high:.6g} rpm"
         made = table(title, "kind", "", "from (rpm)", "to (rpm)", "width (rpm)", "largest |ρ|", left=2)
         for band in self:
             edges = (
-                ("< " if open_ else "") + f"{speed * _RPM:.3f}"
+                f"{'< ' * open_}{speed * RPM:.3f}"
                 for speed, open_ in ((band.low, band.open_low), (band.high, band.open_high))
             )
-            width = f"{(band.high - band.low) * _RPM:.3g}"
+            width = f"{(band.high - band.low) * RPM:.3g}"
             made.add_row(band.kind, _MEANINGS[band.kind], *edges, width, f"{band.spectral_radius:.6g}")
-        return Group(head, made, limit)
+        return stacked(head, made, limit)
 
     def contents(self) -> Contents:
         """A row a band, for a file."""

@@ -3,7 +3,7 @@
 import math
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,10 +14,11 @@ from solve.period.multipliers import VERDICTS
 from solve.results.contents import Contents, table_contents
 from solve.results.plot import title_of
 from solve.results.points import PointResults
+from solve.results.quantities import RPM
 from solve.results.record import model_record, plain
-from solve.results.report import RenderableType, model_heading, table
+from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.stability import Stability
-from solve.results.style import BLACK, GREY, Axes, Figure, new_figure, styled
+from solve.results.style import BLACK, GREY, Axes, Figure, page
 from solve.results.sweep_plot import KIND_NAMES
 from solve.system import PeriodicSystem
 
@@ -66,6 +67,16 @@ class Cut:
             "crossings": [{"at": at, "kind": kind} for at, kind in self.crossings],
         }
 
+    def table(self) -> RenderableType:
+        """A row a crossing."""
+        where = f"Along {self.along} at {_span(self.across, np.array([self.value]))}"
+        if not self.crossings:
+            return text(f"\n{where}: no boundary")
+        made = table(where, "at", "kind", left=0)
+        for at, kind in self.crossings:
+            made.add_row(_span(self.along, np.array([at]), 9), kind)
+        return made
+
 
 @dataclass(frozen=True)
 class Chart:
@@ -86,6 +97,7 @@ class Chart:
     solve_at: Callable[[float, float], Stability]
     solve_cut: Callable[[int, float], Cut]
     notes: Sequence[str] = ()
+    cuts: Sequence[Cut] = ()
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -147,11 +159,14 @@ class Chart:
             raise ValueOutOfBoundsError("a cut needs either x or y; give one of them")
         return self.solve_cut(0, float(x)) if x is not None else self.solve_cut(1, float(y or 0.0))
 
-    def cut_at(self, name: str, value: float) -> Cut:
-        """The same by the name of the quantity that is held. Raises UnknownNameError."""
-        if name not in (self.x_name, self.y_name):
-            raise UnknownNameError("quantity of the chart", name, (self.x_name, self.y_name))
-        return self.cut(x=value) if name == self.x_name else self.cut(y=value)
+    def with_cuts(self, held: Sequence[tuple[str, float]]) -> "Chart":
+        """With cuts at values of quantities by their names, for the record and the report. Raises
+        UnknownNameError."""
+        names = self.x_name, self.y_name
+        for name, _ in held:
+            if name not in names:
+                raise UnknownNameError("quantity of the chart", name, names)
+        return replace(self, cuts=[self.solve_cut(names.index(name), value) for name, value in held])
 
     def plot(self) -> Figure:
         """Growth ln|ρ| a period, and the boundaries between stable and unstable; speeds in rpm."""
@@ -160,9 +175,7 @@ class Chart:
         factors = _factor(self.x_name), _factor(self.y_name)
         kinds = [kind for kind in KIND_NAMES if any(curve.name == kind for curve in self.boundaries)]
         styles = {kind: {"color": BLACK, "linestyle": _LINES[kind], "linewidth": 1.1} for kind in kinds}
-        with styled():
-            figure = new_figure(4.6)
-            figure.suptitle(f"{title_of(self.system)}: stability", fontweight="bold")
+        with page(4.6, f"{title_of(self.system)}: stability") as figure:
             axes = figure.subplots()
             _draw_growth(figure, axes, self)
             for kind, points in self.boundaries:
@@ -179,36 +192,28 @@ class Chart:
             axes.grid(visible=False)
         return figure
 
-    def record(self, cuts: Sequence[Cut] = ()) -> dict[str, Any]:
+    def record(self) -> dict[str, Any]:
         """Of `solve chart --json`."""
+        names = "spectral_radius", "verdicts", "kinds", "error_estimate"
+        failures = [{"row": j, "column": i, "error": reason} for (j, i), reason in self.failures.items()]
         return plain(
             {
                 **model_record(self.system),
                 "x": {"name": self.x_name, "values": self.x},
                 "y": {"name": self.y_name, "values": self.y},
-                "spectral_radius": self.spectral_radius,
-                "verdicts": self.verdicts,
-                "kinds": self.kinds,
-                "error_estimate": self.error_estimate,
+                **{name: getattr(self, name) for name in names},
                 "boundaries": self._boundary_records,
-                "cuts": [cut.record() for cut in cuts],
-                "failures": [
-                    {"row": j, "column": i, "error": text} for (j, i), text in self.failures.items()
-                ],
+                "cuts": [cut.record() for cut in self.cuts],
+                "failures": failures,
             }
         )
 
     @property
     def _boundary_records(self) -> list[dict[str, Any]]:
-        return [
-            {"kind": curve.name, "x": curve.points[:, 0], "y": curve.points[:, 1]}
-            for curve in self.boundaries
-        ]
+        return [{"kind": kind, **dict(zip("xy", points.T, strict=True))} for kind, points in self.boundaries]
 
-    def report(self, cuts: Sequence[Cut] = (), choices: Sequence[str] = ()) -> RenderableType:
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """The share of stable points, the boundaries, and where the cuts cross them."""
-        from rich.console import Group
-
         radius, known = self.spectral_radius, self.stable[np.isfinite(self.stable)]
         share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())
         head = model_heading(self.system, choices)
@@ -216,13 +221,11 @@ class Chart:
         head.add_row("stable", f"{share:.4g} % of {radius.size} points; largest |ρ| {np.nanmax(radius):.6g}")
         if open_:
             head.add_row("undetermined", f"{open_} points, within their error of the unit circle")
-        return Group(head, self._boundary_table(), *map(_cut_table, cuts))
+        return stacked(head, self._boundary_table(), *(cut.table() for cut in self.cuts))
 
     def _boundary_table(self) -> RenderableType:
-        from rich.text import Text
-
         if not self.boundaries:
-            return Text("\nno boundary in this range")
+            return text("\nno boundary in this range")
         names = self.x_name, self.y_name
         made = table("Boundaries between stable and unstable", "kind", "points", *names, left=1)
         for curve in sorted(self.boundaries, key=lambda curve: -len(curve.points))[:_MOST_CURVES]:
@@ -235,31 +238,16 @@ class Chart:
     def contents(self) -> Contents:
         """A row a point, for a file."""
         xs, ys = (part.ravel() for part in np.meshgrid(self.x, self.y))
+        errors = [self.failures.get(at, "") for at in np.ndindex(self.shape)]
         columns: dict[str, tuple[Any, str, str]] = {
             self.x_name: (xs, "", "across"),
             self.y_name: (ys, "", "upwards"),
             "spectral_radius": (self.spectral_radius.ravel(), "1", "largest modulus of a Floquet multiplier"),
             "verdict": (self.verdicts.ravel(), "", "stability"),
             "kind": (self.kinds.ravel(), "", "largest multiplier of unstable points"),
-            "error": (
-                [self.failures.get(at, "") for at in np.ndindex(self.shape)],
-                "",
-                "why there is no result",
-            ),
+            "error": (errors, "", "why there is no result"),
         }
         return table_contents(columns, {**model_record(self.system), "boundaries": self._boundary_records})
-
-
-def _cut_table(cut: Cut) -> RenderableType:
-    from rich.text import Text
-
-    where = f"Along {cut.along} at {_span(cut.across, np.array([cut.value]))}"
-    if not cut.crossings:
-        return Text(f"\n{where}: no boundary")
-    made = table(where, "at", "kind", left=0)
-    for at, kind in cut.crossings:
-        made.add_row(_span(cut.along, np.array([at]), 9), kind)
-    return made
 
 
 def _range(name: str, values: Array) -> str:
@@ -307,7 +295,7 @@ def _ticks(end: float) -> list[float]:
 
 def _factor(name: str) -> float:
     """From SI units to those shown."""
-    return 30 / math.pi if name == "speed" else 1.0
+    return RPM if name == "speed" else 1.0
 
 
 def _label(system: PeriodicSystem, name: str) -> str:

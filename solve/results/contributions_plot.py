@@ -6,7 +6,7 @@ from solve.arrays import Array
 from solve.beams.observations import Contributions
 from solve.results.plot import label_phases, shades, title_of
 from solve.results.quantities import prefixed
-from solve.results.style import BLACK, GREY, VERMILION, Figure, new_figure, styled
+from solve.results.style import BLACK, GREY, VERMILION, Figure, page
 from solve.system import PeriodicSystem
 
 
@@ -17,9 +17,7 @@ def contributions_figure(
     the output if modes did not couple."""
     factor, unit = prefixed(model.units[found.output], float(np.abs(found.total).max()))
     degrees = np.degrees(found.phase)
-    with styled():
-        figure = new_figure(3.3)
-        figure.suptitle(f"{title_of(model)}: modes at {speed:.6g} rad/s", fontweight="bold")
+    with page(3.3, f"{title_of(model)}: modes at {speed:.6g} rad/s") as figure:
         axes = figure.subplots()
         axes.axhline(0.0, color=GREY, linewidth=0.7)
         axes.plot(degrees, found.total * factor, color=BLACK, linewidth=2.0, label="all modes")

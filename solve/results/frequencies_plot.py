@@ -1,10 +1,8 @@
 """Pictures of natural frequencies: mode shapes, over the turn, over a parameter."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,18 +19,13 @@ from solve.results.style import (
     PURPLE,
     SKY,
     VERMILION,
-    new_figure,
-    styled,
+    Axes,
+    Figure,
+    page,
 )
 from solve.system import DrawnLink, ModeShape, PeriodicSystem
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-
-_ALONE = (PURPLE, VERMILION, GREEN, ORANGE, SKY, GREY)
 
 _DEFLECTION = 0.1
 """Largest displacement drawn, as a part of the structure's size."""
@@ -56,10 +49,8 @@ def shapes_figure(system: PeriodicSystem, position: float, every: Sequence[ModeS
     width, height = high - low
     row = 0.3 + 0.95 * PAGE_WIDTH / columns * height / width
     where = f" at {math.degrees(position):.4g}°" if system.moves else ""
-    with styled():
-        made = new_figure(0.4 + rows * row)
-        lowest = f", the lowest {len(shapes)} of {len(every)}" if len(shapes) < len(every) else ""
-        made.suptitle(f"{title_of(system)}: mode shapes{where}{lowest}", fontweight="bold")
+    lowest = f", the lowest {len(shapes)} of {len(every)}" if len(shapes) < len(every) else ""
+    with page(0.4 + rows * row, f"{title_of(system)}: mode shapes{where}{lowest}") as made:
         axes = made.subplots(rows, columns, squeeze=False)
         for place in axes.flat:
             place.set_axis_off()
@@ -76,9 +67,7 @@ def turn_figure(system: PeriodicSystem, positions: Array, frequencies: Array) ->
     from matplotlib.ticker import MultipleLocator
 
     degrees = np.degrees(np.append(positions, positions[0] + system.period))
-    with styled():
-        made = new_figure(3.6)
-        made.suptitle(f"{title_of(system)}: natural frequencies over the turn", fontweight="bold")
+    with page(3.6, f"{title_of(system)}: natural frequencies over the turn") as made:
         axes = made.subplots()
         for k, values in enumerate(frequencies.T):
             color = _COLORS[k % len(_COLORS)]
@@ -90,8 +79,7 @@ def turn_figure(system: PeriodicSystem, positions: Array, frequencies: Array) ->
         if degrees[-1] - degrees[0] > 180:
             axes.xaxis.set_major_locator(MultipleLocator(60))
         axes.set_xlabel("position of the drive (deg)")
-        axes.set_ylabel("natural frequency (rad/s)")
-        _hertz(axes)
+        _label_frequencies(axes)
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(frequencies.shape[1], 4))
     return made
 
@@ -109,9 +97,7 @@ def variation_figure(
     lowest: mean, min and max (v,) of the positions, which are a whole turn or one; pinned: by link.
     """
     unit, meaning = system.parameter_labels[parameter]
-    with styled():
-        made = new_figure(3.8)
-        made.suptitle(f"{title_of(system)}: lowest frequency over {parameter}", fontweight="bold")
+    with page(3.8, f"{title_of(system)}: lowest frequency over {parameter}") as made:
         axes = made.subplots()
         if whole:
             axes.fill_between(values, lowest["min"], lowest["max"], color=BLUE, alpha=0.15, linewidth=0)
@@ -124,8 +110,7 @@ def variation_figure(
         axes.set_ylim(0, top)
         axes.set_xlim(values.min(), values.max())
         axes.set_xlabel(f"{parameter}: {meaning}" + (f" ({unit})" if unit != "1" else ""))
-        axes.set_ylabel("natural frequency (rad/s)")
-        _hertz(axes)
+        _label_frequencies(axes)
         axes.legend(loc="best")
     return made
 
@@ -154,13 +139,9 @@ def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> Non
                 axes.plot(*moved[end], zorder=3, **_MARKERS[held])
 
 
-def _hertz(axes: Axes) -> None:
-    """The same scale in Hz on the right."""
-
-    def hertz(omega: Any) -> Any:
-        return omega / (2 * math.pi)
-
-    def omega(hertz: Any) -> Any:
-        return hertz * 2 * math.pi
-
-    axes.secondary_yaxis("right", functions=(hertz, omega)).set_ylabel("Hz")
+def _label_frequencies(axes: Axes) -> None:
+    """The vertical axis in rad/s, and the same scale in Hz on the right."""
+    turn = 2 * math.pi
+    axes.set_ylabel("natural frequency (rad/s)")
+    both = axes.secondary_yaxis("right", functions=(lambda omega: omega / turn, lambda hertz: hertz * turn))
+    both.set_ylabel("Hz")

@@ -1,10 +1,11 @@
 """The periodic solution: a continuous curve over one turn, with its stability and its warnings."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +13,11 @@ from solve.arrays import Array
 from solve.errors import MatricesError, UnknownNameError
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, Signal, harmonics, samples_a_step, statistics
-from solve.results.contents import Contents, orbit_contents
+from solve.results.contents import Contents, Variable, require_different_names
 from solve.results.plot import Motion, orbit_figure
+from solve.results.quantities import fixed, prefixed
+from solve.results.record import plain
+from solve.results.report import RenderableType, Table, stacked, table
 from solve.results.rows import checked_scale, shown
 from solve.results.save import checked_data, dataset, save
 from solve.results.stability import Stability
@@ -23,6 +27,9 @@ from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import xarray
+
+_LONGEST_NAME = 26
+_RANKS = ("strongest", "second", "third")
 
 
 class Turn:
@@ -59,6 +66,37 @@ class Turn:
     def harmonics(self, name: str, count: int = 60) -> tuple[Array, Array]:
         """Amplitudes [A0 … A_count] and phase angles of A0 + Σ A_k cos(kφ + ψ_k), k counted per period."""
         return harmonics(self.signal(name), self.system.period, count, self.samples)
+
+    def turn_record(self, count: int) -> dict[str, Any]:
+        """Figures and `count` harmonics of every coordinate and output."""
+        system = self.system
+
+        def quantity(name: str) -> dict[str, Any]:
+            amplitudes, phases = self.harmonics(name, count)
+            labels = {"unit": system.units.get(name, ""), "meaning": system.meanings.get(name, "")}
+            figures = self.statistics(name)._asdict()
+            return {**labels, **figures, "harmonics": amplitudes, "phases": phases}
+
+        parts = {"coordinates": system.coordinates, "outputs": system.outputs}
+        return {part: {name: quantity(name) for name in names} for part, names in parts.items()}
+
+    def extrema_table(self, title: str) -> Table:
+        """Largest, least and mean values, and at which phases."""
+        made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
+        for name in self.system.known_quantities():
+            found = self.statistics(name)
+            factor, unit = prefixed(self.system.units.get(name, ""), found.max_abs)
+            high, low, mean = (
+                fixed(value * factor, found.max_abs * factor) for value in (found.max, found.min, found.mean)
+            )
+            high_at, low_at = map(self._degrees, (found.max_phase, found.min_phase))
+            made.add_row(_broken(name), unit, high, high_at, low, low_at, mean)
+        return made
+
+    def _degrees(self, phase: float) -> str:
+        """A phase of the drive, the end of the turn as its beginning."""
+        rounded = round(math.degrees(phase), 1)
+        return f"{rounded if rounded < round(math.degrees(self.system.period), 1) else 0.0:.1f}°"
 
 
 @dataclass(frozen=True)
@@ -165,10 +203,73 @@ class Orbit(Stability, Turn):
         figures = {name: self.statistics(name) for name in self.system.judged_quantities}
         return [*super().warnings, *self.system.judged(figures)]
 
+    def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
+        """Of `solve periodic --json`, with `harmonics` amplitudes above the mean for every quantity."""
+        turn = self.turn_record(harmonics)
+        ends = {"residual": self.residual, "warnings": self.warnings}
+        beside = {"quasi_static": self.quasi_static.turn_record(harmonics)} if quasi_static else {}
+        return plain({**self.problem, **turn, **self._verdict_record, **ends, **beside})
+
+    def report(self, choices: Sequence[str] = (), quasi_static: bool = False) -> RenderableType:
+        """Everything that `solve periodic` has to say but its warnings."""
+        parts = [self._heading(choices), self.extrema_table("Motion over one period"), self._order_table()]
+        if quasi_static:
+            title = "Quasi-static, without inertia and damping"
+            parts.append(self.quasi_static.extrema_table(title))
+        return stacked(*parts, self._multiplier_table(), self._verdict_line())
+
+    def _accuracy(self) -> tuple[list[str], list[str]]:
+        errors, checks = super()._accuracy()
+        errors = [f"orbit {self.error_estimate.orbit:.1e}", *errors, f"residual {self.residual:.1e}"]
+        return errors, [*checks, f"condition {self.condition:.1e}"]
+
+    def _order_table(self) -> Table:
+        made = table("Strongest orders: amplitude in that unit, phase angle", "quantity", *_RANKS)
+        rotation = 2 * math.pi / self.system.period
+        for name in self.system.known_quantities():
+            amplitudes, angles = self.harmonics(name, self.samples // 8)
+            factor, _ = prefixed(self.system.units.get(name, ""), self.statistics(name).max_abs)
+            cells = []
+            for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
+                size = amplitudes[k] * factor
+                amplitude = f"{k * rotation:g}: {fixed(size, size, 4)}"
+                cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if size else "–")
+            made.add_row(_broken(name), *cells)
+        return made
+
     def contents(self) -> Contents:
-        """Time, phase, coordinates, outputs and rates at the nodes, multipliers and exponents: for a file."""
-        state, stability = (self.q, self.qd, self.qdd), super().contents()
-        return orbit_contents(self.system, (self.phase, self.time), state, self.outputs, stability)
+        """Time, phase, coordinates, outputs and rates at the nodes, multipliers and exponents, for a file.
+
+        In .npz and .mat: phase, time (m+1,); q, qd, qdd (n, m+1) with the names `coordinates`;
+        output_values (k, m+1) with the names `outputs`; multipliers, exponents (complex); metadata (JSON).
+        Raises ValueOutOfBoundsError where two of them have one name.
+        """
+        system, stability, outputs = self.system, super().contents(), self.outputs
+        arrays = {name: getattr(self, name) for name in ("phase", "time", "q", "qd", "qdd")}
+        arrays |= {
+            "coordinates": np.array(system.coordinates),
+            "outputs": np.array(system.outputs, dtype=str),
+            "output_values": np.array([outputs[name] for name in system.outputs]).reshape(
+                -1, len(self.phase)
+            ),
+        }
+        time = Variable("phase", self.time, "s", "time")
+        curves = [("time", time), ("phase", Variable("phase", self.phase, "rad", "phase of the drive"))]
+        for name, values in (*zip(system.coordinates, self.q, strict=True), *outputs.items()):
+            unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
+            curves.append((name, Variable("phase", values, unit, meaning)))
+        rates = []
+        for suffix, word, per, rows in (
+            ("d", "velocity", "/s", self.qd),
+            ("dd", "acceleration", "/s^2", self.qdd),
+        ):
+            for name, values in zip(system.coordinates, rows, strict=True):
+                unit = system.units.get(name, "")
+                rate = Variable("phase", values, unit and unit + per, f"{word} of {name}")
+                rates.append((name + suffix, rate))
+        rates += stability.columns.items()
+        require_different_names([*curves, *rates])
+        return Contents(dict(curves), dict(rates), arrays | stability.arrays, stability.metadata)
 
     def plot(
         self,
@@ -190,17 +291,22 @@ class Orbit(Stability, Turn):
             beside = self.quasi_static.signal(name)(phase) if quasi_static else None
             amplitudes, _ = self.harmonics(name, harmonics or self.samples // 8)
             motions[name] = Motion(self.signal(name)(phase), beside, amplitudes)
-        return orbit_figure(self.system, self.speed, motions, self._drawn, scale)
+        return orbit_figure(self.system, self.speed, motions, self._panel, scale)
 
     def save(self, path: str | Path) -> None:
         """Write the orbit as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.
 
         Raises FileError, and MissingExtraError for .nc without its packages.
         """
-        file = checked_data(path)
-        save(self.contents(), file)
+        save(self.contents(), checked_data(path))
 
     def to_xarray(self) -> "xarray.Dataset":
         """The orbit over the phase: a variable a coordinate and output; the rates of coordinate q1 are q1d
         and q1dd. Raises MissingExtraError without xarray."""
         return dataset(self.contents())
+
+
+def _broken(name: str) -> str:
+    """A long name on two lines, parted at an underscore: 80 columns leave it no more than these."""
+    place = name.rfind("_", 0, _LONGEST_NAME) + 1
+    return name if len(name) <= _LONGEST_NAME or not place else f"{name[:place]}\n{name[place:]}"

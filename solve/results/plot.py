@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.quantities import prefixed
-from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, new_figure, styled
+from solve.results.quantities import RPM, named, prefixed
+from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
 from solve.system import PeriodicSystem
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
@@ -64,11 +64,9 @@ def orbit_figure(
     be seen.
     """
     heights = [0.95 + _ROW_HEIGHTS[len(motions) - 1] * len(motions), _CIRCLE_ROW]
-    with styled():
-        figure = new_figure(sum(heights))
+    with page(sum(heights), titled(system, speed)) as figure:
         grid = figure.add_gridspec(2, 1, height_ratios=heights)
         upper, lower = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-        figure.suptitle(titled(system, speed), fontweight="bold")
         axes = upper.subplots(len(motions), 2, sharex="col", squeeze=False, width_ratios=(1.2, 1))
         orders = _orders(motions, scale)
         for (left, right), (name, motion) in zip(axes, motions.items(), strict=True):
@@ -84,16 +82,14 @@ def orbit_figure(
 
 def stability_figure(system: PeriodicSystem, speed: float, panel: StabilityPanel) -> Figure:
     """Multipliers on the unit circle, and a closer look at small ones."""
-    with styled():
-        figure = new_figure(_CIRCLE_ROW + 0.4)
-        figure.suptitle(titled(system, speed), fontweight="bold")
+    with page(_CIRCLE_ROW + 0.4, titled(system, speed)) as figure:
         _draw_stability(figure, panel)
     return figure
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:
     """Model, case and speed."""
-    return f"{title_of(system)}, {speed * 30 / math.pi:.6g} rpm"
+    return f"{title_of(system)}, {speed * RPM:.6g} rpm"
 
 
 def title_of(system: PeriodicSystem) -> str:
@@ -140,6 +136,15 @@ def shades(count: int) -> list[dict[str, Any]]:
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
     return [{"color": colour, "dashes": _DASHES[k % len(_DASHES)]} for k, colour in enumerate(colours)]
+
+
+def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:
+    """Name the vertical axis for these values of a quantity, or of a figure of it, and say its meaning above;
+    the factor from SI units to those shown."""
+    factor, unit = prefixed(system.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
+    axes.set_ylabel(labelled(named(figure, name) if figure else name, unit))
+    axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
+    return factor
 
 
 def labelled(name: str, unit: str) -> str:

@@ -36,9 +36,3 @@ def model_record(system: PeriodicSystem) -> dict[str, Any]:
         "parameters": dict(system.parameters),
         "options": dict(system.options),
     }
-
-
-def problem_record(system: PeriodicSystem, speed: float, method: str, steps: int) -> dict[str, Any]:
-    """What was solved, and how; speed in rad/s."""
-    numbers = {"speed": speed, "period": system.period / speed}
-    return {**model_record(system), **numbers, "method": method, "steps": steps}

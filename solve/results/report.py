@@ -29,6 +29,20 @@ def described(method: Method) -> str:
     return f"{method.name} ({', '.join(numbers)})" if numbers else method.name
 
 
+def stacked(*parts: RenderableType) -> RenderableType:
+    """Parts of a report, one below the other."""
+    from rich.console import Group
+
+    return Group(*parts)
+
+
+def text(words: str, style: str = "") -> RenderableType:
+    """Words of a report, in a style of rich."""
+    from rich.text import Text
+
+    return Text(words, style)
+
+
 def table(title: str, *columns: str, left: int = 1) -> Table:
     """A table of this program: the first `left` columns are text, the others numbers."""
     from rich.box import SIMPLE_HEAD

@@ -16,15 +16,12 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     ValueOutOfBoundsError for more rows than a page holds."""
     if not names:
         return list(system.coordinates[:MOST_ROWS])
-    known = (*system.coordinates, *system.outputs)
-    for name in names:
-        if name not in known:
-            raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
+    known = system.known_quantities(names)
     if len(names) > MOST_ROWS:
         raise ValueOutOfBoundsError(
             f"{len(names)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
         )
-    return list(dict.fromkeys(names))
+    return list(known)
 
 
 def checked_scale(scale: str) -> str:

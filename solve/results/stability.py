@@ -11,11 +11,15 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified
 from solve.period.multipliers import VERDICTS, Multipliers, verdicts
-from solve.results.contents import Contents, stability_contents
+from solve.results.contents import Contents, Variable
 from solve.results.plot import StabilityPanel, stability_figure
-from solve.results.record import problem_record
+from solve.results.record import model_record, plain
+from solve.results.report import RenderableType, Table, described, heading, stacked, table
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
+
+_MOST_MULTIPLIERS = 8
+_VERDICT_STYLE = {"asymptotically stable": "bold green", "stable": "bold yellow", "unstable": "bold red"}
 
 
 class ErrorEstimate(NamedTuple):
@@ -125,7 +129,65 @@ class Stability:
     @property
     def problem(self) -> dict[str, Any]:
         """What was solved, and how, as plain data."""
-        return problem_record(self.system, self.speed, self.method, self.steps)
+        solved = {"speed": self.speed, "period": self.period, "method": self.method, "steps": self.steps}
+        return {**model_record(self.system), **solved}
+
+    def record(self) -> dict[str, Any]:
+        """Of `solve floquet --json`."""
+        return plain({**self.problem, **self._verdict_record, "residual": None, "warnings": self.warnings})
+
+    @property
+    def _verdict_record(self) -> dict[str, Any]:
+        names = "multipliers unresolved exponents spectral_radius verdict stable error_estimate"
+        names += " distance_from_one liouville condition notes"
+        found = {name: getattr(self, name) for name in names.split()}
+        return {**found, "error_estimate": self.error_estimate._asdict()}
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """Everything that `solve floquet` has to say but its warnings."""
+        return stacked(self._heading(choices), self._multiplier_table(), self._verdict_line())
+
+    def _heading(self, choices: Sequence[str]) -> Table:
+        grid = heading(self.system, self.speed, choices)
+        grid.add_row("method", f"{described(self.certified.method)}, {self.steps} steps a period")
+        errors, checks = self._accuracy()
+        grid.add_row("errors", f"{', '.join(errors)} (relative)")
+        grid.add_row("checks", ", ".join(checks))
+        for note in self.notes:
+            grid.add_row("note", note)
+        return grid
+
+    def _accuracy(self) -> tuple[list[str], list[str]]:
+        """Errors, and what the result was checked by, in words."""
+        checks = [f"Liouville {self.liouville:.1e}", f"nearest ρ to +1 at {self.distance_from_one:.2g}"]
+        return [f"multipliers {self.error_estimate.multipliers:.1e}"], checks
+
+    def _multiplier_table(self) -> Table:
+        columns = "Re ρ", "Im ρ", "|ρ|", "growth (1/s)", "frequency (Hz)"
+        made = table("Floquet multipliers ρ", *columns, left=0)
+        every = zip(self.multipliers, self.exponents, strict=True)
+        pairs = [(rho, exponent) for rho, exponent in every if rho.imag >= 0]
+        for rho, exponent in pairs[:_MOST_MULTIPLIERS]:
+            made.add_row(
+                f"{rho.real:.7g}",
+                f"± {rho.imag:.7g}" if rho.imag else "0",
+                f"{abs(rho):.7g}",
+                f"{exponent.real:.5g}",
+                f"{exponent.imag / (2 * math.pi):.5g}",
+            )
+        smaller = len(pairs) - _MOST_MULTIPLIERS
+        rest = [f"{smaller} smaller"] * (smaller > 0)
+        rest += [f"{self.unresolved} lost in rounding: practically 0"] * (self.unresolved > 0)
+        if rest:
+            made.caption = "and " + ", ".join(rest)
+        return made
+
+    def _verdict_line(self) -> RenderableType:
+        from rich.text import Text
+
+        radius, error = self.spectral_radius, self.error_estimate.multipliers
+        line = Text("\n").append(self.verdict, _VERDICT_STYLE[self.verdict])
+        return line.append(f": spectral radius {radius:.10g} ± {error * radius:.0e}")
 
     def contents(self) -> Contents:
         """Multipliers and exponents, for a file."""
@@ -138,14 +200,22 @@ class Stability:
             "units": dict(self.system.units),
             "meanings": dict(self.system.meanings),
         }
-        return stability_contents(self.multipliers, self.exponents, metadata)
+        rho, exponents = self.multipliers, self.exponents
+        columns = {
+            "multiplier_re": (np.real(rho), "1", "Floquet multiplier, real part"),
+            "multiplier_im": (np.imag(rho), "1", "Floquet multiplier, imaginary part"),
+            "exponent_re": (np.real(exponents), "1/s", "Floquet exponent, real part: growth"),
+            "exponent_im": (np.imag(exponents), "rad/s", "Floquet exponent, imaginary part"),
+        }
+        variables = {name: Variable("multiplier", *column) for name, column in columns.items()}
+        return Contents(variables, {}, {"multipliers": rho, "exponents": exponents}, plain(metadata))
 
     def plot(self) -> Figure:
         """Multipliers on the unit circle, and a closer look at small ones."""
-        return stability_figure(self.system, self.speed, self._drawn)
+        return stability_figure(self.system, self.speed, self._panel)
 
     @property
-    def _drawn(self) -> StabilityPanel:
+    def _panel(self) -> StabilityPanel:
         orbit, multipliers = self.error_estimate
         lines = [
             f"|ρ| max = {self.spectral_radius:.6g}",

@@ -71,6 +71,15 @@ def new_figure(height: float) -> Figure:
     return figure
 
 
+@contextmanager
+def page(height: float, title: str) -> Iterator[Figure]:
+    """A new figure under a title, `height` inches high, and the style of this program while it is drawn."""
+    with styled():
+        figure = new_figure(height)
+        figure.suptitle(title, fontweight="bold")
+        yield figure
+
+
 def save_figure(figure: Figure, file: Path) -> None:
     """Write the figure as the file's ending says, the same bytes every time. Raises FileError."""
     metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix.lower(), {})

@@ -16,9 +16,9 @@ from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Contents, table_contents
 from solve.results.points import FAILED, FIGURES, PointResults
-from solve.results.quantities import fixed, prefixed
+from solve.results.quantities import RPM, fixed, prefixed
 from solve.results.record import model_record, plain
-from solve.results.report import RenderableType, model_heading, table
+from solve.results.report import RenderableType, model_heading, stacked, table
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
 from solve.results.sweep_plot import sweep_figure, waterfall_figure
@@ -61,6 +61,24 @@ class SweepPoint:
     def stable(self) -> bool | None:
         """None where the point failed or its verdict is undetermined."""
         return None if self.verdict in {"", "undetermined"} else self.verdict != "unstable"
+
+    def record(self, system: PeriodicSystem) -> dict[str, Any]:
+        """As plain data; the system is that of the sweep."""
+        if self.error is not None:
+            return {"speed": self.speed, "error": self.error}
+        names = "spectral_radius", "verdict", "stable", "method", "steps"
+        return {
+            "speed": self.speed,
+            "coordinates": self._figures(system, system.coordinates),
+            "outputs": self._figures(system, system.outputs),
+            **{name: getattr(self, name) for name in names},
+            "error_estimate": self.error_estimate._asdict(),
+            "warnings": self.warnings,
+        }
+
+    def _figures(self, system: PeriodicSystem, names: Sequence[str]) -> dict[str, Any]:
+        kept = {name: self.statistics[name] for name in names if name in self.statistics}
+        return {name: {"unit": system.units.get(name, ""), **kept[name]._asdict()} for name in kept}
 
 
 @dataclass(frozen=True)
@@ -159,7 +177,7 @@ class Sweep:
 
     def record(self) -> dict[str, Any]:
         """Of `solve sweep --json`."""
-        points = [_point_record(self.system, point) for point in self.points]
+        points = [point.record(self.system) for point in self.points]
         return plain({**model_record(self.system), "speeds": self.speeds, "points": points})
 
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
@@ -173,84 +191,48 @@ class Sweep:
         spectrum the sweep was not asked for."""
         return waterfall_figure(self.system, self.speeds, name, self.spectrum(name))
 
-    def report(self, names: Sequence[str], choices: Sequence[str] = ()) -> RenderableType:
+    def report(self, choices: Sequence[str] = (), names: Sequence[str] = ()) -> RenderableType:
         """A row a speed with the largest moduli of these quantities, as many as fit."""
-        from rich.console import Group
-
         sizes = {name: float(np.nanmax(self.figures(name), initial=0.0)) for name in names}
         scales = {name: prefixed(self.system.units.get(name, ""), size) for name, size in sizes.items()}
         columns = [f"max|{name}| ({unit})" if unit else f"max|{name}|" for name, (_, unit) in scales.items()]
-        fitting = max(
-            1, sum(width <= _WIDTH for width in itertools.accumulate(len(each) + 2 for each in columns))
-        )
-        scales = dict(itertools.islice(scales.items(), fitting))
+        widths = itertools.accumulate(len(each) + 2 for each in columns)
+        fitting = max(1, sum(width <= _WIDTH for width in widths))
         every = math.ceil(len(self.points) / _MOST_ROWS)
         title = "Over speed" if every == 1 else f"Over speed: one in {every} of {len(self.points)}"
         made = table(title, "rpm", *columns[:fitting], "|ρ|", "stability", left=0)
         if fitting < len(names):
             made.caption = "others by --show NAME, all by --json"
-        for point in self.points[::every]:
-            row = [
-                fixed(point.statistics[name].max_abs * factor, sizes[name] * factor, 6)
-                if name in point.statistics
-                else "–"
-                for name, (factor, _) in scales.items()
+        for at in range(0, len(self.points), every):
+            point = self.points[at]
+            moduli = [
+                fixed(self.figures(name)[at] * factor, sizes[name] * factor, 6)
+                for name, (factor, _) in itertools.islice(scales.items(), fitting)
             ]
             verdict = "failed" if point.error else point.verdict.removesuffix("ally stable")
             radius = "–" if point.error else f"{point.spectral_radius:.6g}"
-            made.add_row(f"{point.speed * 30 / math.pi:.7g}", *row, radius, verdict)
-        return Group(model_heading(self.system, choices), made)
+            made.add_row(f"{point.speed * RPM:.7g}", *moduli, radius, verdict)
+        return stacked(model_heading(self.system, choices), made)
 
     def contents(self) -> Contents:
         """A row a speed, for a file."""
-        system = self.system
+        system, points = self.system, self.points
         columns: dict[str, tuple[Any, str, str]] = {"speed": (self.speeds, "rad/s", "speed of rotation")}
-        for name in (*system.coordinates, *system.outputs):
+        for name in system.known_quantities():
+            unit, meaning = system.units.get(name, ""), system.meanings.get(name, name)
             for figure in ("max", "min", "max_abs", "mean", "rms"):
-                meaning = f"{figure} of {system.meanings.get(name, name)}"
-                columns[f"{name}_{figure}"] = (
-                    self.figures(name, figure),
-                    system.units.get(name, ""),
-                    meaning,
-                )
-        points = self.points
-        columns["spectral_radius"] = (self.spectral_radius, "1", "largest modulus of a Floquet multiplier")
-        columns["verdict"] = ([point.verdict for point in points], "", "stability")
-        columns["steps"] = ([point.steps for point in points], "", "a period")
-        columns["error"] = ([point.error or "" for point in points], "", "why there is no result")
+                columns[f"{name}_{figure}"] = self.figures(name, figure), unit, f"{figure} of {meaning}"
+        columns |= {
+            "spectral_radius": (self.spectral_radius, "1", "largest modulus of a Floquet multiplier"),
+            "verdict": ([point.verdict for point in points], "", "stability"),
+            "steps": ([point.steps for point in points], "", "a period"),
+            "error": ([point.error or "" for point in points], "", "why there is no result"),
+        }
         return table_contents(columns, model_record(system))
 
 
 def _where(speeds: list[float], total: int) -> str:
-    first, low, high = (f"{speed * 30 / math.pi:.6g} rpm" for speed in (speeds[0], min(speeds), max(speeds)))
+    first, low, high = (f"{speed * RPM:.6g} rpm" for speed in (speeds[0], min(speeds), max(speeds)))
     if len(speeds) == 1:
         return f"at {first}"
     return f"at {first}; of this kind at {len(speeds)} of {total} speeds, from {low} to {high}"
-
-
-def _point_record(system: PeriodicSystem, point: SweepPoint) -> dict[str, Any]:
-    if point.error is not None:
-        return {"speed": point.speed, "error": point.error}
-
-    def quantities(names: Sequence[str]) -> dict[str, Any]:
-        return {
-            name: {
-                "unit": system.units.get(name, ""),
-                **{figure: getattr(point.statistics[name], figure) for figure in FIGURES},
-            }
-            for name in names
-            if name in point.statistics
-        }
-
-    return {
-        "speed": point.speed,
-        "coordinates": quantities(system.coordinates),
-        "outputs": quantities(system.outputs),
-        "spectral_radius": point.spectral_radius,
-        "verdict": point.verdict,
-        "stable": point.stable,
-        "method": point.method,
-        "steps": point.steps,
-        "error_estimate": point.error_estimate._asdict(),
-        "warnings": point.warnings,
-    }

@@ -1,6 +1,5 @@
 """Response over speed for several systems beside each other, such as one model with several lengths."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -8,15 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.plot import label_speeds, labelled, shades, title_of
-from solve.results.quantities import named, prefixed
-from solve.results.style import GREY, Figure, new_figure, styled
+from solve.results.plot import label_quantity, label_speeds, shades, title_of
+from solve.results.quantities import RPM
+from solve.results.style import Figure, page
 from solve.results.sweep import Sweep
 
 _PROMINENT = 1e-3
 """Part of its height by which an extreme must stand out from its surroundings."""
 
-_RPM = 30 / math.pi
 PEAK, QUIET = "peak", "quiet"
 
 
@@ -65,18 +63,13 @@ class Sweeps:
         responses = {name: self.figures(name, figure) for name in quantities}
         system = next(iter(self.sweeps.values())).system
         order = np.argsort(self.speeds)
-        rpm = self.speeds[order] * _RPM
-        with styled():
-            made = new_figure(1.1 + 1.9 * len(responses))
-            made.suptitle(f"{title_of(system)}: response over speed", fontweight="bold")
+        rpm = self.speeds[order] * RPM
+        with page(1.1 + 1.9 * len(responses), f"{title_of(system)}: response over speed") as made:
             axes = made.subplots(len(responses), 1, sharex=True, squeeze=False)[:, 0]
             for place, (name, values) in zip(axes, responses.items(), strict=True):
-                largest = float(np.nanmax(np.abs(values), initial=0.0))
-                factor, unit = prefixed(system.units.get(name, ""), largest)
+                factor = label_quantity(place, system, name, values, figure)
                 for label, row, shade in zip(self.sweeps, values, shades(len(self.sweeps)), strict=True):
                     place.plot(rpm, row[order] * factor, label=label, **shade)
-                place.set_ylabel(labelled(named(figure, name), unit))
-                place.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
                 if np.nanmin(values, initial=0.0) >= 0:
                     place.set_ylim(bottom=0.0)
             label_speeds(axes[-1], rpm)

@@ -1,15 +1,14 @@
 """Picture of one quantity over the turn at several speeds, a curve a speed."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError
 from solve.results.orbit import Orbit
-from solve.results.plot import label_phases, labelled, shades, title_of
-from solve.results.quantities import prefixed
-from solve.results.style import GREY, Axes, Figure, new_figure, styled
+from solve.results.plot import label_phases, label_quantity, shades, title_of
+from solve.results.quantities import RPM
+from solve.results.style import GREY, Figure, page
 from solve.system import PeriodicSystem
 
 MOST_CURVES = 12
@@ -19,9 +18,7 @@ MOST_CURVES = 12
 def checked_turn(system: PeriodicSystem, name: str, curves: int) -> str:
     """The name itself. Raises UnknownNameError, and ValueOutOfBoundsError for more curves than one picture
     can tell apart."""
-    known = (*system.coordinates, *system.outputs)
-    if name not in known:
-        raise UnknownNameError(f"coordinate or output of {system.name}", name, known)
+    system.known_quantities([name])
     if curves > MOST_CURVES:
         raise ValueOutOfBoundsError(
             f"{curves} speeds to draw over the turn; allowed: up to {MOST_CURVES}, such as "
@@ -35,31 +32,22 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     system. Raises UnknownNameError and ValueOutOfBoundsError."""
     checked_turn(orbits[0].system, name, len(orbits))
     ordered = sorted(orbits, key=lambda orbit: orbit.speed)
-    labelled_by = {f"{orbit.speed * 30 / math.pi:.6g}": orbit for orbit in ordered}
-    return curves_figure(labelled_by, name, "speed (rpm)", reverse=True)
+    by_speed = {f"{orbit.speed * RPM:.6g}": orbit for orbit in ordered}
+    return curves_figure(by_speed, name, "speed (rpm)", reverse=True)
 
 
 def curves_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: bool = False) -> Figure:
     """A coordinate or output over one period, a curve an orbit, by their labels; the systems of the orbits
     have one period and the same names."""
     system = next(iter(orbits.values())).system
-    with styled():
-        figure = new_figure(3.3)
-        figure.suptitle(f"{title_of(system)}: {name.replace('_', ' ')} over one turn", fontweight="bold")
+    phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits.values()) + 1)
+    curves = np.array([orbit.signal(name)(phase) for orbit in orbits.values()])
+    with page(3.3, f"{title_of(system)}: {name.replace('_', ' ')} over one turn") as figure:
         axes = figure.subplots()
-        _draw_curves(axes, orbits, name)
-        axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
+        factor = label_quantity(axes, system, name, curves)
+        axes.axhline(0.0, color=GREY, linewidth=0.7)
+        for label, values, shade in zip(orbits, curves, shades(len(orbits)), strict=True):
+            axes.plot(np.degrees(phase), values * factor, label=label, **shade)
         label_phases(axes, system.period)
         figure.legend(title=title, loc="outside right center", handlelength=2.4, reverse=reverse)
     return figure
-
-
-def _draw_curves(axes: Axes, orbits: Mapping[str, Orbit], name: str) -> None:
-    system = next(iter(orbits.values())).system
-    phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits.values()) + 1)
-    curves = [orbit.signal(name)(phase) for orbit in orbits.values()]
-    factor, unit = prefixed(system.units.get(name, ""), max(float(np.abs(values).max()) for values in curves))
-    axes.axhline(0.0, color=GREY, linewidth=0.7)
-    for label, values, shade in zip(orbits, curves, shades(len(orbits)), strict=True):
-        axes.plot(np.degrees(phase), values * factor, label=label, **shade)
-    axes.set_ylabel(labelled(name, unit))

@@ -11,7 +11,6 @@ from rich.console import Console
 import solve
 from solve.errors import MatricesError
 from solve.results.orbit import QuasiStatic
-from solve.results.orbit_report import orbit_record, orbit_report, stability_record, stability_report
 from solve.results.record import plain
 from solve.results.report import described
 from tests.solve.results.problems import SPEED, chain, orbit, oscillators
@@ -25,7 +24,7 @@ def text_of(report, width=80):
 
 def test_a_system_of_ones_own_is_reported():
     """x is 1/2 + cos(φ + ψ)/|4 - 9 + 1.2i|, tan ψ = -1.2/(4 - 9): its maximum lies at φ = 166.5°."""
-    text = text_of(orbit_report(orbit()))
+    text = text_of(orbit().report())
     assert "two oscillators" in text
     assert "28.6479 rpm = 3 rad/s" in text
     rows = [line.split() for line in text.splitlines()]
@@ -41,7 +40,7 @@ def test_phases_are_those_of_the_drive_however_long_the_period_is():
 
     system = solve.PeriodicSystem(matrices, ["x"], period=4 * math.pi)
     behind = 2 * math.degrees(math.atan2(0.4 * SPEED / 2, 4.0 - (SPEED / 2) ** 2))
-    rows = [line.split() for line in text_of(orbit_report(solve.periodic(system, SPEED))).splitlines()]
+    rows = [line.split() for line in text_of(solve.periodic(system, SPEED).report()).splitlines()]
     (row,) = (row for row in rows if row[:1] == ["x"] and len(row) == 6)
     assert [row[2], row[4]] == [f"{behind:.1f}°", f"{behind + 360:.1f}°"]
 
@@ -53,13 +52,13 @@ def test_the_end_of_the_turn_is_its_beginning():
 
     orbit = solve.periodic(solve.PeriodicSystem(matrices, ["x"]), SPEED)
     assert math.degrees(orbit.statistics("x").max_phase) == pytest.approx(360.0, abs=0.01)
-    text = text_of(orbit_report(orbit))
+    text = text_of(orbit.report())
     assert " 0.0°" in text
     assert "360.0°" not in text
 
 
 def test_records_are_json_without_nan():
-    record = orbit_record(orbit(), harmonics=3, quasi_static=True)
+    record = orbit().record(harmonics=3, quasi_static=True)
     assert json.loads(json.dumps(record, allow_nan=False)) == record
     assert record["case"] is None
     assert record["parameters"] == {}
@@ -68,7 +67,7 @@ def test_records_are_json_without_nan():
         math.hypot(0.5, 0.5**0.5 / abs(-5 + 1.2j)), rel=1e-9
     )
     assert record["quasi_static"]["coordinates"]["x"]["max"] == pytest.approx(0.75, rel=1e-12)
-    assert stability_record(solve.floquet(oscillators(), SPEED))["error_estimate"]["orbit"] is None
+    assert solve.floquet(oscillators(), SPEED).record()["error_estimate"]["orbit"] is None
 
 
 def test_plain_data():
@@ -78,7 +77,7 @@ def test_plain_data():
 
 
 def test_many_multipliers_are_counted_not_listed():
-    text = text_of(stability_report(solve.floquet(chain(20), SPEED, rtol=1e-4)))
+    text = text_of(solve.floquet(chain(20), SPEED, rtol=1e-4).report())
     assert "smaller" in text
     assert len(text.splitlines()) < 25
 
@@ -103,7 +102,7 @@ def test_a_system_at_rest_over_half_a_turn_is_reported_and_drawn():
         return one, 0.1 * one, (2.0 + np.cos(2 * phase))[:, None, None], 0.0 * one[:, 0]
 
     rest = solve.periodic(solve.PeriodicSystem(matrices, ["q"], period=math.pi), 1.0)
-    rows = [line.split() for line in text_of(orbit_report(rest)).splitlines()]
+    rows = [line.split() for line in text_of(rest.report()).splitlines()]
     assert ["q", "–", "–", "–"] in rows
     for scale in ("linear", "dB"):
         assert rest.plot(scale=scale).axes[0].get_xlim() == (0.0, 180.0)
@@ -115,12 +114,12 @@ def test_orders_count_turns_where_the_period_is_half_a_turn():
         return one, 0.1 * one, 2.0 * one, np.cos(4 * phase)[:, None]
 
     orbit = solve.periodic(solve.PeriodicSystem(matrices, ["q"], period=math.pi), 1.0)
-    rows = [line.split() for line in text_of(orbit_report(orbit)).splitlines()]
+    rows = [line.split() for line in text_of(orbit.report()).splitlines()]
     amplitude = 1.0 / abs(2.0 - 16.0 + 0.4j)
     strongest = next(row for row in rows if row and row[0] == "q" and row[1].endswith(":"))
     assert strongest[1] == "4:"
     assert float(strongest[2]) == pytest.approx(amplitude, rel=1e-3)
-    assert orbit_record(orbit)["coordinates"]["q"]["harmonics"][2] == pytest.approx(amplitude, rel=1e-7)
+    assert orbit.record()["coordinates"]["q"]["harmonics"][2] == pytest.approx(amplitude, rel=1e-7)
 
 
 def test_a_singular_stiffness_has_no_quasi_static_solution():
