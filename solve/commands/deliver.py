@@ -4,7 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from solve.commands.groups import Results
 from solve.results.contents import Contents
@@ -13,36 +13,17 @@ from solve.results.save import save
 from solve.results.style import Figure, save_figure
 
 
-class Result(Protocol):
-    """What a study or a solution answers when it is asked to show itself."""
-
-    @property
-    def warnings(self) -> list[str]: ...
-    def record(self) -> dict[str, Any]: ...
-    def report(self, choices: Sequence[str] = ()) -> RenderableType: ...
-    def plot(self) -> Figure: ...
-    def contents(self) -> Contents: ...
-
-
 def deliver_result(
     flags: Results,
-    result: Result,
+    result: Any,
     choices: Sequence[str],
     notes: Sequence[str] = (),
-    record: Callable[[], dict[str, Any]] | None = None,
-    report: Callable[[], RenderableType] | None = None,
-    figure: Callable[[], Figure] | None = None,
+    **otherwise: Callable[[], Any],
 ) -> None:
-    """`deliver` a result as it shows itself, but for what the command asks of it otherwise; its notes come
-    before its warnings. choices: what the user set beyond the case."""
-    deliver(
-        flags,
-        [*notes, *result.warnings],
-        record or result.record,
-        report or (lambda: result.report(choices)),
-        figure or result.plot,
-        result.contents,
-    )
+    """`deliver` a result by its own warnings, record, report, plot and contents, but for what is given
+    `otherwise`. choices: what the user set beyond the case; notes come before the warnings."""
+    own = {"record": result.record, "report": lambda: result.report(choices), "figure": result.plot}
+    deliver(flags, [*notes, *result.warnings], **{**own, "contents": result.contents, **otherwise})
 
 
 def deliver(

@@ -83,8 +83,9 @@ class Chart:
     """Stability at ny × nx points: y (ny,) over x (nx,), each a parameter in SI units or "speed" (rad/s).
 
     system: the model as it was given, or the first that could be built. boundaries: curves between stable
-    and unstable regions. solve_at (x, y) and solve_cut (position of the quantity that is held, its value)
-    solve further points. notes: how the engine was chosen, where that is not as asked.
+    and unstable regions. at(x, y): the stability at a point anywhere, with its warnings. solve_cut (position
+    of the quantity that is held, its value): stability along a line. notes: how the engine was chosen,
+    where that is not as asked.
     """
 
     x_name: str
@@ -94,7 +95,7 @@ class Chart:
     system: PeriodicSystem
     results: PointResults
     boundaries: Sequence[BoundaryCurve]
-    solve_at: Callable[[float, float], Stability]
+    at: Callable[[float, float], Stability]
     solve_cut: Callable[[int, float], Cut]
     notes: Sequence[str] = ()
     cuts: Sequence[Cut] = ()
@@ -136,7 +137,7 @@ class Chart:
     @property
     def failures(self) -> dict[tuple[int, int], str]:
         """Reasons by row and column."""
-        return {divmod(at, len(self.x)): text for at, text in self.results.failures.items()}
+        return {divmod(at, len(self.x)): reason for at, reason in self.results.failures.items()}
 
     @property
     def warnings(self) -> list[str]:
@@ -147,10 +148,6 @@ class Chart:
         return [
             f"{len(self.failures)} of {total} points give no result, and boundaries end beside them: {reason}"
         ]
-
-    def at(self, x: float, y: float) -> Stability:
-        """The stability at a point anywhere, with its warnings."""
-        return self.solve_at(x, y)
 
     def cut(self, x: float | None = None, y: float | None = None) -> Cut:
         """Stability along the line at that x or that y, crossings refined. Raises ValueOutOfBoundsError

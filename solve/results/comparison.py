@@ -1,19 +1,19 @@
 """Methods side by side on one problem: at equal steps and at equal accuracy."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.arrays import Array
 from solve.results.contents import Contents, rows_contents
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
 from solve.results.record import model_record, plain
-from solve.results.report import RenderableType, heading, table
-from solve.results.style import Figure
-from solve.results.work_precision import Work, work_precision_figure
+from solve.results.report import RenderableType, heading, stacked, table, text
+from solve.results.style import GREY, LIGHT, MANY, Figure, page
 
 ORBIT, MULTIPLIERS = "orbit", "multipliers"
 """Whose error is brought to a target; that of the multipliers where there is no load and so no orbit."""
@@ -23,6 +23,13 @@ _LEGEND = {
     _UNRESOLVED: "ω_max h is beyond what the method follows or damps: multipliers may be false",
     _OTHER_VERDICT: "not the truth's verdict",
 }
+
+_MARKERS = "osD^vPXph*<>"
+_LINES = ("-", "--", ":")
+"""Past the last colour the next kind of line begins."""
+
+_WORST = 3.0
+"""Relative error above which a result is no result; not drawn."""
 
 
 @dataclass(frozen=True)
@@ -79,18 +86,12 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Error over time, a line a method."""
-        points: dict[str, list[Row]] = {}
-        for row in self.measured:
-            if row.reason is None:
-                points.setdefault(row.method, []).append(row)
+        methods = _grouped((row.method, row) for row in self.measured if row.reason is None)
         kinds = [ORBIT, MULTIPLIERS] if self.judged_by == ORBIT else [MULTIPLIERS]
-        lines = {
-            name: Work(
-                np.array([row.time for row in rows]),
-                {kind: np.array([row.error(kind) for row in rows]) for kind in kinds},
-            )
-            for name, rows in points.items()
-        }
+        lines = {}
+        for name, rows in methods.items():
+            errors = {kind: np.array([row.error(kind) for row in rows]) for kind in kinds}
+            lines[name] = Work(np.array([row.time for row in rows]), errors)
         known_to = {kind: getattr(self.reference.error_estimate, kind) for kind in kinds}
         title = f"{titled(self.reference.system, self.reference.speed)}: work and precision"
         return work_precision_figure(title, lines, known_to, {self.judged_by: self.targets})
@@ -138,26 +139,21 @@ class Comparison:
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A table for each number of steps and each target."""
-        from rich.console import Group
-
         reference = self.reference
         head = heading(reference.system, reference.speed, choices)
         orbit, multipliers = reference.error_estimate
         head.add_row("truth", f"{reference.method}, {reference.steps} steps a period")
         head.add_row("", f"known to: orbit {orbit:.1e}, multipliers {multipliers:.1e} (relative)")
-        groups: dict[str, list[Row]] = {}
-        for row in self.rows:
-            alike = f"{row.asked} steps a period"
-            if row.target is not None:
-                alike = f"{self.judged_by} right to {row.target:g}"
-            groups.setdefault(f"At {row.at}: {alike}", []).append(row)
-        return Group(head, *(_table(title, rows, reference.verdict) for title, rows in groups.items()))
+        tables = _grouped((f"At {row.at}: {self._goal(row)}", row) for row in self.rows)
+        return stacked(head, *(_table(title, rows, reference.verdict) for title, rows in tables.items()))
+
+    def _goal(self, row: Row) -> str:
+        if row.target is None:
+            return f"{row.asked} steps a period"
+        return f"{self.judged_by} right to {row.target:g}"
 
 
 def _table(title: str, rows: Sequence[Row], truth: str) -> RenderableType:
-    from rich.console import Group
-    from rich.text import Text
-
     made = table(title, "method", "steps", "q error", "ρ error", "time (ms)", "ratio", "stability", "")
     done = [row for row in rows if row.reason is None]
     if rows[0].target is not None:
@@ -177,7 +173,7 @@ def _table(title: str, rows: Sequence[Row], truth: str) -> RenderableType:
         )
     notes = [f"{mark} {text}" for mark, text in _LEGEND.items() if any(mark in each for each in marks)]
     notes += _reasons(rows)
-    return Group(made, *(Text(note, "dim") for note in notes))
+    return stacked(made, *(text(note, "dim") for note in notes))
 
 
 def _marks(row: Row, truth: str) -> str:
@@ -187,10 +183,73 @@ def _marks(row: Row, truth: str) -> str:
 def _reasons(rows: Sequence[Row]) -> list[str]:
     """Why methods have no result, or what is doubtful about their own settings; methods of one kind
     together."""
-    reasons: dict[str, list[str]] = {}
-    for row in rows:
-        # The last warning of a method that does not follow is said by its mark.
-        warnings = row.warnings if row.followed else row.warnings[:-1]
-        for reason in warnings if row.reason is None else [row.reason]:
-            reasons.setdefault(reason, []).append(row.method)
+    # The last warning of a method that does not follow is said by its mark.
+    said = [(row.warnings if row.followed else row.warnings[:-1], row) for row in rows]
+    reasons = _grouped(
+        (reason, row.method)
+        for warnings, row in said
+        for reason in (warnings if row.reason is None else [row.reason])
+    )
     return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
+
+
+def _grouped(pairs: Iterable[tuple[str, Any]]) -> dict[str, list[Any]]:
+    """The values of equal keys together."""
+    groups: dict[str, list[Any]] = {}
+    for key, value in pairs:
+        groups.setdefault(key, []).append(value)
+    return groups
+
+
+class Work(NamedTuple):
+    """Points of one method, rising in steps: time in seconds (k,), relative errors (k,) by their kind."""
+
+    time: Array
+    errors: Mapping[str, Array]
+
+
+def work_precision_figure(
+    title: str,
+    methods: Mapping[str, Work],
+    known_to: Mapping[str, float],
+    targets: Mapping[str, Sequence[float]],
+) -> Figure:
+    """Error over time, a panel a kind of error, a line a method; targets dashed.
+
+    known_to: the reference's own error of each kind, shaded, as nothing below it can be seen. Errors
+    above 3 and below a tenth of the reference's are not drawn.
+    """
+    from matplotlib.ticker import LogLocator
+
+    with page(4.2, title) as figure:
+        panels = figure.subplots(1, len(known_to), sharey=True, sharex=True, squeeze=False)[0]
+        floor = min(known_to.values())
+        for axes, (kind, error) in zip(panels, known_to.items(), strict=True):
+            for index, (name, work) in enumerate(methods.items()):
+                shown = (work.errors[kind] <= _WORST) & (work.errors[kind] >= floor / 10)
+                times, errors = work.time[shown] * 1e3, work.errors[kind][shown]
+                axes.loglog(times, errors, label=name, **_line_style(index))
+            for target in targets.get(kind, ()):
+                axes.axhline(target, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
+            axes.set_ylim(floor / 10, _WORST)
+            axes.axhspan(floor / 10, error, color=LIGHT, zorder=0.5, linewidth=0)
+            below = "below the reference's own error"
+            axes.annotate(below, (0.02, 0.02), xycoords="axes fraction", color=GREY)
+            axes.yaxis.set_major_locator(LogLocator(numticks=9))
+            axes.set_xlabel("processor time of a solution (ms)")
+            axes.set_title(kind)
+        panels[0].set_ylabel("relative error")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=5, handlelength=3)
+    return figure
+
+
+def _line_style(index: int) -> dict[str, Any]:
+    return {
+        "color": MANY[index % len(MANY)],
+        "marker": _MARKERS[index % len(_MARKERS)],
+        "linestyle": _LINES[index // len(MANY) % len(_LINES)],
+        "markeredgecolor": "white",
+        "markeredgewidth": 0.4,
+        "markersize": 5.5,
+    }

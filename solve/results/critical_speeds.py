@@ -9,26 +9,13 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.contents import Contents, rows_contents
-from solve.results.plot import label_speeds, labelled, title_of
-from solve.results.quantities import fixed, named, prefixed
+from solve.results.plot import label_quantity, label_speeds, title_of
+from solve.results.quantities import RPM, fixed, named, prefixed
 from solve.results.record import model_record, plain
-from solve.results.report import RenderableType, Table, model_heading, table
-from solve.results.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    LIGHT,
-    ORANGE,
-    VERMILION,
-    Axes,
-    Figure,
-    new_figure,
-    styled,
-)
+from solve.results.report import RenderableType, Table, model_heading, stacked, table
+from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
 
-_RPM = 30 / math.pi
 _MOST_COMBINATIONS = 20
 _MOST_DECADES = 1e3
 """Ratio of a response over speed from which its axis is logarithmic."""
@@ -130,14 +117,12 @@ class CriticalSpeeds:
         """Response, dominant multiplier and Campbell diagram over speed, or this alone."""
         drawn = (_draw_campbell,) if campbell else (_draw_response, _draw_multiplier, _draw_campbell)
         title = "Campbell diagram" if campbell else "critical speeds"
-        with styled():
-            figure = new_figure(3.8 if campbell else 7.6)
-            figure.suptitle(f"{title_of(self.system)}: {title}", fontweight="bold")
-            ratios = (1.1, 0.9, 1.3)[-len(drawn) :]
+        height, ratios = (3.8, (1.3,)) if campbell else (7.6, (1.1, 0.9, 1.3))
+        with page(height, f"{title_of(self.system)}: {title}") as figure:
             places = figure.subplots(len(drawn), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
             for axes, draw in zip(places, drawn, strict=True):
                 draw(axes, self)
-            label_speeds(places[-1], self.speeds * _RPM)
+            label_speeds(places[-1], self.speeds * RPM)
             figure.align_ylabels()
         return figure
 
@@ -158,29 +143,24 @@ class CriticalSpeeds:
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a critical speed; combinations below."""
-        from rich.console import Group
-
         head = model_heading(self.system, choices)
-        low, high = (f"{speed * _RPM:.6g}" for speed in (self.speeds[0], self.speeds[-1]))
+        low, high = (f"{speed * RPM:.6g}" for speed in self.speeds[[0, -1]])
         head.add_row("between", f"{low} and {high} rpm")
-        tables = [self._rows_table()]
-        if self.combinations:
-            tables.append(self._combinations_table())
-        return Group(head, *tables)
+        return stacked(head, self._rows_table(), *[self._combinations_table()] * bool(self.combinations))
 
     def _rows_table(self) -> Table:
-        heights = [row.response.height for row in self.rows if row.response]
-        largest = max(map(abs, heights), default=0.0)
+        largest = max((abs(height) for _, height in self.maxima("response")), default=0.0)
         factor, unit = prefixed(self.system.units.get(self.quantity, ""), largest)
         height = f"height ({unit})" if unit else "height"
         columns = "response", height, "multiplier", "Re ρ", "ω̄/k", "at rest", "mode", "k"
         made = table(f"Critical speeds in rpm; height: {named(self.figure, self.quantity)}", *columns, left=0)
         for row in self.rows:
+            response, multiplier = row.response, row.multiplier
             made.add_row(
-                _rpm(row.response and row.response.speed),
-                fixed(row.response.height * factor, largest * factor, 5) if row.response else "–",
-                _rpm(row.multiplier and row.multiplier.speed),
-                f"{row.multiplier.height:.2e}" if row.multiplier else "–",
+                _rpm(response and response.speed),
+                fixed(response.height * factor, largest * factor, 5) if response else "–",
+                _rpm(multiplier and multiplier.speed),
+                f"{multiplier.height:.2e}" if multiplier else "–",
                 _rpm(row.division),
                 _rpm(row.at_rest),
                 str(row.mode or "–"),
@@ -214,21 +194,19 @@ class CriticalSpeeds:
 
 
 def _rpm(speed: float | None) -> str:
-    return "–" if speed is None else f"{speed * _RPM:.3f}"
+    return "–" if speed is None else f"{speed * RPM:.3f}"
 
 
 def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
-    name, maxima = found.quantity, found.maxima("response")
-    known = np.abs(found.response[np.isfinite(found.response)])
-    largest = float(known.max(initial=0.0))
-    factor, unit = prefixed(found.system.units.get(name, ""), largest)
+    maxima = found.maxima("response")
+    known = np.where(np.isfinite(found.response), np.abs(found.response), np.nan)
+    factor = label_quantity(axes, found.system, found.quantity, known, found.figure)
     speeds, response = _through(found.speeds, found.response, maxima)
-    axes.plot(speeds * _RPM, response * factor, color=BLUE)
-    if largest > _MOST_DECADES * float(known.min(initial=largest)) > 0:
+    axes.plot(speeds * RPM, response * factor, color=BLUE)
+    largest, least = float(np.nanmax(known, initial=0.0)), float(np.nanmin(known, initial=np.inf))
+    if largest > _MOST_DECADES * least > 0:
         axes.set_yscale("log")
     _draw_marks(axes, maxima, factor, BLUE)
-    axes.set_ylabel(labelled(named(found.figure, name), unit))
-    axes.set_title(found.system.meanings.get(name, ""), loc="left", color=GREY)
     _shade(axes, found)
 
 
@@ -241,9 +219,9 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
 
     maxima = found.maxima("multiplier")
     speeds, real_part = _through(found.speeds, found.real_part, maxima)
-    axes.plot(speeds * _RPM, rooted(real_part), color=VERMILION, linewidth=0.9)
+    axes.plot(speeds * RPM, rooted(real_part), color=VERMILION, linewidth=0.9)
     for sign in (1, -1):
-        axes.plot(found.speeds * _RPM, sign * rooted(found.radius), color=GREY, linewidth=0.7, linestyle=":")
+        axes.plot(found.speeds * RPM, sign * rooted(found.radius), color=GREY, linewidth=0.7, linestyle=":")
     marks = [(speed, float(rooted(np.array(height)))) for speed, height in maxima]
     _draw_marks(axes, marks, 1, VERMILION)
     reach = float(np.nanmax(found.radius, initial=1e-12))
@@ -258,7 +236,7 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
 def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    rpm, divided = found.speeds * _RPM, found.divided
+    rpm, divided = found.speeds * RPM, found.divided
     orders = sorted({order for *_, order in divided})
     shown = sorted({mode for _, mode, _ in divided}) or [1]
     top = _HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
@@ -272,7 +250,7 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     for mode in shown:
         axes.plot(rpm, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3)
     for speed, _, order in divided:
-        axes.plot(speed * _RPM, order * speed / (2 * math.pi), "o", color=GREEN, zorder=4)
+        axes.plot(speed * RPM, order * speed / (2 * math.pi), "o", color=GREEN, zorder=4)
     axes.set_ylim(0.0, top)
     axes.yaxis.set_major_locator(MaxNLocator(6))
     axes.set_ylabel("mean natural\nfrequency (Hz)")
@@ -288,7 +266,7 @@ def _through(speeds: Array, values: Array, marks: Sequence[tuple[float, float]])
 
 def _draw_marks(axes: Axes, marks: Sequence[tuple[float, float]], factor: float, color: str) -> None:
     for speed, height in marks:
-        axes.plot(speed * _RPM, height * factor, "v", color=color, markersize=4.5, zorder=4)
+        axes.plot(speed * RPM, height * factor, "v", color=color, markersize=4.5, zorder=4)
 
 
 def _shade(axes: Axes, found: CriticalSpeeds) -> None:
@@ -297,7 +275,7 @@ def _shade(axes: Axes, found: CriticalSpeeds) -> None:
 
     if not found.unstable.any():
         return
-    rpm = found.speeds * _RPM
+    rpm = found.speeds * RPM
     style = {"color": ORANGE, "alpha": 0.3}
     across = axes.get_xaxis_transform()
     axes.fill_between(rpm, 0, 1, where=found.unstable.tolist(), transform=across, linewidth=0, **style)

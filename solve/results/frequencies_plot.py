@@ -143,5 +143,5 @@ def _label_frequencies(axes: Axes) -> None:
     """The vertical axis in rad/s, and the same scale in Hz on the right."""
     turn = 2 * math.pi
     axes.set_ylabel("natural frequency (rad/s)")
-    both = axes.secondary_yaxis("right", functions=(lambda omega: omega / turn, lambda hertz: hertz * turn))
-    both.set_ylabel("Hz")
+    scales = lambda omega: np.divide(omega, turn), lambda hertz: np.multiply(hertz, turn)
+    axes.secondary_yaxis("right", functions=scales).set_ylabel("Hz")

@@ -231,7 +231,7 @@ class Orbit(Stability, Turn):
             factor, _ = prefixed(self.system.units.get(name, ""), self.statistics(name).max_abs)
             cells = []
             for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
-                size = amplitudes[k] * factor
+                size = float(amplitudes[k]) * factor
                 amplitude = f"{k * rotation:g}: {fixed(size, size, 4)}"
                 cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if size else "–")
             made.add_row(_broken(name), *cells)
@@ -269,7 +269,7 @@ class Orbit(Stability, Turn):
                 rates.append((name + suffix, rate))
         rates += stability.columns.items()
         require_different_names([*curves, *rates])
-        return Contents(dict(curves), dict(rates), arrays | stability.arrays, stability.metadata)
+        return Contents(dict(curves), dict(rates), {**arrays, **stability.arrays}, stability.metadata)
 
     def plot(
         self,

@@ -70,16 +70,6 @@ class PointResults:
     def __len__(self) -> int:
         return len(self.steps)
 
-    def __getitem__(self, index: Array) -> "PointResults":
-        """Some of the points."""
-        part = PointResults(self.kept, *(getattr(self, name)[index] for name in _ARRAYS))
-        for position, point in enumerate(index.tolist()):
-            if point in self.warnings:
-                part.warnings[position] = self.warnings[point]
-            if point in self.failures:
-                part.failures[position] = self.failures[point]
-        return part
-
     @property
     def spectral_radius(self) -> Array:
         """Largest |ρ| (P,); NaN where the point failed."""

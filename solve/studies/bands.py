@@ -14,7 +14,7 @@ from solve.methods.auto import Rule
 from solve.methods.radau import Radau
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
-from solve.studies.boundaries import ALIVE, Judge, Judged, edges, hidden, judge, sectioned
+from solve.studies.boundaries import ALIVE, Judge, Judged, Search, hidden, judge
 from solve.studies.watch import WATCHED, unwatched, watching
 from solve.system import PeriodicSystem
 from solve.units import checked_tolerance, speeds_between
@@ -216,14 +216,15 @@ class _Runs:
         """Speeds between known ones at which the state changes (k,), and whether there a speed without a
         result stands in the way (k,): the border is then the last that is known to be unstable."""
         low, high = known.points[changes], known.points[changes + 1]
-        borders, scale = np.empty(len(changes)), np.abs(high).max(axis=0, initial=0.0)
+        borders = np.empty(len(changes))
+        search = Search(self.judge, np.abs(high).max(axis=0, initial=0.0), self.tolerance)
         loses, wins = state[changes] < 0, state[changes + 1] < 0
         kind_only = ~(loses | wins)
         stable, unstable = np.where(loses[:, None], low, high), np.where(loses[:, None], high, low)
         unknown = (state[changes] == _UNKNOWN) | (state[changes + 1] == _UNKNOWN)
         borders[unknown] = unstable[unknown, 0]
         crossed = ~(kind_only | unknown)
-        places, _ = edges(self.judge, stable[crossed], unstable[crossed], scale, self.tolerance)
+        places, _ = search.edges(stable[crossed], unstable[crossed])
         borders[crossed] = np.where(np.isnan(places), unstable[crossed], places)[:, 0]
         unknown[crossed] = np.isnan(places[:, 0])
         if kind_only.any():
@@ -233,7 +234,7 @@ class _Runs:
                 found = self.judge(points)
                 return ~found.unstable | (found.kinds != kinds[lines])
 
-            ends = sectioned(differs, low[kind_only], high[kind_only], scale, self.tolerance)
+            ends = search.sectioned(differs, low[kind_only], high[kind_only])
             borders[kind_only] = (ends[0] + ends[1])[:, 0] / 2
         return borders, unknown
 

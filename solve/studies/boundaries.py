@@ -10,6 +10,7 @@ from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.gathering import gathered
 from solve.results.points import KINDS, Kept, PointResults, kinds_of
+from solve.studies.contours import Crossings
 
 _STABILITY = Kept(warnings=False, meetings=False)
 _TOGETHER = 64
@@ -90,142 +91,140 @@ def judge(batch: Batch, count: Callable[[int], None] | None = None) -> Judge:
     """The judge that solves; `count` is told of every number of points solved."""
 
     def judged(points: Array) -> Judged:
-        found = Judged.of(points, gathered(batch, points, _STABILITY))
+        known = Judged.of(points, gathered(batch, points, _STABILITY))
         if count:
             count(len(points))
-        return found
+        return known
 
     return judged
 
 
-def sectioned(
-    differs: Callable[[Array, Array], Array], low: Array, high: Array, scale: Array, tolerance: float
-) -> tuple[Array, Array]:
-    """Bracket changes between points low and high (E, v): to `tolerance` of the scale (v,).
+@dataclass(frozen=True)
+class Search:
+    """Looks for changes along lines. scale (v,): of the quantities; tolerance: of a place, as part of the
+    scale."""
 
-    differs(points (k, v), line (k,)) tells which points already belong to the high end of their line.
-    """
-    low, high = low.copy(), high.copy()
-    inside = max(1, min(15, _TOGETHER // max(len(low), 1)))
-    fractions = (np.arange(inside) + 1) / (inside + 1)
-    while len(low) and (np.abs(high - low) > tolerance * scale).any():
-        trials = low[:, None] + fractions[:, None] * (high - low)[:, None]
-        lines = np.repeat(np.arange(len(low)), inside)
-        changed = differs(trials.reshape(-1, low.shape[1]), lines).reshape(len(low), inside)
-        first = np.where(changed.any(axis=1), changed.argmax(axis=1), inside)
-        ends = np.concatenate((low[:, None], trials, high[:, None]), axis=1)
-        every = np.arange(len(low))
-        before, after = ends[every, first], ends[every, first + 1]
-        if np.array_equal(before, low) and np.array_equal(after, high):
-            break
-        low, high = before, after
-    return low, high
+    judge: Judge
+    scale: Array
+    tolerance: float
 
+    def sectioned(
+        self,
+        differs: Callable[[Array, Array], Array],
+        low: Array,
+        high: Array,
+        tolerance: float | None = None,
+    ) -> tuple[Array, Array]:
+        """Bracket changes between points low and high (E, v), to this tolerance or the search's own.
 
-def edges(
-    judge: Judge, stable: Array, unstable: Array, scale: Array, tolerance: float
-) -> tuple[Array, Array]:
-    """Where stability is lost between stable and unstable points (E, v): places (E, v) and kinds (E,); NaN
-    where a point that failed stands in the way.
-
-    Near a multiplier at +1 or -1 the signs of det(I - Φ) and det(I + Φ) tell the sides apart, which
-    unlike moduli pass through zero smoothly.
-    """
-    if len(stable) == 0:
-        return stable, np.zeros(0, dtype=int)
-    low, high = sectioned(lambda points, _: judge(points).unstable, stable, unstable, scale, _NEAR)
-    before, after = _both(judge, low, high)
-    passes = (before.gaps[:, :2] > 0) & (after.gaps[:, :2] < 0)
-    kinds = np.where(passes.any(axis=1), passes.argmax(axis=1), KINDS.index("complex"))
-
-    def lost(points: Array, lines: Array) -> Array:
-        found, kind = judge(points), kinds[lines]
-        sign = found.gaps[np.arange(len(points)), np.minimum(kind, 1)] < 0
-        return np.where(kind == KINDS.index("complex"), found.unstable, sign & ~found.failed)
-
-    smooth = np.flatnonzero(passes.any(axis=1))
-    aimed = _aimed(judge, before[smooth], after[smooth], kinds[smooth], scale, tolerance)
-    low[smooth], high[smooth] = aimed
-    low, high = sectioned(lost, low, high, scale, tolerance)
-    return _middles(judge, low, high), kinds
-
-
-def _aimed(
-    judge: Judge, before: Judged, after: Judged, kinds: Array, scale: Array, tolerance: float
-) -> tuple[Array, Array]:
-    """Brackets (E, v) of zeros of the gaps of these kinds, which are positive before and negative after:
-    narrowed to the tolerance where the chord between them aims well enough."""
-    low, high, every = before.points, after.points, np.arange(len(kinds))
-    if len(low) == 0:
+        differs(points (k, v), line (k,)) tells which points already belong to the high end of their line.
+        """
+        low, high = low.copy(), high.copy()
+        close = (self.tolerance if tolerance is None else tolerance) * self.scale
+        inside = max(1, min(15, _TOGETHER // max(len(low), 1)))
+        fractions = (np.arange(inside) + 1) / (inside + 1)
+        while len(low) and (np.abs(high - low) > close).any():
+            trials = low[:, None] + fractions[:, None] * (high - low)[:, None]
+            lines = np.repeat(np.arange(len(low)), inside)
+            changed = differs(trials.reshape(-1, low.shape[1]), lines).reshape(len(low), inside)
+            first = np.where(changed.any(axis=1), changed.argmax(axis=1), inside)
+            ends = np.concatenate((low[:, None], trials, high[:, None]), axis=1)
+            every = np.arange(len(low))
+            before, after = ends[every, first], ends[every, first + 1]
+            if np.array_equal(before, low) and np.array_equal(after, high):
+                break
+            low, high = before, after
         return low, high
-    across = high - low
-    part = np.abs(across / np.where(scale > 0, scale, 1.0)).max(axis=1)
-    reach = 0.4 * tolerance / np.where(part > 0, part, 1.0)
-    above, below = (found.gaps[every, kinds] for found in (before, after))
-    aim = above / (above - below)
-    ends = [low + np.clip(aim + way * reach, 0.0, 1.0)[:, None] * across for way in (-1, 1)]
-    lost = [(found.gaps[every, kinds] < 0) & ~found.failed for found in _both(judge, *ends)]
-    first, second = (found[:, None] for found in lost)
-    narrowed = np.where(first, low, np.where(second, ends[0], ends[1]))
-    return narrowed, np.where(first, ends[0], np.where(second, ends[1], high))
 
+    def edges(self, stable: Array, unstable: Array) -> tuple[Array, Array]:
+        """Where stability is lost between stable and unstable points (E, v): places (E, v) and kinds (E,);
+        NaN where a point that failed stands in the way.
 
-def _both(judge: Judge, low: Array, high: Array) -> tuple[Judged, Judged]:
-    """What is known of two rows of points."""
-    found, every = judge(np.concatenate((low, high))), np.arange(len(low))
-    return found[every], found[every + len(low)]
+        Near a multiplier at +1 or -1 the signs of det(I - Φ) and det(I + Φ) tell the sides apart, which
+        unlike moduli pass through zero smoothly.
+        """
+        if len(stable) == 0:
+            return stable, np.zeros(0, dtype=int)
+        judge = self.judge
+        low, high = self.sectioned(lambda points, _: judge(points).unstable, stable, unstable, _NEAR)
+        before, after = self._both(low, high)
+        passes = (before.gaps[:, :2] > 0) & (after.gaps[:, :2] < 0)
+        kinds = np.where(passes.any(axis=1), passes.argmax(axis=1), KINDS.index("complex"))
 
+        def lost(points: Array, lines: Array) -> Array:
+            known, kind = judge(points), kinds[lines]
+            sign = known.gaps[np.arange(len(points)), np.minimum(kind, 1)] < 0
+            return np.where(kind == KINDS.index("complex"), known.unstable, sign & ~known.failed)
 
-def _middles(judge: Judge, low: Array, high: Array) -> Array:
-    """Places between (E, v); NaN where one of the ends failed."""
-    before, after = _both(judge, low, high)
-    known = ~(before.failed | after.failed)
-    return np.where(known[:, None], (low + high) / 2, np.nan)
+        smooth = np.flatnonzero(passes.any(axis=1))
+        low[smooth], high[smooth] = self._aimed(before[smooth], after[smooth], kinds[smooth])
+        return self._middles(*self.sectioned(lost, low, high)), kinds
 
+    def _aimed(self, before: Judged, after: Judged, kinds: Array) -> tuple[Array, Array]:
+        """Brackets (E, v) of zeros of the gaps of these kinds, which are positive before and negative after:
+        narrowed to the tolerance where the chord between them aims well enough."""
+        low, high, every = before.points, after.points, np.arange(len(kinds))
+        if len(low) == 0:
+            return low, high
+        across = high - low
+        part = np.abs(across / np.where(self.scale > 0, self.scale, 1.0)).max(axis=1)
+        reach = 0.4 * self.tolerance / np.where(part > 0, part, 1.0)
+        above, below = (known.gaps[every, kinds] for known in (before, after))
+        aim = above / (above - below)
+        ends = [low + np.clip(aim + way * reach, 0.0, 1.0)[:, None] * across for way in (-1, 1)]
+        lost = [(known.gaps[every, kinds] < 0) & ~known.failed for known in self._both(*ends)]
+        first, second = (side[:, None] for side in lost)
+        narrowed = np.where(first, low, np.where(second, ends[0], ends[1]))
+        return narrowed, np.where(first, ends[0], np.where(second, ends[1], high))
 
-def crossings(
-    judge: Judge, known: Judged, lines: Array, along: int, scale: Array, tolerance: float
-) -> tuple[Array, Array, Array]:
-    """Where stability changes between known neighbours on lines (k,) along one of the quantities: line
-    (c,), place (c, v) and kind (c,) of each; none beside points that failed. Stable stretches between two
-    unstable neighbours are found where one of these has a multiplier beyond +1 and the other beyond -1."""
-    order = np.lexsort((known.points[:, along], lines))
-    first, last = order[:-1], order[1:]
-    neighbours = lines[first] == lines[last]
-    changes = neighbours & (known.unstable[first] != known.unstable[last])
-    changes &= ~(known.failed[first] | known.failed[last])
-    one, other = first[changes], last[changes]
-    stable, unstable = (np.where(known.stable[one] == side, one, other) for side in (True, False))
-    places, kinds = edges(judge, known.points[stable], known.points[unstable], scale, tolerance)
-    sure = np.isfinite(places).all(axis=1)
-    one, places, kinds = one[sure], places[sure], kinds[sure]
-    apart, further, found = _slivers(judge, known, first[neighbours], last[neighbours], scale, tolerance)
-    return (
-        np.concatenate((lines[one], lines[apart])),
-        np.concatenate((places, further)),
-        np.concatenate((kinds, found)),
-    )
+    def _both(self, low: Array, high: Array) -> tuple[Judged, Judged]:
+        """What is known of two rows of points."""
+        known, every = self.judge(np.concatenate((low, high))), np.arange(len(low))
+        return known[every], known[every + len(low)]
 
+    def _middles(self, low: Array, high: Array) -> Array:
+        """Places between (E, v); NaN where one of the ends failed."""
+        before, after = self._both(low, high)
+        known = ~(before.failed | after.failed)
+        return np.where(known[:, None], (low + high) / 2, np.nan)
 
-def _slivers(
-    judge: Judge, known: Judged, first: Array, last: Array, scale: Array, tolerance: float
-) -> tuple[Array, Array, Array]:
-    """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
-    a neighbour (c,), place (c, v) and kind (c,) of each edge."""
-    plus, minus = known.gaps[:, 0] < 0, known.gaps[:, 1] < 0
-    rising, falling = plus & ~minus, minus & ~plus
-    facing = (rising[first] & falling[last]) | (falling[first] & rising[last])
-    first, last = first[facing], last[facing]
-    start = known.points[np.where(rising[first], first, last)]
-    end = known.points[np.where(rising[first], last, first)]
-    leaves = sectioned(lambda points, _: judge(points).gaps[:, 0] > 0, start, end, scale, tolerance)
-    enters = sectioned(lambda points, _: judge(points).gaps[:, 1] < 0, start, end, scale, tolerance)
-    sides = [_middles(judge, *ends) for ends in (leaves, enters)]
-    apart = np.linalg.norm(sides[0] - start, axis=1) < np.linalg.norm(sides[1] - start, axis=1)
-    # Beyond one coordinate other multipliers may be outside between the two.
-    apart[apart] = judge((sides[0] + sides[1])[apart] / 2).stable
-    kinds = np.repeat([0, 1], apart.sum())
-    return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
+    def crossings(self, known: Judged, lines: Array, along: int) -> Crossings:
+        """Where stability changes between known neighbours on lines (k,) along one of the quantities; none
+        beside points that failed. Stable stretches between two unstable neighbours are found where one of
+        these has a multiplier beyond +1 and the other beyond -1."""
+        order = np.lexsort((known.points[:, along], lines))
+        first, last = order[:-1], order[1:]
+        neighbours = lines[first] == lines[last]
+        changes = neighbours & (known.unstable[first] != known.unstable[last])
+        changes &= ~(known.failed[first] | known.failed[last])
+        one, other = first[changes], last[changes]
+        stable, unstable = (np.where(known.stable[one] == side, one, other) for side in (True, False))
+        places, kinds = self.edges(known.points[stable], known.points[unstable])
+        sure = np.isfinite(places).all(axis=1)
+        apart, further, others = self._slivers(known, first[neighbours], last[neighbours])
+        return Crossings(
+            np.concatenate((lines[one[sure]], lines[apart])),
+            np.concatenate((places[sure], further))[:, along],
+            np.concatenate((kinds[sure], others)),
+        )
+
+    def _slivers(self, known: Judged, first: Array, last: Array) -> tuple[Array, Array, Array]:
+        """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
+        a neighbour (c,), place (c, v) and kind (c,) of each edge."""
+        plus, minus = known.gaps[:, 0] < 0, known.gaps[:, 1] < 0
+        rising, falling = plus & ~minus, minus & ~plus
+        facing = (rising[first] & falling[last]) | (falling[first] & rising[last])
+        first, last = first[facing], last[facing]
+        start = known.points[np.where(rising[first], first, last)]
+        end = known.points[np.where(rising[first], last, first)]
+        leaves = self.sectioned(lambda points, _: self.judge(points).gaps[:, 0] > 0, start, end)
+        enters = self.sectioned(lambda points, _: self.judge(points).gaps[:, 1] < 0, start, end)
+        sides = [self._middles(*ends) for ends in (leaves, enters)]
+        apart = np.linalg.norm(sides[0] - start, axis=1) < np.linalg.norm(sides[1] - start, axis=1)
+        # Beyond one coordinate other multipliers may be outside between the two.
+        apart[apart] = self.judge((sides[0] + sides[1])[apart] / 2).stable
+        kinds = np.repeat([0, 1], apart.sum())
+        return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
 
 
 def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promising: float = 1.0) -> Judged:

@@ -19,7 +19,7 @@ from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept
 from solve.results.stability import Stability
 from solve.single import floquet
-from solve.studies.boundaries import Judge, Judged, crossings, hidden, judge
+from solve.studies.boundaries import Judged, Search, hidden, judge
 from solve.studies.contours import Crossings, contours
 from solve.system import PeriodicSystem
 from solve.units import checked_tolerance, speed_in_si
@@ -63,16 +63,14 @@ def chart(
     if results.failed.all():
         reason = next(iter(results.failures.values()))
         raise NoResultError(f"none of the {len(points)} points gives a result: {reason}")
-    fineness = checked_tolerance(tolerance)
-    solve_cut = partial(_cut, batch, (x_name, y_name), (xs, ys), fineness)
+    search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
+    solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
     parts = x_name, xs, y_name, ys, family.example, results
-    made = Chart(*parts, [], partial(_at, batch), solve_cut, notes)
+    solved = Chart(*parts, [], partial(_at, batch), solve_cut, notes)
     if not boundaries:
-        return made
-    count = Count(progress, len(points))
-    return replace(
-        made, boundaries=_boundaries(made, fineness, Judged.of(points, results), judge(batch, count.add))
-    )
+        return solved
+    counting = replace(search, judge=judge(batch, Count(progress, len(points)).add))
+    return replace(solved, boundaries=_boundaries(counting, solved, Judged.of(points, results)))
 
 
 def _at(batch: Batch, x: float, y: float) -> Stability:
@@ -80,26 +78,17 @@ def _at(batch: Batch, x: float, y: float) -> Stability:
     return floquet(system, speed, batch.method, rtol=batch.request.rtol)
 
 
-def _cut(
-    batch: Batch, names: tuple[str, str], axes: tuple[Array, Array], tolerance: float, held: int, value: float
-) -> Cut:
+def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float) -> Cut:
     """Along one axis, the quantity at the position `held` being kept at the value."""
     along, values = 1 - held, axes[1 - held]
     points = np.empty((len(values), 2))
     points[:, held], points[:, along] = value, values
-    asked = judge(batch)
-    known, inner = asked(points), np.arange(1, len(points) - 1)
-    every = known + hidden(asked, known[inner - 1], known[inner], known[inner + 1])
-    lines = np.zeros(len(every.points))
-    _, places, kinds = crossings(asked, every, lines, along, _scale(*axes), tolerance)
-    found = [(float(place[along]), KINDS[kind]) for place, kind in zip(places, kinds, strict=True)]
+    known, inner = search.judge(points), np.arange(1, len(points) - 1)
+    every = known + hidden(search.judge, known[inner - 1], known[inner], known[inner + 1])
+    crossings = search.crossings(every, np.zeros(len(every.points)), along)
+    found = [(at, KINDS[kind]) for at, kind in zip(crossings.place.tolist(), crossings.kind, strict=True)]
     radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
     return Cut(names[along], names[held], value, values, radius, _truth(known), found)
-
-
-def _scale(x: Array, y: Array) -> Array:
-    """Ranges of x and y."""
-    return np.array([np.ptp(x), np.ptp(y)])
 
 
 def _truth(known: Judged) -> Array:
@@ -151,24 +140,16 @@ def _family(
     return BuiltFamily(model, names, points, omega)
 
 
-def _boundaries(chart: Chart, tolerance: float, known: Judged, asked: Judge) -> list[BoundaryCurve]:
-    index = np.arange(len(known.points)).reshape(chart.shape)
-    rows, columns = (
-        _lines(chart, tolerance, known, asked, each, along) for along, each in enumerate((index, index.T))
-    )
+def _boundaries(search: Search, chart: Chart, known: Judged) -> list[BoundaryCurve]:
+    axes, index = (chart.x, chart.y), np.arange(len(known.points)).reshape(chart.shape)
+
+    def crossings(index: Array, along: int) -> Crossings:
+        """Of the lines whose points the rows of the index name."""
+        inner = (index[:, :-2].ravel(), index[:, 1:-1].ravel(), index[:, 2:].ravel())
+        every = known + hidden(search.judge, *(known[part] for part in inner), promising=_PROMISING)
+        lines = np.searchsorted(axes[1 - along], every.points[:, 1 - along])
+        return search.crossings(every, lines, along)
+
+    rows, columns = crossings(index, 0), crossings(index.T, 1)
     stable = _truth(known).reshape(chart.shape)
-    return contours((chart.x, chart.y), stable, rows, columns, lambda points: ~asked(points).unstable)
-
-
-def _lines(
-    chart: Chart, tolerance: float, known: Judged, asked: Judge, index: Array, along: int
-) -> Crossings:
-    """Crossings of the lines whose points the rows of the index name."""
-    inner = (index[:, :-2].ravel(), index[:, 1:-1].ravel(), index[:, 2:].ravel())
-    further = hidden(asked, *(known[part] for part in inner), promising=_PROMISING)
-    across = (chart.y, chart.x)[along]
-    every = known + further
-    lines = np.searchsorted(across, every.points[:, 1 - along])
-    scale = _scale(chart.x, chart.y)
-    line, places, kinds = crossings(asked, every, lines, along, scale, tolerance)
-    return Crossings(line, places[:, along], kinds)
+    return contours(axes, stable, rows, columns, lambda points: ~search.judge(points).unstable)

@@ -81,7 +81,7 @@ def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeyp
 
 
 def test_the_picture_tells_every_method_and_draws_what_is_in_its_range():
-    from solve.results.work_precision import Work, work_precision_figure
+    from solve.results.comparison import Work, work_precision_figure
 
     errors = np.array([np.inf, 40.0, 0.5, 1e-4, 1e-9, 0.0])
     work = Work(np.arange(1.0, 7.0), {"orbit": errors})
