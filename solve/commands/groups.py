@@ -7,7 +7,7 @@ command's own flags, so that a new command is a short file.
 import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
@@ -20,8 +20,7 @@ from solve.methods.auto import Rule
 from solve.methods.choice import chosen
 from solve.model.cases import Case
 from solve.model.model import Model
-from solve.results.files import PICTURES, checked
-from solve.results.save import checked_data
+from solve.results.save import PICTURES, checked, checked_data
 from solve.units import speed_in_si, speeds_in_si
 
 
@@ -208,10 +207,9 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
     groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
     parameters = []
     for name, parameter in inspect.signature(command).parameters.items():
-        if name in groups:
-            parameters += _fields(groups[name])
-        else:
-            parameters.append(parameter.replace(annotation=hints[name], kind=parameter.KEYWORD_ONLY))
+        alone = [parameter.replace(annotation=hints[name])]
+        group = inspect.signature(groups[name]).parameters.values() if name in groups else alone
+        parameters += [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in group]
 
     def flat(**values: Any) -> None:
         for name, group in groups.items():
@@ -222,16 +220,3 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
     flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return flat
-
-
-def _fields(group: type) -> list[inspect.Parameter]:
-    hints = get_type_hints(group, include_extras=True)
-    return [
-        inspect.Parameter(
-            field.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty if field.default is MISSING else field.default,
-            annotation=hints[field.name],
-        )
-        for field in fields(group)
-    ]

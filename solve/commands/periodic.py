@@ -8,7 +8,7 @@ import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Problem, Results, Speed, Steps
 from solve.commands.parse import harmonic_count, whole
-from solve.results.rows import checked_scale, shown
+from solve.results.plot import checked_scale, shown
 
 
 def periodic(

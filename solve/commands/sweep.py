@@ -9,7 +9,7 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Problem, Results, Speeds, Steps, progressing
 from solve.commands.parse import harmonic_count, whole
 from solve.errors import MissingValueError, ValueOutOfBoundsError
-from solve.results.rows import shown
+from solve.results.plot import shown
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
 from solve.results.turn_plot import checked_turn, turn_figure

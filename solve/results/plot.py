@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.results.quantities import RPM, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
 from solve.system import PeriodicSystem
@@ -32,6 +33,10 @@ _LIGHTEST = 0.8
 
 _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
+
+
+MOST_ROWS = len(_ROW_HEIGHTS)
+SCALES = ("linear", "dB")
 
 
 class Motion(NamedTuple):
@@ -85,6 +90,26 @@ def stability_figure(system: PeriodicSystem, speed: float, panel: StabilityPanel
     with page(_CIRCLE_ROW + 0.4, titled(system, speed)) as figure:
         _draw_stability(figure, panel)
     return figure
+
+
+def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
+    """The names to show: those given, or the first coordinates. Raises UnknownNameError, and
+    ValueOutOfBoundsError for more rows than a page holds."""
+    if not names:
+        return list(system.coordinates[:MOST_ROWS])
+    known = system.known_quantities(names)
+    if len(names) > MOST_ROWS:
+        raise ValueOutOfBoundsError(
+            f"{len(names)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
+        )
+    return list(known)
+
+
+def checked_scale(scale: str) -> str:
+    """The scale itself. Raises UnknownNameError."""
+    if scale not in SCALES:
+        raise UnknownNameError("scale", scale, SCALES)
+    return scale
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from solve.results.files import write_whole
+from solve.results.save import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,8 +1,8 @@
 """Natural frequencies over speed, their integer divisions and combinations: a Campbell diagram."""
 
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -48,42 +48,26 @@ def mean_frequencies(system: PeriodicSystem, speeds: Array) -> MeanFrequencies:
 def divisions(frequencies: MeanFrequencies, orders: int) -> list[tuple[int, int, float]]:
     """Mode (from 0), order k and speed of every ω̄(Ω) = k Ω within the speeds, k up to `orders`; Ω counts
     turns of the mechanism."""
-    found = []
-    for mode in range(frequencies.values.shape[1]):
-        frequency = partial(_single, mode)
-        found += [(mode, order, speed) for order, speed in _crossed(frequencies, frequency, orders)]
-    return found
+    return [
+        (mode, order, speed)
+        for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
+        for order, speed in _crossed(frequencies, weights, orders)
+    ]
 
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
     """Every (ω̄i ± ω̄j)/k within the speeds, k up to `orders`, falling in speed."""
-    n, found = frequencies.values.shape[1], []
-    for low in range(n):
-        for high in range(low + 1, n):
-            for sign in (1, -1):
-                pair = partial(_pair, high, low, sign)
-                found += [
-                    Combination(speed, (high + 1, low + 1), sign, order)
-                    for order, speed in _crossed(frequencies, pair, orders)
-                ]
+    modes, found = np.eye(frequencies.values.shape[1]), []
+    for low, high in itertools.combinations(range(len(modes)), 2):
+        for sign in (1, -1):
+            crossed = _crossed(frequencies, modes[high] + sign * modes[low], orders)
+            found += [Combination(speed, (high + 1, low + 1), sign, order) for order, speed in crossed]
     return sorted(found, key=lambda one: -one.speed)
 
 
-Frequency = Callable[[Array], Array]
-"""From mean frequencies (…, n) to one frequency (…)."""
-
-
-def _single(mode: int, values: Array) -> Array:
-    return values[..., mode]
-
-
-def _pair(one: int, other: int, sign: int, values: Array) -> Array:
-    return values[..., one] + sign * values[..., other]
-
-
-def _crossed(frequencies: MeanFrequencies, frequency: Frequency, orders: int) -> Iterator[tuple[int, float]]:
-    """Orders k and speeds at which the frequency is k Ω."""
-    speeds, values = frequencies.speeds, frequency(frequencies.values)
+def _crossed(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
+    """Orders k and speeds at which the sum of the mean frequencies by their weights (n,) is k Ω."""
+    speeds, values = frequencies.speeds, frequencies.values @ weights
     for order in range(1, orders + 1):
         excess = values - order * speeds
         known = np.isfinite(excess[:-1] + excess[1:])
@@ -92,7 +76,7 @@ def _crossed(frequencies: MeanFrequencies, frequency: Frequency, orders: int) ->
             below, above = float(excess[at]), float(excess[at + 1])
             for _ in range(_SECANTS):
                 middle = low - below * (high - low) / (above - below)
-                here = float(frequency(frequencies.at(middle))) - order * middle
+                here = float(frequencies.at(middle) @ weights) - order * middle
                 if here == 0.0 or not low < middle < high or np.isnan(here):
                     break
                 if (here < 0) == (above < 0):

@@ -165,20 +165,16 @@ def _rows(
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, order, speed in divisions(frequencies, orders)
     ]
-    responses = search.maxima(grid, response, search.response)
-    multipliers = search.maxima(grid, real_part, search.real_part)
-    rows, alone = _assigned(rows, responses, frequencies, "response")
-    rows, others = _assigned(rows, multipliers, frequencies, "multiplier")
-    rows += [Critical(response=maximum) for maximum in alone]
-    rows += [Critical(multiplier=maximum) for maximum in others]
+    rows = _assigned(rows, search.maxima(grid, response, search.response), frequencies, "response")
+    rows = _assigned(rows, search.maxima(grid, real_part, search.real_part), frequencies, "multiplier")
     rows = [replace(row, ratios=(frequencies.at(row.speed) / row.speed).tolist()) for row in rows]
     return sorted(rows, key=lambda row: -row.speed)
 
 
 def _assigned(
     rows: list[Critical], maxima: list[Maximum], frequencies: MeanFrequencies, way: str
-) -> tuple[list[Critical], list[Maximum]]:
-    """The rows with each maximum at its division, the higher first, and the maxima that have none."""
+) -> list[Critical]:
+    """The rows with each maximum at its division, the higher first; a row of its own where it has none."""
     rows, alone = list(rows), []
     for maximum in sorted(maxima, key=lambda one: -one.height):
         ratios = frequencies.at(maximum.speed) / maximum.speed
@@ -191,5 +187,5 @@ def _assigned(
         if distance < _NEAR:
             rows[place] = replace(rows[place], **{way: maximum})
         else:
-            alone.append(maximum)
-    return rows, alone
+            alone.append(replace(Critical(), **{way: maximum}))
+    return rows + alone

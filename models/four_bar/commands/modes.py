@@ -53,7 +53,7 @@ def modes(
         alone = solve.periodic(model, speed, "modal", _UNCOUPLED_STEPS).signal(of)(contributions.phase)
 
     def figure() -> Any:
-        from solve.results.contributions_plot import contributions_figure
+        from solve.results.turn_plot import contributions_figure
 
         return contributions_figure(model, contributions, orbit.speed, alone)
 

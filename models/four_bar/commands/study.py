@@ -62,7 +62,7 @@ def study(
 
     import solve
     from solve.commands.deliver import deliver
-    from solve.results.rows import shown
+    from solve.results.plot import shown
 
     names = shown(model, of or ["follower_midpoint_stress_plus"])
     with progressing("study", len(omegas) * len(systems)) as progress:
