@@ -6,11 +6,12 @@ from types import ModuleType
 from typing import Any
 
 from solve.beams.structure import StructureModel
+from solve.model.bounds import checked_parameters
 from solve.model.cases import Case, chosen_case
-from solve.model.conditions import checked_parameters
 from solve.model.files import model_files
 from solve.model.generated import is_structure, model_module
-from solve.model.model import Model, Specification
+from solve.model.model import Model
+from solve.model.setup import Setup
 
 
 def load(
@@ -34,8 +35,8 @@ def loaded(
 ) -> tuple[Model, str | None]:
     """The model and the speed that its case names, if any; `cases` is another case file to use."""
     module, chosen = _chosen(model, case, cases, parameters)
-    specification = Specification.checked(module, chosen, options)
-    return (StructureModel if is_structure(module) else Model).of(specification), chosen.speed
+    kind = StructureModel if is_structure(module) else Model
+    return kind.of(Setup.checked(module, chosen, options)), chosen.speed
 
 
 def case_numbers(

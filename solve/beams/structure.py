@@ -23,7 +23,8 @@ from solve.beams.observations import (
     quantity,
 )
 from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
-from solve.model.model import Model, Specification
+from solve.model.model import Model
+from solve.model.setup import Setup
 from solve.system import DrawnLink, Matrices, ModeShape
 
 if TYPE_CHECKING:
@@ -61,9 +62,9 @@ class Response(Protocol):
 class Kinematics:
     """What the generated `properties` of a structure give: its constants, and its links' angles."""
 
-    def __init__(self, specification: Specification):
-        self._p = specification.p
-        self._properties: casadi.Function = specification.module.properties(**specification.own_options)
+    def __init__(self, setup: Setup):
+        self._p = setup.p
+        self._properties: casadi.Function = setup.function("properties")
 
     @property
     def properties(self) -> Properties:
@@ -94,26 +95,26 @@ class Kinematics:
 class StructureModel(Model):
     """Links and joints of a generated module, with the elements that the options choose."""
 
-    def __init__(self, specification: Specification, motion: Motion):
+    def __init__(self, setup: Setup, motion: Motion):
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         declared = [(name, unit, "displacement from the rigid motion") for name, unit in units]
-        super().__init__(specification, motion, declared)
+        super().__init__(setup, motion, declared)
         self.motion, self.beams = motion, motion.beams
-        self.moves = specification.module.MOVES
+        self.moves = setup.module.MOVES
         self.links = _drawn(chosen)
 
     @classmethod
-    def of(cls, specification: Specification) -> Self:
+    def of(cls, setup: Setup) -> Self:
         """Raises StructureError where the links cannot be assembled all the way round."""
-        module, kinematics = specification.module, Kinematics(specification)
-        counts = list(map(int, _of_each_link(specification, "elements")))
-        chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(specification, "element"), counts)
+        module, kinematics = setup.module, Kinematics(setup)
+        counts = list(map(int, _of_each_link(setup, "elements")))
+        chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(setup, "element"), counts)
         beams = Beams(chosen, kinematics.properties, kinematics.angle)
         if module.MOVES:
             Positions(beams, np.linspace(0.0, module.PERIOD, _ASSEMBLED, endpoint=False))
-        terms = {name: specification.options.get(name, usual) for name, usual in _STILL.items()}
-        return cls(specification, Motion(beams, kinematics.rates, module.PERIOD, **terms))
+        terms = {name: setup.options.get(name, usual) for name, usual in _STILL.items()}
+        return cls(setup, Motion(beams, kinematics.rates, module.PERIOD, **terms))
 
     def at(self, phase: Array, speed: float) -> Matrices:
         self.require_motion()
@@ -290,9 +291,9 @@ class StructureModel(Model):
             )
 
 
-def _of_each_link(specification: Specification, option: str) -> list[str]:
-    parts = str(specification.options[option]).split(",")
-    return parts if len(parts) > 1 else parts * len(specification.module.LINKS)
+def _of_each_link(setup: Setup, option: str) -> list[str]:
+    parts = str(setup.options[option]).split(",")
+    return parts if len(parts) > 1 else parts * len(setup.module.LINKS)
 
 
 def _drawn(freedoms: Freedoms) -> tuple[DrawnLink, ...]:

@@ -1,21 +1,20 @@
 """A periodic system whose matrices, outputs and bounds come from a generated module."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
+from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
-from solve.model.conditions import Conditions, checked_parameters, clauses, holds, measured
 from solve.model.generated import model_module
-from solve.model.options import checked_options
-from solve.model.sampling import OutputSampler, PointSampler, Sampler
+from solve.model.sampling import MatrixSampler, Sampler
+from solve.model.setup import Setup
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
@@ -28,48 +27,8 @@ _LOOKS = 128
 _ROUNDING = 1e-9
 """Relative difference of matrices a period apart that counts as none."""
 
-
-@dataclass(frozen=True)
-class Specification:
-    """A generated module with the options and the parameters (SI units) that were chosen for it.
-
-    case, case_speed: the case that they come from, and the speed with unit that it names.
-    """
-
-    module: ModuleType
-    case: str
-    case_speed: str | None
-    options: Mapping[str, Any]
-    parameters: Mapping[str, float]
-
-    @classmethod
-    def checked(cls, module: ModuleType, case: Case, options: Mapping[str, Any]) -> "Specification":
-        """Options that are not given have their defaults; every parameter needs a value. Raises
-        UnknownNameError and ValueOutOfBoundsError."""
-        options, parameters = checked_options(module, options), checked_parameters(module, case.parameters)
-        found = cls(module, case.name, case.speed, options, parameters)
-        found.conditions.require()
-        return found
-
-    def varied(self, parameters: Mapping[str, float], options: Mapping[str, Any]) -> "Specification":
-        """The same with some of them changed."""
-        case = Case(self.case, self.case_speed, {**self.parameters, **parameters})
-        return Specification.checked(self.module, case, {**self.options, **options})
-
-    @cached_property
-    def conditions(self) -> Conditions:
-        """What the parameters must fulfil."""
-        return Conditions(self.module, self.own_options, self.parameters)
-
-    @cached_property
-    def p(self) -> Array:
-        """The parameters in the order of the generated functions."""
-        return np.array([self.parameters[name] for name, *_ in self.module.PARAMETERS])
-
-    @property
-    def own_options(self) -> dict[str, Any]:
-        """Options that the generated functions take; a structure's elements concern its assembly."""
-        return {name: self.options[name] for name, *_ in self.module.OPTIONS}
+_TOGETHER = 4096
+"""Sets of parameters whose conditions are looked at together."""
 
 
 class Model(PeriodicSystem):
@@ -77,47 +36,45 @@ class Model(PeriodicSystem):
 
     def __init__(
         self,
-        specification: Specification,
+        setup: Setup,
         matrices: Callable[[Array, float], Sequence[Array]],
         coordinates: Sequence[tuple[str, str, str]],
     ):
         """coordinates: name, unit and meaning of each."""
-        module = specification.module
+        module = setup.module
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD)
-        self.specification, self.module = specification, module
+        self.setup, self.module = setup, module
         self.name, self.title = module.NAME, module.TITLE
-        self.case, self.case_speed = specification.case, specification.case_speed
-        self.options, self.parameters = specification.options, specification.parameters
+        self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
+        self.options = setup.options
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         self.units = {name: unit for name, unit, _ in (*coordinates, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*coordinates, *module.OUTPUTS)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
-        self.limits = tuple(module.LIMITS)
 
     @classmethod
-    def of(cls, specification: Specification) -> Self:
-        """The model of a specification."""
-        sampler = Sampler(specification.module.linearised(**specification.options), specification.p)
-        return cls(specification, sampler, specification.module.COORDINATES[: sampler.n])
+    def of(cls, setup: Setup) -> Self:
+        """The model of a setup."""
+        sampler = MatrixSampler(setup.function("linearised"), setup.p)
+        return cls(setup, sampler, setup.module.COORDINATES[: sampler.n])
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
-        case = Case(self.specification.case, self.case_speed, self.parameters)
-        return _rebuilt, (type(self), self.module.__file__, case, self.options)
+        return _rebuilt, (type(self), self.module.__file__, self.setup.case, self.options)
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """The same model with some parameters (SI units) and options changed. Raises UnknownNameError and
         ValueOutOfBoundsError."""
-        return self.of(self.specification.varied(parameters or {}, options or {}))
+        return self.of(self.setup.varied(parameters or {}, options or {}))
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
 
     def many_points(self, names: Sequence[str]) -> "ModelPoints | None":
-        return ModelPoints(self.specification, names)
+        return ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
         """Beyond the checks of any system: generated matrices repeat at every phase, and M, which is that
@@ -152,23 +109,23 @@ class Model(PeriodicSystem):
         fraction = np.asarray(position, dtype=float)
         if not ((fraction >= 0) & (fraction <= 1)).all():
             raise ValueOutOfBoundsError(f"position is {position}; allowed: fractions of the length, 0 to 1")
-        shapes = self.module.fields(**self.options).map(fraction.size)(fraction.reshape(1, -1))
+        shapes = self.setup.function("fields").map(fraction.size)(fraction.reshape(1, -1))
         return shapes.full().T.reshape(*fraction.shape, self.n)
 
     @cached_property
     def _outputs(self) -> "casadi.Function":
-        return self.module.outputs(**self.options)
+        return self.setup.function("outputs")
 
     def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
         if not self.outputs:
             return {}
-        values = self._outputs(phase[None], speed, q, qd, qdd, self.specification.p)
+        values = self._outputs(phase[None], speed, q, qd, qdd, self.setup.p)
         columns = values if isinstance(values, tuple) else (values,)
         return {name: value.full()[0] for name, value in zip(self.outputs, columns, strict=True)}
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys((*self.validity, *(name for name, *_ in self.limits))))
+        return tuple(dict.fromkeys((*self.validity, *(name for name, *_ in self.module.LIMITS))))
 
     def judged(self, figures: Mapping[str, Statistics]) -> list[str]:
         found = []
@@ -178,7 +135,7 @@ class Model(PeriodicSystem):
                     f"the linearisation is not to be trusted: max|{name}| = {figures[name].max_abs:.3g} "
                     f"{self.units[name]}, beyond {bound:g}"
                 )
-        for name, bound, meaning in self.limits:
+        for name, bound, meaning in self.module.LIMITS:
             for clause in clauses(bound) if name in figures else ():
                 extreme = figures[name].min if clause.startswith(">") else figures[name].max
                 if not holds(clause, extreme):
@@ -191,35 +148,55 @@ class ModelPoints:
     """A model at many points at once, each with its speed and with values (v,) of its own for some of the
     parameters."""
 
-    def __init__(self, specification: Specification, names: Sequence[str]):
-        self._specification, self._names = specification, names
-        self._free = [list(specification.parameters).index(name) for name in names]
-        linearised = specification.module.linearised(**specification.options)
-        self._sampler = PointSampler(linearised, specification.p, self._free)
+    def __init__(self, setup: Setup, n: int, names: Sequence[str]):
+        self._setup, self._n, self._names = setup, n, names
+        self._matrices = setup.sampler("linearised", names)
 
     def entries(self, phase: Array, speeds: Array, values: Array) -> Array:
-        P, k, n = len(speeds), len(phase), self._sampler.n
-        found = self._sampler(np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0))
-        found = found.reshape(P, k, 3 * n**2 + n)
-        found[:, :, : n**2] *= (speeds**2)[:, None, None]
-        found[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
+        P, k, n = len(speeds), len(phase), self._n
+        entries = self._matrices(np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0))
+        entries = entries.reshape(P, k, 3 * n**2 + n)
+        entries[:, :, : n**2] *= (speeds**2)[:, None, None]
+        entries[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
         if self._names:
-            found[~self._specification.conditions.admit(self._names, values)] = np.nan
-        return found
+            entries[~self._admitted(values)] = np.nan
+        return entries
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
         P, n, k = q.shape
         states = (np.swapaxes(part, 1, 2).reshape(P * k, n) for part in (q, qd, qdd))
-        found = self._output_sampler(
-            phase.ravel(), np.repeat(speeds, k), np.repeat(values, k, axis=0), *states
-        )
-        return np.swapaxes(found.reshape(P, k, -1), 1, 2)
+        outputs = self._outputs(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
+        return np.swapaxes(outputs.reshape(P, k, -1), 1, 2)
 
     @cached_property
-    def _output_sampler(self) -> OutputSampler:
-        outputs = self._specification.module.outputs(**self._specification.options)
-        return OutputSampler(outputs, self._specification.p, self._free)
+    def _outputs(self) -> Sampler:
+        return self._setup.sampler("outputs", self._names)
+
+    @cached_property
+    def _margins(self) -> Sampler:
+        return self._setup.sampler("conditions", self._names)
+
+    def _admitted(self, values: Array) -> Array:
+        """Whether bounds and conditions hold (P,) with the parameters at values (P, v)."""
+        admitted = np.asarray(np.isfinite(values).all(axis=1))
+        bounds = {name: bound for name, _, _, bound in self._setup.module.PARAMETERS}
+        for name, column in zip(self._names, values.T, strict=True):
+            for clause in clauses(bounds[name]):
+                admitted &= holds(clause, column)
+        if any(not set(self._names).isdisjoint(concerned) for *_, concerned in self._setup.conditions):
+            admitted[admitted] = self._conditions_hold(values[admitted])
+        return admitted
+
+    def _conditions_hold(self, values: Array) -> Array:
+        """Whether the conditions hold all over the period (P,)."""
+        phase = self._setup.condition_phases
+        different, group = np.unique(values, axis=0, return_inverse=True)
+        hold = np.zeros(len(different), dtype=bool)
+        for at in np.array_split(np.arange(len(different)), math.ceil(len(different) / _TOGETHER)):
+            margins = self._margins(np.tile(phase, len(at)), np.repeat(different[at], len(phase), axis=0))
+            hold[at] = (margins > 0).reshape(len(at), -1).all(axis=1)
+        return hold[group.ravel()]
 
 
 def _rebuilt(kind: type[Model], path: str, case: Case, options: Mapping[str, Any]) -> Model:
-    return kind.of(Specification.checked(model_module(Path(path)), case, options))
+    return kind.of(Setup.checked(model_module(Path(path)), case, options))

@@ -1,4 +1,4 @@
-"""Matrices at many phases from a CasADi function, without a Python call a phase."""
+"""Generated functions at many phases, without a Python call a phase."""
 
 import math
 from collections.abc import Sequence
@@ -22,12 +22,52 @@ _MOST_KEPT = 2**24
 
 
 class Sampler:
+    """A CasADi function of columns that writes into NumPy memory, many columns a call. One sampler serves
+    one thread."""
+
+    def __init__(self, function: "casadi.Function"):
+        self._buffer, self._evaluate = function.map(_CHUNK, "serial").buffer()
+        self._inputs = [np.zeros((_CHUNK, function.size1_in(i))) for i in range(function.n_in())]
+        self._result = np.zeros((_CHUNK, function.size1_out(0)))
+        for index, memory in enumerate(self._inputs):
+            self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
+        self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
+
+    def __call__(self, *inputs: Array) -> Array:
+        """Results (k, rows) for inputs (k, columns), or (k,) for those of one column."""
+        count = len(inputs[0])
+        columns = [each.reshape(count, -1) if each.size else each for each in inputs]
+        results = np.empty((count, self._result.shape[1]))
+        for start in range(0, count, _CHUNK):
+            stop = min(start + _CHUNK, count)
+            for memory, given in zip(self._inputs, columns, strict=True):
+                memory[: stop - start] = given[start:stop]
+            self._evaluate()
+            results[start:stop] = self._result[: stop - start]
+        return results
+
+
+def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
+    """A generated function with its parameters, the last input, folded in, but for the free ones: these
+    become the last input. Its outputs, each by rows, stand one after another."""
+    import casadi
+
+    names = [name for name in function.name_in() if name != "p"]
+    inputs = [casadi.SX.sym(name, function.size1_in(name)) for name in names]  # pyright: ignore[reportAttributeAccessIssue]
+    values, p = casadi.SX.sym("values", len(free)), casadi.SX(casadi.DM(parameters))  # pyright: ignore[reportAttributeAccessIssue]
+    for position, index in enumerate(free):
+        p[index] = values[position]
+    # CasADi stores by columns; the transposes come by rows.
+    rows = [casadi.vec(casadi.densify(part.T)) for part in function.call([*inputs, p], True, False)]
+    return casadi.Function("folded", [*inputs, values], [casadi.vertcat(*rows)])
+
+
+class MatrixSampler:
     """M, C, K (m, n, n) and d (m, n) of a generated `linearised` function at fixed parameters.
 
-    The parameters are folded into the expressions. Where the entries are polynomials of the speed, as
-    those of most mechanisms are, their coefficients are sampled once for a grid of phases and kept, so
-    that the next solve on this grid, at any speed, is one product of matrices. One sampler serves one
-    thread.
+    Where the entries are polynomials of the speed, as those of most mechanisms are, their coefficients are
+    sampled once for a grid of phases and kept, so that the next solve on this grid, at any speed, is one
+    product of matrices.
     """
 
     def __init__(self, linearised: "casadi.Function", parameters: Array):
@@ -35,12 +75,10 @@ class Sampler:
 
         self.n = linearised.size1_out("d")
         phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")  # pyright: ignore[reportAttributeAccessIssue]
-        entries = _by_rows(linearised.call([phase, speed, casadi.DM(parameters)], True, False))
+        (entries,) = folded(linearised, parameters).call([phase, speed, casadi.SX(0, 1)], True, False)
         self._terms = _powers(entries, speed)
-        if self._terms is None:
-            self._evaluate = _Mapped(casadi.Function("matrices", [phase, speed], [entries]))
-        else:
-            self._evaluate = _Mapped(casadi.Function("matrices", [phase], [self._terms.values]))
+        inputs, values = ([phase, speed], entries) if self._terms is None else ([phase], self._terms.values)
+        self._evaluate = Sampler(casadi.Function("matrices", inputs, [values]))
         self._kept: dict[bytes, Array] = {}
 
     def __call__(self, phase: Array, speed: float) -> tuple[Array, Array, Array, Array]:
@@ -52,7 +90,7 @@ class Sampler:
     def _entries(self, phase: Array, speed: float) -> Array:
         """M, C, K by rows and d (m, 3n² + n)."""
         if self._terms is None:
-            return self._evaluate(phase[:, None], np.full((len(phase), 1), speed))
+            return self._evaluate(phase, np.full(len(phase), speed))
         rows = np.zeros((len(self._terms.entry), 3 * self.n**2 + self.n))
         rows[range(len(rows)), self._terms.entry] = speed**self._terms.power
         return self._table(phase) @ rows
@@ -63,7 +101,7 @@ class Sampler:
         if key not in self._kept:
             if sum(table.nbytes for table in self._kept.values()) > _MOST_KEPT:
                 self._kept.clear()
-            self._kept[key] = self._evaluate(phase[:, None])
+            self._kept[key] = self._evaluate(phase)
         return self._kept[key]
 
 
@@ -73,93 +111,6 @@ class _Terms(NamedTuple):
     values: "casadi.SX"
     entry: Array
     power: Array
-
-
-class PointSampler:
-    """Matrices where every phase has its own speed, and values of its own for some of the parameters."""
-
-    def __init__(self, linearised: "casadi.Function", parameters: Array, free: Sequence[int]):
-        """`free`: which of the parameters vary; the others are folded in."""
-        import casadi
-
-        self.n = linearised.size1_out("d")
-        phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")  # pyright: ignore[reportAttributeAccessIssue]
-        values, p = _freed(parameters, free)
-        entries = _by_rows(linearised.call([phase, speed, p], True, False))
-        self._evaluate = _Mapped(casadi.Function("matrices", [phase, speed, values], [entries]))
-
-    def __call__(self, phase: Array, speed: Array, values: Array) -> Array:
-        """M, C, K by rows and d (k, 3n² + n) at phases (k,), speeds (k,) and values (k, v)."""
-        return self._evaluate(phase[:, None], speed[:, None], values)
-
-
-class ConditionSampler:
-    """A generated `conditions` function where every phase has values of its own for some parameters."""
-
-    def __init__(self, conditions: "casadi.Function", parameters: Array, free: Sequence[int]):
-        """over_phase: whether the conditions depend on the phase at all."""
-        import casadi
-
-        phase = casadi.SX.sym("phase")  # pyright: ignore[reportAttributeAccessIssue]
-        values, p = _freed(parameters, free)
-        (margins,) = conditions.call([phase, p], True, False)
-        self.over_phase = any(casadi.which_depends(margins, phase, 1, False))
-        self._evaluate = _Mapped(casadi.Function("conditions", [phase, values], [margins]))
-
-    def __call__(self, phase: Array, values: Array) -> Array:
-        """Margins (k, conditions), positive where a condition holds, at phases (k,) and values (k, v)."""
-        return self._evaluate(phase[:, None], values)
-
-
-class OutputSampler:
-    """A generated `outputs` function where every phase has its own speed, state and free parameters."""
-
-    def __init__(self, outputs: "casadi.Function", parameters: Array, free: Sequence[int]):
-        import casadi
-
-        phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")  # pyright: ignore[reportAttributeAccessIssue]
-        state = [casadi.SX.sym(name, outputs.size1_in(name)) for name in ("q", "qd", "qdd")]  # pyright: ignore[reportAttributeAccessIssue]
-        values, p = _freed(parameters, free)
-        found = casadi.vertcat(*outputs.call([phase, speed, *state, p], True, False))
-        self._evaluate = _Mapped(casadi.Function("outputs", [phase, speed, values, *state], [found]))
-
-    def __call__(self, phase: Array, speed: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        """Outputs (k, o) at phases (k,), speeds (k,), values (k, v) and states (k, n)."""
-        return self._evaluate(phase[:, None], speed[:, None], values, q, qd, qdd)
-
-
-class _Mapped:
-    """A CasADi function of columns that writes into NumPy memory, many columns a call."""
-
-    def __init__(self, function: "casadi.Function"):
-        self._buffer, self._evaluate = function.map(_CHUNK, "serial").buffer()
-        self._inputs = [np.zeros((_CHUNK, function.size1_in(i))) for i in range(function.n_in())]
-        self._result = np.zeros((_CHUNK, function.size1_out(0)))
-        for index, memory in enumerate(self._inputs):
-            self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
-        self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
-
-    def __call__(self, *inputs: Array) -> Array:
-        """Results (k, rows) for inputs (k, columns)."""
-        count = len(inputs[0])
-        found = np.empty((count, self._result.shape[1]))
-        for start in range(0, count, _CHUNK):
-            stop = min(start + _CHUNK, count)
-            for memory, given in zip(self._inputs, inputs, strict=True):
-                memory[: stop - start] = given[start:stop]
-            self._evaluate()
-            found[start:stop] = self._result[: stop - start]
-        return found
-
-
-def _freed(parameters: Array, free: Sequence[int]) -> tuple["casadi.SX", "casadi.SX"]:
-    """Symbols for the free parameters, and all parameters with these among them."""
-    import casadi
-
-    values, p = casadi.SX.sym("values", len(free)), casadi.SX(casadi.DM(parameters))  # pyright: ignore[reportAttributeAccessIssue]
-    for position, index in enumerate(free):
-        p[index] = values[position]
-    return values, p
 
 
 def _powers(entries: "casadi.SX", speed: "casadi.SX") -> _Terms | None:
@@ -177,10 +128,3 @@ def _powers(entries: "casadi.SX", speed: "casadi.SX") -> _Terms | None:
         if entries.is_zero():
             return _Terms(casadi.vertcat(*parts), np.array(entry, dtype=int), np.array(power, dtype=int))
     return None
-
-
-def _by_rows(matrices: Sequence["casadi.SX"]) -> "casadi.SX":
-    """Entries of matrices one after another. CasADi stores by columns; the transposes come by rows."""
-    import casadi
-
-    return casadi.vertcat(*(casadi.vec(casadi.densify(part.T)) for part in matrices))

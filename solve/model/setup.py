@@ -1,0 +1,88 @@
+"""A generated module with the case and the options that were chosen for it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
+from solve.model.bounds import checked_parameters, measured
+from solve.model.cases import Case
+from solve.model.options import checked_options
+from solve.model.sampling import Sampler, folded
+
+if TYPE_CHECKING:
+    import casadi
+
+_PHASES = 720
+"""Phases of a period at which conditions on the parameters are looked at."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A generated module, a case with a value (SI units) for every parameter, and every option's value."""
+
+    module: ModuleType
+    case: Case
+    options: Mapping[str, Any]
+
+    @classmethod
+    def checked(cls, module: ModuleType, case: Case, options: Mapping[str, Any]) -> "Setup":
+        """Options that are not given have their defaults; every parameter needs a value. Raises
+        UnknownNameError and ValueOutOfBoundsError."""
+        case = replace(case, parameters=checked_parameters(module, case.parameters))
+        setup = cls(module, case, checked_options(module, options))
+        setup.require_conditions()
+        return setup
+
+    def varied(self, parameters: Mapping[str, float], options: Mapping[str, Any]) -> "Setup":
+        """The same with some of them changed."""
+        case = replace(self.case, parameters={**self.case.parameters, **parameters})
+        return Setup.checked(self.module, case, {**self.options, **options})
+
+    @cached_property
+    def p(self) -> Array:
+        """The parameters in the order of the generated functions."""
+        return np.array(list(self.case.parameters.values()))
+
+    def function(self, name: str) -> "casadi.Function":
+        """A generated function; a structure's elements concern its assembly, not these."""
+        return getattr(self.module, name)(
+            **{option: self.options[option] for option, *_ in self.module.OPTIONS}
+        )
+
+    def sampler(self, name: str, free: Sequence[str]) -> Sampler:
+        """A generated function at many phases, each with values of its own for the free parameters."""
+        order = list(self.case.parameters)
+        return Sampler(folded(self.function(name), self.p, [order.index(each) for each in free]))
+
+    @property
+    def conditions(self) -> Sequence[tuple[str, str, Sequence[str]]]:
+        """What the module demands of its parameters beyond the bound of each, such as lengths with which a
+        linkage can turn: the condition, its meaning, and the parameters that it concerns."""
+        return getattr(self.module, "CONDITIONS", ())
+
+    @cached_property
+    def condition_phases(self) -> Array:
+        """Phases all over the period at which the conditions must hold; one where none depends on it."""
+        over_phase = self.function("conditions").jac_sparsity(0, 0).nnz() > 0
+        return (np.arange(_PHASES if over_phase else 1) + 0.5) * (self.module.PERIOD / _PHASES)
+
+    def require_conditions(self) -> None:
+        """Raise ValueOutOfBoundsError where parameters contradict each other."""
+        if not self.conditions:
+            return
+        margins = self.function("conditions")(self.condition_phases[None], self.p).full()
+        units = {name: unit for name, unit, *_ in self.module.PARAMETERS}
+        for (condition, meaning, names), margin in zip(self.conditions, margins, strict=True):
+            if not (margin > 0).all():
+                given = ", ".join(
+                    f"{name} = {measured(self.case.parameters[name], units[name])}" for name in names
+                )
+                raise ValueOutOfBoundsError(
+                    f"{meaning}: {condition} does not hold for {given}; choose numbers for which it does"
+                )
