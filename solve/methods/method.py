@@ -201,8 +201,7 @@ class OneStep(Method):
         steps: Steps | None = None,
     ) -> Solutions:
         """The solutions, with a reason for each that is not finite or not unique."""
-        finite = np.isfinite(Phi).all(axis=(1, 2))
-        unique = kept = np.asarray(finite)
+        unique = kept = finite = np.asarray(np.isfinite(Phi).all(axis=(1, 2)))
         if curve is not None and condition is not None:
             unique = finite & (condition < 1 / SINGULAR)
             kept = unique & curve.finite

@@ -137,7 +137,7 @@ def _cyclic(blocks: Steps) -> tuple[Array, Array]:
         joined[..., :N, :N], joined[..., N:, :N] = even[..., N : 2 * N], odd[..., :N]
         joined[..., :N, N : 2 * N], joined[..., N:, 2 * N :] = even[..., :N], odd[..., N:]
         joined[..., :N, -1] = even[..., -1]
-        joined = np.linalg.qr(joined, mode="r")
+        joined = np.asarray(np.linalg.qr(joined, mode="r"))
         eliminated.append((rows.shape[-3], joined[..., :N, :]))
         rows = np.concatenate((joined[..., N:, N:], rows[..., pairs:, :, :]), axis=-3)
     x, condition = _closed(rows[..., 0, :, :N], rows[..., 0, :, N:-1], rows[..., 0, :, -1:])

@@ -19,7 +19,12 @@ from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
 _MOST_MULTIPLIERS = 8
-_VERDICT_STYLE = {"asymptotically stable": "bold green", "stable": "bold yellow", "unstable": "bold red"}
+_VERDICT_STYLE = {
+    "asymptotically stable": "bold green",
+    "stable": "bold yellow",
+    "unstable": "bold red",
+    "undetermined": "bold magenta",
+}
 
 
 class ErrorEstimate(NamedTuple):
