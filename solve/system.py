@@ -14,6 +14,11 @@ from solve.trigonometric import Trigonometric
 
 Matrices = tuple[Array, Array, Array, Array]
 
+_EPS = float(np.finfo(float).eps)
+
+_ROUNDING = 64 * _EPS
+"""Part of the whole equation that counts as rounding."""
+
 _PERIODIC = 1e-9
 """Relative difference between the matrices at both ends of the period that counts as none."""
 
@@ -277,13 +282,30 @@ class PeriodicSystem:
                     f"{symbol} at 4 phases has shape {part.shape}; for {n} coordinates "
                     f"({', '.join(self.coordinates)}) it must be {expected}"
                 )
-            change = np.abs(part[-1] - part[0]).max()
-            if not jumps_at_zero and change > _PERIODIC * np.abs(part).max():
-                raise MatricesError(
-                    f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by "
-                    f"{change:.3g}; give the right period, or the jump at 0 as a break"
-                )
+        for symbol, change in () if jumps_at_zero else self.changes(phase[:1], phase[-1:], speed):
+            raise MatricesError(
+                f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by "
+                f"{change:.3g}; give the right period, or the jump at 0 as a break"
+            )
         self._check_inertia(parts["M"])
+
+    def changes(self, phase: Array, later: Array, speed: float) -> list[tuple[str, float]]:
+        """Which of M, C, K, d differ between phases (k,) and those a period later, and by how much: beyond
+        1e-9 of their size, beyond rounding of the whole equation (a load that cancels is zero but for
+        that), and beyond what a rounding of the phase makes (within a narrow pulse)."""
+        apart = phase + np.maximum(np.abs(later - phase - self.period), 8 * _EPS * self.period)
+        first, second, beside = (self.in_phase(each, speed) for each in (phase, later, apart))
+        inertia = np.abs(np.einsum("kii->ki", first[0])).max(axis=0)
+        unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
+        scales = [unit[:, None] * unit] * 3 + [unit]
+        whole = max(float(np.abs(part * scale).max()) for part, scale in zip(first, scales, strict=True))
+        found, rates = [], (speed**2, speed, 1.0, 1.0)
+        for symbol, scale, rate, *parts in zip("MCKd", scales, rates, first, second, beside, strict=True):
+            one, other, near = (part * scale for part in parts)
+            allowed = np.maximum(_PERIODIC * np.abs(one).max(), _ROUNDING * whole) + 2 * np.abs(near - one)
+            if (np.abs(other - one) > allowed).any():
+                found.append((symbol, float(np.abs(parts[1] - parts[0]).max()) / rate))
+        return found
 
     def _check_inertia(self, M: Array) -> None:
         diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 _LOOKS = 128
 """Phases of a period at which the matrices are looked at before a solution."""
 
-_ROUNDING = 1e-9
-"""Relative difference of matrices a period apart that counts as none."""
-
 _TOGETHER = 4096
 """Sets of parameters whose conditions are looked at together."""
 
@@ -81,16 +78,13 @@ class Model(PeriodicSystem):
         of a kinetic energy, is positive definite. Raises MatricesError."""
         super().checked(speed)
         phase = (np.arange(_LOOKS) + 0.5) * (self.period / _LOOKS)
-        first, second = self.at(phase, speed), self.at(phase + self.period, speed)
-        for symbol, part, later in zip("MCKd", first, second, strict=True):
-            change = np.abs(later - part).max()
-            if change > _ROUNDING * np.abs(part).max():
-                raise MatricesError(
-                    f"{symbol} is not periodic: after the period {self.period:.6g} it has changed by "
-                    f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
-                    "parameters that count (teeth, orders)"
-                )
-        negative = np.linalg.eigvalsh(first[0]).min(axis=1) <= 0
+        for symbol, change in self.changes(phase, phase + self.period, speed):
+            raise MatricesError(
+                f"{symbol} is not periodic: after the period {self.period:.6g} it has changed by "
+                f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
+                "parameters that count (teeth, orders)"
+            )
+        negative = np.linalg.eigvalsh(self.at(phase, speed)[0]).min(axis=1) <= 0
         if negative.any():
             raise MatricesError(
                 f"M is not positive definite at phase {phase[np.argmax(negative)]:.4g}: some motion there "

@@ -224,3 +224,37 @@ def test_state_rate_and_frozen_eigenvalues_are_those_of_eq_5(seed, n, speed):
             pencil = value**2 * speed**2 * M[k] + value * speed * C[k] + K[k]
             size = abs(value) ** 2 * speed**2 * np.linalg.norm(M[k]) + np.linalg.norm(K[k])
             assert np.linalg.svd(pencil, compute_uv=False)[-1] < 1e-10 * size
+
+
+def bladed(phase, speed):
+    """Three blades: what each adds to C and d cancels but for rounding."""
+    one = np.ones((len(phase), 1, 1))
+    cancels = sum(np.cos(phase + k * 2 * np.pi / 3) for k in range(3))
+    return one, cancels[:, None, None], 4.5 * one, cancels[:, None]
+
+
+def test_what_cancels_but_for_rounding_is_periodic():
+    found = periodic(PeriodicSystem(bladed, ["q"]), 1.0, "gauss", steps=16, rtol=0.9)
+    assert np.abs(found.q).max() < 1e-12
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])
+def test_a_narrow_pulse_between_declared_breaks_is_periodic(width):
+    """Half a wave of cosine about phase 0, in a period of 2π, between breaks where it ends."""
+
+    def pulsed(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        distance = np.mod(phase + np.pi, 2 * np.pi) - np.pi
+        pulse = np.where(np.abs(distance) < width, np.cos(np.pi * distance / (2 * width)), 0.0)
+        return one, 0.1 * one, 4.0 * one + pulse[:, None, None], np.ones((len(phase), 1))
+
+    PeriodicSystem(pulsed, ["q"], breaks=(width, -width)).checked(1.0)
+
+
+def test_what_is_not_periodic_is_refused_however_small_its_part():
+    def aperiodic(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 1e-8 * phase[:, None, None] * one, 4.0 * one, np.cos(phase)[:, None]
+
+    with pytest.raises(MatricesError, match=r"C is not periodic: between phase 0 and 6\.28319"):
+        PeriodicSystem(aperiodic, ["q"]).checked(1.0)
