@@ -24,7 +24,9 @@ class Collocated(OneStep):
     samples_evenly = False
 
     def __post_init__(self) -> None:
-        self._set(follows=self.order / 2 - 1, curve_order=min(self.order, self.collocation.curve_order))
+        # The curve between the nodes has the order of the stage accelerations, s + 1, and two more.
+        stages = (self.order + 1) // 2
+        self._set(follows=self.order / 2 - 1, curve_order=min(self.order, stages + 3))
 
     @property
     def collocation(self) -> Collocation:

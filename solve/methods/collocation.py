@@ -61,11 +61,6 @@ class Collocation:
         integrals of the curve still equal the step where the quadrature is exact for it: s ≥ 3."""
         return (0.0, *self.c) if self.stiffly_accurate or len(self.c) < 3 else (0.0, *self.c, 1.0)
 
-    @property
-    def curve_order(self) -> int:
-        """Order of the curve between the nodes: that of the stage accelerations, s + 1, and two more."""
-        return len(self.c) + 3
-
     @cached_property
     def weights(self) -> dict[str, Array]:
         """The method's numbers by the names of the compiled kernels."""

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from functools import cache
 
-from scipy.special import roots_jacobi
-
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.collocated import Collocated
 from solve.methods.collocation import Collocation
@@ -33,5 +31,7 @@ class Radau(Collocated):
 
 @cache
 def _collocation(order: int) -> Collocation:
+    from scipy.special import roots_jacobi
+
     inner = (roots_jacobi((order - 1) // 2, 1.0, 0.0)[0] + 1.0) / 2.0
     return Collocation((*map(float, inner), 1.0))
