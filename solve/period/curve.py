@@ -5,7 +5,7 @@ Arrays may have a leading axis of points, here `…`, each with a curve of its o
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -98,23 +98,23 @@ class Curve:
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
         step, theta = self._places(np.asarray(phase, dtype=float))
-        value = self._horner(self.coefficients[..., step, :], theta, derivative)
+        value = _horner(np.take(self.coefficients, step, axis=-2), theta, derivative)
         return value / np.diff(self.nodes)[step] ** derivative if derivative else value
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
-        powers = np.arange(derivative, self.coefficients.shape[-1])
-        theta = np.arange(a_step) / a_step
-        values = self.coefficients[..., derivative:] @ (
-            _falling(powers, derivative)[:, None] * theta ** (powers - derivative)[:, None]
-        )
+        D, theta = self.coefficients.shape[-1], np.arange(a_step) / a_step
+        powers = theta ** np.arange(D - derivative)[:, None]
+        values = self.coefficients[..., derivative:] @ (_falling(D, derivative)[derivative:, None] * powers)
         if derivative:
             values /= np.diff(self.nodes)[:, None] ** derivative
         return values.reshape(*values.shape[:-2], values.shape[-2] * a_step)
 
     def each(self, phase: Array, derivative: int = 0) -> Array:
         step, theta = self._places(phase)
-        pieces = np.take_along_axis(self.coefficients, step[..., None], axis=-2)
-        value = self._horner(pieces, theta, derivative)
+        *_, m, D = self.coefficients.shape
+        curves = np.arange(math.prod(step.shape[:-1])).reshape(*step.shape[:-1], 1)
+        pieces = np.take(self.coefficients.reshape(-1, D), m * curves + step, axis=0)
+        value = _horner(pieces, theta, derivative)
         return value / np.diff(self.nodes)[step] ** derivative if derivative else value
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
@@ -133,19 +133,21 @@ class Curve:
     def _uniform(self) -> bool:
         return bool(np.ptp(np.diff(self.nodes)) <= 1e-12 * self.nodes[-1])
 
-    @staticmethod
-    def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
-        """The derivative by θ of polynomials (…, D) at θ (…)."""
-        factors = _falling(np.arange(pieces.shape[-1]), derivative)
-        value = factors[-1] * pieces[..., -1]
-        for power in range(pieces.shape[-1] - 2, derivative - 1, -1):
-            value = value * theta + factors[power] * pieces[..., power]
-        return value
+
+def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
+    """The derivative by θ of polynomials (…, D) at θ (…)."""
+    factors = _falling(pieces.shape[-1], derivative)
+    value = factors[-1] * pieces[..., -1]
+    for power in range(pieces.shape[-1] - 2, derivative - 1, -1):
+        value *= theta
+        value += factors[power] * pieces[..., power] if derivative else pieces[..., power]
+    return value
 
 
-def _falling(powers: Array, count: int) -> Array:
-    """power (power - 1) … of `count` factors, for each power."""
-    return np.array([math.perm(int(power), count) for power in powers], dtype=float)
+@cache
+def _falling(powers: int, count: int) -> Array:
+    """power (power - 1) … of `count` factors, for each of the powers 0, 1, …"""
+    return np.array([math.perm(power, count) for power in range(powers)], dtype=float)
 
 
 @dataclass(frozen=True)
