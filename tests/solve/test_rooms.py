@@ -1,0 +1,68 @@
+"""Rooms of `solve` and its public functions: no name is both, so that no import hides a function."""
+
+import inspect
+import pkgutil
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import solve
+
+FOLDER = Path(solve.__file__).parent
+MODULES = sorted(
+    module.name
+    for module in pkgutil.walk_packages([str(FOLDER)], "solve.")
+    if not module.name.endswith("__main__")
+)
+FUNCTIONS = sorted(name for name in solve.__all__ if inspect.isfunction(getattr(solve, name)))
+
+CALLS = """
+import numpy as np
+
+import solve
+
+mathieu, cam = solve.load("mathieu", delta=1.3, epsilon=0.2, zeta=0.05), solve.load("cam")
+rough = {"rtol": 1e-2, "engine": "numpy"}
+
+
+def at(delta):
+    return mathieu.varied({"delta": delta}), 1.0
+
+
+called = {
+    "load": mathieu,
+    "case_numbers": solve.case_numbers("cam"),
+    "periodic": solve.periodic(cam, "600 rpm", **rough),
+    "floquet": solve.floquet(mathieu, 1.0, **rough),
+    "sweep": solve.sweep(cam, [62.0, 63.0], **rough),
+    "variants": (stiffer := solve.variants(cam, "k1", [8e4, 9e4])),
+    "sweeps": solve.sweeps(stiffer, [62.0, 63.0], ["q1"], rtol=1e-2),
+    "bands": solve.bands(mathieu, [0.8, 1.2], **rough, tolerance=1e-3),
+    "chart": solve.chart(mathieu, {"delta": [0.5, 1.0]}, {"epsilon": [0.1, 0.2]}, **rough),
+    "critical_speeds": solve.critical_speeds(cam, [60.0, 62.0, 64.0], **rough, tolerance=1e-2),
+    "frequencies": solve.frequencies(cam),
+    "frequencies_over": solve.frequencies_over(cam, "k1", [8e4, 9e4], np.zeros(1)),
+    "boundaries": solve.boundaries(at, [0.5, 1.0, 1.5]),
+    "signal_statistics": solve.signal_statistics(np.cos, 2 * np.pi),
+}
+print(sorted(called))
+assert not any(inspect.ismodule(getattr(solve, name)) for name in solve.__all__)
+"""
+
+
+def test_no_module_of_solve_shares_its_name_with_what_is_public():
+    below = {name.split(".")[1] for name in MODULES}
+    assert not below & set(solve.__all__)
+    assert len(MODULES) > 80
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_public_function_works_after_all_modules_were_imported_in_any_order(seed):
+    order = random.Random(seed).sample(MODULES, len(MODULES))
+    lines = ["import importlib, inspect", *(f"importlib.import_module({name!r})" for name in order), CALLS]
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == str(FUNCTIONS)

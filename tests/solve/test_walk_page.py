@@ -1,0 +1,48 @@
+"""The page that walks a number through the rooms: each room once, in the order in which they are entered."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import solve
+from solve.commands.app import run
+from solve.kernel.library import trouble
+
+PAGE = (Path(__file__).parents[2] / "docs" / "walk.md").read_text("utf-8")
+ROOMS = {path.stem for path in Path(solve.__file__).parent.iterdir() if path.is_dir() or path.suffix == ".py"}
+BOTTOM = {"arrays", "errors", "statistics", "trigonometric", "units"}
+STOPS = [
+    (room, name)
+    for room, names in re.findall(r"^\d+\. \*\*(\w+)\*\*, ((?:`\w+`,? ?)+)\.", PAGE, re.MULTILINE)
+    for name in re.findall(r"\w+", names)
+]
+
+
+def test_the_page_is_short_and_names_each_room_once():
+    assert len(PAGE.splitlines()) <= 60
+    named = re.findall(r"\*\*(\w+)\*\*", PAGE)
+    assert sorted(named) == sorted(ROOMS - BOTTOM - {"__init__", "__main__", "__pycache__"})
+
+
+@pytest.mark.skipif(bool(trouble()), reason=trouble() or "compiles")
+def test_the_command_takes_that_way(capsys):
+    """The functions and classes that the page names, in the order in which they are first entered."""
+    entered: dict[tuple[str, str], None] = {}
+    folder = str(Path(solve.__file__).parent)
+
+    def note(frame, event, argument):
+        if event == "call" and frame.f_code.co_filename.startswith(folder):
+            room = Path(frame.f_code.co_filename).relative_to(folder).parts[0].removesuffix(".py")
+            name = frame.f_code.co_qualname.replace(".__init__", "").split(".")[-1]
+            entered.setdefault((room, name))
+
+    sys.setprofile(note)
+    try:
+        status = run(["periodic", "cam", "--speed", "600 rpm", "--set", "k1=9e4"])
+    finally:
+        sys.setprofile(None)
+    assert status == 0
+    assert "k1" in capsys.readouterr().out
+    assert [stop for stop in entered if stop in STOPS] == STOPS
