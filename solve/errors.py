@@ -1,7 +1,7 @@
 """What can go wrong, one class a cause. Each message says what was given, what is allowed and what to do."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 
 class SolveError(Exception):
@@ -16,6 +16,12 @@ class UnknownNameError(SolveError):
         near = difflib.get_close_matches(given, names, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'?" if near else f"known: {_shortened(names) or 'none'}"
         super().__init__(f"unknown {kind} '{given}'; {hint}")
+
+
+def require_name(kind: str, given: str, allowed: Collection[str]) -> None:
+    """Raise UnknownNameError unless the name is among those allowed."""
+    if given not in allowed:
+        raise UnknownNameError(kind, given, allowed)
 
 
 class ValueOutOfBoundsError(SolveError):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MatricesError, SolveError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import MatricesError, SolveError, ValueOutOfBoundsError, require_name
 from solve.statistics import Statistics
 from solve.trigonometric import Trigonometric
 
@@ -154,8 +154,7 @@ class PeriodicSystem:
         known = (*self.coordinates, *self.outputs)
         names = tuple(dict.fromkeys(known if names is None else names))
         for name in names:
-            if name not in known:
-                raise UnknownNameError(f"coordinate or output of {self.name}", name, known)
+            require_name(f"coordinate or output of {self.name}", name, known)
         return names
 
     def at(self, phase: Array, speed: float) -> Matrices:
@@ -205,7 +204,7 @@ class PeriodicSystem:
     ) -> Self:
         """The same system with some parameters and options changed. Raises UnknownNameError."""
         for name in (*(parameters or {}), *(options or {})):
-            raise UnknownNameError(f"parameter or option of {self.name}", name, [])
+            require_name(f"parameter or option of {self.name}", name, [])
         return self
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:

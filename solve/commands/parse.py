@@ -1,26 +1,28 @@
 """Texts of the command line as values."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import typer
 
-from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, require_name
 
 
 def whole(text: str) -> int:
     """A whole number, for Typer to read a flag with."""
-    try:
-        return int(text)
-    except ValueError:
-        raise typer.BadParameter(f"'{text}' is not a whole number, such as 60.") from None
+    return _read(int, text, "a whole number, such as 60")
 
 
 def number(text: str) -> float:
     """A number, for Typer to read a flag with."""
+    return _read(float, text, "a number, such as 1e-6")
+
+
+def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:
     try:
-        return float(text)
+        return kind(text)
     except ValueError:
-        raise typer.BadParameter(f"'{text}' is not a number, such as 1e-6.") from None
+        raise typer.BadParameter(f"'{text}' is not {allowed}.") from None
 
 
 def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> dict[str, str]:
@@ -79,8 +81,7 @@ def points(flag: str, text: str) -> tuple[str, list[float]]:
 def figure_kept(text: str) -> str:
     """What to keep of a modulus over a turn, by its name max or rms. Raises UnknownNameError."""
     figures = {"max": "max_abs", "rms": "rms"}
-    if text not in figures:
-        raise UnknownNameError("figure", text, figures)
+    require_name("figure", text, figures)
     return figures[text]
 
 

@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
 from solve.results.contents import Contents, table_contents
-from solve.results.plot import title_of
+from solve.results.plot import draw_map, title_of
 from solve.results.points import PointResults
 from solve.results.quantities import RPM
 from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.stability import Stability
-from solve.results.style import BLACK, GREY, Axes, Figure, page
+from solve.results.style import BLACK, Axes, Figure, page
 from solve.results.sweep_plot import KIND_NAMES
 from solve.system import PeriodicSystem
 
@@ -161,8 +161,7 @@ class Chart:
         UnknownNameError."""
         names = self.x_name, self.y_name
         for name, _ in held:
-            if name not in names:
-                raise UnknownNameError("quantity of the chart", name, names)
+            require_name("quantity of the chart", name, names)
         return replace(self, cuts=[self.solve_cut(names.index(name), value) for name, value in held])
 
     def plot(self) -> Figure:
@@ -185,8 +184,6 @@ class Chart:
             axes.set_ylabel(_label(self.system, self.y_name))
             axes.set_xlim(*(self.x[[0, -1]] * factors[0]))
             axes.set_ylim(*(self.y[[0, -1]] * factors[1]))
-            axes.ticklabel_format(scilimits=(-3, 6))
-            axes.grid(visible=False)
         return figure
 
     def record(self) -> dict[str, Any]:
@@ -264,22 +261,17 @@ def _draw_growth(figure: Figure, axes: Axes, chart: Chart) -> None:
         growth = np.clip(np.log(chart.spectral_radius), -_MOST_DECAY, _MOST_DECAY)
     low, high = min(np.nanmin(growth), -1e-3), max(np.nanmax(growth), 1e-3)
     axes.set_facecolor("#EEEEEE")
-    mesh = axes.pcolormesh(
-        chart.x * _factor(chart.x_name),
-        chart.y * _factor(chart.y_name),
-        growth,
-        cmap=LinearSegmentedColormap.from_list("stability", _COLORS),
-        norm=TwoSlopeNorm(0.0, low if low < -1e-2 else -high, high),
-        shading="nearest",
-        rasterized=True,
-    )
-    bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
+    x, y = chart.x * _factor(chart.x_name), chart.y * _factor(chart.y_name)
+    colours = {
+        "cmap": LinearSegmentedColormap.from_list("stability", _COLORS),
+        "norm": TwoSlopeNorm(0.0, low if low < -1e-2 else -high, high),
+    }
+    bar = draw_map(figure, axes, x, y, growth, "growth a period, ln |ρ|", **colours)
     if low >= -1e-2:
         bar.ax.set_ylim(0.0, high)
     else:
         bar.set_ticks([*_ticks(low)[:-1], *_ticks(high)])
-    bar.set_label("growth a period, ln |ρ|", color=GREY)
-    bar.outline.set_linewidth(0.5)  # type: ignore[operator]
+    bar.outline.set_linewidth(0.5)
 
 
 def _ticks(end: float) -> list[float]:

@@ -1,5 +1,7 @@
 """A picture of where Newmark's method is stable (after thesis Fig. 6.1)."""
 
+from typing import Any
+
 import numpy as np
 
 from solve.methods.newmark_stability import stability_limit
@@ -45,22 +47,16 @@ def _contours(axes: Axes) -> None:
 
 
 def _names(axes: Axes) -> None:
+    apart: dict[str, Any] = {"textcoords": "offset fontsize"}
     for name, (gamma, beta) in _POINTS.items():
         axes.plot(gamma, beta, "o", color=BLACK, clip_on=False, zorder=3)
-        axes.annotate(name, (gamma, beta), (-0.7, 0.0), textcoords="offset fontsize", ha="right", va="center")
+        axes.annotate(name, (gamma, beta), (-0.7, 0.0), ha="right", va="center", **apart)
     axes.plot(0.25, 1 / 6, "o", color=VERMILION)
-    axes.annotate(
-        _GROWING, (0.25, 1 / 6), (0, 0.8), textcoords="offset fontsize", ha="center", color=VERMILION
-    )
-    white = {"boxstyle": "square,pad=0.15", "color": "white"}
+    axes.annotate(_GROWING, (0.25, 1 / 6), (0, 0.8), ha="center", color=VERMILION, **apart)
     axes.annotate("unstable at any step: energy grows", (0.34, 0.48), ha="center")
     axes.annotate("stable at any step", (0.62, 0.48), ha="center")
+    white = {"boxstyle": "square,pad=0.15", "color": "white"}
     axes.annotate("stable up to the ω h on the line", (0.75, 0.015), ha="center", bbox=white)
-    axes.annotate(
-        "stable at any step;\nlong steps decay without oscillating",
-        (0.93, 0.49),
-        (0.8, 0.60),
-        ha="center",
-        va="center",
-        arrowprops={"arrowstyle": "-", "color": GREY, "lw": 0.7},
-    )
+    line = {"arrowstyle": "-", "color": GREY, "lw": 0.7}
+    damped = "stable at any step;\nlong steps decay without oscillating"
+    axes.annotate(damped, (0.93, 0.49), (0.8, 0.60), ha="center", va="center", arrowprops=line)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.results.quantities import RPM, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
 from solve.system import PeriodicSystem
@@ -107,8 +107,7 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
 
 def checked_scale(scale: str) -> str:
     """The scale itself. Raises UnknownNameError."""
-    if scale not in SCALES:
-        raise UnknownNameError("scale", scale, SCALES)
+    require_name("scale", scale, SCALES)
     return scale
 
 
@@ -137,6 +136,18 @@ def _draw_curve(axes: Axes, system: PeriodicSystem, name: str, motion: Motion) -
     axes.set_ylabel(labelled(name, unit))
     meaning = textwrap.shorten(system.meanings.get(name, ""), _TITLE, placeholder=" …")
     axes.set_title(meaning, loc="left", color=GREY)
+
+
+def draw_map(
+    figure: Figure, axes: Axes, x: Array, y: Array, values: Array, label: str, **colours: Any
+) -> Any:
+    """Values z (ny, nx) as colours over x and y, and their scale beside, which is returned."""
+    mesh = axes.pcolormesh(x, y, z, shading="nearest", rasterized=True, **colours)
+    bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
+    bar.set_label(label, color=GREY)
+    axes.ticklabel_format(scilimits=(-3, 6))
+    axes.grid(visible=False)
+    return bar
 
 
 def label_speeds(axes: Axes, rpm: Array) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import UnknownNameError
+from solve.errors import require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Contents, table_contents
@@ -130,11 +130,10 @@ class Sweep:
 
         Raises UnknownNameError.
         """
-        if name not in self.results.kept.names:
-            raise UnknownNameError("coordinate or output", name, self.results.kept.names)
-        if figure not in FIGURES:
-            raise UnknownNameError("figure", figure, FIGURES)
-        return self.results.figures[:, self.results.kept.names.index(name), FIGURES.index(figure)]
+        kept = self.results.kept.names
+        require_name("coordinate or output", name, kept)
+        require_name("figure", figure, FIGURES)
+        return self.results.figures[:, kept.index(name), FIGURES.index(figure)]
 
     def spectrum(self, name: str) -> Array:
         """Amplitudes (P, harmonics + 1) of a quantity whose spectrum the sweep was asked for.
@@ -142,8 +141,7 @@ class Sweep:
         Raises UnknownNameError.
         """
         known = self.results.kept.spectra
-        if name not in known:
-            raise UnknownNameError("spectrum", name, known)
+        require_name("spectrum", name, known)
         return self.results.amplitudes[:, known.index(name)]
 
     @property

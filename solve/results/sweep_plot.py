@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.plot import label_quantity, label_speeds, title_of
+from solve.results.plot import draw_map, label_quantity, label_speeds, title_of
 from solve.results.quantities import RPM, prefixed
 from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
@@ -56,23 +56,13 @@ def waterfall_figure(system: PeriodicSystem, speeds: Array, name: str, amplitude
         decibels = 20 * np.log10(heights / largest)
     with page(4.4, f"{title_of(system)}: spectrum of {name} over speed") as made:
         axes = made.subplots()
-        mesh = axes.pcolormesh(
-            rpm,
-            np.arange(1, len(heights) + 1) * rotation,
-            np.where(decibels > _FLOOR, decibels, np.nan),
-            cmap="magma_r",
-            vmin=_FLOOR,
-            vmax=0.0,
-            shading="nearest",
-            rasterized=True,
-        )
-        bar = made.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
-        bar.set_label(f"amplitude (dB re {largest * factor:.3g} {unit})", color=GREY)
+        orders = np.arange(1, len(heights) + 1) * rotation
+        seen = np.where(decibels > _FLOOR, decibels, np.nan)
+        label = f"amplitude (dB re {largest * factor:.3g} {unit})"
+        draw_map(made, axes, rpm, orders, seen, label, cmap="magma_r", vmin=_FLOOR, vmax=0.0)
         axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
         axes.set_xlabel("speed (rpm)")
         axes.set_ylabel("order of rotation")
-        axes.ticklabel_format(scilimits=(-3, 6))
-        axes.grid(visible=False)
     return made
 
 

@@ -14,7 +14,7 @@ from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import Count, gathered
 from solve.batch.spread import task_of
-from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.auto import Rule
 from solve.period.multipliers import VERDICTS
 from solve.results.critical_speeds import Critical, CriticalSpeeds, Maximum
@@ -62,8 +62,7 @@ def critical_speeds(
     """
     omegas = np.array(speeds_between(speeds, "critical speeds"))
     (name,) = system.known_quantities([quantity or system.coordinates[0]])
-    if figure not in RESPONSES:
-        raise UnknownNameError("figure", figure, RESPONSES)
+    require_name("figure", figure, RESPONSES)
     if orders < 1:
         raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import NoMotionError, SolveError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import NoMotionError, SolveError, ValueOutOfBoundsError, require_name
 from solve.results.frequencies import Frequencies, Variation
 from solve.system import PeriodicSystem
 from solve.units import with_unit
@@ -57,8 +57,7 @@ def frequencies_over(
 
     Values that the system refuses become NaN with their reason. Raises UnknownNameError.
     """
-    if parameter not in system.parameters:
-        raise UnknownNameError(f"parameter of {system.name}", parameter, system.parameters)
+    require_name(f"parameter of {system.name}", parameter, system.parameters)
     k = _checked_count(system, count)
     figures = np.full((3, len(values), k), math.nan)
     pinned = {link.name: np.full(len(values), math.nan) for link in system.links}

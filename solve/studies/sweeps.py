@@ -6,7 +6,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.gathering import Count
-from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.auto import Rule
 from solve.model.model import Model
 from solve.results.sweeps import Sweeps
@@ -24,10 +24,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
         raise ValueOutOfBoundsError(f"{name} is given one value twice; give different ones")
     if name in model.options:
         return {str(value): model.varied(options={name: value}) for value in values}
-    if name not in model.parameters:
-        raise UnknownNameError(
-            f"parameter or option of {model.name}", name, [*model.parameters, *model.options]
-        )
+    require_name(f"parameter or option of {model.name}", name, [*model.parameters, *model.options])
     return {f"{_number(name, value):g}": model.varied({name: _number(name, value)}) for value in values}
 
 
