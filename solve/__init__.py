@@ -16,16 +16,14 @@ from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
-from solve.results.sweep import Sweep
-from solve.results.sweeps import Sweeps
+from solve.results.sweep import Sweep, Sweeps
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.chart import chart
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.frequencies import frequencies, frequencies_over
-from solve.studies.sweep import sweep
-from solve.studies.sweeps import sweeps, variants
+from solve.studies.sweep import sweep, sweeps, variants
 from solve.system import PeriodicSystem
 
 __all__ = [

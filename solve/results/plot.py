@@ -138,9 +138,7 @@ def _draw_curve(axes: Axes, system: PeriodicSystem, name: str, motion: Motion) -
     axes.set_title(meaning, loc="left", color=GREY)
 
 
-def draw_map(
-    figure: Figure, axes: Axes, x: Array, y: Array, values: Array, label: str, **colours: Any
-) -> Any:
+def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> Any:
     """Values z (ny, nx) as colours over x and y, and their scale beside, which is returned."""
     mesh = axes.pcolormesh(x, y, z, shading="nearest", rasterized=True, **colours)
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)

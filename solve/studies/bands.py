@@ -1,4 +1,10 @@
-"""Bands of speed in which the motion is unstable, with refined edges."""
+"""Bands of speed in which the motion is unstable, with refined edges.
+
+Where fast modes neither die nor can be followed at many speeds, the slow ones alone are watched: the axial
+vibration of an undamped steel link turns thousands of radians while the crank turns once, and so do its
+multipliers over speed. Radau, which loses what it does not follow, leaves the slow modes: a multiplier is
+one of theirs where two grids agree on it.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -10,12 +16,14 @@ from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import Count, gathered
 from solve.batch.spread import task_of
-from solve.methods.auto import Rule
+from solve.methods.auto import RESOLVABLE, Rule, auto
 from solve.methods.radau import Radau
+from solve.period.frozen import frozen, surviving
+from solve.period.multipliers import UNIT_CIRCLE
+from solve.period.points import OnePoint
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
 from solve.studies.boundaries import ALIVE, Judge, Judged, Search, hidden, judge
-from solve.studies.watch import WATCHED, unwatched, watching
 from solve.system import PeriodicSystem
 from solve.units import checked_tolerance, speeds_between
 
@@ -42,6 +50,14 @@ _SPLITS = 8
 _UNKNOWN = -2
 """State of speeds without a result."""
 
+_WATCHED = 128.0
+"""Angle in rad that a watched mode turns at most in one period, at the lowest speed."""
+
+_STEPS = 192, 256
+_AGREED = 1e-4
+_REMAINS = 1e-2
+"""Part of a fast mode that is left after a period, above which it is not lost on its own."""
+
 
 def bands(
     system: PeriodicSystem,
@@ -67,13 +83,13 @@ def bands(
     omegas = np.array(speeds_between(speeds, "bands"))
     system.checked(float(omegas[-1]))
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
-    fast = unwatched(system, float(omegas[0]), task.method)
+    fast = _unwatched(system, float(omegas[0]), task.method)
     if fast:
         task, notes = replace(task, method=Radau()), [*notes, _left_out(system.n, fast)]
-    turning = _turning(system, omegas, WATCHED if fast else np.inf)
+    turning = _turning(system, omegas, _WATCHED if fast else np.inf)
     points, count = _grid(omegas, turning)[:, None], Count(progress)
     batch = task.batch(points)
-    asked = (watching if fast else judge)(batch, count.add)
+    asked = (_watching if fast else judge)(batch, count.add)
     known = _closer(asked, asked(points), turning)
     middle = np.arange(1, len(known.points) - 1)
     spacing = float(np.diff(known.points[:, 0]).max())
@@ -86,7 +102,7 @@ def bands(
 
 def _left_out(n: int, fast: int) -> str:
     return (
-        f"{fast} of {n} modes turn by more than {WATCHED:g} rad a turn and do not die: their bands, of high "
+        f"{fast} of {n} modes turn by more than {_WATCHED:g} rad a turn and do not die: their bands, of high "
         "order, are not looked for; a single solution follows all modes"
     )
 
@@ -242,3 +258,33 @@ class _Runs:
 def _state(known: Judged) -> Array:
     """Positions in KINDS (k,), -1 where stable, _UNKNOWN where nothing is known."""
     return np.where(known.unstable, known.kinds, np.where(known.failed, _UNKNOWN, -1))
+
+
+def _unwatched(system: PeriodicSystem, speed: float, method: Rule) -> int:
+    """How many modes are too fast to be watched from this speed on: 0 where all can be followed or those
+    that cannot die within a turn, where a method is named, and where no mode would be left."""
+    values = frozen(OnePoint(system, speed)).eigenvalues()[0]
+    reach = np.abs(values).max(axis=0) * system.period
+    fast = int((np.sort(reach)[::2] > _WATCHED).sum())
+    lives = float(surviving(values, system.period, RESOLVABLE)) > _REMAINS
+    needed = method is auto and reach.max() > RESOLVABLE and lives
+    return fast if needed and fast < system.n else 0
+
+
+def _watching(batch: Batch, count: Callable[[int], None]) -> Judge:
+    """The judge of watched modes, by the batch's method, Radau; `count` is told of every number of points
+    solved. Unstable: a multiplier on which both grids agree is outside the unit circle by more than their
+    difference."""
+
+    def judged(points: Array) -> Judged:
+        coarse, fine = (batch.multipliers(points, steps) for steps in _STEPS)
+        error = np.abs(fine[:, :, None] - coarse[:, None, :]).min(axis=2)
+        agreed = (error < _AGREED) & (fine != 0)
+        beyond = (agreed & (np.abs(fine) - 1 > np.maximum(error, UNIT_CIRCLE))).any(axis=1)
+        known = agreed.any(axis=1)
+        kept = np.where(agreed, fine, 0.0)
+        order = np.argsort(-np.abs(kept), axis=1, kind="stable")
+        count(len(points))
+        return Judged(points, known & ~beyond, known & beyond, np.take_along_axis(kept, order, axis=1))
+
+    return judged

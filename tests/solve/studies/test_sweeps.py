@@ -5,7 +5,7 @@ import pytest
 
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.studies.sweeps import sweeps, variants
+from solve.studies.sweep import sweeps, variants
 from solve.system import PeriodicSystem
 
 SPEEDS = np.linspace(0.5, 3.5, 61)
