@@ -19,7 +19,6 @@ from solve.arrays import Array
 from solve.beams.elements import EXACT
 from solve.beams.frozen import exact_frequencies
 from solve.beams.motion import modal_damping
-from solve.beams.observations import SURFACES, Point
 from solve.beams.structure import StructureModel
 from solve.errors import UnknownNameError
 from solve.system import Matrices, PeriodicSystem
@@ -55,8 +54,7 @@ class Corrected(PeriodicSystem):
         self.model, self.load = model, load
         self._cubic, self._exact = cubic, exact
         self.name = f"{model.name}, {load} load"
-        observed = zip(cubic.outputs, model.module.OBSERVED, strict=True)
-        self._observed = {name: place for name, place in observed if place[0] in _KINDS}
+        self._observed = {name: place for name, place in cubic.observed.items() if place[0] in _KINDS}
         self.outputs = tuple(self._observed)
         self.units, self.meanings = cubic.units, cubic.meanings
 
@@ -95,41 +93,23 @@ class Corrected(PeriodicSystem):
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
         """Transverse displacement (k,) in m from the rigid motion, as the model's."""
-        return self._deflection(self._exact.point(link, fraction), self.lowest(phase), phase, q)
+        point = self._exact.point(link, fraction)
+        return point.displacement(self._exact.beams.angle(phase), q, self.lowest(phase))[1]
 
     def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
         """Axial stress (k,) in Pa on the surface "plus" or "minus", as the model's."""
-        if surface not in SURFACES:
-            raise UnknownNameError("surface", surface, SURFACES)
-        return self._stress(self._exact.point(link, fraction), surface, self.lowest(phase), phase, q)
+        point = self._exact.point(link, fraction)
+        return point.stress(self._exact.beams.angle(phase), q, surface, self.lowest(phase))
 
     def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
-        omega, D, M = self._at_lowest(phase)
-        K = D + (omega**2)[:, None, None] * M
         values = {}
         for name, (kind, link, fraction) in self._observed.items():
             if kind == "strain_energy":
+                omega, D, M = self._at_lowest(phase)
+                K = D + (omega**2)[:, None, None] * M
                 values[name] = np.einsum("ik,kij,jk->k", q, K, q, optimize=True) / 2
             elif kind == "deflection":
-                values[name] = self._deflection(self._exact.point(link, fraction), omega, phase, q)
+                values[name] = self.deflection(link, fraction, phase, q)
             else:
-                surface = kind.removeprefix("stress_")
-                values[name] = self._stress(self._exact.point(link, fraction), surface, omega, phase, q)
+                values[name] = self.stress(link, fraction, kind.removeprefix("stress_"), phase, q)
         return values
-
-    def _deflection(self, point: Point, omega: Array, phase: Array, q: Array) -> Array:
-        _, shapes = self._shapes(point, omega, 0)
-        return np.einsum("ki,ki->k", point.local(self._exact.beams.angle(phase), q), shapes)
-
-    def _stress(self, point: Point, surface: str, omega: Array, phase: Array, q: Array) -> Array:
-        properties = self._exact.beams.properties
-        (elongation, _), (_, curvature) = (self._shapes(point, omega, order) for order in (1, 2))
-        half = SURFACES[surface] * properties.height[point.number] / 2
-        local = point.local(self._exact.beams.angle(phase), q)
-        return properties.E[point.number] * np.einsum("ki,ki->k", local, elongation - half * curvature)
-
-    def _shapes(self, point: Point, omega: Array, order: int) -> tuple[Array, Array]:
-        """Axial and transverse displacement (k, 6) at the point, or their derivatives by x, at ω1 (k,)."""
-        member, (_, xi) = self._exact.beams.members[point.number], point.place
-        axial, transverse = member.exact_shapes(omega, np.array([xi]), order)
-        return axial[:, 0], transverse[:, 0]

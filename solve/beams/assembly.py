@@ -5,7 +5,7 @@ c = cos θ, s = sin θ (thesis (4.28)). So a structure's matrix is a constant ta
 each link, and all positions together are one matrix product.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -14,101 +14,16 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams import dynamic_stiffness as exact
-from solve.beams.elements import AXIAL, EXACT, HELD, Freedom, Freedoms, Member, Node
+from solve.beams.elements import EXACT, HELD, Freedoms, Member, Node
 from solve.errors import StructureError
 
-TERMS = 5
-"""1, c, s, c², cs."""
-
-
-def angle_terms(angle: Array) -> Array:
-    """1, c, s, c², cs of angles of any shape, along a new last axis."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack((np.ones_like(c), c, s, c * c, c * s), axis=-1)
-
-
-@dataclass(frozen=True)
-class Table:
-    """Constants (r, n, n) such that a matrix is Σ w_r constants_r, for rows of weights w."""
-
-    constants: Array
-
-    def __call__(self, weights: Array) -> Array:
-        """Matrices (..., n, n) for weights (..., r)."""
-        rows, n, _ = self.constants.shape
-        flat = weights.reshape(-1, rows) @ self.constants.reshape(rows, n * n)
-        return flat.reshape(*weights.shape[:-1], n, n)
-
-
-def spread(freedoms: Freedoms, link: int, local: Array) -> Array:
-    """Tables (5, n, n) of 1, c, s, c², cs for a link whose elements all have the local matrix (k, k)."""
-    return spread_singly(freedoms, link, local).sum(axis=0)
-
-
-def spread_singly(freedoms: Freedoms, link: int, local: Array) -> Array:
-    """The same for each element of the link by itself: (elements, 5, n, n)."""
-    still, cosine, sine = rotation(freedoms.elements[link].freedoms)
-    turned = np.stack(
-        (
-            still @ local @ still + sine.T @ local @ sine,
-            still @ local @ cosine + cosine @ local @ still,
-            still @ local @ sine + sine.T @ local @ still,
-            cosine @ local @ cosine - sine.T @ local @ sine,
-            cosine @ local @ sine + sine.T @ local @ cosine,
-        )
-    )
-    rows = freedoms.indices[link]
-    whole = np.zeros((len(rows), TERMS, freedoms.n + 1, freedoms.n + 1))
-    for each, row in zip(whole, rows, strict=True):
-        each[:, row[:, None], row[None, :]] += turned
-    return whole[..., :HELD, :HELD]
-
-
-def point_masses(freedoms: Freedoms, masses: Array) -> Array:
-    """Mass matrix (n, n) of point masses at the joints."""
-    whole = np.zeros((freedoms.n + 1, freedoms.n + 1))
-    for (x, y), mass in zip(freedoms.joint_indices, masses, strict=True):
-        whole[x, x] += mass
-        whole[y, y] += mass
-    return whole[:HELD, :HELD]
-
-
-def local_values(
-    freedoms: Freedoms, link: int, angle: Array, q: Array, elements: slice = slice(None)
-) -> Array:
-    """Values (m, elements, k) of the own freedoms of a link's elements, in its axes, for a structure's
-    q (N, m) and the link's angles (m,)."""
-    whole = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
-    ground = whole[:, freedoms.indices[link][elements]]
-    return ground @ np.swapaxes(rotations(freedoms, link, angle), 1, 2)
-
-
-def rotations(freedoms: Freedoms, link: int, angle: Array) -> Array:
-    """R (m, k, k) from ground axes to the link's at its angles (m,)."""
-    still, cosine, sine = rotation(freedoms.elements[link].freedoms)
-    c, s = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
-    return still + c * cosine + s * sine
-
-
-def rotation(local: Sequence[Freedom]) -> tuple[Array, Array, Array]:
-    """R = still + c cosine + s sine, from ground axes to the link's (thesis (4.26)).
-
-    Translations in ground axes stand in the places of the link's: x for u, y for v.
-    """
-    k = len(local)
-    still, cosine, sine = np.zeros((k, k)), np.zeros((k, k)), np.zeros((k, k))
-    for i, freedom in enumerate(local):
-        if freedom.order > 0:
-            still[i, i] = 1.0
-            continue
-        cosine[i, i] = 1.0
-        other = next(
-            j
-            for j, each in enumerate(local)
-            if (each.order, each.xi) == (0, freedom.xi) and each.direction != freedom.direction
-        )
-        sine[i, other] = 1.0 if freedom.direction == AXIAL else -1.0
-    return still, cosine, sine
+_TERMS = np.zeros((5, 3, 3))
+"""The products of 1, c, s in terms of 1, c, s, c², cs; s² is 1 − c²."""
+for _row, _i, _j, _sign in (
+    *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
+    *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
+):
+    _TERMS[_row, _i, _j] = _sign
 
 
 @dataclass(frozen=True)
@@ -133,8 +48,8 @@ class Beams:
     carried: whether the held joints are carried along paths that the angles of the links imply, instead of
     staying where they are.
 
-    Every matrix is a Table whose rows belong to 1 and to c, s, c², cs of each link; what an exact link
-    adds has 1, c, s, c², cs for each of its eight functions of frequency.
+    Every matrix is a table (links, 5, n, n) for 1, c, s, c², cs of each link; what exact links add has these
+    for each of their eight functions of frequency.
     """
 
     freedoms: Freedoms
@@ -146,9 +61,21 @@ class Beams:
     def members(self) -> list[Member]:
         """The links with their elements."""
         p, freedoms = self.properties, self.freedoms
-        lengths = p.length / np.array(freedoms.counts)
-        columns = (freedoms.links, freedoms.counts, lengths, p.EA, p.EI, p.mu)
-        return [Member(*each) for each in zip(*columns, strict=True)]
+        joints = [name for name, _ in freedoms.joints]
+        return [
+            Member(
+                number,
+                link,
+                joints.index(link.start),
+                joints.index(link.end),
+                freedoms.elements[number],
+                freedoms.indices[number],
+                count,
+                p.length[number] / count,
+                *(column[number] for column in (p.E, p.EA, p.EI, p.mu, p.height)),
+            )
+            for number, (link, count) in enumerate(zip(freedoms.links, freedoms.counts, strict=True))
+        ]
 
     def divided(self, parts: int) -> "Beams":
         """The same beams with every exact element cut into parts, which changes no frequency."""
@@ -158,50 +85,50 @@ class Beams:
         ]
         return replace(self, freedoms=replace(self.freedoms, counts=tuple(counts)))
 
-    @property
-    def exact_links(self) -> list[int]:
-        """Numbers of the links whose elements are exact."""
-        return [number for number, kind in enumerate(self.freedoms.kinds) if kind == EXACT]
+    @cached_property
+    def exact_links(self) -> list[Member]:
+        """The links whose elements are exact."""
+        return [member for member in self.members if member.exact]
 
     @cached_property
-    def mass(self) -> Table:
+    def mass(self) -> Array:
         """M of the finite elements and the point masses, and of exact links that do not stretch their
         axial inertia."""
-        local = [self._mass(number) for number in range(len(self.members))]
-        return self._whole(local, point_masses(self.freedoms, self.properties.mass))
+        tables = []
+        for member in self.members:
+            axial = member.element.axial * member.link.inextensible
+            tables.append(self.spread(member, member.mass * (np.outer(axial, axial) if member.exact else 1)))
+        whole = np.zeros((self.freedoms.n + 1, self.freedoms.n + 1))
+        for xy, mass in zip(self.freedoms.joint_indices, self.properties.mass, strict=True):
+            whole[xy, xy] += mass
+        tables[0][0] += whole[:HELD, :HELD]
+        return np.stack(tables)
 
     @cached_property
-    def stiffness(self) -> Table:
+    def stiffness(self) -> Array:
         """K of the finite elements."""
-        local = [self._stiffness(number) for number in range(len(self.members))]
-        return self._whole(local, np.zeros((self.freedoms.n, self.freedoms.n)))
+        return np.stack(
+            [self.spread(member, member.stiffness * (not member.exact)) for member in self.members]
+        )
 
     @cached_property
-    def exact(self) -> Table:
-        """D of the exact links: 1, c, s, c², cs of F1 … F8 of each."""
-        tables = [np.zeros((0, self.freedoms.n, self.freedoms.n))]
-        for number in self.exact_links:
-            tables += [spread(self.freedoms, number, local) for local in exact.patterns()]
-        return Table(np.concatenate(tables))
+    def exact(self) -> Array:
+        """D of the exact links, (exact links, 8, 5, n, n), for F1 … F8 of each."""
+        tables = [[self.spread(member, each) for each in exact.patterns()] for member in self.exact_links]
+        return np.array(tables)
 
-    def _mass(self, number: int) -> Array:
-        member, element = self.members[number], self.freedoms.elements[number]
-        mass = element.mass(member.L, member.mu)
-        if number in self.exact_links:
-            axial = np.array([each.direction == AXIAL for each in element.freedoms])
-            mass = mass * np.outer(axial, axial) * member.link.inextensible
-        return mass
+    def spread(self, member: Member, local: Array) -> Array:
+        """Table (5, n, n) of a link whose elements all have the local matrix (k, k)."""
+        return self.spread_singly(member, local).sum(axis=0)
 
-    def _stiffness(self, number: int) -> Array:
-        member, element = self.members[number], self.freedoms.elements[number]
-        if number in self.exact_links:
-            return np.zeros((len(element.freedoms), len(element.freedoms)))
-        return element.stiffness(member.L, member.EA, member.EI)
-
-    def _whole(self, local: Sequence[Array], constant: Array) -> Table:
-        tables = [spread(self.freedoms, number, each) for number, each in enumerate(local)]
-        still = constant + sum(table[0] for table in tables)
-        return Table(np.concatenate((still[None], *(table[1:] for table in tables))))
+    def spread_singly(self, member: Member, local: Array) -> Array:
+        """The same for each element of the link by itself: (elements, 5, n, n)."""
+        R = member.element.axes
+        turned = np.einsum("tij,iba,bc,jcd->tad", _TERMS, R, local, R, optimize=True)
+        whole = np.zeros((member.count, 5, self.freedoms.n + 1, self.freedoms.n + 1))
+        for each, row in zip(whole, member.indices, strict=True):
+            each[:, row[:, None], row[None, :]] += turned
+        return whole[..., :HELD, :HELD]
 
 
 _ROUNDING = 1e-9
@@ -215,9 +142,8 @@ class Positions:
         self.beams = beams
         self.phase = np.atleast_1d(np.asarray(phase, dtype=float))
         self.angle = beams.angle(self.phase)
-        self.terms = angle_terms(self.angle)
-        shared = self.terms[:, :, 1:].reshape(len(self.phase), -1)
-        self.weights = np.concatenate((np.ones((len(self.phase), 1)), shared), axis=1)
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        self.terms = np.stack((np.ones_like(c), c, s, c * c, c * s), axis=-1)
         self._require_closed()
 
     @property
@@ -228,29 +154,26 @@ class Positions:
     def matrices(self) -> tuple[Array, Array]:
         """M and K of the finite elements, (m, n, n)."""
         everywhere = np.arange(len(self.phase))
-        M, K = self.beams.mass(self.weights), self.beams.stiffness(self.weights)
-        return self._reduced(M, everywhere), self._reduced(K, everywhere)
+        tables = self.beams.mass, self.beams.stiffness
+        M, K = (self._reduced(np.tensordot(self.terms, each, 2), everywhere) for each in tables)
+        return M, K
 
     def dynamic_stiffness(self, index: Array, omega: Array) -> Array:
         """D(ω) = K − ω²M, (b, n, n), at the positions of number `index` (b,) and ω (b,) rad/s."""
-        weights = self.weights[index]
-        D = self.beams.stiffness(weights) - (omega**2)[:, None, None] * self.beams.mass(weights)
-        functions = [self.beams.members[number].exact_weights(omega) for number in self.beams.exact_links]
-        return self._reduced(D + self._exact(index, functions), index)
+        M, K = (np.tensordot(self.terms[index], each, 2) for each in (self.beams.mass, self.beams.stiffness))
+        functions = [member.exact_stiffness(omega) for member in self.beams.exact_links]
+        return self._with_exact(K - (omega**2)[:, None, None] * M, index, functions)
 
     def dynamic_mass(self, index: Array, omega: Array) -> Array:
         """M(ω) = −∂D/∂(ω²), (b, n, n), as `dynamic_stiffness`: thesis (5.16)."""
-        M = self.beams.mass(self.weights[index])
-        functions = [
-            self.beams.members[number].exact_mass_weights(omega) for number in self.beams.exact_links
-        ]
-        return self._reduced(M + self._exact(index, functions), index)
+        functions = [member.exact_mass(omega) for member in self.beams.exact_links]
+        return self._with_exact(np.tensordot(self.terms[index], self.beams.mass, 2), index, functions)
 
     def interior_count(self, omega: Array) -> Array:
         """J0 (b,): frequencies below ω (b,) at which no freedom moves; thesis (5.21)."""
         counts = np.zeros(len(omega), dtype=int)
-        for number in self.beams.exact_links:
-            counts += self.beams.members[number].interior_count(omega)
+        for member in self.beams.exact_links:
+            counts += member.interior_count(omega)
         return counts
 
     def expanded(self, vectors: Array) -> Array:
@@ -265,33 +188,32 @@ class Positions:
     def placed(self, spans: Array) -> Array:
         """Vectors x + iy (m, joints) of the joints from those along the links (m, links); the first held
         joint's is 0."""
-        freedoms = self.beams.freedoms
-        names = [name for name, _ in freedoms.joints]
-        first = next((name for name, held in freedoms.joints if held), names[0])
-        places = {first: np.zeros(len(self.phase), dtype=complex)}
-        while len(places) < len(names):
+        joints = self.beams.freedoms.joints
+        still = np.zeros(len(self.phase), dtype=complex)
+        places = {next((number for number, (_, held) in enumerate(joints) if held), 0): still}
+        while len(places) < len(joints):
             before = len(places)
-            for link, span in zip(freedoms.links, spans.T, strict=True):
-                if link.start in places and link.end not in places:
-                    places[link.end] = places[link.start] + span
-                elif link.end in places and link.start not in places:
-                    places[link.start] = places[link.end] - span
+            for member, span in zip(self.beams.members, spans.T, strict=True):
+                if member.start in places and member.end not in places:
+                    places[member.end] = places[member.start] + span
+                elif member.end in places and member.start not in places:
+                    places[member.start] = places[member.end] - span
             if len(places) == before:
-                apart = next(name for name in names if name not in places)
-                places[apart] = np.zeros(len(self.phase), dtype=complex)
-        return np.stack([places[name] for name in names], axis=1)
+                places[next(number for number in range(len(joints)) if number not in places)] = still
+        return np.stack([places[number] for number in range(len(joints))], axis=1)
 
     @property
     def _spans(self) -> Array:
         """From start to end of the links as complex numbers, (m, links)."""
         return self.beams.properties.length * np.exp(1j * self.angle)
 
-    def _exact(self, index: Array, functions: list[Array]) -> Array:
-        """Of exact links, (b, N, N), from their eight functions (b, 8) each."""
-        parts = [np.zeros((len(index), 0))]
-        for number, values in zip(self.beams.exact_links, functions, strict=True):
-            parts.append((values[:, :, None] * self.terms[index, number, None, :]).reshape(len(index), -1))
-        return self.beams.exact(np.concatenate(parts, axis=1))
+    def _with_exact(self, finite: Array, index: Array, functions: list[Array]) -> Array:
+        """Of matrices (b, N, N), and what exact links add by their eight functions (b, 8) each: (b, n, n)."""
+        if functions:
+            terms = self.terms[index][:, [member.number for member in self.beams.exact_links], None, :]
+            weights = np.stack(functions, axis=1)[..., None] * terms
+            finite = finite + np.tensordot(weights, self.beams.exact, 3)
+        return self._reduced(finite, index)
 
     def _require_closed(self) -> None:
         """Links must meet at their joints, and held joints stay where they are."""
@@ -303,13 +225,11 @@ class Positions:
                 "they close at every position"
             )
         allowed = _ROUNDING * self.beams.properties.length.max()
-        names = [name for name, _ in freedoms.joints]
-        for link, span in zip(freedoms.links, self._spans.T, strict=True):
-            start, end = (self.joints[:, names.index(joint)] for joint in (link.start, link.end))
-            missed = np.abs(start + span - end).max()
+        for member, span in zip(self.beams.members, self._spans.T, strict=True):
+            missed = np.abs(self.joints[:, member.start] + span - self.joints[:, member.end]).max()
             if missed > allowed:
                 raise StructureError(
-                    f"link {link.name} misses joint {link.end} by {missed:.3g} m; "
+                    f"link {member.link.name} misses joint {member.link.end} by {missed:.3g} m; "
                     "lengths and angles of the links must close every loop"
                 )
         for (name, held), places in zip(freedoms.joints, self.joints.T, strict=True):

@@ -1,9 +1,10 @@
 """Beam elements: their local matrices from the generated tables, the links that they make up, and the
 freedoms that they share."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ from solve.model.generated import beam_elements
 
 AXIAL, BENDING = 1, 2
 """Order of the derivative that the strain energy holds; it names the direction of a freedom."""
+
+Function = Callable[[Array], Array]
 
 EXACT = "dynamic"
 """The element whose shape functions solve the equation of vibration; its freedoms are the cubic one's."""
@@ -38,53 +41,45 @@ class Element:
 
     name: str
     freedoms: tuple[Freedom, ...]
-    unit_mass: Array
-    unit_elongation: Array
-    unit_bending: Array
-    unit_geometric: Array
-    unit_coupling: Array
+    mass: Array
+    elongation: Array
+    bending: Array
+    geometric: Array
+    coupling: Array
     coefficients: Array
 
-    def mass(self, L: float, mu: float) -> Array:
-        """Mass matrix for derivatives by x (kg, kg m, …): thesis (4.22)."""
-        return mu * L * self._scaled(self.unit_mass, L)
+    @cached_property
+    def axial(self) -> Array:
+        """Which of the freedoms are axial (k,)."""
+        return np.array([each.direction == AXIAL for each in self.freedoms])
 
-    def stiffness(self, L: float, EA: float, EI: float) -> Array:
-        """Stiffness matrix for derivatives by x (N/m, N, …): thesis (4.11)."""
-        return EA / L * self.unit_elongation + EI / L**3 * self._scaled(self.unit_bending, L)
+    @cached_property
+    def axes(self) -> Array:
+        """Parts (3, k, k) with 1, c and s of the rotation R from ground axes to the link's (thesis (4.26)).
 
-    def geometric(self, L: float) -> Array:
-        """Stiffness by a unit axial force, tension positive (1/m, 1, …): thesis (4.38)."""
-        return self._scaled(self.unit_geometric, L) / L
+        Translations in ground axes stand in the places of the link's: x for u, y for v.
+        """
+        parts = np.zeros((3, len(self.freedoms), len(self.freedoms)))
+        for (i, one), (j, other) in product(enumerate(self.freedoms), repeat=2):
+            if one.order > 0:
+                parts[0, i, i] = 1.0
+            elif i == j:
+                parts[1, i, i] = 1.0
+            elif (one.xi, 0) == (other.xi, other.order):
+                parts[2, i, j] = 1.0 if one.direction == AXIAL else -1.0
+        return parts
 
-    def coupling(self, L: float, mu: float) -> Array:
-        """Skew P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]: how rotation couples both displacements."""
-        return mu * L * self._scaled(self.unit_coupling, L)
+    def scaled(self, table: Array, L: float) -> Array:
+        """A table (k, k) for freedoms that are derivatives by ξ as one for derivatives by x."""
+        return table * np.multiply.outer(self._powers(L), self._powers(L))
 
-    def strains(self, L: float, xi: Array) -> tuple[Array, Array]:
-        """Elongation u′ and curvature v″ (points, k) at ξ for each unit freedom."""
-        axial = np.array([each.direction == AXIAL for each in self.freedoms])
-        return self._derivative(L, xi, AXIAL) * axial, self._derivative(L, xi, BENDING) * ~axial
-
-    def displacement(self, L: float, xi: Array) -> tuple[Array, Array]:
-        """Axial and transverse displacement (points, k) at ξ for each unit freedom."""
-        shapes = self._derivative(L, xi, 0)
-        axial = np.array([each.direction == AXIAL for each in self.freedoms])
-        return shapes * axial, shapes * ~axial
-
-    def rotation(self, L: float, xi: Array) -> Array:
-        """Rotation v′ (points, k) of the axis at ξ for each unit freedom."""
-        bending = np.array([each.direction == BENDING for each in self.freedoms])
-        return self._derivative(L, xi, 1) * bending
-
-    def _derivative(self, L: float, xi: Array, order: int) -> Array:
-        """Derivative by x of the shape functions (points, k) at ξ."""
+    def shapes(self, L: float, xi: Array, order: int = 0) -> tuple[Array, Array]:
+        """Axial and transverse displacement (points, k) at ξ for each unit freedom, or their derivatives of
+        an order by x."""
         coefficients = polynomial.polyder(self.coefficients, order, axis=1)
         powers = xi[:, None] ** np.arange(coefficients.shape[1])
-        return powers @ coefficients.T * self._powers(L) / L**order
-
-    def _scaled(self, table: Array, L: float) -> Array:
-        return table * np.multiply.outer(self._powers(L), self._powers(L))
+        shapes = powers @ coefficients.T * self._powers(L) / L**order
+        return shapes * self.axial, shapes * ~self.axial
 
     def _powers(self, L: float) -> Array:
         return L ** np.array([each.order for each in self.freedoms], dtype=float)
@@ -95,45 +90,36 @@ def element(name: str) -> Element:
     """The element of a name that the generated tables know; the exact one has the cubic's freedoms."""
     tables = beam_elements()
     stated = tables.ELEMENTS["cubic" if name == EXACT else name]
-    families = [tables.FAMILIES[stated[direction]] for direction in ("axial", "bending")]
+    axial, bending = families = [tables.FAMILIES[stated[direction]] for direction in ("axial", "bending")]
     freedoms = tuple(
         Freedom(family["strain"], order, xi) for family in families for order, xi in family["freedoms"]
     )
-    axial, bending = (
-        {name: np.array(family[name], dtype=float) for name in ("mass", "stiffness", "shapes")}
-        for family in families
-    )
-    none_axial, none_bending = (np.zeros_like(each["mass"]) for each in (axial, bending))
+    k, split = len(freedoms), len(axial["freedoms"])
+    a, b = slice(0, split), slice(split, k)
+    coupling = _filled((k, k), (a, b, stated["coupling"]))
+    terms = [len(family["shapes"][0]) for family in families]
     return Element(
         name,
         freedoms,
-        _diagonal(axial["mass"], bending["mass"]),
-        _diagonal(axial["stiffness"], none_bending),
-        _diagonal(none_axial, bending["stiffness"]),
-        _diagonal(none_axial, np.array(families[1]["geometric"], dtype=float)),
-        _skew(np.array(stated["coupling"], dtype=float)),
-        _stacked(axial["shapes"], bending["shapes"]),
+        mass=_filled((k, k), (a, a, axial["mass"]), (b, b, bending["mass"])),
+        elongation=_filled((k, k), (a, a, axial["stiffness"])),
+        bending=_filled((k, k), (b, b, bending["stiffness"])),
+        geometric=_filled((k, k), (b, b, bending["geometric"])),
+        coupling=coupling.T - coupling,
+        coefficients=_filled(
+            (k, max(terms)),
+            (a, slice(terms[0]), axial["shapes"]),
+            (b, slice(terms[1]), bending["shapes"]),
+        ),
     )
 
 
-def _diagonal(first: Array, second: Array) -> Array:
-    """Two square blocks on the diagonal."""
-    k = len(first)
-    whole = np.zeros((k + len(second),) * 2)
-    whole[:k, :k], whole[k:, k:] = first, second
+def _filled(shape: tuple[int, int], *blocks: tuple[slice, slice, Sequence]) -> Array:
+    """Zeros with blocks of rows, columns and values."""
+    whole = np.zeros(shape)
+    for rows, columns, values in blocks:
+        whole[rows, columns] = values
     return whole
-
-
-def _skew(X: Array) -> Array:
-    """[[0, −X], [Xᵀ, 0]] for X (axial, bending)."""
-    a, b = X.shape
-    return np.block([[np.zeros((a, a)), -X], [X.T, np.zeros((b, b))]])
-
-
-def _stacked(first: Array, second: Array) -> Array:
-    """Rows of both, filled up with zeros to the same length."""
-    width = max(first.shape[1], second.shape[1])
-    return np.vstack([np.pad(rows, ((0, 0), (0, width - rows.shape[1]))) for rows in (first, second)])
 
 
 HELD = -1
@@ -254,20 +240,130 @@ class Freedoms:
         return {joint for joint, held in self.joints if held}
 
     def _nodes_of(self, number: int) -> list[Node]:
-        each, count = self.elements[number], self.counts[number]
-        nodes = {}
+        freedoms, count = self.elements[number].freedoms, self.counts[number]
+        nodes: dict[float, list[int]] = {}
         for first, row in enumerate(self.indices[number]):
-            for xi in sorted({freedom.xi for freedom in each.freedoms}):
-                x, y = (
-                    next(
-                        index
-                        for index, freedom in zip(row, each.freedoms, strict=True)
-                        if freedom.xi == xi and freedom.order == 0 and (freedom.direction == AXIAL) == axial
-                    )
-                    for axial in (True, False)
-                )
-                nodes[first + xi] = Node((first + xi) / count, x, y)
-        return [nodes[place] for place in sorted(nodes)]
+            for index, freedom in zip(row, freedoms, strict=True):
+                if freedom.order == 0:
+                    node = nodes.setdefault((first + freedom.xi) / count, [HELD, HELD])
+                    node[freedom.direction == BENDING] = index
+        return [Node(place, *nodes[place]) for place in sorted(nodes)]
+
+
+@dataclass(frozen=True)
+class Member:
+    """The link of a number with its elements: how many, their freedoms (elements, k) in the structure, the
+    numbers of its joints, and of each element L (m), EA (N), EI (N m²), mu (kg/m); E (Pa), height (m)."""
+
+    number: int
+    link: Link
+    start: int
+    end: int
+    element: Element
+    indices: Array
+    count: int
+    L: float
+    E: float
+    EA: float
+    EI: float
+    mu: float
+    height: float
+
+    @property
+    def exact(self) -> bool:
+        """Whether its elements are exact."""
+        return self.element.name == EXACT
+
+    @cached_property
+    def mass(self) -> Array:
+        """Mass matrix for derivatives by x (kg, kg m, …): thesis (4.22)."""
+        return self.mu * self.L * self.element.scaled(self.element.mass, self.L)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """Stiffness matrix for derivatives by x (N/m, N, …): thesis (4.11)."""
+        bending = self.element.scaled(self.element.bending, self.L)
+        return self.EA / self.L * self.element.elongation + self.EI / self.L**3 * bending
+
+    @cached_property
+    def geometric(self) -> Array:
+        """Stiffness by a unit axial force, tension positive (1/m, 1, …): thesis (4.38)."""
+        return self.element.scaled(self.element.geometric, self.L) / self.L
+
+    @cached_property
+    def rotary(self) -> tuple[Array, Array]:
+        """M J + P and M J² + 2 P J − M, with R′ = J R and the skew P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]:
+        how rotation couples both displacements."""
+        M, J = self.mass, self.element.axes[2]
+        P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
+        return M @ J + P, M @ J @ J + 2 * P @ J - M
+
+    def rotations(self, angle: Array) -> Array:
+        """R (m, k, k) from ground axes to the link's, for the angles (m, links) of all links."""
+        own = angle[:, self.number]
+        return np.tensordot(np.stack((np.ones_like(own), np.cos(own), np.sin(own)), -1), self.element.axes, 1)
+
+    def local(self, angle: Array, q: Array, elements: slice = slice(None)) -> Array:
+        """Values (m, elements, k) of the elements' freedoms in the axes of the link, for a structure's
+        q (n, m) and the angles (m, links) of all links."""
+        whole = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
+        return whole[:, self.indices[elements]] @ np.swapaxes(self.rotations(angle), 1, 2)
+
+    def place(self, fraction: float) -> tuple[int, float]:
+        """The element at a fraction of the link's length, and ξ there. Between two elements it belongs to
+        the one that begins there."""
+        first = min(int(fraction * self.count), self.count - 1)
+        return first, fraction * self.count - first
+
+    def shapes(self, xi: Array, order: int = 0, omega: Array | float | None = None) -> tuple[Array, Array]:
+        """Axial and transverse displacement (..., points, k) at ξ for the unit freedoms of an element, or
+        their derivatives of an order by x. Exact elements vibrate at ω (...) in rad/s."""
+        if not self.exact:
+            return self.element.shapes(self.L, xi, order)
+        at = np.asarray(omega, dtype=float)
+        axial, transverse = np.zeros((2, *at.shape, len(xi), 6))
+        b = np.zeros_like(at) if self.link.inextensible else self._axial_number(at)
+        axial[..., :2] = exact.axial_shapes(b, xi, order)
+        scale = np.array([1.0, self.L, 1.0, self.L])
+        transverse[..., 2:] = exact.bending_shapes(self._bending_number(at), xi, order) * scale
+        return axial / self.L**order, transverse / self.L**order
+
+    def stresses(self, xi: Array, omega: Array | None = None) -> tuple[Array, Array]:
+        """E u′ and −E (h/2) v″ (..., points, k) in Pa for the same unit freedoms: the axial stress, and that
+        of bending at the + surface."""
+        elongation, curvature = self.shapes(xi, 1, omega)[0], self.shapes(xi, 2, omega)[1]
+        return self.E * elongation, -self.E * self.height / 2 * curvature
+
+    def exact_stiffness(self, omega: Array) -> Array:
+        """EI F1 … EI F6, EA F7, EA F8 at ω (b,): (b, 8)."""
+        return self._functions(omega, exact.bending, exact.axial, self.EI, self.EA / self.L)
+
+    def exact_mass(self, omega: Array) -> Array:
+        """ρA G1 … ρA G6, and EA G7, EA G8 of thesis (5.19), at ω (b,): (b, 8)."""
+        mass = self.mu * self.L
+        return self._functions(omega, exact.bending_mass, exact.axial_mass, mass * self.L**3, mass)
+
+    def _functions(
+        self, omega: Array, bending: Function, axial: Function, bending_unit: float, axial_unit: float
+    ) -> Array:
+        weights = np.zeros((len(omega), 8))
+        weights[:, :6] = bending(self._bending_number(omega)) * bending_unit / self.L**exact.BENDING_POWERS
+        if not self.link.inextensible:
+            weights[:, 6:] = axial(self._axial_number(omega)) * axial_unit
+        return weights
+
+    def interior_count(self, omega: Array) -> Array:
+        """Frequencies below ω (b,) of the elements with their ends clamped: J0 of thesis (5.21)."""
+        axial = None if self.link.inextensible else self._axial_number(omega)
+        return self.count * exact.interior_count(self._bending_number(omega), axial)
+
+    def _bending_number(self, omega: Array) -> Array:
+        """λL of an element at ω (rad/s): thesis (5.4)."""
+        return self.L * (self.mu / self.EI) ** 0.25 * np.sqrt(omega)
+
+    def _axial_number(self, omega: Array) -> Array:
+        """βL of an element at ω (rad/s): thesis (5.9)."""
+        return self.L * np.sqrt(self.mu / self.EA) * omega
 
 
 def freedoms(
@@ -275,57 +371,3 @@ def freedoms(
 ) -> Freedoms:
     """Freedoms of the links and joints of a generated module."""
     return Freedoms(tuple(Link(*each) for each in links), tuple(joints), tuple(kinds), tuple(counts))
-
-
-@dataclass(frozen=True)
-class Member:
-    """A link with its elements: how many, how long each (m), EA (N), EI (N m²), mu (kg/m)."""
-
-    link: Link
-    count: int
-    L: float
-    EA: float
-    EI: float
-    mu: float
-
-    def bending_number(self, omega: Array) -> Array:
-        """λL of an element at ω (rad/s): thesis (5.4)."""
-        return self.L * (self.mu / self.EI) ** 0.25 * np.sqrt(omega)
-
-    def axial_number(self, omega: Array) -> Array:
-        """βL of an element at ω (rad/s): thesis (5.9)."""
-        return self.L * np.sqrt(self.mu / self.EA) * omega
-
-    def exact_weights(self, omega: Array) -> Array:
-        """EI F1 … EI F6, EA F7, EA F8 at ω (b,): (b, 8)."""
-        bending = exact.bending(self.bending_number(omega)) * self.EI / self.L**exact.BENDING_POWERS
-        axial = np.zeros((len(omega), 2))
-        if not self.link.inextensible:
-            axial = exact.axial(self.axial_number(omega)) * self.EA / self.L
-        return np.concatenate((bending, axial), axis=1)
-
-    def exact_mass_weights(self, omega: Array) -> Array:
-        """ρA G1 … ρA G6, and EA G7, EA G8 of thesis (5.19), at ω (b,): (b, 8)."""
-        bending = (
-            exact.bending_mass(self.bending_number(omega)) * self.mu * self.L ** (4.0 - exact.BENDING_POWERS)
-        )
-        axial = np.zeros((len(omega), 2))
-        if not self.link.inextensible:
-            axial = exact.axial_mass(self.axial_number(omega)) * self.mu * self.L
-        return np.concatenate((bending, axial), axis=1)
-
-    def exact_shapes(self, omega: Array | float, xi: Array, order: int = 0) -> tuple[Array, Array]:
-        """Axial and transverse displacement (..., points, 6) at ξ of an element that vibrates at ω (...), for
-        its unit freedoms, or their derivatives of an order by x."""
-        at = np.asarray(omega, dtype=float)
-        scale = np.array([1.0, self.L, 1.0, self.L])
-        axial, transverse = np.zeros((2, *at.shape, len(xi), 6))
-        b = np.zeros_like(at) if self.link.inextensible else self.axial_number(at)
-        axial[..., :2] = exact.axial_shapes(b, xi, order)
-        transverse[..., 2:] = exact.bending_shapes(self.bending_number(at), xi, order) * scale
-        return axial / self.L**order, transverse / self.L**order
-
-    def interior_count(self, omega: Array) -> Array:
-        """Frequencies below ω (b,) of the elements with their ends clamped: J0 of thesis (5.21)."""
-        axial = None if self.link.inextensible else self.axial_number(omega)
-        return self.count * exact.interior_count(self.bending_number(omega), axial)

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.beams.assembly import Beams, Positions, local_values
-from solve.beams.elements import EXACT
+from solve.beams.assembly import Beams, Positions
 from solve.errors import StructureError
 from solve.system import ModeShape
 
@@ -35,17 +34,17 @@ class Modes(NamedTuple):
     vectors: Array
 
 
+def lowest(positions: Positions, count: int) -> Array:
+    """The lowest `count` frequencies at every position, (m, count) in rad/s, rising."""
+    if positions.beams.exact_links:
+        return exact_frequencies(positions, count)
+    return lowest_frequencies(*positions.matrices(), count)
+
+
 def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
     """The lowest `count` frequencies (m, count) in rad/s, rising; see `modes`."""
-    import scipy.linalg
-
-    n, rest, shift = M.shape[1], at_rest(M, K), _shifts(M, K)
-    subset = (n - count, n - 1)
-    found = [
-        scipy.linalg.eigh(m, k + s * m, eigvals_only=True, subset_by_index=subset)
-        for m, k, s in zip(M, K, shift, strict=True)
-    ]
-    return _frequencies(np.array(found), shift, rest)
+    shift, _, pencil = _pencil(M, K)
+    return _frequencies(np.linalg.eigvalsh(pencil), shift, at_rest(M, K))[:, :count]
 
 
 def modes(M: Array, K: Array) -> Modes:
@@ -54,12 +53,17 @@ def modes(M: Array, K: Array) -> Modes:
     1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies keep their digits however
     stiff the highest modes are.
     """
-    rest, shift = at_rest(M, K), _shifts(M, K)
-    L = np.linalg.cholesky(K + shift[:, None, None] * M)
-    half = np.swapaxes(np.linalg.solve(L, M), 1, 2)
-    values, vectors = np.linalg.eigh(np.linalg.solve(L, half))
+    shift, L, pencil = _pencil(M, K)
+    values, vectors = np.linalg.eigh(pencil)
     vectors = np.linalg.solve(np.swapaxes(L, 1, 2), vectors / np.sqrt(values[:, None, :]))
-    return Modes(_frequencies(values, shift, rest), vectors[:, :, ::-1])
+    return Modes(_frequencies(values, shift, at_rest(M, K)), vectors[:, :, ::-1])
+
+
+def _pencil(M: Array, K: Array) -> tuple[Array, Array, Array]:
+    """The shift (m,), L with LLᵀ = K + shift M, and L⁻¹ M L⁻ᵀ."""
+    shift = _shifts(M, K)
+    L = np.linalg.cholesky(K + shift[:, None, None] * M)
+    return shift, L, np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, M), 1, 2))
 
 
 def at_rest(M: Array, K: Array) -> Array:
@@ -249,19 +253,11 @@ def _shape(positions: Positions, vector: Array, mass: float, omega: float) -> Mo
 
 def _curve(positions: Positions, number: int, vector: Array, omega: float) -> tuple[Array, Array, Array]:
     """Places, displacements and their transverse part along a link."""
-    beams = positions.beams
-    member, kind = beams.members[number], beams.freedoms.kinds[number]
-    angle = positions.angle[:, number]
+    member = positions.beams.members[number]
     xi = np.linspace(0.0, 1.0, 1 + -(-_POINTS // member.count))
-    if kind == EXACT:
-        axial, transverse = member.exact_shapes(omega, xi)
-    else:
-        axial, transverse = beams.freedoms.elements[number].displacement(member.L, xi)
-    values = local_values(beams.freedoms, number, angle, vector[:, None])[0]
-    u, v = (np.concatenate([shapes @ each for each in values]) for shapes in (axial, transverse))
+    values = member.local(positions.angle, vector[:, None])[0]
+    u, v = (np.concatenate([shapes @ each for each in values]) for shapes in member.shapes(xi, 0, omega))
     along = np.concatenate([member.L * (first + xi) for first in range(member.count)])
-    joints = [name for name, _ in beams.freedoms.joints]
-    start = positions.joints[0, joints.index(member.link.start)]
-    c, s = np.cos(angle[0]), np.sin(angle[0])
-    places = np.column_stack((np.real(start) + along * c, np.imag(start) + along * s))
-    return places, np.column_stack((u * c - v * s, u * s + v * c)), v
+    direction = np.exp(1j * positions.angle[0, number])
+    places, moved = positions.joints[0, member.start] + along * direction, (u + 1j * v) * direction
+    return np.column_stack((places.real, places.imag)), np.column_stack((moved.real, moved.imag)), v

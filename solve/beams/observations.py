@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arrays import Array
-from solve.beams.assembly import Beams, local_values
-from solve.beams.elements import AXIAL, Element
+from solve.beams.elements import AXIAL, BENDING, Freedom, Member
 from solve.beams.frozen import Modes, modes
 from solve.beams.motion import State
+from solve.errors import UnknownNameError
 
 SURFACES = {"plus": 1.0, "minus": -1.0}
 """Surface at +h/2 or −h/2 across the link, along its y axis."""
@@ -19,105 +19,81 @@ SURFACES = {"plus": 1.0, "minus": -1.0}
 class Point:
     """The place of a link's axis at a fraction of its length, 0 … 1, in the axes of its rigid motion.
 
-    Between two elements it belongs to the one that begins there.
+    angle: angles (k, links) of the links; q: coordinates (n, k); omega: frequencies (k,) in rad/s at which
+    exact elements vibrate.
     """
 
-    beams: Beams
-    number: int
+    member: Member
     fraction: float
 
-    def displacement(self, angle: Array, q: Array) -> tuple[Array, Array]:
-        """Axial and transverse displacement (k,) in m for angles (k, links) and coordinates (n, k)."""
-        member, element = self.beams.members[self.number], self.beams.freedoms.elements[self.number]
-        _, xi = self.place
-        local = self.local(angle, q)
-        u, v = element.displacement(member.L, np.array([xi]))
-        return local @ u[0], local @ v[0]
+    def displacement(self, angle: Array, q: Array, omega: Array | None = None) -> tuple[Array, Array]:
+        """Axial and transverse displacement (k,) in m."""
+        u, v = self.member.shapes(self._xi, 0, omega)
+        return self._sum(u, angle, q), self._sum(v, angle, q)
 
     def rotation(self, angle: Array, q: Array) -> Array:
         """Rotation v′ (k,) of the link's axis."""
-        member, element = self.beams.members[self.number], self.beams.freedoms.elements[self.number]
-        _, xi = self.place
-        return self.local(angle, q) @ element.rotation(member.L, np.array([xi]))[0]
+        return self._sum(self.member.shapes(self._xi, 1)[1], angle, q)
 
-    def stress(self, angle: Array, q: Array, surface: str) -> Array:
-        """E (u′ ∓ (h/2) v″) (k,) in Pa at the surface plus or minus."""
-        properties, member = self.beams.properties, self.beams.members[self.number]
-        _, xi = self.place
-        elongation, curvature = self.beams.freedoms.elements[self.number].strains(member.L, np.array([xi]))
-        half = SURFACES[surface] * properties.height[self.number] / 2
-        local = self.local(angle, q)
-        return properties.E[self.number] * (local @ (elongation - half * curvature)[0])
+    def stress(self, angle: Array, q: Array, surface: str, omega: Array | None = None) -> Array:
+        """E (u′ ∓ (h/2) v″) (k,) in Pa at the surface plus or minus. Raises UnknownNameError."""
+        if surface not in SURFACES:
+            raise UnknownNameError("surface", surface, SURFACES)
+        axial, bending = self.member.stresses(self._xi, omega)
+        return self._sum(axial + SURFACES[surface] * bending, angle, q)
 
-    def local(self, angle: Array, q: Array) -> Array:
-        """Values (k, freedoms) of the element's own freedoms."""
-        first, _ = self.place
-        here = slice(first, first + 1)
-        return local_values(self.beams.freedoms, self.number, angle[:, self.number], q, here)[:, 0]
+    def _sum(self, shapes: Array, angle: Array, q: Array) -> Array:
+        """Of shapes (..., 1, freedoms) times the values of the element's own freedoms (k,)."""
+        first, _ = self.member.place(self.fraction)
+        local = self.member.local(angle, q, slice(first, first + 1))[:, 0]
+        return (local * shapes[..., 0, :]).sum(axis=1)
 
     @property
-    def place(self) -> tuple[int, float]:
-        """The element and ξ there."""
-        count = self.beams.members[self.number].count
-        place = self.fraction * count
-        first = min(int(place), count - 1)
-        return first, place - first
+    def _xi(self) -> Array:
+        return np.array([self.member.place(self.fraction)[1]])
 
 
 _OF_JOINTS = ("force_x", "force_y", "moment")
 
 
-def joint_force(state: State, number: int, place: int) -> tuple[Array, Array, Array]:
+def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array, Array]:
     """Force along x and y (N) and moment (N m), (k,) each, on the start (0) or end (1) of a link.
 
     Inertia of the rigid motion and of the deflections counts; damping does not: it belongs to the modes,
     to no link.
     """
-    forces = _element_forces(state, number, -1 if place else 0)
-    element = state.motion.beams.freedoms.elements[number]
-    along, across = (forces[:, _row(element, place, order=0, axial=axial)] for axial in (True, False))
-    force = (along + 1j * across) * np.exp(1j * state.positions.angle[:, number])
-    return np.real(force), np.imag(force), forces[:, _row(element, place, order=1, axial=False)]
-
-
-def _row(element: Element, place: int, order: int, axial: bool) -> int:
-    """The freedom of that order at an element's start or end."""
-    return next(
-        row
-        for row, each in enumerate(element.freedoms)
-        if (each.xi, each.order, each.direction == AXIAL) == (place, order, axial)
+    forces = _element_forces(state, member, -1 if place else 0)
+    along, across, moment = (
+        forces[:, member.element.freedoms.index(Freedom(direction, order, place))]
+        for direction, order in ((AXIAL, 0), (BENDING, 0), (BENDING, 1))
     )
+    force = (along + 1j * across) * np.exp(1j * state.positions.angle[:, member.number])
+    return np.real(force), np.imag(force), moment
 
 
-def _element_forces(state: State, number: int, index: int) -> Array:
+def _element_forces(state: State, member: Member, index: int) -> Array:
     """Forces (k, freedoms) on an element of a link in its axes: the left side of its equation of motion."""
-    beams = state.motion.beams
-    member, element = beams.members[number], beams.freedoms.elements[number]
-    here = slice(index, None) if index < 0 else slice(index, index + 1)
-    q, qd, qdd = (
-        local_values(beams.freedoms, number, state.positions.angle[:, number], part, here)[:, 0]
-        for part in (state.q, state.qd, state.qdd)
-    )
+    number, angle = member.number, state.positions.angle
+    q, qd, qdd = (member.local(angle, part)[:, index] for part in (state.q, state.qd, state.qdd))
     accelerations = qdd + state.rigid_accelerations[number][:, index]
-    forces = accelerations @ element.mass(member.L, member.mu)
-    forces += q @ element.stiffness(member.L, member.EA, member.EI)
+    forces = accelerations @ member.mass + q @ member.stiffness
     if state.motion.stiffening == "on":
-        forces += state.axial_forces[number][:, index, None] * (q @ element.geometric(member.L))
+        forces += state.axial_forces[number][:, index, None] * (q @ member.geometric)
     if state.motion.terms == "full":
-        turning, centrifugal = state.motion.rotary(number)
+        turning, centrifugal = member.rotary
         rate, second = (part[:, number, None] for part in state.rates)
         forces += 2 * state.speed * rate * (qd @ turning.T)
         forces += state.speed**2 * (second * (q @ turning.T) + rate**2 * (q @ centrifugal.T))
     return forces
 
 
-def quantity(state: State, kind: str, number: int, place: float) -> Array:
+def quantity(state: State, kind: str, member: Member, place: float) -> Array:
     """Values (k,) of a kind of output at a place of a link, from 0 at its start to 1."""
     if kind == "strain_energy":
         return state.strain_energy()
     if kind in _OF_JOINTS:
-        return joint_force(state, number, int(place))[_OF_JOINTS.index(kind)]
-    point, angle = Point(state.motion.beams, number, place), state.positions.angle
+        return joint_force(state, member, int(place))[_OF_JOINTS.index(kind)]
+    point, angle = Point(member, place), state.positions.angle
     if kind == "deflection":
         return point.displacement(angle, state.q)[1]
     return point.stress(angle, state.q, kind.removeprefix("stress_"))
@@ -143,16 +119,16 @@ class Contributions:
 
 
 def contributions(
-    state: State, output: str, kind: str, number: int, place: float, count: int
+    state: State, output: str, kind: str, member: Member, place: float, count: int
 ) -> Contributions:
     """q = Σ φ_i η_i with the modes φ_i of each position, η = Φᵀ M q; phases rise in small steps."""
     M, K = state.positions.matrices()
-    found = followed(M, K, count)
-    eta = np.einsum("kni,knm,mk->ik", found.vectors, M, state.q, optimize=True)
-    parts = np.einsum("kni,ik->ink", found.vectors, eta)
-    values = [quantity(replace(state, q=part), kind, number, place) for part in parts]
-    total = quantity(state, kind, number, place)
-    return Contributions(output, state.phase, np.array(values), found.frequencies.T, total)
+    lowest = followed(M, K, count)
+    eta = np.einsum("kni,knm,mk->ik", lowest.vectors, M, state.q, optimize=True)
+    parts = np.einsum("kni,ik->ink", lowest.vectors, eta)
+    values = [quantity(replace(state, q=part), kind, member, place) for part in parts]
+    total = quantity(state, kind, member, place)
+    return Contributions(output, state.phase, np.array(values), lowest.frequencies.T, total)
 
 
 def followed(M: Array, K: Array, count: int) -> Modes:

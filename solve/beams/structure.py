@@ -10,12 +10,11 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.assembly import Beams, Positions, Properties
-from solve.beams.elements import EXACT, Freedoms, freedoms
-from solve.beams.frozen import exact_frequencies, lowest_frequencies, shapes
-from solve.beams.motion import Compression, Motion, State
+from solve.beams.elements import EXACT, Freedoms, Member, freedoms
+from solve.beams.frozen import lowest, shapes
+from solve.beams.motion import Motion, State
 from solve.beams.observations import (
     LINEAR,
-    SURFACES,
     Contributions,
     Point,
     contributions,
@@ -146,14 +145,9 @@ class StructureModel(Model):
 
     def frequencies(self, positions: Array, count: int) -> Array:
         parts = math.ceil(len(positions) * self.freedoms**2 / _MOST_ENTRIES)
-        found = []
-        for part in np.array_split(positions, max(parts, 1)):
-            frozen = self.at_positions(part)
-            if self.beams.exact_links:
-                found.append(exact_frequencies(frozen, count))
-            else:
-                found.append(lowest_frequencies(*frozen.matrices(), count))
-        return np.concatenate(found)
+        return np.concatenate(
+            [lowest(self.at_positions(part), count) for part in np.array_split(positions, max(parts, 1))]
+        )
 
     def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
         return shapes(self.beams, position, frequencies)
@@ -168,42 +162,43 @@ class StructureModel(Model):
         if not self.outputs:
             return {}
         state = State(self.motion, phase, speed, q, qd, qdd)
-        numbers = {link.name: number for number, link in enumerate(self.beams.freedoms.links)}
         return {
-            name: quantity(state, kind, numbers.get(link, 0), place)
-            for name, (kind, link, place) in zip(self.outputs, self.module.OBSERVED, strict=True)
+            # What is of the whole structure names no link.
+            name: quantity(state, kind, self._member(link or self.links[0].name), place)
+            for name, (kind, link, place) in self.observed.items()
         }
+
+    @cached_property
+    def observed(self) -> dict[str, tuple[str, str, float]]:
+        """What each output is: its kind, and the link and the fraction of its length where it is taken."""
+        return dict(zip(self.outputs, self.module.OBSERVED, strict=True))
 
     def warnings(self, speed: float) -> list[str]:
         if not self.module.MOVES:
             return []
-        found, ratio = [], self.beams.properties.damping_ratio
+        warnings, ratio = [], self.beams.properties.damping_ratio
         if ratio == 0 and self.options["terms"] == "instantaneous":
-            found.append(
+            warnings.append(
                 "terms=instantaneous leaves out M'q', what M changes as the links turn: without damping that "
                 "feeds energy, and |ρ| > 1 at every speed says nothing of stability; use --option terms=full"
             )
         if ratio > 1 and self.options["damping"] == "modal":
-            found.append(
+            warnings.append(
                 f"damping ratio {ratio:g}: beyond 1 no mode vibrates; a ratio is 0.02, not 2 (percent)"
             )
         if self.options["stiffening"] == "on":
-            found += self._compression.warnings(speed)
-        return found
-
-    @cached_property
-    def _compression(self) -> Compression:
-        return Compression(self.motion)
+            warnings += self.motion.buckling_warnings(speed)
+        return warnings
 
     def joint_force(self, link: str, joint: str, turn: Response, phase: Array) -> tuple[Array, Array, Array]:
         """Force along x and y (N) and moment (N m), (k,) each, of a joint on a link that ends there, at
         phases (k,) of an orbit, or of its quasi-static solution. Raises UnknownNameError."""
-        number = self._number(link)
-        ends = self.beams.freedoms.links[number][1:3]
+        member = self._member(link)
+        ends = member.link[1:3]
         if joint not in ends:
             raise UnknownNameError(f"joint of link {link}", joint, ends)
         state = State(self.motion, phase, turn.speed, *turn.state(phase))
-        return joint_force(state, number, ends.index(joint))
+        return joint_force(state, member, ends.index(joint))
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
         """Transverse displacement (k,) in m from the rigid motion, at a fraction (0 … 1) of a link's length,
@@ -216,8 +211,6 @@ class StructureModel(Model):
 
         Raises UnknownNameError and ValueOutOfBoundsError.
         """
-        if surface not in SURFACES:
-            raise UnknownNameError("surface", surface, SURFACES)
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
 
     def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
@@ -227,12 +220,12 @@ class StructureModel(Model):
         Raises UnknownNameError and ValueOutOfBoundsError.
         """
         point, positions = self.point(link, along), self.at_positions(phase)
-        start = [name for name, _ in self.beams.freedoms.joints].index(self.module.LINKS[point.number][1])
-        direction = np.exp(1j * positions.angle[:, point.number])
-        rigid = along * self.beams.properties.length[point.number] + 1j * across
+        number = point.member.number
+        direction = np.exp(1j * positions.angle[:, number])
+        rigid = along * self.beams.properties.length[number] + 1j * across
         u, v = point.displacement(positions.angle, q)
         moved = u + 1j * v - across * point.rotation(positions.angle, q)
-        places = positions.joints[:, start] + rigid * direction
+        places = positions.joints[:, point.member.start] + rigid * direction
         return places, places + moved * direction
 
     def modal_contributions(
@@ -245,28 +238,27 @@ class StructureModel(Model):
             raise ValueOutOfBoundsError(f"{count} modes asked for; allowed: 1 to {self.n}")
         phase = np.linspace(0.0, self.period, samples + 1)
         state = State(self.motion, phase, turn.speed, *turn.state(phase))
-        return contributions(state, output, kind, self._number(link), place, count)
+        return contributions(state, output, kind, self._member(link), place, count)
 
     def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
         """Kind, link and place of an output that is linear in the deflections. Raises UnknownNameError."""
-        observed = zip(self.outputs, self.module.OBSERVED, strict=True)
-        linear = {name: each for name, each in observed if each[0] in LINEAR}
+        linear = {name: each for name, each in self.observed.items() if each[0] in LINEAR}
         if output not in linear:
             raise UnknownNameError(f"deflection or stress of {self.name}", output, linear)
         return linear[output]
 
-    def _number(self, link: str) -> int:
-        names = [each.name for each in self.beams.freedoms.links]
-        if link not in names:
-            raise UnknownNameError(f"link of {self.name}", link, names)
-        return names.index(link)
+    def _member(self, link: str) -> Member:
+        members = {each.link.name: each for each in self.beams.members}
+        if link not in members:
+            raise UnknownNameError(f"link of {self.name}", link, members)
+        return members[link]
 
     def point(self, link: str, fraction: float) -> Point:
         """The place at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
         ValueOutOfBoundsError."""
         if not 0 <= fraction <= 1:
             raise ValueOutOfBoundsError(f"place on link {link} is {fraction}; allowed: 0 to 1 of its length")
-        return Point(self.beams, self._number(link), fraction)
+        return Point(self._member(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
         """The structure frozen at phases (m,)."""

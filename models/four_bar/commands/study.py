@@ -89,7 +89,7 @@ def _systems(
     if over is not None:
         name, values = _values(over)
         systems.update(variants(model, name, values))
-        unit = next((unit for each, unit, *_ in model.module.PARAMETERS if each == name), "")
+        unit, _ = model.parameter_labels.get(name, ("", ""))
         title = f"{name} ({unit})" if unit not in ("", "1") else name
     elif corrected:
         systems["as given"] = model

@@ -15,7 +15,7 @@ from scipy.interpolate import BarycentricInterpolator
 
 from solve import PeriodicCurves, Radau
 from solve.arrays import Array
-from solve.beams.assembly import Beams, rotations
+from solve.beams.assembly import Beams
 from solve.beams.structure import StructureModel
 
 METHOD = Radau(order=9)
@@ -52,9 +52,10 @@ def places(beams: Beams) -> list[Array]:
     """For each link the fractions of its length where the stress is looked at: where the thesis does, at
     the clamped root or the middle, and at two places within each element."""
     by_link = []
-    for link, count in zip(beams.freedoms.links, beams.freedoms.counts, strict=True):
+    for member in beams.members:
+        link = member.link
         root = [0.0] if link.start_rotation == "" else [1.0] if link.end_rotation == "" else [0.5]
-        within = (np.arange(count)[:, None] + np.array(_BARLOW)).ravel() / count
+        within = (np.arange(member.count)[:, None] + np.array(_BARLOW)).ravel() / member.count
         by_link.append(np.unique([*root, *within]))
     return by_link
 
@@ -62,17 +63,13 @@ def places(beams: Beams) -> list[Array]:
 def stress_rows(beams: Beams, angle: Array) -> Array:
     """Rows (k, 2, S, n) that give the axial stress and that of bending at the + surface, in Pa, at the
     places of all links, one after the other, for links at angles (k, links)."""
-    freedoms, rows = beams.freedoms, []
-    for number, fractions in enumerate(places(beams)):
-        member, element = beams.members[number], freedoms.elements[number]
-        turned = rotations(freedoms, number, angle[:, number])
-        E, half = beams.properties.E[number], beams.properties.height[number] / 2
+    rows = []
+    for member, fractions in zip(beams.members, places(beams), strict=True):
+        turned = member.rotations(angle)
         for fraction in fractions:
-            first = min(int(fraction * member.count), member.count - 1)
-            elongation, curvature = element.strains(member.L, np.array([fraction * member.count - first]))
-            local = np.concatenate((E * elongation, -E * half * curvature)) @ turned
-            row = np.zeros((len(angle), 2, freedoms.n + 1))
-            row[:, :, freedoms.indices[number][first]] = local
+            first, xi = member.place(fraction)
+            row = np.zeros((len(angle), 2, beams.freedoms.n + 1))
+            row[:, :, member.indices[first]] = np.concatenate(member.stresses(np.array([xi]))) @ turned
             rows.append(row[:, :, :-1])
     return np.stack(rows, axis=2)
 

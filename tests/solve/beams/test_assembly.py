@@ -178,7 +178,7 @@ def test_welded_links_share_their_rotation_and_keep_their_own_curvatures():
 
 
 def test_displacement_inside_an_element_is_that_of_its_shape_functions():
-    axial, transverse = element("cubic").displacement(0.5, np.array([0.0, 0.5, 1.0]))
+    axial, transverse = element("cubic").shapes(0.5, np.array([0.0, 0.5, 1.0]))
     np.testing.assert_allclose(axial[:, :2], [[1, 0], [0.5, 0.5], [0, 1]])
     np.testing.assert_allclose(axial[:, 2:], 0)
     np.testing.assert_allclose(transverse[1], [0, 0, 0.5, 0.5 / 8, 0.5, -0.5 / 8])
@@ -206,11 +206,9 @@ def test_an_inextensible_link_is_the_limit_of_a_very_stiff_one(kind):
 
 
 def _frequencies(positions):
-    from solve.beams.frozen import exact_frequencies, lowest_frequencies
+    from solve.beams.frozen import lowest
 
-    if positions.beams.exact_links:
-        return exact_frequencies(positions, 6)
-    return lowest_frequencies(*positions.matrices(), 6)
+    return lowest(positions, 6)
 
 
 def test_links_that_miss_their_joint_are_refused():
