@@ -101,8 +101,7 @@ class PeriodicSystem:
         period: float = 2 * math.pi,
         breaks: Sequence[float] = (),
     ):
-        if not (math.isfinite(period) and period > 0):
-            raise ValueOutOfBoundsError(f"period is {period}; allowed: a finite phase > 0, such as 2π")
+        self.period = _checked_period(period)
         if len(set(coordinates)) != len(coordinates) or len(coordinates) == 0:
             raise ValueOutOfBoundsError(
                 f"coordinates are {list(coordinates)}; give each of the n coordinates a name of its own"
@@ -111,7 +110,6 @@ class PeriodicSystem:
             raise ValueOutOfBoundsError(f"breaks are {list(breaks)}; allowed: finite phases")
         self._matrices = matrices
         self.coordinates = tuple(coordinates)
-        self.period = float(period)
         self.breaks = tuple(float(b) for b in breaks)
 
     @classmethod
@@ -124,12 +122,8 @@ class PeriodicSystem:
         samples are needed as twice the highest harmonic that matters. They hold for the speed at
         which they were taken; a sweep over speeds needs a function instead.
         """
-        if not (math.isfinite(period) and period > 0):
-            raise ValueOutOfBoundsError(f"period is {period}; allowed: a finite phase > 0, such as 2π")
-        try:
-            samples = [np.asarray(part).astype(float, casting="same_kind") for part in (M, C, K, d)]
-        except (TypeError, ValueError) as error:
-            raise MatricesError(f"the samples are no four real arrays M, C, K, d: {error}") from None
+        period = _checked_period(period)
+        samples = _real((M, C, K, d), "samples")
         counts = {len(part) if part.ndim else 0 for part in samples}
         if len(counts) != 1 or 0 in counts:
             raise MatricesError(
@@ -162,11 +156,7 @@ class PeriodicSystem:
 
         Raises MatricesError where the function gives something else, or NaN or infinite entries.
         """
-        given = self._matrices(phase, speed)
-        try:
-            M, C, K, d = (np.asarray(part).astype(float, casting="same_kind", copy=False) for part in given)
-        except (TypeError, ValueError) as error:
-            raise MatricesError(f"the matrices are no four real arrays M, C, K, d: {error}") from None
+        M, C, K, d = _real(self._matrices(phase, speed), "matrices")
         for symbol, part in zip("MCKd", (M, C, K, d), strict=True):
             if not np.isfinite(part).all():
                 first = int(np.argmin(np.isfinite(part).reshape(len(part), -1).all(axis=1)))
@@ -315,3 +305,18 @@ class PeriodicSystem:
                 "M is singular: some coordinate has no inertia; give every coordinate a mass, "
                 "or leave a massless coordinate out"
             )
+
+
+def _checked_period(period: float) -> float:
+    if not (math.isfinite(period) and period > 0):
+        raise ValueOutOfBoundsError(f"period is {period}; allowed: a finite phase > 0, such as 2π")
+    return float(period)
+
+
+def _real(given: Sequence[Array], kind: str) -> Matrices:
+    """Four arrays of floats. Raises MatricesError."""
+    try:
+        M, C, K, d = (np.asarray(part).astype(float, casting="same_kind", copy=False) for part in given)
+    except (TypeError, ValueError) as error:
+        raise MatricesError(f"the {kind} are no four real arrays M, C, K, d: {error}") from None
+    return M, C, K, d

@@ -42,16 +42,15 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[float]:
     if isinstance(speeds, str):
         return speeds_in_si(speeds)
     try:
-        found = [
-            speed_in_si(speed) for speed in ([speeds] if isinstance(speeds, float | int | Real) else speeds)
-        ]
+        each = [speeds] if isinstance(speeds, float | int | Real) else speeds
+        omegas = [speed_in_si(speed) for speed in each]
     except TypeError:
         raise ValueOutOfBoundsError(
             f"speeds are {speeds!r}; give numbers in rad/s or texts such as '600 rpm', one after the other"
         ) from None
-    if not found:
+    if not omegas:
         raise ValueOutOfBoundsError("no speeds given; give some, such as '100:900:81 rpm'")
-    return found
+    return omegas
 
 
 def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> list[float]:
@@ -137,17 +136,17 @@ def _registry() -> "pint.UnitRegistry":
     return registry
 
 
-def checked_tolerance(tolerance: float) -> float:
-    """The tolerance itself. Raises ValueOutOfBoundsError unless it is above 1e-15 and below 1."""
-    if not 1e-15 <= tolerance < 1:
+def checked_tolerance(
+    tolerance: float, name: str = "tolerance", least: float = 1e-15, example: str = "1e-9"
+) -> float:
+    """The tolerance itself. Raises ValueOutOfBoundsError unless it is at least `least` and below 1."""
+    if not (isinstance(tolerance, Real) and least <= tolerance < 1):
         raise ValueOutOfBoundsError(
-            f"tolerance is {tolerance}; allowed: 1e-15 up to (not including) 1, such as 1e-9"
+            f"{name} is {tolerance}; allowed: {least:g} up to (not including) 1, such as {example}"
         )
     return float(tolerance)
 
 
 def checked_rtol(rtol: float) -> float:
-    """The relative tolerance itself. Raises ValueOutOfBoundsError unless it is above 1e-14 and below 1."""
-    if not (isinstance(rtol, Real) and 1e-14 <= rtol < 1):
-        raise ValueOutOfBoundsError(f"rtol is {rtol}; allowed: 1e-14 up to (not including) 1, such as 1e-8")
-    return float(rtol)
+    """The relative tolerance itself. Raises ValueOutOfBoundsError unless it is at least 1e-14 and below 1."""
+    return checked_tolerance(rtol, "rtol", 1e-14, "1e-8")

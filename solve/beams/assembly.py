@@ -14,7 +14,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams import dynamic_stiffness as exact
-from solve.beams.elements import EXACT, HELD, Freedoms, Member, Node
+from solve.beams.elements import HELD, Freedoms, Member
 from solve.errors import StructureError
 
 _TERMS = np.zeros((5, 3, 3))
@@ -79,11 +79,8 @@ class Beams:
 
     def divided(self, parts: int) -> "Beams":
         """The same beams with every exact element cut into parts, which changes no frequency."""
-        counts = [
-            count * (parts if kind == EXACT else 1)
-            for count, kind in zip(self.freedoms.counts, self.freedoms.kinds, strict=True)
-        ]
-        return replace(self, freedoms=replace(self.freedoms, counts=tuple(counts)))
+        counts = tuple(each.count * (parts if each.exact else 1) for each in self.members)
+        return replace(self, freedoms=replace(self.freedoms, counts=counts))
 
     @cached_property
     def exact_links(self) -> list[Member]:
@@ -107,9 +104,7 @@ class Beams:
     @cached_property
     def stiffness(self) -> Array:
         """K of the finite elements."""
-        return np.stack(
-            [self.spread(member, member.stiffness * (not member.exact)) for member in self.members]
-        )
+        return np.stack([self.spread(each, each.stiffness * (not each.exact)) for each in self.members])
 
     @cached_property
     def exact(self) -> Array:
@@ -153,9 +148,8 @@ class Positions:
 
     def matrices(self) -> tuple[Array, Array]:
         """M and K of the finite elements, (m, n, n)."""
-        everywhere = np.arange(len(self.phase))
         tables = self.beams.mass, self.beams.stiffness
-        M, K = (self._reduced(np.tensordot(self.terms, each, 2), everywhere) for each in tables)
+        M, K = (self._reduced(np.tensordot(self.terms, each, 2)) for each in tables)
         return M, K
 
     def dynamic_stiffness(self, index: Array, omega: Array) -> Array:
@@ -239,7 +233,7 @@ class Positions:
                     f"joint {name} is held, but the angles of the links move it by {moved:.3g} m"
                 )
 
-    def _reduced(self, matrices: Array, index: Array) -> Array:
+    def _reduced(self, matrices: Array, index: Array | slice = slice(None)) -> Array:
         if self._free is None:
             return matrices
         free = self._free[index]
@@ -249,12 +243,8 @@ class Positions:
     def _free(self) -> Array | None:
         """Orthonormal basis (m, N, n) of the motions that stretch no inextensible link; None where all
         links stretch."""
-        rows = [
-            row
-            for number, link in enumerate(self.beams.freedoms.links)
-            if link.inextensible
-            for row in self._ties(number)
-        ]
+        members = [member for member in self.beams.members if member.link.inextensible]
+        rows = [row for member in members for row in self._ties(member.number)]
         if not rows:
             return None
         _, values, vectors = np.linalg.svd(np.stack(rows, axis=1), full_matrices=True)
@@ -269,14 +259,11 @@ class Positions:
 
     def _ties(self, number: int) -> list[Array]:
         """For each pair of neighbouring nodes of a link a row (m, N): by how much it stretches."""
-        nodes = self.beams.freedoms.nodes[number]
-        direction = np.stack((np.cos(self.angle[:, number]), np.sin(self.angle[:, number])), axis=1)
-        return [self._stretch(one, other, direction) for one, other in pairwise(nodes)]
-
-    def _stretch(self, one: Node, other: Node, direction: Array) -> Array:
-        row = np.zeros((len(self.phase), self.beams.freedoms.n))
-        for node, sign in ((one, -1.0), (other, 1.0)):
-            for freedom, component in zip((node.x, node.y), direction.T, strict=True):
-                if freedom != HELD:
-                    row[:, freedom] += sign * component
-        return row
+        rows, angle = [], self.angle[:, number]
+        for start, end in pairwise(self.beams.freedoms.nodes[number]):
+            row = np.zeros((len(self.phase), self.beams.freedoms.n + 1))
+            for node, sign in ((start, -1.0), (end, 1.0)):
+                row[:, node.x] += sign * np.cos(angle)
+                row[:, node.y] += sign * np.sin(angle)
+            rows.append(row[:, :HELD])
+        return rows

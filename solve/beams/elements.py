@@ -193,7 +193,13 @@ class Freedoms:
     @cached_property
     def nodes(self) -> list[list[Node]]:
         """For each link its nodes from start to end."""
-        return [self._nodes_of(number) for number in range(len(self.links))]
+        nodes: list[dict[float, list[int]]] = [{} for _ in self.links]
+        for own, each, count, rows in zip(nodes, self.elements, self.counts, self.indices, strict=True):
+            for (first, row), (i, freedom) in product(enumerate(rows), enumerate(each.freedoms)):
+                if freedom.order == 0:
+                    node = own.setdefault((first + freedom.xi) / count, [HELD, HELD])
+                    node[freedom.direction == BENDING] = row[i]
+        return [[Node(place, *own[place]) for place in sorted(own)] for own in nodes]
 
     @property
     def joint_indices(self) -> Array:
@@ -225,29 +231,15 @@ class Freedoms:
             return f"{link.name}_{round(place * nodes_an_element)}_{what}"
         joint, rotation = (link.start, link.start_rotation) if place == 0 else (link.end, link.end_rotation)
         if order == 0:
-            return "" if joint in self._held else f"{joint}_{what}"
+            return "" if dict(self.joints)[joint] else f"{joint}_{what}"
         if order == 1:
             return f"{rotation}_{what}" if rotation else ""
-        return "" if self._alone(rotation) else f"{link.name}_{joint}_{what}"
+        return "" if self.alone(rotation) else f"{link.name}_{joint}_{what}"
 
-    def _alone(self, rotation: str) -> bool:
+    def alone(self, rotation: str) -> bool:
         """Whether a link's end turns freely by itself, so that it bears no moment."""
         ends = [name for link in self.links for name in (link.start_rotation, link.end_rotation)]
         return bool(rotation) and ends.count(rotation) == 1
-
-    @cached_property
-    def _held(self) -> set[str]:
-        return {joint for joint, held in self.joints if held}
-
-    def _nodes_of(self, number: int) -> list[Node]:
-        freedoms, count = self.elements[number].freedoms, self.counts[number]
-        nodes: dict[float, list[int]] = {}
-        for first, row in enumerate(self.indices[number]):
-            for index, freedom in zip(row, freedoms, strict=True):
-                if freedom.order == 0:
-                    node = nodes.setdefault((first + freedom.xi) / count, [HELD, HELD])
-                    node[freedom.direction == BENDING] = index
-        return [Node(place, *nodes[place]) for place in sorted(nodes)]
 
 
 @dataclass(frozen=True)

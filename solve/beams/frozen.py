@@ -144,36 +144,30 @@ def _roots(positions: Positions, index: Array, order: Array, low: Array, high: A
     from scipy.optimize.elementwise import find_root
 
     m = len(positions.phase)
-    scale = _scale(positions.dynamic_stiffness(np.arange(m), np.zeros(m)))
+    diagonal = np.einsum("mii->mi", positions.dynamic_stiffness(np.arange(m), np.zeros(m)))
+    # Displacements and rotations are brought together, which changes no sign.
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
 
-    def eigenvalue(omega: Array, index: Array, order: Array) -> Array:
-        return crossing(positions, scale, omega, index, order)
+    def crossing(omega: Array, index: Array, order: Array) -> Array:
+        """For each (b,) a number that falls through zero at the frequency of that order, within −1 … 1."""
+        D = positions.dynamic_stiffness(index, omega) * (scale[index, :, None] * scale[index, None, :])
+        eigenvalues = np.linalg.eigvalsh(D)
+        place = order - positions.interior_count(omega) - 1
+        value = np.where(place < 0, -1.0, 1.0)
+        inside = np.flatnonzero((place >= 0) & (place < eigenvalues.shape[1]))
+        chosen = eigenvalues[inside, place[inside]]
+        value[inside] = chosen / (1 + np.abs(chosen))
+        return value
 
     tolerances = {"xatol": 0.0, "xrtol": rtol, "fatol": 0.0, "frtol": 0.0}
-    found = find_root(eigenvalue, (low, high), args=(index, order), tolerances=tolerances, maxiter=200)
-    return np.asarray(found.x)
+    root = find_root(crossing, (low, high), args=(index, order), tolerances=tolerances, maxiter=200)
+    return np.asarray(root.x)
 
 
 def count_below(positions: Positions, index: Array, omega: Array) -> Array:
     """J (b,): number of frequencies below ω (b,) at the positions of number `index` (b,)."""
     eigenvalues = np.linalg.eigvalsh(positions.dynamic_stiffness(index, omega))
     return positions.interior_count(omega) + (eigenvalues < 0).sum(axis=1)
-
-
-def crossing(positions: Positions, scale: Array, omega: Array, index: Array, order: Array) -> Array:
-    """For each (b,) a number that falls through zero at the frequency of that order, within −1 … 1.
-
-    scale (m, n) multiplies rows and columns of D, which changes no sign.
-    """
-    D = positions.dynamic_stiffness(index, omega) * (scale[index, :, None] * scale[index, None, :])
-    eigenvalues = np.linalg.eigvalsh(D)
-    n = eigenvalues.shape[1]
-    place = order - positions.interior_count(omega) - 1
-    value = np.where(place < 0, -1.0, 1.0)
-    inside = np.flatnonzero((place >= 0) & (place < n))
-    chosen = eigenvalues[inside, place[inside]]
-    value[inside] = chosen / (1 + np.abs(chosen))
-    return value
 
 
 def _above(positions: Positions, count: int) -> Array:
@@ -186,12 +180,6 @@ def _above(positions: Positions, count: int) -> Array:
             return omega
         omega[few] *= 2.0
     raise StructureError(f"fewer than {count} frequencies below {omega.max():.3g} rad/s; ask for fewer")
-
-
-def _scale(static: Array) -> Array:
-    """1/√ of the diagonal of the static stiffness, (m, n): brings displacements and rotations together."""
-    diagonal = np.einsum("mii->mi", static)
-    return 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
 
 
 _POINTS = 48

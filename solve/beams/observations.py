@@ -1,6 +1,7 @@
 """What is seen of a moving structure of beams: deflections and stresses at points of its links, forces at its
 joints, and what each mode gives to them (thesis Fig. 6.4)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -118,17 +119,15 @@ class Contributions:
     total: Array
 
 
-def contributions(
-    state: State, output: str, kind: str, member: Member, place: float, count: int
-) -> Contributions:
-    """q = Σ φ_i η_i with the modes φ_i of each position, η = Φᵀ M q; phases rise in small steps."""
+def contributions(state: State, output: str, values: Callable[[State], Array], count: int) -> Contributions:
+    """What the lowest modes give to an output with the values (k,) at states, linear in q:
+    q = Σ φ_i η_i with the modes φ_i of each position, η = Φᵀ M q; phases rise in small steps."""
     M, K = state.positions.matrices()
     lowest = followed(M, K, count)
     eta = np.einsum("kni,knm,mk->ik", lowest.vectors, M, state.q, optimize=True)
     parts = np.einsum("kni,ik->ink", lowest.vectors, eta)
-    values = [quantity(replace(state, q=part), kind, member, place) for part in parts]
-    total = quantity(state, kind, member, place)
-    return Contributions(output, state.phase, np.array(values), lowest.frequencies.T, total)
+    by_mode = np.array([values(replace(state, q=part)) for part in parts])
+    return Contributions(output, state.phase, by_mode, lowest.frequencies.T, values(state))
 
 
 def followed(M: Array, K: Array, count: int) -> Modes:

@@ -1,7 +1,6 @@
 """A structure of beams from a generated module: a model whose matrices are assembled, not printed."""
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, Self
@@ -124,12 +123,9 @@ class StructureModel(Model):
         low, high = speeds.min(), speeds.max()
         if len(speeds) <= _SPEEDS or high - low < 1e-3 * high:
             return super().entries_over(phase, speeds)
-        nodes = np.linspace(low, high, _SPEEDS)
-        weights = np.ones((len(speeds), _SPEEDS))
-        for i, j in np.ndindex(_SPEEDS, _SPEEDS):
-            if i != j:
-                weights[:, i] *= (speeds - nodes[j]) / (nodes[i] - nodes[j])
-        return np.tensordot(weights, super().entries_over(phase, nodes), axes=1)
+        x = (speeds - low) / (high - low)
+        weights = np.stack(((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)), axis=1)
+        return np.tensordot(weights, super().entries_over(phase, np.linspace(low, high, _SPEEDS)), axes=1)
 
     def many_points(self, names: Sequence[str]) -> None:
         return None
@@ -238,7 +234,8 @@ class StructureModel(Model):
             raise ValueOutOfBoundsError(f"{count} modes asked for; allowed: 1 to {self.n}")
         phase = np.linspace(0.0, self.period, samples + 1)
         state = State(self.motion, phase, turn.speed, *turn.state(phase))
-        return contributions(state, output, kind, self._member(link), place, count)
+        member = self._member(link)
+        return contributions(state, output, lambda part: quantity(part, kind, member, place), count)
 
     def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
         """Kind, link and place of an output that is linear in the deflections. Raises UnknownNameError."""
@@ -289,14 +286,12 @@ def _of_each_link(setup: Setup, option: str) -> list[str]:
 
 
 def _drawn(freedoms: Freedoms) -> tuple[DrawnLink, ...]:
-    held = dict(freedoms.joints)
-    shared = Counter(joint for link in freedoms.links for joint in (link.start, link.end))
-    rotations = Counter(name for link in freedoms.links for name in (link.start_rotation, link.end_rotation))
+    held, ends = dict(freedoms.joints), [joint for link in freedoms.links for joint in link[1:3]]
 
     def support(joint: str, rotation: str) -> str:
         if held[joint]:
             return "pinned" if rotation else "clamped"
-        return "joined" if shared[joint] > 1 and rotations[rotation] == 1 else ""
+        return "joined" if ends.count(joint) > 1 and freedoms.alone(rotation) else ""
 
     return tuple(
         DrawnLink(link.name, (support(link.start, link.start_rotation), support(link.end, link.end_rotation)))

@@ -33,7 +33,13 @@ def chosen_case(
     Raises UnknownNameError, CaseFileError and MissingValueError.
     """
     known = {name: unit for name, unit, *_ in module.PARAMETERS}
-    chosen = _named(module, path, case, known) if required or path.is_file() else _nameless(path, case)
+    cases = read_cases(path, known) if required or path.is_file() else None
+    if cases is None and case is not None:
+        raise CaseFileError(f"no case file '{path}' for case '{case}'; write one, or name no case")
+    cases = cases or {"": Case("", None, {})}
+    if case is not None and case not in cases:
+        raise UnknownNameError(f"case of {module.NAME}", case, cases)
+    chosen = cases[case] if case is not None else next(iter(cases.values()))
     for name in replaced:
         if name not in known:
             raise UnknownNameError(f"parameter of {module.NAME}", name, known)
@@ -46,19 +52,6 @@ def chosen_case(
             f"{missing[0]}=NUMBER"
         )
     return Case(chosen.name, chosen.speed, values)
-
-
-def _named(module: ModuleType, path: Path, case: str | None, units: Mapping[str, str]) -> Case:
-    cases = read_cases(path, units)
-    if case is not None and case not in cases:
-        raise UnknownNameError(f"case of {module.NAME}", case, cases)
-    return cases[case] if case is not None else next(iter(cases.values()))
-
-
-def _nameless(path: Path, case: str | None) -> Case:
-    if case is not None:
-        raise CaseFileError(f"no case file '{path}' for case '{case}'; write one, or name no case")
-    return Case("", None, {})
 
 
 def read_cases(path: Path, units: Mapping[str, str]) -> dict[str, Case]:
