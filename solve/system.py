@@ -212,14 +212,14 @@ class PeriodicSystem:
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         """The same at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
-        found = np.full((len(speeds), len(phase), 3 * self.n**2 + self.n), np.nan)
-        for rows, speed in zip(found, speeds, strict=True):
+        entries = np.full((len(speeds), len(phase), 3 * self.n**2 + self.n), np.nan)
+        for rows, speed in zip(entries, speeds, strict=True):
             try:
                 rows[:] = self.entries(phase, float(speed))
             except SolveError:
                 # The solution at this speed fails for the same reason, and says so.
                 continue
-        return found
+        return entries
 
     def many_points(self, names: Sequence[str]) -> ManyPoints | None:
         """What gives matrices and outputs at all points at once, where parameters of these names vary; None

@@ -4,8 +4,8 @@ Finite elements have those of M q̈ + K q = 0 (thesis (4.40)). With exact elemen
 frequency (Wittrick and Williams; thesis 5.3): J(ω) = J0(ω) + s{D(ω)}, the number of frequencies below ω, is
 what the elements have below ω with their ends clamped, and the number of negative eigenvalues of D. The
 r-th frequency is therefore where the eigenvalue of number r − J0 passes through zero: its sign is the
-count's, and its size lets a bracketing method converge fast. Frequencies at which no joint moves are found
-as the places where J0 jumps.
+count's, and its size lets a bracketing method converge fast. Frequencies at which no joint moves are
+the places where J0 jumps.
 """
 
 from typing import NamedTuple
@@ -111,24 +111,24 @@ def exact_frequencies(positions: Positions, count: int, rtol: float = 1e-13) -> 
     index, order = (each.ravel() for each in np.meshgrid(everywhere, np.arange(1, count + 1), indexing="ij"))
     moving = np.flatnonzero(order > count_below(positions, everywhere, low)[index])
     index, order = index[moving], order[moving]
-    found = _roots(positions, index, order, low[index], above[index], rtol)
-    _separate(positions, index, order, found, rtol)
+    omega = _roots(positions, index, order, low[index], above[index], rtol)
+    _separate(positions, index, order, omega, rtol)
     frequencies = np.zeros(m * count)
-    frequencies[moving] = found
+    frequencies[moving] = omega
     return frequencies.reshape(m, count)
 
 
-def _separate(positions: Positions, index: Array, order: Array, found: Array, rtol: float) -> None:
+def _separate(positions: Positions, index: Array, order: Array, omega: Array, rtol: float) -> None:
     """Find those of the frequencies again that lie near a pole, with elements divided until it is away."""
-    near = np.flatnonzero(near_clamped(positions, found))
+    near = np.flatnonzero(near_clamped(positions, omega))
     for parts in PARTS:
         if len(near) == 0:
             break
         divided = Positions(positions.beams.divided(parts), positions.phase)
-        still_near = near_clamped(divided, found[near])
+        still_near = near_clamped(divided, omega[near])
         apart = near[~still_near]
-        low, high = (found[apart] * (1 + 10 * sign * _NEAR) for sign in (-1, 1))
-        found[apart] = _roots(divided, index[apart], order[apart], low, high, rtol)
+        low, high = (omega[apart] * (1 + 10 * sign * _NEAR) for sign in (-1, 1))
+        omega[apart] = _roots(divided, index[apart], order[apart], low, high, rtol)
         near = near[still_near]
 
 

@@ -22,15 +22,15 @@ from solve.beams.frozen import lowest_frequencies, modes
 from solve.trigonometric import interpolated
 
 
-def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> list[Array]:
-    """q̈_r/Ω² of the elements' own freedoms in the axes of their links, (m, elements, k) for each link.
+def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:
+    """q̈_r/Ω² of the elements' own freedoms in the axes of their links, (m, elements, k) for each link, and
+    that of the joints as x + iy, (m, joints).
 
     rate, second (m, links): first and second derivative of the links' angles by the phase. Held freedoms
     accelerate too where their link does.
     """
-    spans = _accelerated(positions, rate, second)
-    joints = positions.placed(spans)
-    accelerations = []
+    spans = positions.beams.properties.length * (1j * second - rate**2) * np.exp(1j * positions.angle)
+    joints, accelerations = positions.placed(spans), []
     for number, member in enumerate(positions.beams.members):
         start, span = joints[:, member.start, None], spans[:, number, None]
         backwards = np.exp(-1j * positions.angle[:, number, None])
@@ -43,27 +43,21 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> lis
             elif freedom.order == 1:
                 local[:, :, i] = second[:, number, None]
         accelerations.append(local)
-    return accelerations
+    return accelerations, joints
 
 
 def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
     """−M q̈_r/Ω² (m, n) of the elements and of the joints' masses, at constant Ω."""
     beams, freedoms = positions.beams, positions.beams.freedoms
     load = np.zeros((len(positions.phase), freedoms.n + 1))
-    accelerations = rigid_accelerations(positions, rate, second)
+    accelerations, joints = rigid_accelerations(positions, rate, second)
     for member, local in zip(beams.members, accelerations, strict=True):
         ground = local @ member.mass.T @ member.rotations(positions.angle)
         for row, each in zip(member.indices, np.swapaxes(ground, 0, 1), strict=True):
             load[:, row] -= each
-    joints = positions.placed(_accelerated(positions, rate, second))
     for xy, mass, acceleration in zip(freedoms.joint_indices, beams.properties.mass, joints.T, strict=True):
         load[:, xy] -= mass * np.stack((acceleration.real, acceleration.imag), axis=1)
     return load[:, :HELD]
-
-
-def _accelerated(positions: Positions, rate: Array, second: Array) -> Array:
-    """Second derivative by the phase of the vectors x + iy (m, links) along the links."""
-    return positions.beams.properties.length * (1j * second - rate**2) * np.exp(1j * positions.angle)
 
 
 _AVERAGED = 36
@@ -232,7 +226,7 @@ class State:
     @cached_property
     def rigid_accelerations(self) -> list[Array]:
         """q̈_r of the elements' own freedoms in the axes of their links, (k, elements, freedoms) a link."""
-        return [self.speed**2 * each for each in rigid_accelerations(self.positions, *self.rates)]
+        return [self.speed**2 * each for each in rigid_accelerations(self.positions, *self.rates)[0]]
 
     def strain_energy(self) -> Array:
         """½ qᵀ K q (k,) of the links' elastic stiffness, in J."""

@@ -122,10 +122,10 @@ class Model(PeriodicSystem):
         return tuple(dict.fromkeys((*self.validity, *(name for name, *_ in self.module.LIMITS))))
 
     def judged(self, figures: Mapping[str, Statistics]) -> list[str]:
-        found = []
+        warnings = []
         for name, bound in self.validity.items():
             if name in figures and figures[name].max_abs > bound:
-                found.append(
+                warnings.append(
                     f"the linearisation is not to be trusted: max|{name}| = {figures[name].max_abs:.3g} "
                     f"{self.units[name]}, beyond {bound:g}"
                 )
@@ -134,8 +134,8 @@ class Model(PeriodicSystem):
                 extreme = figures[name].min if clause.startswith(">") else figures[name].max
                 if not holds(clause, extreme):
                     reached = measured(extreme, self.units[name], 3)
-                    found.append(f"{meaning}: {name} reaches {reached}, bound {clause}")
-        return found
+                    warnings.append(f"{meaning}: {name} reaches {reached}, bound {clause}")
+        return warnings
 
 
 class ModelPoints:

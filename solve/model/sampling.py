@@ -91,18 +91,14 @@ class MatrixSampler:
         """M, C, K by rows and d (m, 3n² + n)."""
         if self._terms is None:
             return self._evaluate(phase, np.full(len(phase), speed))
-        rows = np.zeros((len(self._terms.entry), 3 * self.n**2 + self.n))
-        rows[range(len(rows)), self._terms.entry] = speed**self._terms.power
-        return self._table(phase) @ rows
-
-    def _table(self, phase: Array) -> Array:
-        """The terms (m, R) at the phases."""
         key = phase.tobytes()
         if key not in self._kept:
             if sum(table.nbytes for table in self._kept.values()) > _MOST_KEPT:
                 self._kept.clear()
             self._kept[key] = self._evaluate(phase)
-        return self._kept[key]
+        rows = np.zeros((len(self._terms.entry), 3 * self.n**2 + self.n))
+        rows[range(len(rows)), self._terms.entry] = speed**self._terms.power
+        return self._kept[key] @ rows
 
 
 class _Terms(NamedTuple):
