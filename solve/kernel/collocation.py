@@ -46,73 +46,43 @@ def solved(
     size: Size, weights: Mapping[str, Array], period: float, stages: Samples, nodes: Samples | None
 ) -> Periods:
     """Each point on m equal steps, sampled at the stages (m s phases, step by step) and, for orbits by a
-    method whose steps do not end at a stage, at the nodes (m phases). Raises CompilerError, MemoryError."""
-    m = stages.table.shape[-2] // size.stages
-    if len(stages.coefficients) == 1 and m % LANES == 0 and stages.own and size.orbit:
-        return _in_segments(
-            size, weights, period / m, stages.table[0], None if nodes is None else nodes.table[0]
-        )
-    return _side_by_side(size, weights, period / m, stages, nodes)
+    method whose steps do not end at a stage, at the nodes (m phases). Raises CompilerError, MemoryError.
 
-
-def _side_by_side(
-    size: Size, weights: Mapping[str, Array], h: float, stages: Samples, nodes: Samples | None
-) -> Periods:
+    The lanes are points, or the segments of one.
+    """
     points, m = len(stages.coefficients), stages.table.shape[-2] // size.stages
-    groups, N, D = -(-points // LANES), 2 * size.n, len(weights["powers"])
+    segments = points == 1 and m % LANES == 0 and stages.own and size.orbit
+    groups, steps = -(-points // LANES), m // LANES if segments else m
+    n, N, D = size.n, 2 * size.n, len(weights["powers"])
     Phi, closed = (np.zeros((groups, *shape, LANES)) for shape in ((N, N), (2, N, N)))
-    curves = np.zeros((groups * LANES if size.orbit else 0, size.n, m, D))
-    maps = np.zeros((LANES, m, N, N + 1)) if points == 1 and size.orbit else None
+    curves = np.zeros((groups * LANES if size.orbit else 0, n, steps, D))
     arrays = {
-        "stages": _laid_out(stages, groups),
-        "nodes": np.zeros(1) if nodes is None else _laid_out(nodes, groups),
+        "stages": _laid_out(stages, groups, segments),
+        "nodes": np.zeros(1) if nodes is None else _laid_out(nodes, groups, segments),
         "coefficients": _grouped(stages.coefficients, groups),
-        **weights,
-        **({} if maps is None else {"maps": maps}),
-    }
-    run(
-        "level",
-        size,
-        {**arrays, "Phi": Phi, "closed": closed, "curves": curves},
-        stages.entry,
-        groups=groups,
-        steps=m,
-        h=h,
-        terms=len(stages.entry),
-        own=_POINT_TABLES if stages.own else 0,
-    )
-    Phi = _by_points(Phi, points)
-    if not size.orbit:
-        return Periods(Phi, None, None, None)
-    return Periods(Phi, curves[:points], _by_points(closed, points), None if maps is None else maps[:1])
-
-
-def _in_segments(
-    size: Size, weights: Mapping[str, Array], h: float, stages: Array, nodes: Array | None
-) -> Periods:
-    """One point from entries (m s, 3n² + n) at the stages, and (m, 3n² + n) at the nodes."""
-    n, m, D = size.n, len(stages) // size.stages, len(weights["powers"])
-    N, L = 2 * n, m // LANES
-    Phi, closed = (np.empty((*shape, LANES)) for shape in ((N, N), (2, N, N)))
-    maps, curves = np.empty((m, N, N + 1)), np.empty((LANES, n, L, D))
-    arrays = {
-        "stages": np.ascontiguousarray(stages),
-        "nodes": np.zeros(1) if nodes is None else np.ascontiguousarray(nodes),
-        "coefficients": np.zeros(1),
         **weights,
         "Phi": Phi,
         "closed": closed,
         "curves": curves,
-        "maps": maps,
     }
-    run("segments", size, arrays, groups=1, steps=L, h=h, terms=0, own=_SEGMENTS)
-    curve = curves.swapaxes(0, 1).reshape(1, n, m, D)
-    return Periods(Phi[None, ..., 0], curve, closed[None, ..., 0], maps[None])
+    if points == 1 and size.orbit:
+        arrays["maps"] = np.zeros((LANES, steps, N, N + 1))
+    own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
+    numbers = {"groups": groups, "steps": steps, "h": period / m, "terms": len(stages.entry), "own": own}
+    run("segments" if segments else "level", size, arrays, stages.entry, **numbers)
+    Phi = _by_points(Phi, points)
+    if not size.orbit:
+        return Periods(Phi, None, None, None)
+    maps = arrays["maps"].reshape(-1, m, N, N + 1)[:1] if "maps" in arrays else None
+    curves = np.moveaxis(curves, 0, 1).reshape(1, n, m, D) if segments else curves[:points]
+    return Periods(Phi, curves, _by_points(closed, points), maps)
 
 
-def _laid_out(samples: Samples, groups: int) -> Array:
+def _laid_out(samples: Samples, groups: int, segments: bool) -> Array:
     """The table; where each point has its own (P, k, R), by groups (groups, k, R, LANES)."""
-    return _grouped(samples.table, groups) if samples.own else np.ascontiguousarray(samples.table)
+    if samples.own and not segments:
+        return _grouped(samples.table, groups)
+    return np.ascontiguousarray(samples.table)
 
 
 def _grouped(values: Array, groups: int) -> Array:
