@@ -36,7 +36,7 @@ class Count:
             self._progress(self.done)
 
     def onward(self) -> Callable[[int], None]:
-        """To be told how many there are beyond those so far."""
+        """What a call that starts now tells of its own number of points."""
         before = self.done
         return lambda done: self.add(before + done - self.done)
 

@@ -244,6 +244,7 @@ class Orbit(Stability, Turn):
         Raises ValueOutOfBoundsError where two of them have one name.
         """
         system, stability, outputs = self.system, super().contents(), self.outputs
+        q, qd, qdd = self._nodal
         arrays = {name: getattr(self, name) for name in ("phase", "time", "q", "qd", "qdd")}
         arrays |= {
             "coordinates": np.array(system.coordinates),
@@ -254,14 +255,11 @@ class Orbit(Stability, Turn):
         }
         time = Variable("phase", self.time, "s", "time")
         curves = [("time", time), ("phase", Variable("phase", self.phase, "rad", "phase of the drive"))]
-        for name, values in (*zip(system.coordinates, self.q, strict=True), *outputs.items()):
+        for name, values in (*zip(system.coordinates, q, strict=True), *outputs.items()):
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
             curves.append((name, Variable("phase", values, unit, meaning)))
         rates = []
-        for suffix, word, per, rows in (
-            ("d", "velocity", "/s", self.qd),
-            ("dd", "acceleration", "/s^2", self.qdd),
-        ):
+        for suffix, word, per, rows in (("d", "velocity", "/s", qd), ("dd", "acceleration", "/s^2", qdd)):
             for name, values in zip(system.coordinates, rows, strict=True):
                 unit = system.units.get(name, "")
                 rate = Variable("phase", values, unit and unit + per, f"{word} of {name}")

@@ -19,12 +19,11 @@ from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
 _MOST_MULTIPLIERS = 8
-_VERDICT_STYLE = {
-    "asymptotically stable": "bold green",
-    "stable": "bold yellow",
-    "unstable": "bold red",
-    "undetermined": "bold magenta",
-}
+_RECORDED = (
+    *("multipliers", "unresolved", "exponents", "spectral_radius", "verdict", "stable", "error_estimate"),
+    *("distance_from_one", "liouville", "condition", "notes"),
+)
+_VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
 
 class ErrorEstimate(NamedTuple):
@@ -143,9 +142,7 @@ class Stability:
 
     @property
     def _verdict_record(self) -> dict[str, Any]:
-        names = "multipliers unresolved exponents spectral_radius verdict stable error_estimate"
-        names += " distance_from_one liouville condition notes"
-        found = {name: getattr(self, name) for name in names.split()}
+        found = {name: getattr(self, name) for name in _RECORDED}
         return {**found, "error_estimate": self.error_estimate._asdict()}
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:

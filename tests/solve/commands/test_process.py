@@ -1,5 +1,6 @@
 """The commands as processes: exit status, streams, and what the folder where the user stands may hold."""
 
+import importlib
 import shutil
 import subprocess
 import sys
@@ -85,3 +86,22 @@ def test_the_installed_command_is_the_module_and_ignores_what_lies_around(tmp_pa
     assert (ran.returncode, ran.stderr) == (0, "")
     assert ran.stdout == solved(*arguments).stdout
     assert subprocess.run([installed], cwd=tmp_path, capture_output=True, text=True).stdout == solved().stdout
+
+
+def test_the_list_of_commands_says_what_each_says_itself():
+    from solve.commands.app import COMMANDS
+
+    for name, words in COMMANDS.items():
+        command = getattr(importlib.import_module(f"solve.commands.{name}"), name)
+        assert command.__doc__.splitlines()[0] == words
+
+
+def test_only_the_command_that_is_called_is_loaded():
+    code = (
+        "import sys; from solve.commands.app import COMMANDS, run; status = run(['--help']); "
+        "loaded = [name for name in COMMANDS if f'solve.commands.{name}' in sys.modules]; "
+        "print(loaded, file=sys.stderr); sys.exit(status)"
+    )
+    ran = python("-c", code, cwd=ROOT)
+    assert (ran.returncode, ran.stderr) == (0, "[]\n")
+    assert "Critical speeds: largest response" in ran.stdout
