@@ -23,7 +23,7 @@ KNOWN_ON_CIRCLE = 1e-6
 _SWEEPS, _GAIN = 8, 0.95
 """Of balancing a pair: at most so often, and only where norms fall to this part of themselves."""
 
-VERDICTS = ("asymptotically stable", "stable", "unstable", "undetermined")
+VERDICTS: tuple[str, ...] = ("asymptotically stable", "stable", "unstable", "undetermined")
 ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 EPS = float(np.finfo(float).eps)
