@@ -1,5 +1,7 @@
 """One point: the periodic solution of a system, found directly, or its stability alone."""
 
+from solve.certify.all_multipliers import AllMultipliers
+from solve.certify.all_multipliers import all_multipliers as every_multiplier
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.refinement import certified
 from solve.kernel.engines import chosen_engine
@@ -20,13 +22,15 @@ def periodic(
     steps: int | None = None,
     rtol: float = 1e-8,
     engine: str = "auto",
+    all_multipliers: bool = False,
 ) -> Orbit:
     """The T-periodic solution at a speed (rad/s, or a text with unit such as "600 rpm").
 
     With `steps`, the method's result on that many steps, its error estimated from twice as many;
     without, steps grow until the estimated errors of orbit and multipliers are `rtol` or less.
     engine: "compiled", "numpy", or "auto" for the first where there is a C compiler; the first solution of a
-    kind then waits for the compiler, once for a machine.
+    kind then waits for the compiler, once for a machine. all_multipliers: `rtol` holds for each multiplier,
+    however small, from the factors of the period; it costs more steps.
     Raises ResonanceError where a multiplier is at +1, and other SolveError subclasses for bad input,
     matrices or steps.
 
@@ -39,7 +43,8 @@ def periodic(
     0.333148302
     """
     omega = speed_in_si(speed)
-    return Orbit(system, omega, *_solved(system, omega, method, steps, rtol, engine, orbit=True))
+    solved = _solved(system, omega, method, steps, rtol, engine, True, all_multipliers)
+    return Orbit(system, omega, *solved)
 
 
 def floquet(
@@ -49,15 +54,18 @@ def floquet(
     steps: int | None = None,
     rtol: float = 1e-8,
     engine: str = "auto",
+    all_multipliers: bool = False,
 ) -> Stability:
     """Floquet multipliers of the system at a speed (rad/s, or a text with unit such as "600 rpm").
 
     With `steps`, the method's result on that many steps, its error estimated from twice as many;
-    without, steps grow until the estimated error is `rtol` or less. engine: as in `periodic`. Raises
-    SolveError subclasses for bad input, matrices or steps.
+    without, steps grow until the estimated error is `rtol` or less. engine, all_multipliers: as in
+    `periodic`. Raises SolveError subclasses for bad input, matrices or steps.
     """
     omega = speed_in_si(speed)
-    return Stability(system, omega, *_solved(system, omega, method, steps, rtol, engine, orbit=False))
+    return Stability(
+        system, omega, *_solved(system, omega, method, steps, rtol, engine, False, all_multipliers)
+    )
 
 
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:
@@ -74,7 +82,8 @@ def _solved(
     rtol: float,
     engine: str,
     orbit: bool,
-) -> tuple[Certified, list[str]]:
+    every: bool,
+) -> tuple[Certified, list[str], AllMultipliers | None]:
     rule, (used, notes) = chosen(method), chosen_engine(engine)
     asked = request(steps, rtol, used, orbit)
     system.checked(omega)
@@ -83,4 +92,4 @@ def _solved(
     (result,) = certified(point, settled, asked)
     if isinstance(result, Failed):
         raise result.reason
-    return result, notes
+    return result, notes, every_multiplier(point, settled, asked, result.steps) if every else None

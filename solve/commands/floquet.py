@@ -2,11 +2,11 @@
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Problem, Results, Speed, Steps
+from solve.commands.groups import OnePoint, Problem, Results, Speed
 
 
-def floquet(problem: Problem, speed: Speed, accuracy: Steps, results: Results) -> None:
+def floquet(problem: Problem, speed: Speed, accuracy: OnePoint, results: Results) -> None:
     """Floquet multipliers, exponents and the verdict of stability."""
     model = problem.loaded()
-    result = solve.floquet(model, speed.omega(model), accuracy.rule, accuracy.steps, accuracy.rtol)
+    result = accuracy.solved(solve.floquet, model, speed.omega(model))
     deliver_result(results, result, problem.choices)

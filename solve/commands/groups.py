@@ -165,6 +165,19 @@ class Steps(Accuracy):
 
 
 @dataclass(frozen=True)
+class OnePoint(Steps):
+    """The same for a single speed."""
+
+    all_multipliers: Annotated[
+        bool, typer.Option("--all-multipliers", help="Every multiplier to --rtol of itself, however small.")
+    ] = False
+
+    def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
+        """What a function such as `solve.periodic` gives."""
+        return solve(model, omega, self.rule, self.steps, self.rtol, all_multipliers=self.all_multipliers)
+
+
+@dataclass(frozen=True)
 class Results:
     """Where the results go."""
 

@@ -6,7 +6,7 @@ import typer
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Problem, Results, Speed, Steps
+from solve.commands.groups import OnePoint, Problem, Results, Speed
 from solve.commands.parse import harmonic_count, whole
 from solve.results.plot import checked_scale, shown
 
@@ -14,7 +14,7 @@ from solve.results.plot import checked_scale, shown
 def periodic(
     problem: Problem,
     speed: Speed,
-    accuracy: Steps,
+    accuracy: OnePoint,
     results: Results,
     harmonics: Annotated[
         int | None, typer.Option(metavar="N", parser=whole, help="Orders of the spectrum; 60 by default.")
@@ -34,7 +34,7 @@ def periodic(
     orders, model = harmonic_count(harmonics), problem.loaded()
     checked_scale(scale)
     shown(model, show)
-    orbit = solve.periodic(model, speed.omega(model), accuracy.rule, accuracy.steps, accuracy.rtol)
+    orbit = accuracy.solved(solve.periodic, model, speed.omega(model))
     deliver_result(
         results,
         orbit,

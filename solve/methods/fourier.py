@@ -26,7 +26,7 @@ _SINGULAR = 1e14
 _DEFECTIVE = 1e4
 """Condition number of eigenvectors above which they are not to be divided by."""
 
-_TORN = 1e-3
+_CLUSTER = 1e-3
 """How far, relative to the rotation, rounding may tear the exponents of a multiple one apart."""
 
 
@@ -170,7 +170,7 @@ def _invariant_subspace(A: Array, exponents: Array, N: int, rotation: float) -> 
     eigenvectors are fewer; or another number, where truncation has torn a multiple one."""
     from scipy.linalg import schur
 
-    near = _TORN * rotation
+    near = _CLUSTER * rotation
     left, centres, count = exponents, [], 0
     while count < N and len(left):
         apart = left - left[0]

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.certify.all_multipliers import AllMultipliers
 from solve.certify.certified import Certified
 from solve.period.multipliers import VERDICTS, Multipliers, verdicts
 from solve.results.contents import Contents, Variable
@@ -20,8 +21,8 @@ from solve.system import PeriodicSystem
 
 _MOST_MULTIPLIERS = 8
 _RECORDED = (
-    *("multipliers", "unresolved", "exponents", "spectral_radius", "verdict", "stable", "error_estimate"),
-    *("distance_from_one", "liouville", "condition", "notes"),
+    *("multipliers", "multiplier_errors", "unresolved", "exponents", "spectral_radius", "verdict", "stable"),
+    *("error_estimate", "distance_from_one", "liouville", "condition", "notes"),
 )
 _VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
@@ -42,6 +43,8 @@ class Stability:
     speed: float
     certified: Certified
     engine_notes: Sequence[str] = ()
+    every: AllMultipliers | None = None
+    """All multipliers with errors of their own, where they were asked for."""
 
     @property
     def period(self) -> float:
@@ -59,18 +62,34 @@ class Stability:
 
     @property
     def multipliers(self) -> Array:
-        """Resolved multipliers ρ (complex), falling in modulus, + imaginary part first."""
+        """Multipliers ρ (complex), falling in modulus, + imaginary part first: resolved ones, or all 2n where
+        all were asked for, of which some may underflow to 0."""
+        if self.every is not None:
+            return np.exp(self.every.logarithms)
         return self._rho.values[0, : int(self._rho.resolved[0])]
 
     @property
     def unresolved(self) -> int:
-        """Number of further multipliers, all below eps‖Φ‖."""
+        """Number of multipliers without a digit: further ones below eps‖Φ‖, or of all those whose error is
+        NaN."""
+        if self.every is not None:
+            return self.every.unresolved
         return self._rho.values.shape[1] - int(self._rho.resolved[0])
 
     @property
     def exponents(self) -> Array:
-        """λ = ln(ρ)/T in 1/s, principal branch (chapter Eq. (11))."""
+        """λ = ln(ρ)/T in 1/s, principal branch (chapter Eq. (11)); aligned with the multipliers, also where
+        these underflow."""
+        if self.every is not None:
+            return self.every.logarithms / self.period
         return np.log(self.multipliers) / self.period
+
+    @property
+    def multiplier_errors(self) -> Array:
+        """Estimated error of each multiplier, relative to itself; NaN where it has no digit."""
+        if self.every is not None:
+            return self.every.errors
+        return self.certified.absolute[0] / np.abs(self.multipliers)
 
     @property
     def spectral_radius(self) -> float:
@@ -128,7 +147,8 @@ class Stability:
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        return [*self.certified.warnings(0), *self.system.warnings(self.speed)]
+        of_all = [] if self.every is None else self.every.warnings
+        return [*self.certified.warnings(0), *of_all, *self.system.warnings(self.speed)]
 
     @property
     def problem(self) -> dict[str, Any]:
@@ -179,7 +199,8 @@ class Stability:
             )
         smaller = len(pairs) - _MOST_MULTIPLIERS
         rest = [f"{smaller} smaller"] * (smaller > 0)
-        rest += [f"{self.unresolved} lost in rounding: practically 0"] * (self.unresolved > 0)
+        lost = "without a digit" if self.every is not None else "lost in rounding: practically 0"
+        rest += [f"{self.unresolved} {lost}"] * (self.unresolved > 0)
         if rest:
             made.caption = "and " + ", ".join(rest)
         return made

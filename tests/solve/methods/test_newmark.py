@@ -137,11 +137,13 @@ def test_gamma_below_one_half_is_warned_of():
     assert not any("gamma" in text for text in fair)
 
 
-def test_the_chapters_choice_is_unstable_for_the_slow_cam():
-    """γ = 1/4, β = 1/6 with 20 000 steps at 100 rpm, where γ = 1/2 and the truth are stable."""
+def test_the_chapters_choice_grows_for_the_slow_cam():
+    """γ = 1/4, β = 1/6 with 20 000 steps at 100 rpm: a multiplier above 1 by less than its error, where
+    γ = 1/2 and the truth are stable."""
     steps = {"steps": 20_000, "rtol": 0.5}
     chosen = floquet(cam("1"), "100 rpm", Newmark(0.25, 1 / 6), **steps)
-    assert chosen.verdict == "unstable"
+    assert chosen.spectral_radius > 1
+    assert chosen.verdict == "undetermined"
     assert any("gamma" in text for text in chosen.warnings)
     assert floquet(cam("1"), "100 rpm", Newmark(0.5, 0.25), **steps).stable
 
