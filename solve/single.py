@@ -1,6 +1,6 @@
 """One point: the periodic solution of a system, found directly, or its stability alone."""
 
-from solve.certify.all_multipliers import AllMultipliers
+from solve.certify.all_multipliers import AllMultipliers, checked_maps
 from solve.certify.all_multipliers import all_multipliers as every_multiplier
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.refinement import certified
@@ -89,6 +89,8 @@ def _solved(
     system.checked(omega)
     point = OnePoint(system, omega)
     ((settled, _),) = chosen_for(rule, point)
+    if every:
+        checked_maps(settled)
     (result,) = certified(point, settled, asked)
     if isinstance(result, Failed):
         raise result.reason

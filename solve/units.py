@@ -26,7 +26,7 @@ def speed_in_si(speed: float | str) -> float:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
     except (TypeError, ValueError):
         omega = math.nan
-    if not (math.isfinite(omega) and omega > 0):
+    if isinstance(speed, bool) or not (math.isfinite(omega) and omega > 0):
         raise ValueOutOfBoundsError(f"speed is {speed}; allowed: finite and > 0, such as '600 rpm'")
     return omega
 

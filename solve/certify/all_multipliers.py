@@ -9,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Request
 from solve.errors import StepsError
-from solve.methods.method import Method
+from solve.methods.method import Method, OneStep
 from solve.period.grid import Grid
 from solve.period.points import Points
 from solve.period.product_eigenvalues import ProductEigenvalues, balanced_blocks, product_eigenvalues
@@ -53,6 +53,14 @@ class AllMultipliers:
         return [f"{missed}: {self.steps} steps do not follow the fastest modes, or rounding is in the way"]
 
 
+def checked_maps(method: Method) -> None:
+    """Raise StepsError for a method that has no maps of steps."""
+    if not isinstance(method, OneStep):
+        raise StepsError(
+            f"{method.name} has no maps of steps from which all multipliers could come; use radau or gauss"
+        )
+
+
 def all_multipliers(point: Points, method: Method, request: Request, steps: int) -> AllMultipliers:
     """Of one point, on `steps` and as many more as bring the error of each to `rtol`; fewer where twice the
     steps gain nothing or take too much memory. With steps of the request's own: on those and twice as many.
@@ -78,11 +86,7 @@ def _logarithms(point: Points, method: Method, request: Request, steps: int) -> 
     solutions = method.solutions(point, grid, False, request.engine)
     for reason in solutions.failures.values():
         raise reason
-    if solutions.steps is None:
-        raise StepsError(
-            f"{method.name} has no maps of steps from which every multiplier could be found; use radau or "
-            "gauss"
-        )
+    assert solutions.steps is not None
     blocks = balanced_blocks(solutions.steps.A)
     return product_eigenvalues(blocks.factors, blocks.rounding)
 

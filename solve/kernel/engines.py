@@ -16,7 +16,7 @@ def chosen_engine(name: str) -> tuple[str, list[str]]:
     Raises UnknownNameError, and EngineError where "compiled" is asked for in vain.
     """
     if name not in ENGINES:
-        raise UnknownNameError("engine", name, ENGINES)
+        raise UnknownNameError("engine", str(name), ENGINES)
     if name == NUMPY:
         return NUMPY, []
     obstacle = trouble()

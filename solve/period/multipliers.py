@@ -20,6 +20,9 @@ UNIT_CIRCLE = 1e-9
 KNOWN_ON_CIRCLE = 1e-6
 """Absolute error of a modulus up to which a multiplier counts as being on the unit circle."""
 
+_APART = 1e3
+"""Errors by which multipliers are known to be distinct."""
+
 _SWEEPS, _GAIN = 8, 0.95
 """Of balancing a pair: at most so often, and only where norms fall to this part of themselves."""
 
@@ -53,7 +56,8 @@ class Multipliers:
         # Frobenius' norm bounds that of the balanced matrix, which is asked for only where it decides.
         unsure = (modulus <= _LOST * norm[..., None]).any(axis=-1)
         if unsure.any():
-            norm[unsure] = np.linalg.norm(_balanced(Phi[unsure]), 2, axis=(-2, -1))
+            scaled, unit = _scaled(Phi[unsure])
+            norm[unsure] = unit * np.linalg.norm(_balanced(scaled), 2, axis=(-2, -1))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
         return cls(np.where(kept, values, 0.0), kept.sum(axis=-1), bound)
@@ -126,7 +130,8 @@ def most_rounding(Phi: Array, radius: Array) -> Array:
 def rounding_errors(Phi: Array) -> Array:
     """Errors of the multipliers (…), relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes:
     as many times larger as the eigenvalue is ill-conditioned, and its square root in a defective pair."""
-    balanced = _balanced(Phi)
+    scaled, unit = _scaled(Phi)
+    balanced = _balanced(scaled)
     if Phi.shape[-1] == 2:
         values = _pair(balanced)
         norm, conditions = _pair_conditions(balanced, values)
@@ -141,7 +146,7 @@ def rounding_errors(Phi: Array) -> Array:
             conditions = np.linalg.norm(np.linalg.inv(right), axis=-1).max(axis=-1)
         conditions = np.where(defective, np.inf, conditions)
     radius = np.abs(values).max(axis=-1)
-    known = radius > NEGLIGIBLE
+    known = unit * radius > NEGLIGIBLE
     perturbation = 8 * EPS * norm / np.where(known, radius, 1.0)
     return np.where(known, np.minimum(perturbation * conditions, np.sqrt(perturbation)), 0.0)
 
@@ -192,7 +197,8 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, meetings: bool
     errors (…): of the multipliers, absolute; e is that, or the bound of unresolved ones where it is larger.
     Asymptotically stable: all |ρ| + e < 1 - 1e-9. Unstable: some |ρ| - e > 1 + 1e-9, or one on the unit
     circle whose algebraic exceeds its geometric multiplicity (chapter Section 2). Stable: those that are not
-    inside have e ≤ 1e-6, and none is defective. Else undetermined, also where the defect cannot be told.
+    inside have e ≤ 1e-6, and none is defective. Else undetermined, also where
+    a defect is too weak to tell.
     Without `meetings` defects are not looked at.
     """
     values = multipliers.values
@@ -209,32 +215,49 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, meetings: bool
     tolerance = np.maximum(absolute, UNIT_CIRCLE)
     distance = np.abs(values[..., :, None] - values[..., None, :])
     both = on_circle[..., :, None] & ~np.eye(values.shape[-1], dtype=bool)
-    close = (both & (distance <= np.sqrt(tolerance)[..., None])).any(axis=(-2, -1))
+    close = (both & (distance <= _reach(tolerance)[..., None])).any(axis=(-2, -1))
     for point in map(tuple, np.argwhere((judged == STABLE) & close)):
-        judged[point] = _met(Phi[point], values[point][on_circle[point]], float(tolerance[point][0]))
+        judged[point] = _met(Phi[point], values[point][on_circle[point]], tolerance[point][0])
     return judged
 
 
-def _met(Phi: Array, values: Array, tolerance: float) -> int:
-    """The verdict where multipliers (k,) on the unit circle are close: UNSTABLE with fewer eigenvectors than
-    they count, STABLE with as many, UNDETERMINED where the tolerance leaves that open."""
-    # A double multiplier of a defective block splits by the square root of a perturbation.
-    cluster, found = math.sqrt(tolerance), STABLE
+def _reach(error: Array) -> Array:
+    """Distance up to which multipliers known to an error may be one: a double multiplier of a defective block
+    splits by the square root of a perturbation, of which the error may show little."""
+    return np.minimum(np.sqrt(error), _APART * error)
+
+
+def _met(Phi: Array, values: Array, error: float) -> int:
+    """The verdict where multipliers (k,) on the unit circle are too close to be known as distinct: UNSTABLE
+    with fewer eigenvectors than they count, STABLE with as many, UNDETERMINED where a defect is too weak to
+    tell."""
+    met = STABLE
     for value in values:
-        algebraic = int(np.sum(np.abs(values - value) <= cluster))
+        apart = np.abs(values - value)
+        near = apart <= _reach(error)
+        algebraic = int(near.sum())
         if algebraic > 1:
             singular = np.linalg.svd(Phi - value * np.eye(len(Phi)), compute_uv=False)
             scale = max(float(singular[0]), 1.0)
-            if np.sum(singular <= 10 * cluster * scale) < algebraic:
+            if np.sum(singular <= 10 * math.sqrt(error) * scale) < algebraic:
                 return UNSTABLE
-    return found
+            # Distinct multipliers with eigenvectors far from parallel leave no more than their distance.
+            if np.sum(singular <= 10 * max(error, apart[near].max()) * scale) < algebraic:
+                met = UNDETERMINED
+    return met
+
+
+def _scaled(Phi: Array) -> tuple[Array, Array]:
+    """Matrices (…, N, N) whose squares neither over- nor underflow, and the powers of two (…) that they were
+    divided by, which costs no digit."""
+    unit = np.exp2(np.frexp(np.abs(Phi).max(axis=(-2, -1)))[1])
+    return Phi / unit[..., None, None], unit
 
 
 def _pair(Phi: Array) -> Array:
     """Eigenvalues (…, 2) of 2 × 2 matrices, without the cancellation of the textbook's formula."""
-    # By a power of two, which costs no digit, so that squares neither over- nor underflow.
-    unit = np.exp2(np.frexp(np.abs(Phi).max(axis=(-2, -1)))[1])
-    a, b, c, d = np.moveaxis((Phi / unit[..., None, None]).reshape(*Phi.shape[:-2], 4), -1, 0)
+    scaled, unit = _scaled(Phi)
+    a, b, c, d = np.moveaxis(scaled.reshape(*Phi.shape[:-2], 4), -1, 0)
     half, discriminant = (a + d) / 2, ((a - d) / 2) ** 2 + b * c
     root = np.sqrt(discriminant.astype(complex))
     larger = np.where(discriminant >= 0, half + np.copysign(np.real(root), half), half + root)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.special import mathieu_a, mathieu_b
 
 from solve import Newmark, floquet
+from solve.errors import MatricesError
 from tests.solve.systems import cam, constant, seeds, system
 
 METHODS = ["auto", "radau", "gauss", "fourier", "hill"]
@@ -157,3 +158,41 @@ def test_multipliers_fall_in_modulus_the_positive_imaginary_part_first():
     assert len(complex_ones) == 4
     assert (found.imag[complex_ones[::2]] > 0).all()
     np.testing.assert_array_equal(found[complex_ones[::2]].conj(), found[complex_ones[1::2]])
+
+
+@pytest.mark.parametrize("speed", [1e5, 1e6])
+def test_a_slow_mode_without_damping_is_stable(speed):
+    """Multipliers exp(±2πi ω/Ω), near +1 and each other, yet further apart than their errors."""
+    assert floquet(free([[1.0]], [[0.0]], [[3.3]]), speed).verdict == "stable"
+
+
+@pytest.mark.parametrize(
+    ("detuning", "verdict"), [(1e-4, "stable"), (1e-5, "stable"), (1e-6, "stable"), (0.0, "unstable")]
+)
+def test_one_way_coupling_is_unstable_at_equal_frequencies_alone(detuning, verdict):
+    """K = [[3.3, 1], [0, 3.3 + detuning]]: secular growth at resonance, bounded motion beside it."""
+    K = np.array([[3.3, 1.0], [0.0, 3.3 + detuning]])
+    assert floquet(free(np.eye(2), np.zeros((2, 2)), K), 1.0).verdict == verdict
+
+
+@pytest.mark.parametrize("coupling", [1e-3, 1e-5])
+def test_a_weak_defect_is_undetermined(coupling):
+    K = np.array([[3.3, coupling], [0.0, 3.3]])
+    assert floquet(free(np.eye(2), np.zeros((2, 2)), K), 1.0).verdict == "undetermined"
+
+
+@pytest.mark.parametrize("k", [2500.0, 1e4])
+def test_growth_by_hundreds_of_decades_is_unstable(k):
+    """|ρ| = exp(2π sqrt(k)), whose square overflows."""
+    found = floquet(free([[1.0]], [[0.0]], [[-k]]), 1.0)
+    assert found.verdict == "unstable"
+    assert np.log(found.spectral_radius) == pytest.approx(2 * np.pi * np.sqrt(k), rel=1e-8)
+
+
+def test_inertia_that_changes_sign_is_refused():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return np.cos(phase)[:, None, None], 0.1 * one, 4 * one, one[:, :, 0]
+
+    with pytest.raises(MatricesError, match="determinant changes sign"):
+        floquet(system(matrices, 1), 1.0)
