@@ -30,7 +30,6 @@ VERDICTS: tuple[str, ...] = ("asymptotically stable", "stable", "unstable", "und
 ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 EPS = float(np.finfo(float).eps)
-_TINY = float(np.finfo(float).tiny)
 
 _LOST = 8 * EPS
 """Part of the norm below which rounding leaves no digit of a multiplier."""
@@ -112,8 +111,8 @@ class Multipliers:
 
 def frobenius(Phi: Array) -> Array:
     """Frobenius' norm (…) of matrices (…, N, N), without overflow."""
-    largest = np.maximum(np.abs(Phi).max(axis=(-2, -1)), _TINY)
-    return largest * np.sqrt(((Phi / largest[..., None, None]) ** 2).sum(axis=(-2, -1)))
+    scaled, unit = _scaled(Phi)
+    return unit * np.sqrt(np.square(scaled).sum(axis=(-2, -1)))
 
 
 def accumulated(steps: int) -> float:
@@ -211,12 +210,14 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, meetings: bool
     judged = np.where(outside.any(axis=-1), UNSTABLE, judged)
     if not meetings:
         return judged
-    tolerance = np.maximum(absolute, UNIT_CIRCLE)
+    tolerance = np.maximum(errors, UNIT_CIRCLE)
+    reach = _reach(tolerance)
     distance = np.abs(values[..., :, None] - values[..., None, :])
     both = on_circle[..., :, None] & ~np.eye(values.shape[-1], dtype=bool)
-    close = (both & (distance <= _reach(tolerance)[..., None])).any(axis=(-2, -1))
+    close = (both & (distance <= reach[..., None, None])).any(axis=(-2, -1))
     for point in map(tuple, np.argwhere((judged == STABLE) & close)):
-        judged[point] = _met(Phi[point], values[point][on_circle[point]], tolerance[point][0])
+        known = values[point][on_circle[point]]
+        judged[point] = _met(Phi[point], known, float(tolerance[point]), float(reach[point]))
     return judged
 
 
@@ -226,10 +227,9 @@ def _reach(error: Array) -> Array:
     return np.minimum(np.sqrt(error), _APART * error)
 
 
-def _met(Phi: Array, values: Array, error: float) -> int:
-    """The verdict where multipliers (k,) on the unit circle are too close to be known as distinct: UNSTABLE
-    with fewer eigenvectors than they count, STABLE with as many."""
-    reach = float(_reach(np.asarray(error)))
+def _met(Phi: Array, values: Array, error: float, reach: float) -> int:
+    """The verdict where multipliers (k,) on the unit circle are within `reach` of each other and may be
+    one: UNSTABLE with fewer eigenvectors than they count, STABLE with as many."""
     for value in values:
         algebraic = int(np.sum(np.abs(values - value) <= reach))
         if algebraic > 1:
@@ -243,7 +243,7 @@ def _met(Phi: Array, values: Array, error: float) -> int:
 def _scaled(Phi: Array) -> tuple[Array, Array]:
     """Matrices (…, N, N) whose squares neither over- nor underflow, and the powers of two (…) that they were
     divided by, which costs no digit."""
-    unit = np.exp2(np.frexp(np.abs(Phi).max(axis=(-2, -1)))[1])
+    unit = np.exp2(np.frexp(np.abs(Phi).max(axis=(-2, -1)))[1] - 1)
     return Phi / unit[..., None, None], unit
 
 
