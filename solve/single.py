@@ -1,7 +1,6 @@
 """One point: the periodic solution of a system, found directly, or its stability alone."""
 
-from solve.certify.all_multipliers import AllMultipliers, checked_maps
-from solve.certify.all_multipliers import all_multipliers as every_multiplier
+from solve.certify.all_multipliers import Spectrum, checked_maps, refined
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.refinement import certified
 from solve.kernel.engines import chosen_engine
@@ -83,7 +82,7 @@ def _solved(
     engine: str,
     orbit: bool,
     every: bool,
-) -> tuple[Certified, list[str], AllMultipliers | None]:
+) -> tuple[Certified, Spectrum, list[str]]:
     rule, (used, notes) = chosen(method), chosen_engine(engine)
     asked = request(steps, rtol, used, orbit)
     system.checked(omega)
@@ -94,4 +93,5 @@ def _solved(
     (result,) = certified(point, settled, asked)
     if isinstance(result, Failed):
         raise result.reason
-    return result, notes, every_multiplier(point, settled, asked, result.steps) if every else None
+    every_one = refined(point, settled, asked, result.steps) if every else None
+    return result, Spectrum(point, result, every_one), notes

@@ -1,18 +1,21 @@
-"""Every multiplier of a point with an error of its own, from the factors of its period: the monodromy matrix
-holds none below eps‖Φ‖."""
+"""Every multiplier of a point with an error of its own, and its mode: from the factors of the period where
+the monodromy matrix, which holds none below eps‖Φ‖, has no digit."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.certified import Request
+from solve.certify.certified import Certified, Request
 from solve.errors import StepsError
-from solve.methods.method import Method, OneStep
+from solve.methods.method import Method, OneStep, Solutions
+from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.grid import Grid
-from solve.period.points import Points
-from solve.period.product_eigenvalues import ProductEigenvalues, balanced_blocks, product_eigenvalues
+from solve.period.points import OnePoint, matrices
+from solve.period.product_eigenvalues import Blocks, ProductEigenvalues, balanced_blocks, product_eigenvalues
 
 _NO_DIGIT = 0.1
 """Relative error from which on a multiplier is not known."""
@@ -23,34 +26,143 @@ _GAIN = 0.5
 _EXACT_ZERO = -1e6
 """Logarithm that stands for that of an exact zero where multipliers of two grids are matched."""
 
+_LARGE = 3e6
+"""Steps times the square of the states, from which on factors serve only where every multiplier is asked."""
+
+_MEAN_PHASES = 32
+"""Phases at which M is sampled for its mean."""
+
 
 @dataclass(frozen=True)
-class AllMultipliers:
-    """logarithms (N,) of the multipliers ρ, falling in modulus, + imaginary part first, -inf for an exact
-    zero; errors (N,): estimated relative error of each ρ, NaN where it has no digit, as of modes that the
-    `steps` do not follow."""
+class Refined:
+    """What `refined` gives: logarithms (N,) of the multipliers ρ, -inf for an exact zero; errors (N,):
+    estimated relative error of each ρ, NaN where it has no digit; and the solutions that they are of."""
 
     logarithms: Array
     errors: Array
-    steps: int
+    solutions: Solutions
 
-    rtol: float
+
+@dataclass(frozen=True)
+class Spectrum:
+    """All multipliers of a point, falling in modulus, + imaginary part first.
+
+    Those of which the monodromy matrix holds a digit are its eigenvalues. Others come from the factors of
+    the period on the same steps; their errors are the differences to those on twice the steps. refined:
+    where `rtol` holds for each; then all come from the factors.
+    """
+
+    point: OnePoint
+    certified: Certified
+    refined: Refined | None = None
+
+    @property
+    def values(self) -> Array:
+        """ρ (N,), complex: 0 where it underflows or nothing is known of it."""
+        small = _exponential(self.logarithms)
+        return small if self.refined is not None else np.where(self._digits, self._eigenvalues, small)
+
+    @property
+    def logarithms(self) -> Array:
+        """log ρ (N,), the principal branch: -inf for an exact zero, NaN where nothing is known."""
+        return self._known[0]
+
+    @property
+    def errors(self) -> Array:
+        """Estimated relative error of each ρ (N,); NaN where it has no digit."""
+        return self._known[1]
 
     @property
     def unresolved(self) -> int:
         """How many have no digit."""
         return int(np.isnan(self.errors).sum())
 
+    @cached_property
+    def modes(self) -> Sequence[FloquetMode]:
+        """Of each multiplier; without an order where it has no digit, or the method no maps of steps."""
+        folded = np.imag(self.logarithms) * self._rotation / (2 * math.pi)
+        without = [FloquetMode(float(angle)) for angle in folded]
+        if not self._factors_serve:
+            return without
+        solutions = self._solutions
+        assert solutions.steps is not None
+        phases = np.arange(_MEAN_PHASES) * (self.point.period / _MEAN_PHASES)
+        mass = matrices(self.point, phases)[0][0].mean(axis=0)
+        modes = floquet_modes(solutions.steps.A[0], solutions.grid, mass, *self._factored, self._rotation)
+        lost = np.isnan(self.errors)
+        return [without[i] if lost[i] else modes[at] for i, at in enumerate(self._order)]
+
     @property
     def warnings(self) -> list[str]:
-        """A sentence where an error is above the tolerance that was asked for."""
+        """A sentence where each was asked for to `rtol`, and an error is above it."""
+        if self.refined is None:
+            return []
+        rtol, steps = self.certified.request.rtol, self._solutions.grid.steps
         if self.unresolved:
             missed = f"{self.unresolved} of {len(self.errors)} multipliers have no digit"
-        elif (worst := float(self.errors.max())) > self.rtol:
-            missed = f"every multiplier is known to {worst:.1e} of itself, not to rtol {self.rtol:g}"
+        elif (worst := float(self.errors.max())) > rtol:
+            missed = f"every multiplier is known to {worst:.1e} of itself, not to rtol {rtol:g}"
         else:
             return []
-        return [f"{missed}: {self.steps} steps do not follow the fastest modes, or rounding is in the way"]
+        return [f"{missed}: {steps} steps do not follow the fastest modes, or rounding is in the way"]
+
+    @property
+    def _solutions(self) -> Solutions:
+        return self.certified.solutions if self.refined is None else self.refined.solutions
+
+    @property
+    def _rotation(self) -> float:
+        return 2 * math.pi * self.point.speed / self.point.period
+
+    @property
+    def _eigenvalues(self) -> Array:
+        return self.certified.solutions.multipliers.values[0]
+
+    @cached_property
+    def _digits(self) -> Array:
+        """Of which multipliers (N,) the monodromy matrix holds a digit."""
+        return self.certified.absolute[0] < _NO_DIGIT * np.abs(self._eigenvalues)
+
+    @property
+    def _factors_serve(self) -> bool:
+        """Whether the factors of the period are those of the system's coordinates, and not too many."""
+        method, size = self.certified.method, self._solutions.grid.steps * (2 * self.point.n) ** 2
+        quick = self.refined is not None or size <= _LARGE
+        return isinstance(method, OneStep) and method.converges and quick
+
+    @cached_property
+    def _known(self) -> tuple[Array, Array]:
+        if self.refined is not None:
+            return self.refined.logarithms, self.refined.errors
+        rho, digits = self._eigenvalues, self._digits
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logarithms = np.where(rho != 0, np.log(rho), np.nan)
+            errors = np.where(digits, self.certified.absolute[0] / np.abs(rho), np.nan)
+        if digits.all() or not self._factors_serve:
+            return logarithms, errors
+        own = self._factored[1]
+        twice = 2 * self.certified.steps
+        finer = _solutions(self.point, self.certified.method, self.certified.request, twice)
+        small = _known(_errors(_factored(finer)[1].logarithms[0], own))
+        order = self._order
+        return np.where(digits, logarithms, own.logarithms[0][order]), np.where(digits, errors, small[order])
+
+    @cached_property
+    def _factored(self) -> tuple[Blocks, ProductEigenvalues]:
+        return _factored(self._solutions, vectors=True)
+
+    @cached_property
+    def _order(self) -> Array:
+        """Which eigenvalue of the factors each multiplier is (N,)."""
+        own = self._factored[1].logarithms[0]
+        if self.refined is not None:
+            return np.arange(len(own))
+        digits = np.flatnonzero(self._digits)
+        matched = _matched(np.log(self._eigenvalues[digits]), own)
+        order = np.empty(len(own), dtype=int)
+        order[digits] = matched
+        order[~self._digits] = np.setdiff1d(np.arange(len(own)), matched)
+        return order
 
 
 def checked_maps(method: Method) -> None:
@@ -61,42 +173,68 @@ def checked_maps(method: Method) -> None:
         )
 
 
-def all_multipliers(point: Points, method: Method, request: Request, steps: int) -> AllMultipliers:
-    """Of one point, on `steps` and as many more as bring the error of each to `rtol`; fewer where twice the
-    steps gain nothing or take too much memory. With steps of the request's own: on those and twice as many.
-
-    Raises StepsError for a method that has no maps of steps.
-    """
+def refined(point: OnePoint, method: Method, request: Request, steps: int) -> Refined:
+    """Multipliers on `steps` and as many more as bring the error of each to `rtol`; fewer where twice the
+    steps gain nothing or take too much memory. With steps of the request's own: on twice as many."""
     most = method.most_steps(point.n)
-    coarse, before = _logarithms(point, method, request, steps), math.inf
+    coarse, before = _factored(_solutions(point, method, request, steps))[1], math.inf
     while True:
         steps *= 2
-        fine = _logarithms(point, method, request, steps)
-        errors = np.maximum(_distances(coarse.logarithms[0], fine.logarithms[0]), fine.errors[0])
+        solutions = _solutions(point, method, request, steps)
+        fine = _factored(solutions)[1]
+        errors = _errors(coarse.logarithms[0], fine)
         largest = float(errors.max())
         done = largest <= request.rtol or request.steps is not None
         if done or 2 * steps > most or largest > _GAIN * before:
-            known = np.where(errors < _NO_DIGIT, errors, np.nan)
-            return AllMultipliers(fine.logarithms[0], known, steps, request.rtol)
+            return Refined(fine.logarithms[0], _known(errors), solutions)
         coarse, before = fine, largest if largest < _NO_DIGIT else math.inf
 
 
-def _logarithms(point: Points, method: Method, request: Request, steps: int) -> ProductEigenvalues:
+def _solutions(point: OnePoint, method: Method, request: Request, steps: int) -> Solutions:
     grid = Grid.uniform(steps, point.period, point.breaks)
     solutions = method.solutions(point, grid, False, request.engine)
     for reason in solutions.failures.values():
         raise reason
+    return solutions
+
+
+def _factored(solutions: Solutions, vectors: bool = False) -> tuple[Blocks, ProductEigenvalues]:
     assert solutions.steps is not None
     blocks = balanced_blocks(solutions.steps.A)
-    return product_eigenvalues(blocks.factors, blocks.rounding)
+    return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors)
 
 
-def _distances(coarse: Array, fine: Array) -> Array:
-    """Relative distance (N,) of the fine multipliers to the matched coarse ones, from their logarithms."""
+def _exponential(logarithms: Array) -> Array:
+    """ρ (N,) of its logarithms, real where these are of a real number; 0 where nothing is known."""
+    size = np.exp(np.where(np.isnan(logarithms), -np.inf, np.real(logarithms)))
+    angle = np.nan_to_num(np.imag(logarithms))
+    return size * np.where(angle == math.pi, -1.0, np.exp(1j * angle))
+
+
+def _errors(others: Array, own: ProductEigenvalues) -> Array:
+    """Relative errors (N,) of multipliers from rounding and from the logarithms (N,) on other steps."""
+    apart = _apart(own.logarithms[0], others)
+    return np.maximum(apart[np.arange(len(apart)), _assigned(apart)], own.errors[0])
+
+
+def _known(errors: Array) -> Array:
+    """NaN where errors leave no digit."""
+    return np.where(errors < _NO_DIGIT, errors, np.nan)
+
+
+def _matched(some: Array, every: Array) -> Array:
+    """Positions (k,) among the logarithms `every` (N,) of those that match the logarithms `some` (k,)."""
+    return _assigned(_apart(some, every))
+
+
+def _assigned(apart: Array) -> Array:
     from scipy.optimize import linear_sum_assignment
 
-    ours, theirs = (np.where(np.isneginf(np.real(part)), _EXACT_ZERO, part) for part in (fine, coarse))
+    return linear_sum_assignment(apart)[1]
+
+
+def _apart(ours: Array, theirs: Array) -> Array:
+    """Distances (k, N) between logarithms (k,) and (N,), the angle modulo a turn."""
+    ours, theirs = (np.where(np.isneginf(np.real(part)), _EXACT_ZERO, part) for part in (ours, theirs))
     apart = ours[:, None] - theirs
-    turned = np.angle(np.exp(1j * np.imag(apart)))
-    distance = np.hypot(np.real(apart), turned)
-    return distance[np.arange(len(fine)), linear_sum_assignment(distance)[1]]
+    return np.hypot(np.real(apart), np.angle(np.exp(1j * np.imag(apart))))

@@ -1,5 +1,6 @@
-"""Plain data, the keys of `--json`: NaN and infinity become None, complex numbers [re, im]."""
+"""Plain data, the keys of `--json`: NaN and infinity become None, complex numbers [re, im] or None."""
 
+import cmath
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -18,7 +19,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, complex | np.complexfloating):
-        return [plain(value.real), plain(value.imag)]
+        return [float(value.real), float(value.imag)] if cmath.isfinite(value) else None
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, np.integer | np.bool_):

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.all_multipliers import AllMultipliers
+from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified
+from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers, verdicts
 from solve.results.contents import Contents, Variable
 from solve.results.plot import StabilityPanel, stability_figure
@@ -21,8 +22,8 @@ from solve.system import PeriodicSystem
 
 _MOST_MULTIPLIERS = 8
 _RECORDED = (
-    *("multipliers", "multiplier_errors", "unresolved", "exponents", "spectral_radius", "verdict", "stable"),
-    *("error_estimate", "distance_from_one", "liouville", "condition", "notes"),
+    *("multipliers", "multiplier_errors", "unresolved", "exponents", "modes", "spectral_radius", "verdict"),
+    *("stable", "error_estimate", "distance_from_one", "liouville", "condition", "notes"),
 )
 _VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
@@ -42,9 +43,8 @@ class Stability:
     system: PeriodicSystem
     speed: float
     certified: Certified
+    spectrum: Spectrum
     engine_notes: Sequence[str] = ()
-    every: AllMultipliers | None = None
-    """All multipliers with errors of their own, where they were asked for."""
 
     @property
     def period(self) -> float:
@@ -62,39 +62,37 @@ class Stability:
 
     @property
     def multipliers(self) -> Array:
-        """Multipliers ρ (complex), falling in modulus, + imaginary part first: resolved ones, or all 2n where
-        all were asked for, of which some may underflow to 0."""
-        if self.every is not None:
-            return np.exp(self.every.logarithms)
-        return self._rho.values[0, : int(self._rho.resolved[0])]
-
-    @property
-    def unresolved(self) -> int:
-        """Number of multipliers without a digit: further ones below eps‖Φ‖, or of all those whose error is
-        NaN."""
-        if self.every is not None:
-            return self.every.unresolved
-        return self._rho.values.shape[1] - int(self._rho.resolved[0])
+        """All 2n multipliers ρ (complex), falling in modulus, + imaginary part first; 0 where ρ underflows,
+        or where the method tells nothing of it."""
+        return self.spectrum.values
 
     @property
     def exponents(self) -> Array:
-        """λ = ln(ρ)/T in 1/s, principal branch (chapter Eq. (11)); aligned with the multipliers, also where
-        these underflow."""
-        if self.every is not None:
-            return self.every.logarithms / self.period
-        return np.log(self.multipliers) / self.period
+        """λ = ln(ρ)/T in 1/s, principal branch (chapter Eq. (11)), also where ρ underflows; -inf for an exact
+        zero, NaN where nothing is known."""
+        return self.spectrum.logarithms / self.period
 
     @property
     def multiplier_errors(self) -> Array:
-        """Estimated error of each multiplier, relative to itself; NaN where it has no digit."""
-        if self.every is not None:
-            return self.every.errors
-        return self.certified.absolute[0] / np.abs(self.multipliers)
+        """Estimated error of each multiplier, relative to itself; NaN where the steps give it no digit."""
+        return self.spectrum.errors
+
+    @property
+    def unresolved(self) -> int:
+        """Number of multipliers without a digit, those whose error is NaN."""
+        return self.spectrum.unresolved
+
+    @property
+    def modes(self) -> Sequence[FloquetMode]:
+        """Of each multiplier: its frequency modulo 2π/T (folded) and that of its mode, in rad/s."""
+        return self.spectrum.modes
 
     @property
     def spectral_radius(self) -> float:
-        """Largest |ρ|."""
-        return float(self._rho.spectral_radius[0])
+        """Largest |ρ|; 0 where it has no digit."""
+        if self._rho.resolved[0] or math.isnan(self.multiplier_errors[0]):
+            return float(self._rho.spectral_radius[0])
+        return float(np.abs(self.multipliers[0]))
 
     @property
     def distance_from_one(self) -> float:
@@ -147,8 +145,8 @@ class Stability:
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        of_all = [] if self.every is None else self.every.warnings
-        return [*self.certified.warnings(0), *of_all, *self.system.warnings(self.speed)]
+        own = [*self.certified.warnings(0), *self.spectrum.warnings]
+        return [*own, *self.system.warnings(self.speed)]
 
     @property
     def problem(self) -> dict[str, Any]:
@@ -163,7 +161,8 @@ class Stability:
     @property
     def _verdict_record(self) -> dict[str, Any]:
         found = {name: getattr(self, name) for name in _RECORDED}
-        return {**found, "error_estimate": self.error_estimate._asdict()}
+        modes = [mode._asdict() for mode in self.modes]
+        return {**found, "modes": modes, "error_estimate": self.error_estimate._asdict()}
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """Everything that `solve floquet` has to say but its warnings."""
@@ -185,22 +184,24 @@ class Stability:
         return [f"multipliers {self.error_estimate.multipliers:.1e}"], checks
 
     def _multiplier_table(self) -> Table:
-        columns = "Re ρ", "Im ρ", "|ρ|", "growth (1/s)", "frequency (Hz)"
-        made = table("Floquet multipliers ρ", *columns, left=0)
-        every = zip(self.multipliers, self.exponents, strict=True)
-        pairs = [(rho, exponent) for rho, exponent in every if rho.imag >= 0]
-        for rho, exponent in pairs[:_MOST_MULTIPLIERS]:
+        columns = "Re ρ", "Im ρ", "|ρ|", "growth", "folded", "frequency", "order"
+        title = "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T"
+        made = table(title, *columns, left=0)
+        every = zip(self.multipliers, self.exponents, self.modes, self.multiplier_errors, strict=True)
+        rows = [row[:3] for row in every if not (np.imag(row[1]) < 0 or math.isnan(row[3]))]
+        for rho, exponent, mode in rows[:_MOST_MULTIPLIERS]:
             made.add_row(
-                f"{rho.real:.7g}",
-                f"± {rho.imag:.7g}" if rho.imag else "0",
-                f"{abs(rho):.7g}",
+                f"{rho.real:.6g}",
+                f"±{rho.imag:.6g}" if rho.imag else "0",
+                f"{abs(rho):.6g}",
                 f"{exponent.real:.5g}",
-                f"{exponent.imag / (2 * math.pi):.5g}",
+                f"{mode.folded / (2 * math.pi):.5g}",
+                "–" if mode.unfolded is None else f"{mode.unfolded / (2 * math.pi):.5g}",
+                "–" if mode.order is None else f"{mode.order}",
             )
-        smaller = len(pairs) - _MOST_MULTIPLIERS
+        smaller = len(rows) - _MOST_MULTIPLIERS
         rest = [f"{smaller} smaller"] * (smaller > 0)
-        lost = "without a digit" if self.every is not None else "lost in rounding: practically 0"
-        rest += [f"{self.unresolved} {lost}"] * (self.unresolved > 0)
+        rest += [f"{self.unresolved} without a digit"] * (self.unresolved > 0)
         if rest:
             made.caption = "and " + ", ".join(rest)
         return made
@@ -229,9 +230,20 @@ class Stability:
             "multiplier_im": (np.imag(rho), "1", "Floquet multiplier, imaginary part"),
             "exponent_re": (np.real(exponents), "1/s", "Floquet exponent, real part: growth"),
             "exponent_im": (np.imag(exponents), "rad/s", "Floquet exponent, imaginary part"),
+            "multiplier_error": (self.multiplier_errors, "1", "estimated error relative to the multiplier"),
+            "mode_frequency": (
+                self._of_modes("unfolded"),
+                "rad/s",
+                "frequency of the mode's strongest order",
+            ),
+            "mode_order": (self._of_modes("order"), "1", "that order, in turns of a period"),
+            "participation": (self._of_modes("participation"), "1", "part of the mode with that order"),
         }
         variables = {name: Variable("multiplier", *column) for name, column in columns.items()}
         return Contents(variables, {}, {"multipliers": rho, "exponents": exponents}, plain(metadata))
+
+    def _of_modes(self, name: str) -> Array:
+        return np.array([getattr(mode, name) for mode in self.modes], dtype=float)
 
     def plot(self) -> Figure:
         """Multipliers on the unit circle, and a closer look at small ones."""

@@ -43,7 +43,8 @@ _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 class SweepPoint:
     """One speed of a sweep: what is kept of its orbit, or the reason why there is none.
 
-    statistics: of coordinates and outputs by name. multipliers: resolved ones, falling in modulus.
+    statistics: of coordinates and outputs by name. multipliers: all 2n, falling in modulus, 0 where the
+    monodromy matrix holds no digit.
     error: the reason; figures are then NaN.
     """
 
@@ -103,7 +104,6 @@ class Sweep:
         if results.verdicts[at] == FAILED:
             return SweepPoint(speed, error=results.failures[at])
         figures = (Statistics(*row.tolist()) for row in results.figures[at])
-        multipliers = results.multipliers[at]
         return SweepPoint(
             speed,
             dict(zip(results.kept.names, figures, strict=True)),
@@ -113,7 +113,7 @@ class Sweep:
             int(results.steps[at]),
             ErrorEstimate(*results.errors[at].tolist()),
             results.warnings.get(at, ()),
-            multipliers=multipliers[multipliers != 0].tolist(),
+            multipliers=results.multipliers[at].tolist(),
         )
 
     @property

@@ -44,29 +44,34 @@ def test_single_shooting_loses_those_digits():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_multipliers_of_1e_170_are_counted_and_not_invented(method):
+def test_multipliers_of_1e_170_have_the_digits_that_the_steps_give(method):
     """A slow mode beside a double root at -62: exp(-124π) = 1e-169."""
     given = constant(
         np.eye(2), np.diag([0.1, 124.0]), np.diag([1.3, 62.0**2]), lambda phase: np.ones((len(phase), 2))
     )
     found = floquet(given, 1.0, method, rtol=1e-9)
-    assert (len(found.multipliers), found.unresolved) == (2, 2)
-    np.testing.assert_allclose(np.abs(found.multipliers), np.exp(-0.1 * np.pi), rtol=1e-8)
+    np.testing.assert_allclose(np.abs(found.multipliers[:2]), np.exp(-0.1 * np.pi), rtol=1e-8)
+    known = found.multiplier_errors[2:]
+    small = np.abs(found.multipliers[2:] / np.exp(-124 * np.pi) - 1)
+    assert (np.isnan(known) | (small <= 10 * known)).all()
+    assert found.unresolved == np.isnan(known).sum()
 
 
 @pytest.mark.parametrize("method", ["radau", "gauss"])
-def test_the_largest_multiplier_is_resolved_however_small(method):
-    """Both multipliers far below 1: exp(2πλ) with λ = -33 and -91; only the larger has a meaning."""
+def test_multipliers_are_resolved_however_small(method):
+    """Both far below 1: exp(2πλ) with λ = -33 and -91."""
     roots = np.array([-33.0, -91.0])
     given = constant(np.eye(1), [[-roots.sum()]], [[roots.prod()]], lambda phase: np.ones((len(phase), 1)))
     found = floquet(given, 1.0, method, rtol=1e-9)
-    assert found.unresolved == 1
+    assert found.unresolved == 0
     assert found.spectral_radius == pytest.approx(np.exp(-66 * np.pi), rel=1e-7)
+    errors = np.abs(found.multipliers / np.exp(2 * np.pi * roots) - 1)
+    assert (errors <= 10 * found.multiplier_errors).all()
     assert found.verdict == "asymptotically stable"
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
-def test_resolved_and_unresolved_make_all(n):
+def test_every_multiplier_is_there_with_its_error(n):
     for damping in (0.01, 1.0, 30.0):
         given = constant(
             np.eye(n),
@@ -75,7 +80,13 @@ def test_resolved_and_unresolved_make_all(n):
             lambda phase: np.ones((len(phase), n)),
         )
         found = floquet(given, 1.0, "radau", rtol=1e-6)
-        assert len(found.multipliers) + found.unresolved == 2 * n
+        roots = np.concatenate([np.roots([1.0, damping * k, 1.0]) for k in range(1, n + 1)])
+        truth = 2 * np.pi * roots[np.argsort(-roots.real)]
+        errors = np.abs(np.real(found.exponents) * 2 * np.pi - np.real(truth))
+        known = found.multiplier_errors
+        assert len(found.multipliers) == len(known) == 2 * n
+        assert found.unresolved == np.isnan(known).sum()
+        assert (np.isnan(known) | (errors <= 10 * known + 1e-12)).all()
 
 
 def oscillator(damping, stiffness):
@@ -169,7 +180,7 @@ def test_rounding_of_many_steps_is_in_the_estimate(steps):
 def test_multipliers_without_a_digit_are_unresolved_and_cost_no_refinement(rpm):
     """At 5 rpm the cam's |ρ| is about 1e-137: products of so many decades hold nothing of it."""
     orbit = periodic(cam(), f"{rpm} rpm")
-    assert (len(orbit.multipliers), orbit.unresolved, orbit.spectral_radius) == (0, 6, 0.0)
+    assert (len(orbit.multipliers), orbit.unresolved, orbit.spectral_radius) == (6, 6, 0.0)
     assert orbit.verdict == "asymptotically stable"
     assert orbit.steps < 5000
     assert orbit.error_estimate.orbit <= 1e-8

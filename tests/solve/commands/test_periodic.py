@@ -42,7 +42,9 @@ def test_json_holds_the_manipulator_of_the_chapter(command):
     assert moduli == sorted(moduli, reverse=True)
     assert moduli[0] == pytest.approx(found["spectral_radius"], rel=1e-12)
     assert found["multipliers"][0][1] > 0 > found["multipliers"][1][1]
-    assert len(found["multipliers"]) + found["unresolved"] == 4
+    aligned = "multipliers", "multiplier_errors", "exponents", "modes"
+    assert [len(found[name]) for name in aligned] == [4] * 4
+    assert found["unresolved"] == found["multiplier_errors"].count(None)
     exponent = complex(*found["exponents"][0])
     assert np.exp(exponent * found["period"]) == pytest.approx(complex(*found["multipliers"][0]), rel=1e-12)
     assert found["verdict"] == "asymptotically stable"

@@ -181,7 +181,7 @@ def test_stiff_modes_are_damped_out_exactly_where_the_method_says_so(method):
     """48 steps, ω h = 1300: what is left of two multipliers is nothing, and the others are right."""
     equation = stiff_direction_that_turns()
     truth = floquet(equation, 1.0, Radau(13), rtol=1e-8)
-    assert (len(truth.multipliers), truth.unresolved) == (2, 2)
+    assert truth.unresolved == 2
     found = method.solutions(OnePoint(equation, 1.0), Grid.uniform(48, TURN), False)
     values = np.sort(np.abs(np.linalg.eigvals(found.Phi[0])))[::-1]
     damped = values[2] < 1e-9 and values[0] == pytest.approx(truth.spectral_radius, rel=0.05)
