@@ -15,7 +15,13 @@ from solve.methods.method import Method, OneStep, Solutions
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, matrices
-from solve.period.product_eigenvalues import Blocks, ProductEigenvalues, balanced_blocks, product_eigenvalues
+from solve.period.product_eigenvalues import (
+    Blocks,
+    ProductEigenvalues,
+    balanced_blocks,
+    joined_blocks,
+    product_eigenvalues,
+)
 
 _NO_DIGIT = 0.1
 """Relative error from which on a multiplier is not known."""
@@ -26,8 +32,12 @@ _GAIN = 0.5
 _EXACT_ZERO = -1e6
 """Logarithm that stands for that of an exact zero where multipliers of two grids are matched."""
 
-_LARGE = 3e6
-"""Steps times the square of the states, from which on factors serve only where every multiplier is asked."""
+_QUICK, _WITH_MODES, _MOST = 3e6, 1e7, 1.5e8
+"""Steps times the square of the states up to which factors are asked in any case; up to which, where every
+multiplier is wanted, modes are of these steps; and up to which steps are added for them."""
+
+_MEMORY = 2**29
+"""Bytes that steps taken together may need."""
 
 _MEAN_PHASES = 32
 """Phases at which M is sampled for its mean."""
@@ -36,11 +46,11 @@ _MEAN_PHASES = 32
 @dataclass(frozen=True)
 class Refined:
     """What `refined` gives: logarithms (N,) of the multipliers ρ, -inf for an exact zero; errors (N,):
-    estimated relative error of each ρ, NaN where it has no digit; and the solutions that they are of."""
+    estimated relative error of each ρ, NaN where it has no digit; steps a period."""
 
     logarithms: Array
     errors: Array
-    solutions: Solutions
+    steps: int
 
 
 @dataclass(frozen=True)
@@ -84,20 +94,21 @@ class Spectrum:
         without = [FloquetMode(float(angle)) for angle in folded]
         if not self._factors_serve:
             return without
-        solutions = self._solutions
+        solutions, order = self._solutions, self._order
         assert solutions.steps is not None
         phases = np.arange(_MEAN_PHASES) * (self.point.period / _MEAN_PHASES)
         mass = matrices(self.point, phases)[0][0].mean(axis=0)
         modes = floquet_modes(solutions.steps.A[0], solutions.grid, mass, *self._factored, self._rotation)
-        lost = np.isnan(self.errors)
-        return [without[i] if lost[i] else modes[at] for i, at in enumerate(self._order)]
+        apart = np.diagonal(_apart(self.logarithms, self._factored[1].logarithms[0][order]))
+        known = ~np.isnan(self.errors) & (apart < _NO_DIGIT)
+        return [modes[at] if known[i] else without[i] for i, at in enumerate(order)]
 
     @property
     def warnings(self) -> list[str]:
         """A sentence where each was asked for to `rtol`, and an error is above it."""
         if self.refined is None:
             return []
-        rtol, steps = self.certified.request.rtol, self._solutions.grid.steps
+        rtol, steps = self.certified.request.rtol, self.refined.steps
         if self.unresolved:
             missed = f"{self.unresolved} of {len(self.errors)} multipliers have no digit"
         elif (worst := float(self.errors.max())) > rtol:
@@ -106,9 +117,15 @@ class Spectrum:
             return []
         return [f"{missed}: {steps} steps do not follow the fastest modes, or rounding is in the way"]
 
-    @property
+    @cached_property
     def _solutions(self) -> Solutions:
-        return self.certified.solutions if self.refined is None else self.refined.solutions
+        """Those whose steps tell the modes."""
+        if self.refined is None or self._work(self.refined.steps) > _WITH_MODES:
+            return self.certified.solutions
+        return _solutions(self.point, self.certified.method, self.certified.request, self.refined.steps)
+
+    def _work(self, steps: int) -> float:
+        return steps * (2 * self.point.n) ** 2
 
     @property
     def _rotation(self) -> float:
@@ -126,8 +143,8 @@ class Spectrum:
     @property
     def _factors_serve(self) -> bool:
         """Whether the factors of the period are those of the system's coordinates, and not too many."""
-        method, size = self.certified.method, self._solutions.grid.steps * (2 * self.point.n) ** 2
-        quick = self.refined is not None or size <= _LARGE
+        method = self.certified.method
+        quick = self.refined is not None or self._work(self.certified.steps) <= _QUICK
         return isinstance(method, OneStep) and method.converges and quick
 
     @cached_property
@@ -140,23 +157,23 @@ class Spectrum:
             errors = np.where(digits, self.certified.absolute[0] / np.abs(rho), np.nan)
         if digits.all() or not self._factors_serve:
             return logarithms, errors
-        own = self._factored[1]
-        twice = 2 * self.certified.steps
-        finer = _solutions(self.point, self.certified.method, self.certified.request, twice)
-        small = _known(_errors(_factored(finer)[1].logarithms[0], own))
-        order = self._order
+        own, order = self._factored[1], self._order
+        certified = self.certified
+        finer = _on_steps(self.point, certified.method, certified.request, 2 * certified.steps)
+        small = _known(_errors(finer.logarithms[0], own))
         return np.where(digits, logarithms, own.logarithms[0][order]), np.where(digits, errors, small[order])
 
     @cached_property
     def _factored(self) -> tuple[Blocks, ProductEigenvalues]:
-        return _factored(self._solutions, vectors=True)
+        blocks = _blocks(self._solutions)
+        return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors=True)
 
     @cached_property
     def _order(self) -> Array:
         """Which eigenvalue of the factors each multiplier is (N,)."""
         own = self._factored[1].logarithms[0]
         if self.refined is not None:
-            return np.arange(len(own))
+            return _matched(self.refined.logarithms, own)
         digits = np.flatnonzero(self._digits)
         matched = _matched(np.log(self._eigenvalues[digits]), own)
         order = np.empty(len(own), dtype=int)
@@ -175,18 +192,17 @@ def checked_maps(method: Method) -> None:
 
 def refined(point: OnePoint, method: Method, request: Request, steps: int) -> Refined:
     """Multipliers on `steps` and as many more as bring the error of each to `rtol`; fewer where twice the
-    steps gain nothing or take too much memory. With steps of the request's own: on twice as many."""
-    most = method.most_steps(point.n)
-    coarse, before = _factored(_solutions(point, method, request, steps))[1], math.inf
+    steps gain nothing or take too long. With steps of the request's own: on twice as many."""
+    most = _MOST / (2 * point.n) ** 2
+    coarse, before = _on_steps(point, method, request, steps), math.inf
     while True:
         steps *= 2
-        solutions = _solutions(point, method, request, steps)
-        fine = _factored(solutions)[1]
+        fine = _on_steps(point, method, request, steps)
         errors = _errors(coarse.logarithms[0], fine)
         largest = float(errors.max())
         done = largest <= request.rtol or request.steps is not None
         if done or 2 * steps > most or largest > _GAIN * before:
-            return Refined(fine.logarithms[0], _known(errors), solutions)
+            return Refined(fine.logarithms[0], _known(errors), steps)
         coarse, before = fine, largest if largest < _NO_DIGIT else math.inf
 
 
@@ -198,10 +214,26 @@ def _solutions(point: OnePoint, method: Method, request: Request, steps: int) ->
     return solutions
 
 
-def _factored(solutions: Solutions, vectors: bool = False) -> tuple[Blocks, ProductEigenvalues]:
+def _blocks(solutions: Solutions) -> Blocks:
     assert solutions.steps is not None
-    blocks = balanced_blocks(solutions.steps.A)
-    return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors)
+    return balanced_blocks(solutions.steps.A)
+
+
+def _on_steps(point: OnePoint, method: Method, request: Request, steps: int) -> ProductEigenvalues:
+    """Multipliers from the factors on so many steps, which are taken in parts where memory asks for it."""
+    grid = Grid.uniform(steps, point.period, point.breaks)
+    parts = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
+    if len(parts) == 1:
+        blocks = _blocks(_solutions(point, method, request, steps))
+    else:
+        assert isinstance(method, OneStep)
+        taken = []
+        for part in parts:
+            with np.errstate(all="ignore"):
+                A = method.discretise(point, part).steps.A
+            taken.append(balanced_blocks(A, first=sum(each.steps for each in parts[: len(taken)])))
+        blocks = joined_blocks(taken)
+    return product_eigenvalues(blocks.factors, blocks.rounding)
 
 
 def _exponential(logarithms: Array) -> Array:

@@ -79,8 +79,8 @@ class Certified:
         if not rho.resolved[at]:
             parts.pop()
             warnings.append(
-                "no multiplier keeps a digit: they are so small that nothing is left of a disturbance after "
-                "one turn, and only that is certain"
+                "no multiplier keeps a digit in the monodromy matrix: they are so small that nothing is left "
+                "of a disturbance after one turn"
             )
         missed = [f"{name} to {error:.1e}" for name, error in parts if error > request.rtol]
         if request.steps is not None or multipliers > request.rtol:

@@ -59,6 +59,15 @@ class Grid:
         """Whether the matrices jump nowhere."""
         return not self.at_break.any()
 
+    def parts(self, steps: int) -> "list[Grid]":
+        """This grid in parts of so many steps; whole where the matrices jump."""
+        if not self.smooth:
+            return [self]
+        return [
+            Grid(self.nodes[first : first + steps + 1], self.at_break[first : first + steps])
+            for first in range(0, self.steps, steps)
+        ]
+
     def stages(self, c: Array) -> Array:
         """Phases (m, s) of the stages at the fractions c (s,) of every step.
 

@@ -13,7 +13,7 @@ with their number as the last axis, F (N, N, m).
 
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,13 +38,24 @@ _SWEEPS = 60
 @dataclass(frozen=True)
 class Blocks:
     """Factors (P, m, N, N) with the product of a period's steps, in units (P, N) of the state, which are
-    powers of 2: x in the factors' units is units · x in the steps', and a left vector y is y / units.
-    rounding (P, m): Frobenius norm of the error of each; starts (m,): step at which each begins."""
+    powers of 2: a state x of the factors is units · x for the steps, and a left vector y is y / units.
+    variance (P, m, N, N): squares of the errors of their entries; starts (m,): step at which each begins."""
 
     factors: Array
-    rounding: Array
+    variance: Array
     units: Array
     starts: Array
+
+    def in_units(self, units: Array) -> "Blocks":
+        """The same in other units (P, N)."""
+        ratio = self.units / units
+        change = (ratio[:, :, None] / ratio[:, None, :])[:, None]
+        return Blocks(self.factors * change, self.variance * change**2, units, self.starts)
+
+    @property
+    def rounding(self) -> Array:
+        """Frobenius norm of the error of each factor (P, m)."""
+        return np.sqrt(self.variance.sum(axis=(-2, -1)))
 
 
 @dataclass(frozen=True)
@@ -63,16 +74,31 @@ class ProductEigenvalues:
     left: Array | None
 
 
-def balanced_blocks(steps: Array, rounding: float = EPS / 2) -> Blocks:
+def balanced_blocks(steps: Array, rounding: float = EPS / 2, first: int = 0) -> Blocks:
     """Blocks of the steps' maps (P, m, N, N), in order of application: balanced by common units, and
     neighbours multiplied as long as their product keeps its digits in every direction, at every point.
 
-    rounding: relative error of the maps' entries.
+    rounding: relative error of the maps' entries; first: of the steps, in the period.
     """
-    A, variance, starts = steps, (rounding * steps) ** 2, np.arange(steps.shape[1])
-    A, variance, units = _balanced(A, variance, np.ones(steps.shape[::2]))
-    offset = stalled = 0
-    while A.shape[1] > 1 and stalled < 2:
+    starts = first + np.arange(steps.shape[1])
+    return _multiplied(Blocks(steps, (rounding * steps) ** 2, np.ones(steps.shape[::2]), starts))
+
+
+def joined_blocks(parts: Sequence[Blocks]) -> Blocks:
+    """Blocks of the whole period from those of its parts, in order of application."""
+    alike = [part.in_units(parts[0].units) for part in parts]
+    factors, variance, starts = (
+        np.concatenate([getattr(part, name) for part in alike], axis=axis)
+        for name, axis in (("factors", 1), ("variance", 1), ("starts", 0))
+    )
+    return _multiplied(Blocks(factors, variance, parts[0].units, starts))
+
+
+def _multiplied(blocks: Blocks) -> Blocks:
+    """The blocks balanced anew, and neighbours multiplied where that costs no digit."""
+    blocks, offset, stalled = _balanced(blocks), 0, 0
+    while len(blocks.starts) > 1 and stalled < 2:
+        A, variance = blocks.factors, blocks.variance
         first = np.arange(offset, A.shape[1] - 1, 2)
         left, right = A[:, first + 1], A[:, first]
         product = left @ right
@@ -83,11 +109,11 @@ def balanced_blocks(steps: Array, rounding: float = EPS / 2) -> Blocks:
         joined = (joined & (values[..., -1] > 1e-60) & (values[..., 0] < 1e60)).all(axis=0)
         kept, gone = first[joined], first[joined] + 1
         A[:, kept], variance[:, kept] = product[:, joined], error[:, joined]
-        A, variance, starts = np.delete(A, gone, 1), np.delete(variance, gone, 1), np.delete(starts, gone)
+        rest = np.delete(A, gone, 1), np.delete(variance, gone, 1), np.delete(blocks.starts, gone)
         offset, stalled = 1 - offset, 0 if joined.any() else stalled + 1
         # What couples states weakly in a step may couple them strongly in many.
-        A, variance, units = _balanced(A, variance, units)
-    return Blocks(A, np.sqrt(variance.sum(axis=(-2, -1))), units, starts)
+        blocks = _balanced(Blocks(rest[0], rest[1], blocks.units, rest[2]))
+    return blocks
 
 
 def product_eigenvalues(
@@ -113,13 +139,12 @@ def product_eigenvalues(
     return ProductEigenvalues(logarithms, errors, right, left)
 
 
-def _balanced(A: Array, variance: Array, units: Array) -> tuple[Array, Array, Array]:
-    """The maps A (P, m, N, N), their variances and the units (P, N) after balancing the mean of |A|."""
+def _balanced(blocks: Blocks) -> Blocks:
+    """The blocks in units that balance the mean of |A|."""
+    A = blocks.factors
     size = np.abs(A) / np.maximum(np.abs(A).max(axis=(2, 3), keepdims=True), np.finfo(float).tiny)
-    balanced = [matrix_balance(mean, permute=False, separate=True)[1][0] for mean in size.mean(axis=1)]
-    finer = np.stack(balanced)
-    ratio = (finer[:, None, :] / finer[:, :, None])[:, None]
-    return A * ratio, variance * ratio**2, units * finer
+    finer = [matrix_balance(mean, permute=False, separate=True)[1][0] for mean in size.mean(axis=1)]
+    return blocks.in_units(blocks.units * np.stack(finer))
 
 
 def _point(A: Array, rounding: Array, vectors: bool) -> tuple[Array, Array, Array | None, Array | None]:
