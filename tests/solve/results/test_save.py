@@ -146,6 +146,9 @@ def test_the_commands_save_every_kind(tmp_path):
             assert run([command, *problem, "--save", str(file)]) == 0
             assert file.stat().st_size > 100
     header = (tmp_path / "floquet.csv").read_text().splitlines()[0]
-    assert header == "multiplier_re (1),multiplier_im (1),exponent_re (1/s),exponent_im (rad/s)"
+    assert header == (
+        "multiplier_re (1),multiplier_im (1),exponent_re (1/s),exponent_im (rad/s),multiplier_error (1),"
+        "mode_frequency (rad/s),mode_order (1),participation (1)"
+    )
     header = (tmp_path / "periodic.csv").read_text().splitlines()[0]
     assert header.startswith("time (s),phase (rad),q1 (rad),q2 (m),drive_torque (N m)")
