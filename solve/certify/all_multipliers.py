@@ -32,7 +32,7 @@ _GAIN = 0.5
 _EXACT_ZERO = -1e6
 """Logarithm that stands for that of an exact zero where multipliers of two grids are matched."""
 
-_QUICK, _WITH_MODES, _MOST = 3e6, 1e7, 1.5e8
+_QUICK, _WITH_MODES, _MOST = 3e6, 1e7, 2e8
 """Steps times the square of the states up to which factors are asked in any case; up to which, where every
 multiplier is wanted, modes are of these steps; and up to which steps are added for them."""
 

@@ -141,3 +141,19 @@ def test_axes_that_turn_change_no_multiplier():
         smallest = min(smallest, truth.real.min())
     assert np.mean(honest) >= 0.99
     assert smallest < np.log(1e-250)
+
+
+@pytest.mark.slow
+def test_a_linkage_of_elastic_bars_keeps_all_its_multipliers():
+    """36 of them, down to exp(-483); their logarithms sum up to -∫ tr(M⁻¹C) dt."""
+    linkage = solve.load("four_bar", options={"elements": "2"})
+    found = solve.floquet(
+        linkage, "30 rad/s", solve.Radau(13), rtol=1e-3, engine="numpy", all_multipliers=True
+    )
+    assert (len(found.multipliers), found.unresolved, found.warnings) == (36, 0, [])
+    phase = (np.arange(512) + 0.5) * (linkage.period / 512)
+    M, C, _, _ = linkage.in_phase(phase, found.speed)
+    volume = -np.einsum("kii->k", np.linalg.solve(M, C)).mean() * linkage.period
+    logarithms = found.exponents.real * found.period
+    assert abs(logarithms.sum() - volume) <= found.multiplier_errors.sum()
+    assert logarithms.min() < -480
