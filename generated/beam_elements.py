@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "1ed1a36f9c37727e7da3e743c1f84292673ffcf3e4de3e4c0db219656e1d55ce"
+DERIVE_SHA256 = "b9554086409c95fec06ebea5a3b104e95d95d1b994b414e7adf6ebcc2faef3fe"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "08214016695c19ad867a812f77068bc6837ffaa8332ed149a90d25869d65836f"
+FILE_SHA256 = "eece0a1b7700f7bad04e7376d5eb886ffc6aa58f0d7c7d12aaa6a8e04e794bd4"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

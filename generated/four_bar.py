@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "1ed1a36f9c37727e7da3e743c1f84292673ffcf3e4de3e4c0db219656e1d55ce"
+DERIVE_SHA256 = "b9554086409c95fec06ebea5a3b104e95d95d1b994b414e7adf6ebcc2faef3fe"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "66dee90d16a11ad555d0a7fd705cf89eacc587e800804066ca931c3f8bd13ca9"
+FILE_SHA256 = "8f368080160163d5651ab3ee729369aabe28d307c3726a4892b4eb01738ce60b"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

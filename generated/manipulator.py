@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "1ed1a36f9c37727e7da3e743c1f84292673ffcf3e4de3e4c0db219656e1d55ce"
+DERIVE_SHA256 = "b9554086409c95fec06ebea5a3b104e95d95d1b994b414e7adf6ebcc2faef3fe"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "e393799d2b47d2d6c3956ea25331211a09a9a7aeb23801adc5e5bef205c0a1f3"
+FILE_SHA256 = "f0ecc70b6a56dd313199f7229c56f69f30849c5cebd840ee1838ec3d0a0f00c8"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

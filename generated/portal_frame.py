@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "1ed1a36f9c37727e7da3e743c1f84292673ffcf3e4de3e4c0db219656e1d55ce"
+DERIVE_SHA256 = "b9554086409c95fec06ebea5a3b104e95d95d1b994b414e7adf6ebcc2faef3fe"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "2098ddac511003879a3bd9bcbed412ead5f4153023fbd3a65f17fb2cdd60feb8"
+FILE_SHA256 = "e87e9d2272e5c23f0040f6d7c36b14aa006eb10fbc755a213c5adf6b62b23fb3"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

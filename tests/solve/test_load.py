@@ -27,7 +27,6 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "{sha256}"
-BODY_SHA256 = "{body_sha256}"
 """
 BODY = '''NAME, TITLE = "mine", "A mass on a modulated spring"
 COORDINATES = (("q", "m", "deflection"), ("r", "m", "second mode"))
@@ -70,6 +69,11 @@ z = { value = 3, unit = "1", source = "chosen" }
 VALUES = {"k": 5.0, "z": 3, "c": 0.4}
 
 
+def sealed(head, body):
+    """The text with the hash of the whole before its body."""
+    return f'{head}FILE_SHA256 = "{hashlib.sha256((head + body).encode()).hexdigest()}"\n{body}'
+
+
 class Folder:
     def __init__(self, path):
         self.mechanism = path / "mine.py"
@@ -80,10 +84,8 @@ class Folder:
         self._version = 0
 
     def generate(self, outputs=FORCE, text=None, body=lambda text: text):
-        stated = body(BODY.format(outputs=outputs))
-        hashes = [hashlib.sha256(part.encode()).hexdigest() for part in (MECHANISM, stated)]
-        head = HEAD.format(sha256=hashes[0], body_sha256=hashes[1])
-        self.generated.write_text(text or head + stated, encoding="utf-8")
+        head = HEAD.format(sha256=hashlib.sha256(MECHANISM.encode()).hexdigest())
+        self.generated.write_text(text or sealed(head, body(BODY.format(outputs=outputs))), encoding="utf-8")
         self._version += 1
         os.utime(self.generated, (self._version, self._version))
 
@@ -236,13 +238,33 @@ def test_stale_code_names_the_command_and_line_endings_do_not_matter(ready):
         ready.load()
 
 
-@pytest.mark.parametrize(
-    "text", ["x = 1", "def broken(", "import no_such_module_at_all", "raise SystemError"]
-)
+CODES = ["x = 1", "def broken(", "import no_such_module_at_all", "raise SystemError"]
+
+
+@pytest.mark.parametrize("text", [*CODES, *(sealed("", code) for code in CODES)])
 def test_a_file_that_is_no_generated_code(folder, text):
     folder.generate(text=text)
     with pytest.raises(ModelFileError, match=r"generated/mine.py' is no generated code \(.*\); move it away"):
         folder.load(**VALUES)
+
+
+@pytest.mark.parametrize("where", ["first", "above the seal", "second seal", "last"])
+def test_code_that_was_put_into_the_file_is_not_executed(ready, tmp_path, where):
+    text, planted = ready.generated.read_text(encoding="utf-8"), f"open({str(tmp_path / 'ran')!r}, 'w')\n"
+    seal = next(line for line in text.splitlines(keepends=True) if line.startswith("FILE_SHA256"))
+    changed = {
+        "first": planted + text,
+        "above the seal": text.replace(seal, planted + seal),
+        "second seal": text.replace(seal, seal + planted + seal),
+        "last": text + planted,
+    }[where]
+    ready.generate(text=changed)
+    with pytest.raises(ModelFileError, match=r"was edited|no seal"):
+        ready.load()
+    ready.generate(text=changed.replace(seal, ""))
+    with pytest.raises(ModelFileError, match="no seal"):
+        ready.load()
+    assert not (tmp_path / "ran").exists()
 
 
 def test_code_that_was_edited_is_refused_and_line_endings_do_not_matter(ready):
