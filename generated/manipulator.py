@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "b9554086409c95fec06ebea5a3b104e95d95d1b994b414e7adf6ebcc2faef3fe"
+DERIVE_SHA256 = "096f958a331194b839e8f2aa06e67c2763f8646d887e612de023ba9ebf21fa4b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f0ecc70b6a56dd313199f7229c56f69f30849c5cebd840ee1838ec3d0a0f00c8"
+FILE_SHA256 = "1422dfeeb42005a7252d0af2d143d0196aaac3d8de64044219a32498bb26e8fd"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "b9554086409c95fec06ebea5a3b104e95d95d1b994b414e7adf6ebcc2faef3fe"
+DERIVE_SHA256 = "096f958a331194b839e8f2aa06e67c2763f8646d887e612de023ba9ebf21fa4b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e87e9d2272e5c23f0040f6d7c36b14aa006eb10fbc755a213c5adf6b62b23fb3"
+FILE_SHA256 = "d399e4e148e844854f39aee123deb77254a4963b47d5bc107bd2f05045764dfa"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -14,6 +14,7 @@ from solve.errors import (
     MatricesError,
     MissingValueError,
     ModelFileError,
+    UnitError,
     UnknownNameError,
     ValueOutOfBoundsError,
 )
@@ -175,6 +176,18 @@ def test_parameters_may_take_the_place_of_a_case_file(folder):
 def test_parameters_out_of_bounds(ready, values, message):
     with pytest.raises(ValueOutOfBoundsError, match=message):
         ready.load(**values)
+
+
+@pytest.mark.parametrize("given", ["0.05 kN/m", "0.05kN/m", "50", "5e-2N/mm"])
+def test_parameters_as_texts_with_unit(ready, given):
+    assert ready.load(k=given).parameters["k"] == pytest.approx(50.0, rel=1e-15)
+    assert ready.load().varied({"k": given}).parameters["k"] == pytest.approx(50.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("given", ["5 kg", "5 bananas"])
+def test_parameters_in_a_unit_of_another_kind(ready, given):
+    with pytest.raises(UnitError, match=r"k: unit '.*' does not convert to 'N/m'"):
+        ready.load(k=given)
 
 
 def test_unknown_parameters_and_cases_are_answered_with_the_nearest(ready):
