@@ -8,17 +8,36 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sympy import Abs, Max, Min, Rational, atan2, cos, exp, pi, sign, sin, sqrt, tan
+    from sympy import (
+        Abs,
+        Heaviside,
+        Max,
+        Min,
+        Piecewise,
+        Rational,
+        atan2,
+        cos,
+        exp,
+        pi,
+        sign,
+        sin,
+        sqrt,
+        tan,
+        tanh,
+    )
 
     from derive.mechanism import Mechanism
     from derive.structure import Section, Structure
+    from derive.switches import rectangle, trapezoid, wrapped
     from derive.symbols import rate
 
 __all__ = [
     "Abs",
+    "Heaviside",
     "Max",
     "Mechanism",
     "Min",
+    "Piecewise",
     "Rational",
     "Section",
     "Structure",
@@ -27,10 +46,14 @@ __all__ = [
     "exp",
     "pi",
     "rate",
+    "rectangle",
     "sign",
     "sin",
     "sqrt",
     "tan",
+    "tanh",
+    "trapezoid",
+    "wrapped",
 ]
 
 _HOME = {
@@ -38,6 +61,9 @@ _HOME = {
     "Section": "derive.structure",
     "Structure": "derive.structure",
     "rate": "derive.symbols",
+    "rectangle": "derive.switches",
+    "trapezoid": "derive.switches",
+    "wrapped": "derive.switches",
 }
 
 

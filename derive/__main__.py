@@ -1,6 +1,8 @@
 """The command `derive`: generate, check or show a mechanism's equations."""
 
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -50,8 +52,9 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
     return [loader.find(model, out) for model in (loader.names() if every else models)]
 
 
-def _text(source: Source) -> str:
-    """The generated module as it should be; SymPy is loaded here and not before."""
+def _text(source: Source, tell: Callable[[str], object] = lambda _: None) -> str:
+    """The generated module as it should be; SymPy is loaded here and not before. tell: is told what of the
+    statement the equations ignore."""
     if source.name == loader.BEAM_ELEMENTS:
         from derive.beam_text import beam_elements_text
 
@@ -64,13 +67,17 @@ def _text(source: Source) -> str:
     with loader.located(source):
         if isinstance(mechanism, Structure):
             return structure_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
-        return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
+        return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command, tell)
 
 
 def _write(sources: list[Source]) -> None:
     for source in sources:
-        freshness.write(source.target, _text(source))
+        freshness.write(source.target, _text(source, partial(_noted, source)))
         typer.echo(f"wrote {source.target}", err=True)
+
+
+def _noted(source: Source, sentence: str) -> None:
+    typer.echo(f"{source.name}: {sentence}", err=True)
 
 
 def _is_stale(source: Source, full: bool) -> bool:

@@ -11,6 +11,7 @@ from derive.errors import DeclarationError, UnknownSymbolError, UnusedParameterE
 from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
 from derive.structure import Structure
+from derive.switches import switches
 from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
 from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, short
@@ -34,6 +35,12 @@ def check(mechanism: Mechanism) -> None:
     if isinstance(mechanism, Structure):
         mechanism.require_complete()
         statements = [_Statement(*each) for each in mechanism.numbers()]
+        for each in statements:
+            if switches(each.expression, (PHASE,)):
+                raise DeclarationError(
+                    f"{each.what} has a step or kink in the phase: {short(each.expression)}; the links of a "
+                    "structure need smooth motions"
+                )
     else:
         _require_equations(mechanism)
         statements = list(_statements(mechanism))

@@ -1,20 +1,24 @@
 """The text of a generated module: its constants, and functions that build CasADi functions."""
 
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import sympy
 
 from derive import lagrange
-from derive.declarations import Output
+from derive.breaks import ANGLES, PASSES, Passage, passages
+from derive.declarations import Condition, Output
+from derive.errors import ImpulseError
 from derive.field import Field
 from derive.field_text import definitions, field_functions, field_tools
 from derive.freshness import banner, hashed_module
-from derive.function_text import GeneratedFunction, function_text, options_text
+from derive.function_text import GeneratedFunction, breaks_text, function_text, options_text
 from derive.galerkin import project
-from derive.linearise import linearise
+from derive.linearise import clearances, linearise
 from derive.loop_text import loop_orders, loop_text
+from derive.losses import idle, losses
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
 from derive.recurrence import COMPONENTS, FOURIER
@@ -33,7 +37,14 @@ def _count(option, value):
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {allowed[0]} to {allowed[-1]}")
     return int(value)'''
-TOOLS = {"_count(": COUNT, "_fourier(": FOURIER, "_components(": COMPONENTS, "_choice(": CHOICE}
+TOOLS = {
+    "_count(": COUNT,
+    "_fourier(": FOURIER,
+    "_components(": COMPONENTS,
+    "_choice(": CHOICE,
+    "_passes(": PASSES,
+    "_angles(": ANGLES,
+}
 
 
 STATE = ("phase", "speed", "q", "qd", "qdd", "p")
@@ -44,7 +55,9 @@ class Equations:
     """All that a generated module computes.
 
     residual: None where `functions` contain it. definitions: text for symbols of the expressions that are
-    no inputs. tools, functions: texts that go before and after the others.
+    no inputs. tools, functions: texts that go before and after the others. conditions: beyond those that
+    the mechanism states. passages: where the matrices switch. nonlinear: what the linear answer ignores, a
+    sentence each; idle: what moves nothing. no_drive_torque: why there is none, if so.
     """
 
     linearised: dict[str, Any]
@@ -53,6 +66,11 @@ class Equations:
     definitions: dict[sympy.Symbol, str] = field(default_factory=dict)
     tools: list[str] = field(default_factory=list)
     functions: list[str] = field(default_factory=list)
+    conditions: list[Condition] = field(default_factory=list)
+    passages: list[Passage] = field(default_factory=list)
+    nonlinear: list[str] = field(default_factory=list)
+    idle: list[str] = field(default_factory=list)
+    no_drive_torque: str = ""
 
 
 def derive_equations(mechanism: Mechanism) -> Equations:
@@ -60,11 +78,28 @@ def derive_equations(mechanism: Mechanism) -> Equations:
     if mechanism.declared_field:
         return _field_equations(mechanism, mechanism.declared_field)
     r = lagrange.residual(mechanism)
-    outputs = [] if mechanism.no_drive_torque else [_torque(lagrange.drive_torque(mechanism, r))]
+    reason, outputs = mechanism.no_drive_torque, []
+    if not reason:
+        try:
+            outputs.append(_torque(lagrange.drive_torque(mechanism, r)))
+        except ImpulseError as error:
+            reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
         expression = lagrange.from_fundamental(mechanism, each.expression)
         outputs.append(Output(each.name, expression, each.unit, each.meaning))
-    return Equations(linearise(mechanism, r)._asdict(), r, outputs)
+    q = [each.symbol for each in mechanism.declared_coordinates]
+    linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
+    moving = [s for each in q for s in (each, each.rate, each.rate.rate)]
+    return Equations(
+        linearised._asdict(),
+        r,
+        outputs,
+        conditions=clearances(r, q),
+        passages=passages(linearised, expressions, moving),
+        nonlinear=losses(mechanism, [*r], linearised),
+        idle=idle(mechanism, [*r, *linearised, *expressions]),
+        no_drive_torque=reason,
+    )
 
 
 def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
@@ -76,20 +111,56 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
     options = [each.name for each in mechanism.declared_options]
     functions = field_functions(deflection, options_text(mechanism), options)
     tools = field_tools(projection)
-    return Equations(projection.linearised, None, outputs, definitions(projection), tools, functions)
+    linearised = [sympy.sympify(each) for each in projection.linearised.values()]
+    return Equations(
+        projection.linearised,
+        None,
+        outputs,
+        definitions(projection),
+        tools,
+        functions,
+        passages=passages(linearised, (), ()),
+        no_drive_torque=mechanism.no_drive_torque,
+    )
 
 
-def module_text(mechanism: Mechanism, source_sha256: str, derive_sha256: str, command: str) -> str:
-    """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
+def module_text(
+    mechanism: Mechanism,
+    source_sha256: str,
+    derive_sha256: str,
+    command: str,
+    tell: Callable[[str], object] = lambda _: None,
+) -> str:
+    """Whole text of the generated module; `command` is what renews it, after `python -m derive`.
+
+    tell: is told what of the statement the equations ignore.
+    """
     equations = derive_equations(mechanism)
+    for sentence in (*equations.nonlinear, *equations.idle):
+        tell(sentence)
     texts, counts = functions_text(mechanism, _functions(mechanism, equations))
     texts += equations.functions
+    if equations.passages:
+        texts.append(breaks_text(mechanism, equations.passages))
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
-    data = constants(mechanism, equations.outputs, _operations(counts))
-    body = "\n\n\n".join([data, *tools, *equations.tools, *texts]) + "\n"
+    data = [
+        constants(mechanism, equations.outputs, _operations(counts), equations.conditions),
+        *_reasons(equations),
+    ]
+    body = "\n\n\n".join(["\n".join(data), *tools, *equations.tools, *texts]) + "\n"
     return hashed_module(
         banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body
     )
+
+
+def _reasons(equations: Equations) -> list[str]:
+    """Why there is no drive torque, and what the linear answer ignores, where there is such."""
+    lines = []
+    if equations.no_drive_torque:
+        lines.append(f"NO_DRIVE_TORQUE = {literal(equations.no_drive_torque)}")
+    if equations.nonlinear:
+        lines += ["NONLINEAR = (", *(f"    {literal(each)}," for each in equations.nonlinear), ")"]
+    return lines
 
 
 def functions_text(
@@ -121,14 +192,14 @@ def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunc
         functions.append(GeneratedFunction("residual", doc, STATE, {"r": equations.residual}))
     outputs = {each.name: each.expression for each in equations.outputs}
     functions.append(GeneratedFunction("outputs", "One scalar for each of OUTPUTS.", STATE, outputs, names))
-    return functions + condition_functions(mechanism)
+    return functions + condition_functions([*mechanism.conditions, *equations.conditions])
 
 
-def condition_functions(mechanism: Mechanism) -> list[GeneratedFunction]:
+def condition_functions(conditions: list[Condition]) -> list[GeneratedFunction]:
     """The function of the conditions, if there are any."""
-    if not mechanism.conditions:
+    if not conditions:
         return []
-    margins = sympy.Matrix([each.margin for each in mechanism.conditions])
+    margins = sympy.Matrix([each.margin for each in conditions])
     doc = "One number for each of CONDITIONS, positive where it holds."
     return [GeneratedFunction("conditions", doc, ("phase", "p"), {"margins": margins})]
 
@@ -137,8 +208,14 @@ def _torque(expression: Any) -> Output:
     return Output("drive_torque", expression, "N m", "torque of the drive that keeps the speed constant")
 
 
-def constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str, int]) -> str:
-    """The data of a generated module, but for its hashes."""
+def constants(
+    mechanism: Mechanism,
+    outputs: list[Output],
+    operations: dict[str, int],
+    further: Sequence[Condition] = (),
+) -> str:
+    """The data of a generated module, but for its hashes; further conditions beside the mechanism's."""
+    names = {each.symbol.name for each in mechanism.declared_parameters}
     rows = {
         "COORDINATES": [
             (each.symbol.name, each.unit, each.meaning) for each in mechanism.declared_coordinates
@@ -150,8 +227,12 @@ def constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str,
         "OUTPUTS": [(each.name, each.unit, each.meaning) for each in outputs],
         "LIMITS": mechanism.limits,
     }
-    if mechanism.conditions:
-        rows["CONDITIONS"] = [(each.text, each.meaning, each.parameters) for each in mechanism.conditions]
+    conditions = [*mechanism.conditions, *further]
+    if conditions:
+        rows["CONDITIONS"] = [
+            (each.text, each.meaning, tuple(name for name in each.parameters if name in names))
+            for each in conditions
+        ]
     if mechanism.declared_field:
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
@@ -165,8 +246,6 @@ def constants(mechanism: Mechanism, outputs: list[Output], operations: dict[str,
         f"PERIOD = {CasadiPrinter().doprint(sympy.sympify(mechanism.period))}",
         f"OPERATIONS = {json.dumps(operations)}",
     ]
-    if mechanism.no_drive_torque:
-        lines.append(f"NO_DRIVE_TORQUE = {literal(mechanism.no_drive_torque)}")
     return "\n".join(lines)
 
 

@@ -51,3 +51,7 @@ class ForeignFileError(DeriveError):
 
 class UnwritableError(DeriveError):
     """The generated module cannot be written."""
+
+
+class ImpulseError(DeriveError):
+    """What is to be differentiated jumps, so that its derivative would hold an impulse."""

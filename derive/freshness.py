@@ -1,9 +1,13 @@
 """Banner, hashes, writing and quick checking of generated modules; knows nothing of SymPy."""
 
+import ast
 import difflib
 import hashlib
+import io
 import os
 import re
+import tokenize
+from collections.abc import Iterator
 from pathlib import Path
 
 from derive.errors import ForeignFileError, UnwritableError
@@ -26,15 +30,14 @@ def banner(title: str, command: str) -> str:
 def hashed_module(
     head: str, source_sha256: str, derive_sha256: str, sympy_version: str, body: str, imports: str = IMPORTS
 ) -> str:
-    """The module's text with the hashes of its inputs and of its body."""
-    return (
+    """The module's text with the hashes of its inputs, and its seal: the hash of all but the seal's line."""
+    before = (
         f"{head}\n{imports}"
         f'MECHANISM_SHA256 = "{source_sha256}"\n'
         f'DERIVE_SHA256 = "{derive_sha256}"\n'
         f'SYMPY_VERSION = "{sympy_version}"\n'
-        f'BODY_SHA256 = "{sha256(body)}"\n'
-        f"{body}"
     )
+    return f'{before}FILE_SHA256 = "{sha256(before + body)}"\n{body}'
 
 
 def sha256(text: str) -> str:
@@ -43,21 +46,61 @@ def sha256(text: str) -> str:
 
 
 def derive_sha256() -> str:
-    """Hash of derive's own sources, in the order of their names."""
+    """Hash of the code of derive's own sources, in the order of their names."""
     sources = sorted(Path(__file__).parent.glob("*.py"))
-    return sha256("".join(f"{path.name}\0{path.read_text(encoding='utf-8')}\0" for path in sources))
+    return sha256("".join(f"{path.name}\0{code(path.read_text(encoding='utf-8'))}\0" for path in sources))
+
+
+def code(source: str) -> str:
+    """The source without its comments and its strings that stand alone, docstrings among them.
+
+    They are cut out by position: what the parser makes of the rest differs between versions of Python.
+
+    >>> code('x = "#"  # a number sign\\n')
+    'x = "#"\\n'
+    """
+    lines = source.splitlines(keepends=True)
+    for (first, start), (last, end) in sorted(
+        [*_comments(source), *_loose_strings(source, lines)], reverse=True
+    ):
+        before, after = lines[first][:start].rstrip(), lines[last][end:]
+        lines[first : last + 1] = [before + after] if before or after.strip() else []
+    return "".join(lines)
+
+
+_Place = tuple[int, int]
+
+
+def _comments(source: str) -> Iterator[tuple[_Place, _Place]]:
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield (token.start[0] - 1, token.start[1]), (token.end[0] - 1, token.end[1])
+
+
+def _loose_strings(source: str, lines: list[str]) -> Iterator[tuple[_Place, _Place]]:
+    def place(line: int, byte: int) -> _Place:
+        return line - 1, len(lines[line - 1].encode()[:byte].decode())
+
+    for node in ast.walk(ast.parse(source)):
+        if (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Constant)
+            and type(node.value.value) is str
+        ):
+            end = place(node.end_lineno or node.lineno, node.end_col_offset or 0)
+            yield place(node.lineno, node.col_offset), end
 
 
 def staleness(text: str, source_sha256: str) -> str:
     """Why a generated module's text is not current, or "" where its hashes agree."""
     recorded = dict(re.findall(r'^(\w+_SHA256) = "([0-9a-f]{64})"$', text, re.MULTILINE))
-    body = re.split(r'^BODY_SHA256 = "\w*"\n', text, maxsplit=1, flags=re.MULTILINE)
+    unsealed, seals = re.subn(r'^FILE_SHA256 = "\w*"\n', "", text, flags=re.MULTILINE)
     expected = {
         "MECHANISM_SHA256": (source_sha256, "the mechanism file has changed since"),
         "DERIVE_SHA256": (derive_sha256(), "derive itself has changed since"),
-        "BODY_SHA256": (sha256(body[-1]), "the generated text was edited"),
+        "FILE_SHA256": (sha256(unsealed), "the generated text was edited"),
     }
-    if MARK not in text or len(body) != 2:
+    if MARK not in text or seals != 1:
         return "it is no generated module"
     return "; ".join(why for name, (now, why) in expected.items() if recorded.get(name) != now)
 

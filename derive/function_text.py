@@ -9,6 +9,7 @@ from typing import Any
 
 import sympy
 
+from derive.breaks import Passage
 from derive.declarations import Option
 from derive.kinematics import Loop, Order
 from derive.loop_text import loop_calls
@@ -72,6 +73,26 @@ def function_text(
     text = textwrap.indent("\n".join(body), "    ")
     count = int(sympy.count_ops(expressions)) + series_operations(values)
     return f"def {function.name}({options_text(mechanism)}):\n{text}", count
+
+
+def breaks_text(mechanism: Mechanism, passages: Sequence[Passage]) -> str:
+    """BREAKS where no number moves them, else a function of the speed and the parameters."""
+    symbols = set().union(*(each.symbols for each in passages))
+    lines = ["0.0,", *(f"{each.text}," for each in passages)]
+    if not symbols:
+        return "\n".join(["BREAKS = (", *(f"    {line}" for line in lines), ")"])
+    names = [each.symbol.name for each in mechanism.declared_parameters]
+    body = [
+        '"""Phases at which the matrices jump or have kinks, some of them more than once."""',
+        *(_option_line(each) for each in mechanism.declared_options if symbols & {*each.indicators}),
+        f"{_wrapped(names)} = p" if names else "",
+        "return [",
+        *(f"    {line}" for line in lines),
+        "]",
+    ]
+    options = options_text(mechanism)
+    signature = f"speed, p, {options}" if options else "speed, p"
+    return f"def breaks({signature}):\n" + textwrap.indent("\n".join(filter(None, body)), "    ")
 
 
 def options_text(mechanism: Mechanism) -> str:

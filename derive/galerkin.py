@@ -23,7 +23,7 @@ from derive.lagrange import Energies, equation
 from derive.linearise import expanded
 from derive.mechanism import Mechanism
 from derive.modal_integrals import ModalIntegral, modal_integral, modal_moment
-from derive.symbols import PHASE, Moving
+from derive.symbols import PHASE, Moving, counted
 
 ZERO_MATRIX, ZERO_COLUMN = sympy.symbols("zero_matrix zero_column", real=True)
 """Stand for zeros of the size that the number of modes gives."""
@@ -111,7 +111,7 @@ def _require_free_names(mechanism: Mechanism, projection: Projection) -> None:
 
 def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
     """The part that is no integral, and the density of the rest."""
-    energy = sympy.sympify(energy)
+    energy = counted(sympy.sympify(energy))
     marks = {each: sympy.Dummy() for each in energy.atoms(FieldIntegral)}
     marked = energy.xreplace(marks)
     density = sympy.Add(*(marked.diff(mark) * each.density for each, mark in marks.items()))

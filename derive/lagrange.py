@@ -12,7 +12,8 @@ import sympy
 
 from derive.gather import gathered, simplified
 from derive.mechanism import Mechanism
-from derive.symbols import PHASE, Moving, rate
+from derive.switches import slope
+from derive.symbols import PHASE, Moving, counted, rate
 
 
 class Energies(NamedTuple):
@@ -50,7 +51,8 @@ def drive_torque(mechanism: Mechanism, residual: sympy.Matrix) -> sympy.Expr:
 
 
 def from_fundamental(mechanism: Mechanism, expression: Any) -> Any:
-    """The expression with q, q̇, q̈ replaced by q̄ + q and their rates."""
+    """The expression with q, q̇, q̈ replaced by q̄ + q and their rates, and the phase counted at steps."""
+    expression = counted(expression)
     shift: dict[sympy.Basic, sympy.Expr] = {}
     for symbol, motion in mechanism.fundamental_motion.items():
         for _ in range(3):
@@ -72,5 +74,5 @@ def _row(mechanism: Mechanism, q: Moving) -> sympy.Expr:
 def equation(energies: Energies, q: Moving, forces: Iterable[Sequence[Any]] = ()) -> sympy.Expr:
     """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q + ∂R/∂q̇ − Σ F ∂y/∂q, for forces given as pairs of F and y."""
     T, V, R = energies
-    work = sympy.Add(*(force * along.diff(q) for force, along in forces))
-    return rate(T.diff(q.rate)) - T.diff(q) + V.diff(q) + R.diff(q.rate) - work
+    work = sympy.Add(*(force * slope(along, q) for force, along in forces))
+    return rate(slope(T, q.rate)) - slope(T, q) + slope(V, q) + slope(R, q.rate) - work

@@ -5,10 +5,13 @@ from typing import NamedTuple
 
 import sympy
 
+from derive.declarations import Condition
 from derive.errors import ExpansionError, SingularMassError
 from derive.gather import simplified
 from derive.kinematics import LoopFunction
+from derive.kinks import at_desired_motion, open_clearances, require_tangents
 from derive.mechanism import Mechanism
+from derive.switches import beside
 from derive.symbols import Moving
 from derive.transmission import PeriodicFunction
 
@@ -28,8 +31,7 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     Raises ExpansionError where an entry is not finite, SingularMassError where M is singular whatever
     the parameters.
     """
-    q = [each.symbol for each in mechanism.declared_coordinates]
-    matrices = expanded(residual, q)
+    matrices = expanded(residual, [each.symbol for each in mechanism.declared_coordinates])
     _require_expansion(mechanism, matrices)
     linearised = Linearised(*simplified(matrices))
     _require_inertia(mechanism, linearised.M)
@@ -37,12 +39,26 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
 
 
 def expanded(residual: sympy.Matrix, q: Sequence[Moving]) -> Linearised:
-    """Taylor's first order of rows in any coordinates q, their rates and accelerations."""
+    """Taylor's first order of rows in any coordinates q, their rates and accelerations, beside switches.
+
+    Raises ExpansionError where a step or kink that holds coordinates leaves no tangent.
+    """
+    jacobian, moving = _jacobian(residual, q)
+    require_tangents(residual, jacobian, moving)
+    parts = [jacobian[:, k * len(q) : (k + 1) * len(q)] for k in range(3)] + [-residual]
+    return Linearised(*(at_desired_motion(part, moving) for part in parts))
+
+
+def clearances(residual: sympy.Matrix, q: Sequence[Moving]) -> list[Condition]:
+    """Conditions of parameters without which there is no expansion."""
+    return list(open_clearances(residual, *_jacobian(residual, q)))
+
+
+def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
+    """Derivatives beside switches by q̈, q̇ and q, and these."""
     qd = [symbol.rate for symbol in q]
-    qdd = [symbol.rate for symbol in qd]
-    rest = dict.fromkeys([*q, *qd, *qdd], sympy.S.Zero)
-    matrices = [residual.jacobian(by) for by in (qdd, qd, q)] + [-residual]
-    return Linearised(*(matrix.xreplace(rest) for matrix in matrices))
+    moving = [*(symbol.rate for symbol in qd), *qd, *q]
+    return residual.jacobian(moving).applyfunc(beside), moving
 
 
 def _require_expansion(mechanism: Mechanism, matrices: Linearised) -> None:

@@ -80,6 +80,15 @@ class Mechanism:
             self.declared_coordinates.append(Coordinate(symbol, unit, meaning))
         return symbols
 
+    def coordinate(self, name: str, unit: str, meaning: str) -> Moving:
+        """Declare one coordinate and return its symbol. Raises DeclarationError."""
+        (symbol,) = self.coordinates(**{name: (unit, meaning)})
+        return symbol
+
+    def parameter(self, name: str, unit: str, meaning: str, bound: str = "") -> sympy.Symbol:
+        """Declare one parameter and return its symbol. Raises DeclarationError."""
+        return self._parameter(name, (unit, meaning, bound))
+
     def parameters(self, **declared: tuple[str, ...]) -> tuple[sympy.Symbol, ...]:
         """Declare parameters as `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`.
 

@@ -4,9 +4,13 @@ from typing import Any
 
 import sympy
 from sympy.core.numbers import Exp1, Pi
+from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
+from sympy.functions.elementary.piecewise import ExprCondPair
+from sympy.logic.boolalg import BooleanTrue
 from sympy.printing.pycode import AbstractPythonCodePrinter
 
 from derive.errors import UnsupportedExpressionError
+from derive.switches import Wrapped
 
 SAME = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sign")
 HYPERBOLIC = ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh")
@@ -20,6 +24,17 @@ NODES = (
     sympy.Pow,
     sympy.Max,
     sympy.Min,
+    sympy.Heaviside,
+    sympy.Piecewise,
+    ExprCondPair,
+    StrictGreaterThan,
+    GreaterThan,
+    StrictLessThan,
+    LessThan,
+    sympy.And,
+    sympy.Or,
+    BooleanTrue,
+    Wrapped,
     Pi,
     Exp1,
 )
@@ -38,7 +53,8 @@ class CasadiPrinter(AbstractPythonCodePrinter):
         for node in sympy.preorder_traversal(expr):
             if not isinstance(node, NODES) and type(node).__name__ not in FUNCTIONS:
                 raise UnsupportedExpressionError(
-                    f"{node} cannot be generated; known functions: {', '.join(FUNCTIONS)}, sqrt, Max, Min"
+                    f"{node} cannot be generated; known functions: {', '.join(FUNCTIONS)}, sqrt, Max, Min, "
+                    "Heaviside, Piecewise of conditions with < and >"
                 )
         return str(super().doprint(expr, assign_to))
 
@@ -60,6 +76,26 @@ class CasadiPrinter(AbstractPythonCodePrinter):
 
     def _print_Min(self, expr: sympy.Min) -> str:
         return self._nested("casadi.fmin", expr)
+
+    def _print_Heaviside(self, expr: sympy.Heaviside) -> str:
+        return f"({self._print(expr.args[0])} > 0)"
+
+    def _print_Wrapped(self, expr: Wrapped) -> str:
+        angle, turn = map(self._print, expr.args)
+        return f"({angle} - {turn}*casadi.floor(({angle})/({turn})))"
+
+    def _print_Piecewise(self, expr: Any) -> Any:
+        *pieces, (last, always) = expr.args
+        text = self._print(last) if always == sympy.true else "math.nan"
+        for piece, condition in reversed(pieces if always == sympy.true else expr.args):
+            text = f"casadi.if_else({self._print(condition)}, {self._print(piece)}, {text})"
+        return text
+
+    def _print_And(self, expr: sympy.And) -> str:
+        return self._nested("casadi.logic_and", expr)
+
+    def _print_Or(self, expr: sympy.Or) -> str:
+        return self._nested("casadi.logic_or", expr)
 
     def _nested(self, function: str, expr: sympy.Basic) -> str:
         """A function of two arguments, applied over and over."""

@@ -33,7 +33,9 @@ and the damping ratio of every mode."""
 
 def structure_text(structure: Structure, source_sha256: str, derive_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
-    texts, counts = functions_text(structure, [_properties(structure), *condition_functions(structure)])
+    texts, counts = functions_text(
+        structure, [_properties(structure), *condition_functions(structure.conditions)]
+    )
     of_interest = observed(structure)
     parts = [
         constants(structure, [each.output for each in of_interest], {"properties": counts["properties"]}),

@@ -4,6 +4,10 @@ from typing import Any
 
 import sympy
 
+from derive.errors import DeclarationError
+from derive.switches import STEPPING, Wrapped, is_own, slope, wrapped
+from derive.units import short
+
 
 class Moving(sympy.Symbol):
     """A real symbol that varies with time, such as a coordinate q1; its rate is the symbol q1d."""
@@ -29,10 +33,53 @@ PHASE = Phase("phase")
 
 
 def rate(expression: sympy.Expr | float) -> sympy.Expr:
-    """Total time derivative at constant speed, through phase, coordinates and their rates."""
-    expression = sympy.sympify(expression)
-    moving = sorted(expression.atoms(Moving), key=lambda symbol: symbol.name)
-    return sympy.Add(*(expression.diff(symbol) * symbol.rate for symbol in moving))
+    """Total time derivative at constant speed, through phase, coordinates and their rates.
+
+    Raises ImpulseError where the expression jumps.
+    """
+    stated = counted(sympy.sympify(expression))
+    moving = sorted(stated.atoms(Moving), key=lambda symbol: symbol.name)
+    return sympy.Add(*(slope(stated, symbol) * symbol.rate for symbol in moving))
+
+
+def counted(expression: Any) -> Any:
+    """The expression with the phase counted from 0 to 2π wherever a step, a kink or pieces depend on it
+    itself, not on a periodic function of it. Raises DeclarationError where coordinates shift it there."""
+    if isinstance(expression, STEPPING) and _whole_phase(expression):
+        if expression.atoms(Moving) != {PHASE}:
+            raise DeclarationError(
+                f"{short(expression)} holds the phase with a coordinate; say from where to where the angle "
+                "counts: wrapped(phase + q) is between 0 and 2*pi"
+            )
+        return _wrapped(expression)
+    if not expression.has(*STEPPING):
+        return expression
+    return expression.func(*map(counted, expression.args))
+
+
+def _whole_phase(expression: Any) -> bool:
+    """Whether the phase itself, which grows without end, stands in the expression."""
+    return expression == PHASE or any(map(_whole_phase, _parts(expression)))
+
+
+def _wrapped(expression: Any) -> Any:
+    if expression == PHASE:
+        return wrapped(PHASE)
+    if isinstance(expression, Wrapped) or is_own(expression) or _repeats(expression) or not expression.args:
+        return expression
+    return expression.func(*map(_wrapped, expression.args))
+
+
+def _repeats(expression: Any) -> bool:
+    """Whether a sine or cosine is the same after a turn."""
+    turning = isinstance(expression, sympy.sin | sympy.cos | sympy.tan)
+    return turning and bool(sympy.diff(expression.args[0], PHASE).is_Integer)
+
+
+def _parts(expression: Any) -> tuple[Any, ...]:
+    """The arguments, but for those of functions that repeat with their angle."""
+    repeats = isinstance(expression, Wrapped | sympy.sin | sympy.cos | sympy.tan) or is_own(expression)
+    return () if repeats else expression.args
 
 
 def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:

@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Protocol, runtime_checkable
 
 import sympy
+from sympy.core.relational import Relational
 
 from derive.errors import UnitError
 
@@ -98,6 +99,8 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
     """Dimension of an expression by walking its tree; UnitError names terms that cannot be added."""
     if isinstance(expression, sympy.Symbol):
         return known[expression]
+    if isinstance(expression, sympy.Piecewise):
+        return _pieces(what, expression, known)
     parts = [dimension_of(what, part, known) for part in expression.args]
     if isinstance(expression, sympy.Mul):
         product = ONE
@@ -112,12 +115,23 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
     if isinstance(expression, Composed):
         return expression.dimension_from(parts)
     for argument, part in zip(expression.args, parts, strict=True):
-        if part != ONE and not isinstance(expression, sympy.sign):
+        if part != ONE and not isinstance(expression, sympy.sign | sympy.Heaviside):
             raise UnitError(
                 f"{what}: the argument {short(argument)} of {expression.func.__name__} "
                 f"is in {part}; it must be a pure number or an angle"
             )
     return getattr(expression, "dimension", ONE)
+
+
+def _pieces(what: str, expression: sympy.Piecewise, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
+    """The one dimension of the pieces; what a condition compares must have one of its own."""
+    compared, given = expression.atoms(Relational), [each.args[0] for each in expression.args]
+    pieces = sympy.Tuple(*given)
+    *_, common = (
+        _common(what, each, [dimension_of(what, part, known) for part in each.args])
+        for each in (*sorted(compared, key=sympy.default_sort_key), pieces)
+    )
+    return common
 
 
 def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimension:

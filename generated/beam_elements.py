@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "35f8acfe3e6e56a3b3024e24ec1a677f8bf26b291d3fb8ec4f4cf2766d9a135c"
+DERIVE_SHA256 = "096f958a331194b839e8f2aa06e67c2763f8646d887e612de023ba9ebf21fa4b"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "08214016695c19ad867a812f77068bc6837ffaa8332ed149a90d25869d65836f"
+FILE_SHA256 = "36604d70fdfd8f0fe8c1aad30486b0e5daf46dd4b5d65e4bca9ec81294b3636d"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

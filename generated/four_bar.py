@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "35f8acfe3e6e56a3b3024e24ec1a677f8bf26b291d3fb8ec4f4cf2766d9a135c"
+DERIVE_SHA256 = "096f958a331194b839e8f2aa06e67c2763f8646d887e612de023ba9ebf21fa4b"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "66dee90d16a11ad555d0a7fd705cf89eacc587e800804066ca931c3f8bd13ca9"
+FILE_SHA256 = "40a7cd47623bc8d3bdf2b8076df0b3dc38a293ef2ca7598e5188b47e29a87022"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "35f8acfe3e6e56a3b3024e24ec1a677f8bf26b291d3fb8ec4f4cf2766d9a135c"
+DERIVE_SHA256 = "096f958a331194b839e8f2aa06e67c2763f8646d887e612de023ba9ebf21fa4b"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "e393799d2b47d2d6c3956ea25331211a09a9a7aeb23801adc5e5bef205c0a1f3"
+FILE_SHA256 = "1422dfeeb42005a7252d0af2d143d0196aaac3d8de64044219a32498bb26e8fd"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "35f8acfe3e6e56a3b3024e24ec1a677f8bf26b291d3fb8ec4f4cf2766d9a135c"
+DERIVE_SHA256 = "096f958a331194b839e8f2aa06e67c2763f8646d887e612de023ba9ebf21fa4b"
 SYMPY_VERSION = "1.14.0"
-BODY_SHA256 = "2098ddac511003879a3bd9bcbed412ead5f4153023fbd3a65f17fb2cdd60feb8"
+FILE_SHA256 = "d399e4e148e844854f39aee123deb77254a4963b47d5bc107bd2f05045764dfa"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

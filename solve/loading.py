@@ -15,13 +15,16 @@ from solve.model.setup import Setup
 
 
 def load(
-    model: str, case: str | int | None = None, options: Mapping[str, Any] | None = None, **parameters: float
+    model: str,
+    case: str | int | None = None,
+    options: Mapping[str, Any] | None = None,
+    **parameters: float | str,
 ) -> Model:
     """The system of a model (a name, or the path of a mechanism file) and a case.
 
-    Parameters override the case's values, in SI units as the model declares them. The first case is
-    the default. Raises UnknownNameError, ModelFileError (no or stale generated code), CaseFileError,
-    MissingValueError and ValueOutOfBoundsError.
+    Parameters override the case's values, in SI units as the model declares them or as texts with unit such
+    as "30 mm". The first case is the default. Raises UnknownNameError, ModelFileError (no or stale generated
+    code), CaseFileError, MissingValueError, UnitError and ValueOutOfBoundsError.
     """
     return loaded(model, None if case is None else str(case), None, options or {}, parameters)[0]
 
@@ -31,7 +34,7 @@ def loaded(
     case: str | None,
     cases: str | None,
     options: Mapping[str, Any],
-    parameters: Mapping[str, float],
+    parameters: Mapping[str, float | str],
 ) -> tuple[Model, str | None]:
     """The model and the speed that its case names, if any; `cases` is another case file to use."""
     module, chosen = _chosen(model, case, cases, parameters)
@@ -43,7 +46,7 @@ def case_numbers(
     model: str,
     case: str | None = None,
     cases: str | None = None,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, float | str] | None = None,
 ) -> Case:
     """The numbers of a model's case in SI units, each within its bounds, some of them replaced; whether they
     fit together is not looked at. Raises as `load` does."""
@@ -52,7 +55,7 @@ def case_numbers(
 
 
 def _chosen(
-    model: str, case: str | None, cases: str | None, parameters: Mapping[str, float]
+    model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
 ) -> tuple[ModuleType, Case]:
     """The generated module of a model, and the case with its numbers."""
     files = model_files(model)

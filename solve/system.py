@@ -91,6 +91,8 @@ class PeriodicSystem:
     """Whether the drive has positions: a structure may stand still."""
     outputs: tuple[str, ...] = ()
     """Names of the quantities that follow from the state; units and meanings hold theirs too."""
+    ignored: tuple[str, ...] = ()
+    """What the linear equations leave out of the mechanism that they stand for, a sentence each."""
     units: Mapping[str, str] = MappingProxyType({})
     meanings: Mapping[str, str] = MappingProxyType({})
 
@@ -177,7 +179,7 @@ class PeriodicSystem:
 
     def warnings(self, speed: float) -> list[str]:
         """About the equations themselves at a speed (rad/s), whatever their solution."""
-        return []
+        return list(self.ignored)
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:

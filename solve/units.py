@@ -1,6 +1,7 @@
 """Numbers with units at the edge: speeds, and case values in units of another size."""
 
 import math
+import re
 from collections.abc import Iterable
 from functools import lru_cache
 from numbers import Real
@@ -11,6 +12,7 @@ from solve.errors import UnitError, ValueOutOfBoundsError
 if TYPE_CHECKING:
     import pint
 
+_NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
 
@@ -63,7 +65,7 @@ def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> li
 
 def speeds_in_si(text: str) -> list[float]:
     """Speeds in rad/s from "A:B:N unit" (N points, both ends) or "600 900 1200 rpm"."""
-    *numbers, unit = text.split() or [""]
+    *numbers, unit = _apart(text).split() or [""]
     usage = f"speeds are '{text}'; give 'A:B:N unit' or numbers with one unit, such as '600 900 1200 rpm'"
     if len(numbers) == 1 and ":" in numbers[0]:
         ends = numbers[0].split(":")
@@ -80,6 +82,25 @@ def speeds_in_si(text: str) -> list[float]:
     return [speed_in_si(f"{number} {unit}") for number in numbers]
 
 
+def _apart(text: str) -> str:
+    """The text with a space between a number and its unit.
+
+    >>> _apart("30mm"), _apart("1e3 rpm"), _apart("1e3N/m^2")
+    ('30 mm', '1e3 rpm', '1e3 N/m^2')
+    """
+    return re.sub(_NUMBER + r"(?=[^\W\d_]|°)", r"\g<0> ", text.strip())
+
+
+def quantity(text: str) -> float | str:
+    """A number, or the text itself where a unit follows its number. Raises ValueError for anything else.
+
+    >>> quantity("1.5e3"), quantity("30mm")
+    (1500.0, '30mm')
+    """
+    number, _, unit = _apart(text).partition(" ")
+    return text if math.isfinite(float(number)) and unit else float(number)
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)
@@ -90,7 +111,7 @@ def _is_number(text: str) -> bool:
 
 def with_unit(text: str, unit: str) -> float:
     """A text such as "70 deg" as a number of `unit`. Raises UnitError."""
-    number, _, given = text.strip().partition(" ")
+    number, _, given = _apart(text).partition(" ")
     example = {"rad/s": "'600 rpm'", "rad": "'70 deg'"}.get(unit, f"'1 {unit}'")
     try:
         value = float(number)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from solve.commands.parse import assignments, number, numbers, whole
+from solve.commands.parse import assignments, number, quantities, whole
 from solve.errors import MissingValueError
 from solve.loading import case_numbers, loaded
 from solve.methods.auto import Rule
@@ -34,7 +34,7 @@ class CaseNumbers:
     cases: Annotated[str | None, typer.Option(metavar="FILE", help="Another case file (.toml).")] = None
     set: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="Set a parameter, in SI units; repeatable."),
+        typer.Option(metavar="NAME=NUMBER", help='Set a parameter, in SI or as "30mm"; repeatable.'),
     ] = None
 
     def case_of(self, model: str) -> Case:
@@ -42,9 +42,9 @@ class CaseNumbers:
         return case_numbers(model, self.case, self.cases, self.parameters)
 
     @property
-    def parameters(self) -> dict[str, float]:
-        """Numbers that replace those of the case. Raises ValueOutOfBoundsError."""
-        return numbers("--set", self.set or [])
+    def parameters(self) -> dict[str, float | str]:
+        """Numbers that replace those of the case, or texts with unit. Raises ValueOutOfBoundsError."""
+        return quantities("--set", self.set or [])
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import Any
 import typer
 
 from solve.errors import ValueOutOfBoundsError, require_name
+from solve.units import quantity
 
 
 def whole(text: str) -> int:
@@ -48,14 +49,27 @@ def numbers(flag: str, texts: Sequence[str]) -> dict[str, float]:
     >>> numbers("--set", ["k1=8e4"])
     {'k1': 80000.0}
     """
+    return _read_each(flag, texts, float)
+
+
+def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
+    """Numbers by name from texts NAME=NUMBER; texts themselves where a unit follows the number.
+
+    >>> quantities("--set", ["k1=8e4", "r=30mm"])
+    {'k1': 80000.0, 'r': '30mm'}
+    """
+    return _read_each(flag, texts, quantity, " or with their unit, such as --set r=30mm")
+
+
+def _read_each(flag: str, texts: Sequence[str], read: Callable[[str], Any], more: str = "") -> dict[str, Any]:
     values = {}
     for name, text in assignments(flag, texts, "NAME=NUMBER").items():
         try:
-            values[name] = float(text)
+            values[name] = read(text)
         except ValueError:
             raise ValueOutOfBoundsError(
-                f"{flag} {name}={text}: '{text}' is not a number; write the number alone, in SI units, "
-                f"such as {flag} {name}=1.5e3"
+                f"{flag} {name}={text}: '{text}' is not a number; write numbers alone, in SI units, such as "
+                f"{flag} {name}=1.5e3{more}"
             ) from None
     return values
 

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from types import ModuleType
 from typing import Any
 
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import UnitError, ValueOutOfBoundsError
+from solve.units import quantity, with_unit
 
 
 def clauses(bound: str) -> list[str]:
@@ -39,17 +40,26 @@ def measured(value: float, unit: str, digits: int = 6) -> str:
     return f"{value:.{digits}g} {unit}".removesuffix(" 1")
 
 
+def _in_unit(text: str, name: str, unit: str) -> float:
+    try:
+        return with_unit(text, unit)
+    except UnitError as error:
+        raise UnitError(f"{name}: {error}") from None
+
+
 def checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str, float]:
-    """The parameters that a generated module declares, from the given ones, each finite and within its
-    bound. Raises ValueOutOfBoundsError."""
+    """The parameters that a generated module declares, from the given ones: numbers in the declared units, or
+    texts with a unit such as "30 mm"; each finite and within its bound. Raises ValueOutOfBoundsError,
+    UnitError."""
     checked = {}
     for name, unit, meaning, bound in module.PARAMETERS:
         try:
-            value = float(given[name])
+            found = quantity(given[name]) if isinstance(given[name], str) else float(given[name])
         except (TypeError, ValueError):
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {given[name]!r}; give a number in {unit}"
             ) from None
+        value = _in_unit(found, name, unit) if isinstance(found, str) else found
         if not math.isfinite(value) or not all(holds(clause, value) for clause in clauses(bound)):
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"

@@ -20,11 +20,15 @@ class Case:
 
     name: str
     speed: str | None
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, Any]
 
 
 def chosen_case(
-    module: ModuleType, path: Path, case: str | None, replaced: Mapping[str, float], required: bool = True
+    module: ModuleType,
+    path: Path,
+    case: str | None,
+    replaced: Mapping[str, float | str],
+    required: bool = True,
 ) -> Case:
     """A case of a file, its first by default, with a value for every parameter that a generated module
     declares; some of them replaced.

@@ -1,9 +1,7 @@
 """Generated modules: found by path, run once, never imported by name."""
 
 import hashlib
-import importlib.util
 import re
-import sys
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -14,9 +12,10 @@ ROOT = Path(__file__).resolve().parents[2]
 """Folder of the packages `models` and `generated`."""
 
 _EVERY = (
-    *("NAME", "MECHANISM_SHA256", "BODY_SHA256", "COORDINATES", "PARAMETERS", "OPTIONS", "OUTPUTS"),
+    *("NAME", "MECHANISM_SHA256", "FILE_SHA256", "COORDINATES", "PARAMETERS", "OPTIONS", "OUTPUTS"),
     *("LIMITS", "VALIDITY", "PERIOD"),
 )
+_SEAL = r'^FILE_SHA256 = "(\w*)"\n'
 _EQUATIONS = ("linearised", "outputs")
 _STRUCTURE = ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties")
 
@@ -51,28 +50,27 @@ def beam_elements() -> ModuleType:
     return _executed(path, path.stat().st_mtime_ns)
 
 
-def _refuse_edited(path: Path) -> None:
-    """Raise ModelFileError where the text is not the one whose hash it bears."""
+def _sealed_text(path: Path) -> str:
+    """The text of generated code, of which the seal covers all but its own line. Raises ModelFileError where
+    it bears no seal, or another."""
     text = path.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
-    _, *sealed = re.split(r'^BODY_SHA256 = "(\w*)"\n', text, maxsplit=1, flags=re.MULTILINE)
-    if sealed and sha256(sealed[1]) != sealed[0]:
+    seals = re.findall(_SEAL, text, flags=re.MULTILINE)
+    if len(seals) != 1:
+        raise ModelFileError(f"'{path}' is no generated code (no seal); move it away and run derive again")
+    if sha256(re.sub(_SEAL, "", text, flags=re.MULTILINE)) != seals[0]:
         raise ModelFileError(f"'{path}' was edited; its first lines name the command that renews it")
+    return text
 
 
 @lru_cache(maxsize=32)
 def _executed(path: Path, _modified: int) -> ModuleType:
-    _refuse_edited(path)
-    spec = importlib.util.spec_from_file_location(f"_generated_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise ModelFileError(f"'{path.name}' cannot be read as generated code")
-    module = importlib.util.module_from_spec(spec)
-    written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    module = ModuleType(f"_generated_{path.stem}")
+    module.__file__ = str(path)
+    text = _sealed_text(path)
     try:
-        spec.loader.exec_module(module)
+        exec(compile(text, str(path), "exec"), module.__dict__)
     except Exception as error:
         raise ModelFileError(
             f"'{path}' is no generated code ({type(error).__name__}); move it away and run derive again"
         ) from None
-    finally:
-        sys.dont_write_bytecode = written
     return module

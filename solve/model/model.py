@@ -39,13 +39,14 @@ class Model(PeriodicSystem):
     ):
         """coordinates: name, unit and meaning of each."""
         module = setup.module
-        super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD)
+        super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
         self.name, self.title = module.NAME, module.TITLE
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.options = setup.options
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
+        self.ignored = getattr(module, "NONLINEAR", ())
         self.units = {name: unit for name, unit, _ in (*coordinates, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*coordinates, *module.OUTPUTS)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
@@ -78,6 +79,7 @@ class Model(PeriodicSystem):
         of a kinetic energy, is positive definite. Raises MatricesError."""
         super().checked(speed)
         phase = (np.arange(_LOOKS) + 0.5) * (self.period / _LOOKS)
+        phase = phase[np.abs(phase[:, None] - self.breaks).min(axis=1, initial=np.inf) > 1e-9 * self.period]
         for symbol, change in self.changes(phase, phase + self.period, speed):
             raise MatricesError(
                 f"{symbol} is not periodic: after the period {self.period:.6g} it has changed by "

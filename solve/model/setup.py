@@ -49,11 +49,25 @@ class Setup:
         """The parameters in the order of the generated functions."""
         return np.array(list(self.case.parameters.values()))
 
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Phases at which the generated matrices jump or have kinks, rising. Raises ValueOutOfBoundsError."""
+        found = getattr(self.module, "BREAKS", ())
+        if hasattr(self.module, "breaks"):
+            try:
+                found = self.module.breaks(None, self.p.tolist(), **self._module_options)
+            except ValueError as error:
+                raise ValueOutOfBoundsError(f"{self.module.NAME}: {error}") from None
+        return tuple(sorted(set(found)))
+
+    @property
+    def _module_options(self) -> dict[str, Any]:
+        """Options of the generated functions; a structure's elements concern its assembly, not these."""
+        return {option: self.options[option] for option, *_ in self.module.OPTIONS}
+
     def function(self, name: str) -> "casadi.Function":
-        """A generated function; a structure's elements concern its assembly, not these."""
-        return getattr(self.module, name)(
-            **{option: self.options[option] for option, *_ in self.module.OPTIONS}
-        )
+        """A generated function."""
+        return getattr(self.module, name)(**self._module_options)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
         """A generated function at many phases, each with values of its own for the free parameters."""

@@ -143,10 +143,12 @@ class Chart:
     def warnings(self) -> list[str]:
         """How many points failed, and why the first did."""
         if not self.failures:
-            return []
+            return list(self.system.ignored)
         reason, total = next(iter(self.failures.values())), len(self.results)
         return [
-            f"{len(self.failures)} of {total} points give no result, and boundaries end beside them: {reason}"
+            *self.system.ignored,
+            f"{len(self.failures)} of {total} points give no result, and boundaries end beside them: "
+            + reason,
         ]
 
     def cut(self, x: float | None = None, y: float | None = None) -> Cut:

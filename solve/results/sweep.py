@@ -172,12 +172,14 @@ class Sweep:
         for at in sorted(texts):
             for text in texts[at]:
                 groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(float(self.speeds[at]))
-        return [f"{text} ({_where(at, len(self.speeds))})" for text, at in groups.values()]
+        of_points = [f"{text} ({_where(at, len(self.speeds))})" for text, at in groups.values()]
+        return [*self.system.ignored, *of_points]
 
     def record(self) -> dict[str, Any]:
         """Of `solve sweep --json`."""
         points = [point.record(self.system) for point in self.points]
-        return plain({**model_record(self.system), "speeds": self.speeds, "points": points})
+        found = {"speeds": self.speeds, "points": points, "warnings": self.warnings}
+        return plain({**model_record(self.system), **found})
 
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
         """Response over speed with its maxima, the spectral radius below, unstable speeds shaded

@@ -1,6 +1,7 @@
 """The command: what it writes, checks, shows and refuses."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -124,13 +125,39 @@ def test_check_notices_an_edited_module_and_full_shows_the_difference(derive, ro
 
 
 def test_full_notices_what_no_hash_covers(derive, rotor):
+    """A module that bears its own right seal, but another SymPy's version."""
     derive(rotor)
     target = rotor.parent / "generated" / "rotor.py"
-    target.write_text(target.read_text(encoding="utf-8").replace("do not edit.", "do not edit. Me"), "utf-8")
+    text = target.read_text(encoding="utf-8").replace('SYMPY_VERSION = "', 'SYMPY_VERSION = "0.')
+    unsealed = re.sub(r'FILE_SHA256 = "\w*"\n', "", text)
+    seal = f'FILE_SHA256 = "{freshness.sha256(unsealed)}"\n'
+    target.write_text(re.sub(r'FILE_SHA256 = "\w*"\n', seal, text), "utf-8")
     assert derive("--check", rotor)[0] == 0
     status, out, _ = derive("--check", "--full", rotor)
     assert status == 1
     assert "it differs from what derive would write" in out
+
+
+@pytest.mark.parametrize("place", ["Rotor on", "do not edit.", "import math\n", 'NAME = "'])
+def test_the_seal_covers_the_whole_file(derive, rotor, place):
+    derive(rotor)
+    target = rotor.parent / "generated" / "rotor.py"
+    text = target.read_text(encoding="utf-8")
+    assert place in text
+    target.write_text(text.replace(place, f"{place} ", 1), "utf-8")
+    status, out, _ = derive("--check", rotor)
+    assert (status, "the generated text was edited" in out) == (1, True)
+
+
+def test_comments_and_docstrings_of_derive_make_nothing_stale():
+    source = '"""What."""\n\nx = "# no comment"  # said\n# alone\ny = """kept"""\n"""A field."""\n'
+    assert freshness.code(source) == '\nx = "# no comment"\ny = """kept"""\n'
+    method = 'class A:\n    """Ω: what."""\n    def f(self):\n        "é"; return f"{1}#"\n'
+    assert freshness.code(method) == 'class A:\n    def f(self):\n; return f"{1}#"\n'
+    assert freshness.code(source.replace("said", "said so").replace("A field", "Another")) == freshness.code(
+        source
+    )
+    assert freshness.code(source.replace("kept", "changed")) != freshness.code(source)
 
 
 def test_a_changed_derive_makes_every_module_stale(derive, rotor, monkeypatch):

@@ -22,21 +22,38 @@ def block(name: str) -> str:
 
 
 @pytest.fixture
-def pump(tmp_path, monkeypatch):
-    """The derived module of the page's example, made by the page's own command."""
-    (tmp_path / "pump.py").write_text(block("pump.py"), encoding="utf-8")
-    assert "python -m derive pump.py\n" in PAGE
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["derive", "pump.py"])
-    with pytest.raises(SystemExit) as exit_:
-        main()
-    assert not exit_.value.code
-    spec = importlib.util.spec_from_file_location("pump", tmp_path / "generated" / "pump.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def derived(tmp_path, monkeypatch):
+    """The derived module of an example of the page, by its name, made by the page's own command."""
+
+    def by_name(name: str):
+        (tmp_path / f"{name}.py").write_text(block(f"{name}.py"), encoding="utf-8")
+        assert f"python -m derive {name}.py\n" in PAGE
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["derive", f"{name}.py"])
+        with pytest.raises(SystemExit) as exit_:
+            main()
+        assert not exit_.value.code
+        spec = importlib.util.spec_from_file_location(name, tmp_path / "generated" / f"{name}.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return by_name
+
+
+@pytest.fixture
+def pump(derived):
+    return derived("pump")
+
+
+def test_what_the_linear_answer_leaves_out_is_said(derived, capsys):
+    module = derived("duffing")
+    said = capsys.readouterr().err.splitlines()
+    assert said[:-1] == [f"duffing: {sentence}" for sentence in module.NONLINEAR]
+    assert "\n".join(said[:-1]) in PAGE
+    assert len(module.NONLINEAR) == 2
 
 
 def test_the_statement_takes_about_thirty_lines():

@@ -291,3 +291,14 @@ def test_expressions_that_cannot_be_generated():
     one.potential = k * q**2 * sympy.zeta(z)
     with pytest.raises(UnsupportedExpressionError, match=r"zeta\(z\) cannot be generated; known functions"):
         module_of(one)
+
+
+def test_one_coordinate_and_one_parameter():
+    one = Mechanism("one", "One mass")
+    q, m = one.coordinate("q", "m", "displacement"), one.parameter("m", "kg", "mass", "> 0")
+    k = one.parameter("k", "N/m", "spring")
+    one.kinetic, one.potential = m * rate(q) ** 2 / 2, k * q**2 / 2
+    check(one)
+    assert [each.bound for each in one.declared_parameters] == ["> 0", ""]
+    with pytest.raises(DeclarationError, match='"q" is declared twice'):
+        one.coordinate("q", "m", "displacement")

@@ -14,6 +14,7 @@ from solve.errors import (
     MatricesError,
     MissingValueError,
     ModelFileError,
+    UnitError,
     UnknownNameError,
     ValueOutOfBoundsError,
 )
@@ -27,7 +28,6 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "{sha256}"
-BODY_SHA256 = "{body_sha256}"
 """
 BODY = '''NAME, TITLE = "mine", "A mass on a modulated spring"
 COORDINATES = (("q", "m", "deflection"), ("r", "m", "second mode"))
@@ -70,6 +70,11 @@ z = { value = 3, unit = "1", source = "chosen" }
 VALUES = {"k": 5.0, "z": 3, "c": 0.4}
 
 
+def sealed(head, body):
+    """The text with the hash of the whole before its body."""
+    return f'{head}FILE_SHA256 = "{hashlib.sha256((head + body).encode()).hexdigest()}"\n{body}'
+
+
 class Folder:
     def __init__(self, path):
         self.mechanism = path / "mine.py"
@@ -80,10 +85,8 @@ class Folder:
         self._version = 0
 
     def generate(self, outputs=FORCE, text=None, body=lambda text: text):
-        stated = body(BODY.format(outputs=outputs))
-        hashes = [hashlib.sha256(part.encode()).hexdigest() for part in (MECHANISM, stated)]
-        head = HEAD.format(sha256=hashes[0], body_sha256=hashes[1])
-        self.generated.write_text(text or head + stated, encoding="utf-8")
+        head = HEAD.format(sha256=hashlib.sha256(MECHANISM.encode()).hexdigest())
+        self.generated.write_text(text or sealed(head, body(BODY.format(outputs=outputs))), encoding="utf-8")
         self._version += 1
         os.utime(self.generated, (self._version, self._version))
 
@@ -175,6 +178,18 @@ def test_parameters_out_of_bounds(ready, values, message):
         ready.load(**values)
 
 
+@pytest.mark.parametrize("given", ["0.05 kN/m", "0.05kN/m", "50", "5e-2N/mm"])
+def test_parameters_as_texts_with_unit(ready, given):
+    assert ready.load(k=given).parameters["k"] == pytest.approx(50.0, rel=1e-15)
+    assert ready.load().varied({"k": given}).parameters["k"] == pytest.approx(50.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("given", ["5 kg", "5 bananas"])
+def test_parameters_in_a_unit_of_another_kind(ready, given):
+    with pytest.raises(UnitError, match=r"k: unit '.*' does not convert to 'N/m'"):
+        ready.load(k=given)
+
+
 def test_unknown_parameters_and_cases_are_answered_with_the_nearest(ready):
     with pytest.raises(UnknownNameError, match="unknown parameter of mine 'kk'; did you mean 'k'"):
         ready.load(kk=1.0)
@@ -236,13 +251,33 @@ def test_stale_code_names_the_command_and_line_endings_do_not_matter(ready):
         ready.load()
 
 
-@pytest.mark.parametrize(
-    "text", ["x = 1", "def broken(", "import no_such_module_at_all", "raise SystemError"]
-)
+CODES = ["x = 1", "def broken(", "import no_such_module_at_all", "raise SystemError"]
+
+
+@pytest.mark.parametrize("text", [*CODES, *(sealed("", code) for code in CODES)])
 def test_a_file_that_is_no_generated_code(folder, text):
     folder.generate(text=text)
     with pytest.raises(ModelFileError, match=r"generated/mine.py' is no generated code \(.*\); move it away"):
         folder.load(**VALUES)
+
+
+@pytest.mark.parametrize("where", ["first", "above the seal", "second seal", "last"])
+def test_code_that_was_put_into_the_file_is_not_executed(ready, tmp_path, where):
+    text, planted = ready.generated.read_text(encoding="utf-8"), f"open({str(tmp_path / 'ran')!r}, 'w')\n"
+    seal = next(line for line in text.splitlines(keepends=True) if line.startswith("FILE_SHA256"))
+    changed = {
+        "first": planted + text,
+        "above the seal": text.replace(seal, planted + seal),
+        "second seal": text.replace(seal, seal + planted + seal),
+        "last": text + planted,
+    }[where]
+    ready.generate(text=changed)
+    with pytest.raises(ModelFileError, match=r"was edited|no seal"):
+        ready.load()
+    ready.generate(text=changed.replace(seal, ""))
+    with pytest.raises(ModelFileError, match="no seal"):
+        ready.load()
+    assert not (tmp_path / "ran").exists()
 
 
 def test_code_that_was_edited_is_refused_and_line_endings_do_not_matter(ready):

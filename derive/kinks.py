@@ -1,0 +1,123 @@
+"""Steps and kinks that hold coordinates: whether the equations still have tangents at the desired motion.
+
+A switch g(φ, q, q̇) of the residual lies beside the desired motion (a clearance), or is passed by it at
+some phases, or is zero all along it (friction at rest, contact without clearance).
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import sympy
+from sympy.core.relational import Relational
+
+from derive.declarations import Condition
+from derive.errors import ExpansionError
+from derive.switches import BESIDE, Numbers, arbitrary_points, differ, in_order, jumps, places, switches
+from derive.symbols import PHASE
+from derive.units import short
+
+SMOOTHED = "smooth it by a velocity v0, a parameter: v/sqrt(v**2 + v0**2) in place of sign(v)"
+
+
+def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]) -> None:
+    """Raise ExpansionError where a switch leaves the residual without a tangent at the desired motion.
+
+    jacobian: derivatives of the residual by all that moves, beside the switches.
+    """
+    for switch in switches(residual, moving):
+        at_rest = switch.xreplace(resting(moving))
+        if vanishes(at_rest):
+            parts, where = [*residual, *jacobian], f"{short(switch)} is 0 all along it"
+        elif PHASE in at_rest.free_symbols:
+            parts, where = [*residual], f"it passes {short(switch)} = 0"
+        else:
+            continue
+        if _apart(parts, at_rest, moving):
+            coordinates = {
+                symbol for symbol in moving if symbol.rate in moving and symbol.rate.rate in moving
+            }
+            remedy = "give it a clearance or a preload, or smooth it"
+            if not switch.free_symbols & coordinates:
+                remedy = SMOOTHED
+            raise ExpansionError(
+                f"there is no linearisation at the desired motion: {where}, where forces jump with the "
+                f"coordinates, or their slope does; {remedy}"
+            )
+
+
+def open_clearances(
+    residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]
+) -> Iterator[Condition]:
+    """Of parameters: that no clearance is just closed in the desired motion, if slopes differ there."""
+    rest = resting(moving)
+    parts: list[Any] = [*residual, *jacobian]
+    linear = [part.xreplace(rest) for part in parts]
+    for switch in switches(residual, moving):
+        at_rest = switch.xreplace(rest)
+        held = in_order(at_rest)
+        if held and PHASE not in held and any(jumps(linear, at_rest, symbol) for symbol in held):
+            meaning = f"the equations have no linearisation where {short(switch)} = 0 in the desired motion"
+            names = tuple(symbol.name for symbol in held)
+            shown = -at_rest if at_rest.could_extract_minus_sign() else at_rest
+            yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(at_rest), names)
+
+
+def at_desired_motion(matrix: Any, moving: Sequence[Any]) -> Any:
+    """The matrix where all that moves is zero; at switches that are zero there, from one of their sides,
+    which are alike."""
+    rest = resting(moving)
+    at_switch = [
+        node
+        for node in matrix.atoms(sympy.Heaviside, sympy.sign, Relational)
+        if _argument(node).free_symbols & {*moving} and vanishes(_argument(node).xreplace(rest))
+    ]
+    return matrix.xreplace({node: _chosen(node, moving) for node in at_switch}).xreplace(rest)
+
+
+def resting(moving: Sequence[Any]) -> dict[Any, Any]:
+    """All that moves at zero."""
+    return dict.fromkeys(moving, sympy.S.Zero)
+
+
+def vanishes(expression: Any) -> bool:
+    """Whether an expression is zero whatever its symbols are."""
+    symbols = in_order(expression)
+    numbers = Numbers([expression], symbols)
+    found = [numbers(point) for point in arbitrary_points(symbols)]
+    return all(each is not None and abs(each[0]) < 1e-40 for each in found)
+
+
+def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
+    """Whether the parts differ between states on both sides of the desired motion, where the switch is
+    zero there."""
+    symbols = in_order(*parts, at_rest, *moving)
+    numbers, side = Numbers(parts, symbols), _beside(moving)
+    other = {symbol: -value for symbol, value in side.items()}
+    along = arbitrary_points(symbols) if vanishes(at_rest) else places(at_rest, PHASE, symbols)
+    return any(
+        differ(numbers({**place, **side}), numbers({**place, **other}), numbers(place)) for place in along
+    )
+
+
+def _beside(moving: Sequence[Any]) -> dict[Any, Any]:
+    """A state next to the desired motion."""
+    (point, *_) = arbitrary_points(moving)
+    return {symbol: value * BESIDE for symbol, value in point.items()}
+
+
+def _chosen(node: Any, moving: Sequence[Any]) -> Any:
+    """What a step is next to the desired motion."""
+    argument = _argument(node)
+    symbols = in_order(argument, *moving)
+    numbers = Numbers([argument], symbols)({**arbitrary_points(symbols)[0], **_beside(moving)})
+    if numbers is None or numbers[0] == 0:
+        return node
+    sign = 1 if numbers[0] > 0 else -1
+    if isinstance(node, Relational):
+        return sympy.true if node.func(sign, 0) else sympy.false
+    return sympy.Integer(sign) if isinstance(node, sympy.sign) else sympy.Integer((1 + sign) // 2)
+
+
+def _argument(node: Any) -> Any:
+    first, *others = node.args
+    return first - others[0] if isinstance(node, Relational) else first

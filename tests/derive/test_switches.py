@@ -1,0 +1,303 @@
+"""Steps and kinks: their slopes, the phases where they lie, what would be an impulse, what the linear
+answer loses."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy
+from modules import module_of, values
+
+from derive import (
+    Abs,
+    Heaviside,
+    Max,
+    Mechanism,
+    Piecewise,
+    Rational,
+    cos,
+    pi,
+    rate,
+    rectangle,
+    sign,
+    sin,
+    sqrt,
+    trapezoid,
+    wrapped,
+)
+from derive.emit import derive_equations, module_text
+from derive.errors import (
+    DeclarationError,
+    ExpansionError,
+    ImpulseError,
+    UnitError,
+    UnsupportedExpressionError,
+)
+from derive.switches import slope
+
+x, y = sympy.symbols("x y", real=True)
+
+
+def oscillator(**parameters):
+    """A mass on a spring k, with further parameters; its coordinate and all parameters by name."""
+    one = Mechanism("one", "One mass")
+    (q,) = one.coordinates(q=("m", "deflection"))
+    named = {"m": ("kg", "mass", "> 0"), "k": ("N/m", "spring"), **parameters}
+    symbols = dict(zip(named, one.parameters(**named), strict=True))
+    one.kinetic = symbols["m"] * rate(q) ** 2 / 2
+    one.potential = symbols["k"] * q**2 / 2
+    return one, q, symbols
+
+
+STOP = {"s": ("N/m", "stop"), "gap": ("m", "clearance")}
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        (Max(0, x - y) ** 2, lambda a: 2 * max(0, a - 0.4)),
+        (Abs(x), math.copysign),
+        (Max(0, x) ** Rational(5, 2), lambda a: 2.5 * max(0, a) ** 1.5),
+        (Piecewise((0, x < y), ((x - y) ** 3, True)), lambda a: 3 * max(0, a - 0.4) ** 2),
+        (Max(0, x) ** 2 + Max(0, -x) ** 2, lambda a: 2 * a),
+        (wrapped(x) ** 2 * 0 + sin(wrapped(x)), math.cos),
+    ],
+)
+@pytest.mark.parametrize("at", [-1.3, -0.2, 0.3, 1.7])
+def test_slopes_beside_kinks(expression, expected, at):
+    found = float(slope(expression, x).subs({x: at, y: 0.4}))
+    assert found == pytest.approx(expected(1.0, at) if expected is math.copysign else expected(at), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        Heaviside(x - y),
+        x * sign(x - y),
+        wrapped(x),
+        Piecewise((x, x < y), (2 * x, True)),
+        y * rectangle(x, 0, y),
+        Max(0, x) * Heaviside(x - y),
+    ],
+)
+def test_what_jumps_has_no_slope(expression):
+    with pytest.raises(
+        ImpulseError, match=r"jumps where .* = 0, and its derivative by x would be an impulse"
+    ):
+        slope(expression, x)
+
+
+def test_a_stop_beside_the_desired_motion():
+    """Open for a clearance, closed for a preload; the residual knows it whole."""
+    one, q, p = oscillator(**STOP)
+    one.potential += p["s"] * Max(0, q - p["gap"]) ** 2 / 2
+    module = module_of(one)
+    for gap, stiffness, load in [(0.3, 5.0, 0.0), (-0.3, 12.0, -7 * 0.3)]:
+        M, C, K, d = values(module.linearised(), 0.1, 2.0, [2, 5, 7, gap])
+        assert (M[0, 0], C[0, 0], K[0, 0]) == (2, 0, stiffness)
+        assert d[0, 0] == pytest.approx(load, rel=1e-15)
+    (r,) = values(module.residual(), 0.1, 2.0, 0.5, 0, 0, [2, 5, 7, 0.3])
+    assert r[0, 0] == pytest.approx(5 * 0.5 + 7 * 0.2, rel=1e-15)
+    assert len(module.NONLINEAR) == 1
+    assert module.NONLINEAR[0].startswith("Max(0, q - gap) is in the energies; the linear answer")
+    ((text, meaning, names),) = module.CONDITIONS
+    assert (text, names) == ("gap other than 0", ("gap",))
+    assert "no linearisation where q - gap = 0" in meaning
+    (margins,) = values(module.conditions(), 0.0, [2, 5, 7, 0.0])
+    assert margins == [[0.0]]
+
+
+def test_hertz_contact():
+    """F = h (δ0 + q)^(3/2) has the slope 3/2 h √δ0; without preload its slope is 0 on both sides."""
+    hertz = {"h": ("N/m^2", "contact"), "b": ("m", "width", "> 0"), "preload": ("m", "preload", "> 0")}
+    one, q, p = oscillator(**hertz)
+    one.force(-p["h"] * sqrt(p["b"]) * Max(0, q + p["preload"]) ** Rational(3, 2), along=q)
+    K = values(module_of(one).linearised(), 0.1, 2.0, [2, 5, 7, 4, 0.09])[2]
+    assert K[0, 0] == pytest.approx(5 + 1.5 * 7 * 2 * 0.3, rel=1e-15)
+    one, q, p = oscillator(**hertz)
+    one.force(-p["h"] * sqrt(p["b"]) * Max(0, q) ** Rational(3, 2) * (1 + 0 * p["preload"]), along=q)
+    equations = derive_equations(one)
+    assert equations.linearised["K"][0] == p["k"]
+    assert "h is in the energies but not in the linearised equations" in equations.nonlinear[0]
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [lambda q: Max(0, q) ** 2, lambda q: q * Abs(q), lambda q: Piecewise((0, q < 0), (q**2, True))],
+)
+def test_contact_without_clearance_has_no_linearisation(contact):
+    one, q, p = oscillator(s=STOP["s"])
+    one.potential += p["s"] * contact(q) / 2
+    with pytest.raises(
+        ExpansionError,
+        match=r"no linearisation at the desired motion: .* is 0 all along it, .*clearance or a preload",
+    ):
+        derive_equations(one)
+
+
+def test_kinks_that_cancel_are_none():
+    one, q, p = oscillator(s=STOP["s"])
+    one.potential += p["s"] * (Max(0, q) ** 2 + Max(0, -q) ** 2) / 2
+    K = values(module_of(one).linearised(), 0.1, 2.0, [2, 5, 7])[2]
+    assert K[0, 0] == 12
+
+
+def test_friction_needs_a_smoothing_velocity():
+    one, q, p = oscillator(F=("N", "friction"), v0=("m/s", "smoothing velocity", "> 0"))
+    one.force(-p["F"] * sign(rate(q)), along=q)
+    with pytest.raises(ExpansionError, match=r"qd is 0 all along it.*v/sqrt\(v\*\*2 \+ v0\*\*2\)"):
+        derive_equations(one)
+    one.forces.clear()
+    one.dissipation = p["F"] * sqrt(rate(q) ** 2 + p["v0"] ** 2)
+    C = values(module_of(one).linearised(), 0.1, 2.0, [2, 5, 7, 0.5])[1]
+    assert C[0, 0] == pytest.approx(14, rel=1e-15)
+
+
+def test_duffings_cubic_spring_is_named():
+    one, q, p = oscillator(k3=("N/m^3", "cubic"), J=("kg m^2", "flywheel"))
+    one.potential += p["k3"] * q**4 / 4
+    one.kinetic += p["J"] * one.speed**2 / 2
+    told = []
+    module_text(one, "", "", "one", told.append)
+    assert told == [
+        "k3 is in the energies but not in the linearised equations; the linear answer ignores it",
+        "J is in the energies but moves nothing: it is in no equation of motion and in no output",
+    ]
+
+
+def test_a_series_that_is_lost_is_named_once():
+    one, q, _ = oscillator()
+    P = one.series("P", 2, "N/m^3", "cubic spring over the turn")
+    one.potential += P(one.phase) * q**4
+    (sentence,) = derive_equations(one).nonlinear
+    assert sentence.startswith("P is in the energies but not in the linearised equations")
+
+
+def test_breaks_that_parameters_move():
+    one, q, p = oscillator(z=("1", "teeth", "integer, >= 1"), eps=("1", "contact ratio"), dk=("N/m", "step"))
+    one.potential += p["dk"] * rectangle(p["z"] * one.phase + 1, 0, 2 * pi * p["eps"]) * q**2 / 2
+    module = module_of(one)
+    given = [2.0, 5.0, 3, 0.3, 7.0]
+    tooth = 2 * math.pi / 3
+    starts = [(-1 / 3 + k * tooth) % (2 * math.pi) for k in range(3)]
+    ends = [(each + 0.3 * tooth) % (2 * math.pi) for each in starts]
+    found = sorted(set(module.breaks(1.0, given)))
+    assert found == pytest.approx(sorted([0.0, *starts, *ends]), abs=1e-14)
+    for start in starts:
+        K = [
+            values(module.linearised(), start + at * tooth, 1.0, given)[2][0, 0]
+            for at in (-0.01, 0.01, 0.29, 0.31)
+        ]
+        assert K == [5, 12, 12, 5]
+    assert "drive_torque" not in {name for name, *_ in module.OUTPUTS}
+    assert "would hold impulses" in module.NO_DRIVE_TORQUE
+
+
+def test_breaks_that_nothing_moves():
+    """√3 cos 2φ + sin 2φ = 2 cos(2φ − π/6) is 1 where 2φ = π/6 ± π/3."""
+    one, q, p = oscillator(F=("N", "load"))
+    phase = one.phase
+    one.force(p["F"] * Max(0, sqrt(3) * cos(2 * phase) + sin(2 * phase) - 1), along=q)
+    one.force(p["F"] * Piecewise((1, phase < 2), (0, phase < 3), (2, True)), along=q)
+    breaks = sorted(module_of(one).BREAKS)
+    angles = [-math.pi / 12, math.pi / 4]
+    expected = [(a + k * math.pi) % (2 * math.pi) for a in angles for k in range(2)]
+    assert np.unique(np.round(breaks, 12)) == pytest.approx(sorted([0, 2, 3, *expected]), abs=1e-11)
+
+
+def test_a_trapezoid_rises_and_falls():
+    one, q, p = oscillator(F=("N", "load"))
+    one.force(p["F"] * trapezoid(one.phase, 5.5, 6, 1 + 2 * pi, 2 + 2 * pi), along=q)
+    module = module_of(one)
+    shares = {5: 0, 5.5: 0, 5.75: 0.5, 6.1: 1, 0.9: 1, 1.25: 0.75, 2.1: 0}
+    for phase, share in shares.items():
+        d = values(module.linearised(), phase, 1.0, [2, 5, 1])[3][0, 0]
+        assert d == pytest.approx(share, abs=1e-12)
+    assert {5.5, 6.0, 1.0, 2.0} <= set(np.round(module.BREAKS, 12))
+
+
+def cycloid(s):
+    return s - sin(2 * pi * s) / (2 * pi)
+
+
+def cubic(s):
+    return s**2 * (3 - 2 * s)
+
+
+@pytest.mark.parametrize(
+    ("rise", "allowed"),
+    [
+        (cycloid, True),
+        (cubic, True),
+        (lambda s: s, False),
+    ],
+)
+def test_a_prescribed_motion_may_jump_in_its_second_derivative(rise, allowed):
+    """Cycloid and parabola-like cubic rises of a dwell cam; a ramp would need an impulse."""
+    one, q, p = oscillator(h=("m", "lift"), b=("rad", "rise", "> 0"))
+    angle = one.phase
+    lift = p["h"] * Piecewise((rise(angle / p["b"]), angle < p["b"]), (1, angle < pi), (0, True))
+    back = p["h"] * Piecewise((0, angle < pi), (1 - rise((angle - pi) / pi), True))
+    one.kinetic = p["m"] * rate(lift + back + q) ** 2 / 2
+    if not allowed:
+        with pytest.raises(ImpulseError, match="jumps where"):
+            derive_equations(one)
+        return
+    module = module_of(one)
+    assert np.unique(np.round(module.breaks(1.0, [2, 5, 1, 1.2]), 12)) == pytest.approx([0, 1.2, math.pi])
+    d = values(module.linearised(), 0.4, 3.0, [2, 5, 0.1, 1.2])[3][0, 0]
+    s = x / sympy.Rational(12, 10)
+    curvature = float(sympy.diff(rise(s), x, 2).subs(x, 0.4))
+    assert d == pytest.approx(-2 * 9 * 0.1 * curvature, rel=1e-12)
+
+
+def moved_lift(rise):
+    one, q, p = oscillator(h=("m", "lift"), J=("kg m^2", "shaft", "> 0"))
+    (twist,) = one.coordinates(a=("rad", "twist"))
+    angle = wrapped(one.phase + twist)
+    lift = p["h"] * Piecewise((rise(angle / 2), angle < 2), (1 - rise((angle - 2) / (2 * pi - 2)), True))
+    one.kinetic = p["m"] * rate(lift + q) ** 2 / 2 + p["J"] * rate(one.phase + twist) ** 2 / 2
+    return one
+
+
+@pytest.mark.slow
+def test_a_motion_that_a_coordinate_shifts_may_jump_in_its_third_derivative_alone():
+    with pytest.raises(ExpansionError, match=r"it passes .* = 0, where forces jump with the coordinates"):
+        derive_equations(moved_lift(cubic))
+    smooth = derive_equations(moved_lift(cycloid))
+    assert len(smooth.passages) >= 2
+
+
+REFUSED = {
+    "mass": (ImpulseError, r"jumps where sin\(phase\) = 0, and its derivative by phase would be an impulse"),
+    "stop": (ImpulseError, r"jumps where .*gap.* = 0, and its derivative by q would be an impulse"),
+    "shifted": (DeclarationError, r"holds the phase with a coordinate; .*wrapped\(phase \+ q\)"),
+    "square": (UnsupportedExpressionError, "are not known; let steps and kinks depend on the phase by"),
+    "pieces": (UnitError, "cannot be added or compared"),
+    "compared": (UnitError, "cannot be added or compared"),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_steps_that_cannot_be(kind):
+    one, q, p = oscillator(gap=("m", "clearance"))
+    m, k, gap, phase = p["m"], p["k"], p["gap"], one.phase
+    one.output("reach", gap, "m", "clearance")
+    if kind == "mass":
+        one.kinetic = m * rate(q) ** 2 * (1 + Heaviside(sin(phase))) / 2
+    else:
+        one.potential = {
+            "stop": k * q**2 * Heaviside(q - gap),
+            "shifted": k * gap**2 * Max(0, phase + q / gap) ** 2,
+            "square": k * q**2 * Heaviside(phase**2 - 2),
+            "pieces": Piecewise((k * q**2, phase < 1), (k * q, True)),
+            "compared": k * q**2 * Piecewise((1, q < phase), (0, True)),
+        }[kind]
+    error, message = REFUSED[kind]
+    with pytest.raises(error, match=message):
+        module_of(one)
+
+
+def test_a_rate_of_what_jumps_is_refused_where_it_is_written():
+    with pytest.raises(ImpulseError, match="jumps where"):
+        rate(Heaviside(sin(oscillator()[0].phase)))
