@@ -12,8 +12,10 @@ from solve.model.sampling import folded
 if TYPE_CHECKING:
     import casadi
 
-_MOST_STEPS = 10**6
+_MOST_STEPS = 10**5
 """Of a turn."""
+
+_QUIET = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
 
 class ModelMarcher:
@@ -45,7 +47,7 @@ class ModelMarcher:
         rate = casadi.vertcat(x[n:], casadi.solve(M, -rest) / scale)
         self._acceleration = casadi.Function("acceleration", [phase, offset, speed, x], [rate[n:] * scale])
         grid = np.linspace(0.0, period, count + 1)
-        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": _MOST_STEPS, "show_eval_warnings": False}
+        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": _MOST_STEPS, **_QUIET}
         problem = {"x": x, "t": phase, "p": casadi.vertcat(speed, offset), "ode": rate}
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
         self._sizes, self._grid, self._n = np.tile(sizes, 2), grid, n
