@@ -9,11 +9,13 @@ from solve.methods.radau import Radau
 from solve.methods.runge_kutta import RungeKutta4
 from solve.model.cases import Case
 from solve.model.model import Model
+from solve.newton.orbits import nonlinear
 from solve.period.quantities import statistics as signal_statistics
 from solve.results.bands import Band
 from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.frequencies import Frequencies, Variation
+from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep, Sweeps
@@ -35,6 +37,7 @@ __all__ = [
     "Gauss",
     "Model",
     "Newmark",
+    "NonlinearOrbit",
     "Orbit",
     "PeriodicCurves",
     "PeriodicSystem",
@@ -54,6 +57,7 @@ __all__ = [
     "frequencies",
     "frequencies_over",
     "load",
+    "nonlinear",
     "periodic",
     "signal_statistics",
     "sweep",

@@ -64,6 +64,18 @@ class ResonanceError(SolveError):
     """I - Φ is singular: a multiplier at +1, so that no or no unique periodic solution exists."""
 
 
+class LinearModelError(SolveError):
+    """A system without nonlinear equations, asked for what needs them."""
+
+
+class NoOrbitError(SolveError):
+    """Newton's iteration, continuation and transients reached no periodic solution."""
+
+
+class TransientError(SolveError):
+    """A motion that the integrator cannot follow."""
+
+
 class NoResultError(SolveError):
     """None of many points has a result."""
 

@@ -8,7 +8,14 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MatricesError, SolveError, ValueOutOfBoundsError, require_name
+from solve.errors import (
+    LinearModelError,
+    MatricesError,
+    SolveError,
+    TransientError,
+    ValueOutOfBoundsError,
+    require_name,
+)
 from solve.statistics import Statistics
 from solve.trigonometric import Trigonometric
 
@@ -55,6 +62,26 @@ class ManyPoints(Protocol):
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
         """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
+        ...
+
+
+class Marcher(Protocol):
+    """A system followed in time; derivatives by the phase."""
+
+    def __call__(self, state: Array, start: float, speed: float) -> Array:
+        """q, v, a (3, n, k) over a period, both ends included, from the state (q, v) (2n,) at the phase
+        `start`. Raises TransientError where the motion cannot be followed."""
+        ...
+
+
+class Motion(Protocol):
+    """A motion over phases from 0 to the last of its nodes (m+1,), where it repeats."""
+
+    @property
+    def nodes(self) -> Array: ...
+
+    def __call__(self, phase: Array, derivative: int = 0) -> Array:
+        """q or its derivative by the phase at phases (k,) of any turn: (n, k)."""
         ...
 
 
@@ -222,6 +249,30 @@ class PeriodicSystem:
                 # The solution at this speed fails for the same reason, and says so.
                 continue
         return entries
+
+    def along(self, motion: Motion) -> "PeriodicSystem":
+        """The equations of motion r(φ, Ω, q, q̇, q̈) = 0 linearised along a motion q_k, with its period:
+        M = ∂r/∂q̈, C = ∂r/∂q̇, K = ∂r/∂q and d = M q̈_k + C q̇_k + K q_k - r(q_k), so that its periodic
+        solution is the next iterate of Newton's method (U. Ascher, R. Mattheij, R. Russell, Numerical
+        Solution of Boundary Value Problems, 2.3.4). Raises LinearModelError for linear systems."""
+        raise LinearModelError(
+            f"{self.name} is linear by construction, its orbit is the linear one; leave out what asks for "
+            "nonlinear equations"
+        )
+
+    def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:
+        """Period after period of the equations of motion from any state, `count` states a period; sizes (n,)
+        of the coordinates, to which rtol is relative. Raises TransientError for systems without generated
+        code."""
+        raise TransientError(
+            f"{self.name} has no generated equations of motion that could be followed in time; state it as a "
+            "mechanism and derive it"
+        )
+
+    @property
+    def nonlinear(self) -> bool:
+        """Whether there are nonlinear equations, which `along` linearises along any motion."""
+        return False
 
     def many_points(self, names: Sequence[str]) -> ManyPoints | None:
         """What gives matrices and outputs at all points at once, where parameters of these names vary; None

@@ -52,16 +52,20 @@ class Reference:
         multipliers = self.multipliers.difference(fine.multipliers)
         orbit = np.zeros_like(multipliers)
         if self.samples is not None and self.phase is not None and fine.curve is not None:
-            orbit = _orbit_differences(self.samples, self.phase, fine.curve, closing_rounding(fine))
+            orbit = orbit_differences(self.samples, self.phase, fine.curve, closing_rounding(fine)).max(
+                axis=1
+            )
         return np.column_stack((orbit, multipliers))
 
 
-def _orbit_differences(samples: Array, phase: Array, curve: PeriodicCurve, rounding: Array) -> Array:
+def orbit_differences(samples: Array, phase: Array, curve: PeriodicCurve, rounding: Array) -> Array:
+    """Per coordinate max|difference|/max|q| (P, n) of curves from samples (P, n, k) at phases (k,), as
+    `Reference.differences` has it; rounding (P,): relative error that is none."""
     q = curve(phase)
     scale, error = np.abs(q).max(axis=2), np.abs(samples - q).max(axis=2)
     largest = scale.max(axis=1, keepdims=True)
     scale = np.where(scale > rounding[:, None] * largest, scale, largest)
-    return (error / np.where(scale > 0, scale, 1.0)).max(axis=1)
+    return error / np.where(scale > 0, scale, 1.0)
 
 
 def differences(coarse: Solutions, fine: Solutions) -> Array:

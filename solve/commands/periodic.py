@@ -8,6 +8,7 @@ import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import OnePoint, Problem, Results, Speed
 from solve.commands.parse import harmonic_count, whole
+from solve.errors import ValueOutOfBoundsError
 from solve.results.plot import checked_scale, shown
 
 
@@ -18,6 +19,15 @@ def periodic(
     results: Results,
     harmonics: Annotated[
         int | None, typer.Option(metavar="N", parser=whole, help="Orders of the spectrum; 60 by default.")
+    ] = None,
+    nonlinear: Annotated[
+        bool, typer.Option("--nonlinear", help="The orbit of the nonlinear equations, the linear one beside.")
+    ] = False,
+    periods: Annotated[
+        int | None,
+        typer.Option(
+            metavar="K", parser=whole, help="With --nonlinear: an orbit of K periods; 1 by default."
+        ),
     ] = None,
     quasi_static: Annotated[
         bool, typer.Option("--quasi-static", help="The kinetostatic solution beside the full one.")
@@ -34,7 +44,14 @@ def periodic(
     orders, model = harmonic_count(harmonics), problem.loaded()
     checked_scale(scale)
     shown(model, show)
-    orbit = accuracy.solved(solve.periodic, model, speed.omega(model))
+    if nonlinear:
+        _check_nonlinear(accuracy, quasi_static)
+        given = accuracy.rule, accuracy.steps, accuracy.rtol
+        orbit = solve.nonlinear(model, speed.omega(model), None, 1 if periods is None else periods, *given)
+    elif periods is not None:
+        raise ValueOutOfBoundsError(f"--periods {periods} is of nonlinear orbits; add --nonlinear")
+    else:
+        orbit = accuracy.solved(solve.periodic, model, speed.omega(model))
     deliver_result(
         results,
         orbit,
@@ -43,3 +60,10 @@ def periodic(
         report=lambda: orbit.report(problem.choices, quasi_static),
         figure=lambda: orbit.plot(show, quasi_static, scale, harmonics),
     )
+
+
+def _check_nonlinear(accuracy: OnePoint, quasi_static: bool) -> None:
+    """Raise ValueOutOfBoundsError for what only the linear model has."""
+    flags = {"--quasi-static": quasi_static, "--all-multipliers": accuracy.all_multipliers}
+    for flag in (flag for flag, given in flags.items() if given):
+        raise ValueOutOfBoundsError(f"{flag} is of the linear orbit; leave out {flag} or --nonlinear")

@@ -13,10 +13,10 @@ from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
 from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
 from solve.model.generated import model_module
-from solve.model.sampling import MatrixSampler, Sampler
+from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.statistics import Statistics
-from solve.system import PeriodicSystem
+from solve.system import Marcher, Matrices, Motion, PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
@@ -108,6 +108,26 @@ class Model(PeriodicSystem):
         shapes = self.setup.function("fields").map(fraction.size)(fraction.reshape(1, -1))
         return shapes.full().T.reshape(*fraction.shape, self.n)
 
+    @property
+    def nonlinear(self) -> bool:
+        return hasattr(self.module, "residual")
+
+    def along(self, motion: Motion) -> PeriodicSystem:
+        return ModelAlong(self, motion) if self.nonlinear else super().along(motion)
+
+    def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:
+        if not self.nonlinear:
+            return super().marcher(sizes, count, rtol)
+        from solve.model.marching import ModelMarcher
+
+        residual = self.setup.function("residual")
+        return ModelMarcher(residual, self.setup.p, self.module.PERIOD, sizes, count, rtol)
+
+    @cached_property
+    def tangent(self) -> Sampler:
+        """M, C, K by rows and d of `along`, at phases, speeds and states q, qd, qdd (k, n)."""
+        return Sampler(tangent(self.setup.function("residual"), self.setup.p))
+
     @cached_property
     def _outputs(self) -> "casadi.Function":
         return self.setup.function("outputs")
@@ -138,6 +158,35 @@ class Model(PeriodicSystem):
                     reached = measured(extreme, self.units[name], 3)
                     warnings.append(f"{meaning}: {name} reaches {reached}, bound {clause}")
         return warnings
+
+
+class ModelAlong(Model):
+    """A model linearised along a motion, see `PeriodicSystem.along`. The bounds within which the model
+    linearised about its desired motion is trusted do not concern it."""
+
+    def __init__(self, model: Model, motion: Motion):
+        super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
+        self.model, self.motion = model, motion
+        self.period, self.validity = float(motion.nodes[-1]), {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.model, self.motion)
+
+    def _along(self, phase: Array, speed: float) -> Matrices:
+        q, v, a = (self.motion(phase, derivative).T for derivative in range(3))
+        speeds = np.full(len(phase), speed)
+        return parted(self.model.tangent(phase, speeds, q, speed * v, speed**2 * a), self.n)
+
+    def along(self, motion: Motion) -> PeriodicSystem:
+        return self.model.along(motion)
+
+    def varied(
+        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+    ) -> "ModelAlong":
+        return ModelAlong(self.model.varied(parameters, options), self.motion)
+
+    def many_points(self, names: Sequence[str]) -> None:
+        return None
 
 
 class ModelPoints:

@@ -62,6 +62,27 @@ def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] =
     return casadi.Function("folded", [*inputs, values], [casadi.vertcat(*rows)])
 
 
+def tangent(residual: "casadi.Function", parameters: Array) -> "casadi.Function":
+    """∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r of a generated `residual` at
+    fixed parameters, one after another: a function of phase, speed, q, qd and qdd."""
+    import casadi
+
+    names = ("phase", "speed", "q", "qd", "qdd")
+    inputs = [casadi.SX.sym(name, residual.size1_in(name)) for name in names]  # pyright: ignore[reportAttributeAccessIssue]
+    (r,) = folded(residual, parameters).call([*inputs, casadi.SX(0, 1)], True, False)
+    states = inputs[:1:-1]
+    matrices = [casadi.densify(casadi.jacobian(r, x)) for x in states]
+    d = sum((A @ x for A, x in zip(matrices, states, strict=True)), -r)
+    rows = [casadi.vec(A.T) for A in matrices]
+    return casadi.Function("tangent", inputs, [casadi.vertcat(*rows, casadi.densify(d))])
+
+
+def parted(entries: Array, n: int) -> tuple[Array, Array, Array, Array]:
+    """M, C, K (m, n, n) and d (m, n) of entries (m, 3n² + n) by rows, one after another."""
+    M, C, K = (entries[:, k * n**2 : (k + 1) * n**2].reshape(-1, n, n) for k in range(3))
+    return M, C, K, entries[:, 3 * n**2 :]
+
+
 class MatrixSampler:
     """M, C, K (m, n, n) and d (m, n) of a generated `linearised` function at fixed parameters.
 
@@ -82,10 +103,7 @@ class MatrixSampler:
         self._kept: dict[bytes, Array] = {}
 
     def __call__(self, phase: Array, speed: float) -> tuple[Array, Array, Array, Array]:
-        n, m = self.n, len(phase)
-        entries = self._entries(phase, speed)
-        M, C, K = (entries[:, k * n**2 : (k + 1) * n**2].reshape(m, n, n) for k in range(3))
-        return M, C, K, entries[:, 3 * n**2 :]
+        return parted(self._entries(phase, speed), self.n)
 
     def _entries(self, phase: Array, speed: float) -> Array:
         """M, C, K by rows and d (m, 3n² + n)."""

@@ -128,6 +128,11 @@ class Orbit(Stability, Turn):
         return curve[0]
 
     @property
+    def motion(self) -> PeriodicCurve:
+        """The continuous curve with its nodes, as `PeriodicSystem.along` takes it."""
+        return self._curve
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         return self.system.coordinates
 

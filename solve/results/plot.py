@@ -40,11 +40,11 @@ SCALES = ("linear", "dB")
 
 
 class Motion(NamedTuple):
-    """A quantity over one period: values (k,) at evenly spaced phases, both ends included, those of the
-    quasi-static solution where it is drawn beside, and amplitudes (m + 1,) from the mean on."""
+    """A quantity over one period: values (k,) at evenly spaced phases, both ends included, those of another
+    solution where one is drawn beside, and amplitudes (m + 1,) from the mean on."""
 
     values: Array
-    quasi_static: Array | None
+    beside: Array | None
     amplitudes: Array
 
 
@@ -62,8 +62,11 @@ def orbit_figure(
     motions: Mapping[str, Motion],
     panel: StabilityPanel,
     scale: str = "linear",
+    label: str = "dynamic",
+    beside: str = "quasi-static",
 ) -> Figure:
-    """Time curve over one period and spectrum of each quantity, multipliers; speed in rad/s.
+    """Time curve over one period and spectrum of each quantity, multipliers; speed in rad/s. label and beside
+    name the solution and the one beside it.
 
     scale of the spectra is "linear" or "dB", 0 dB the largest amplitude; orders up to the last that can
     be seen.
@@ -75,10 +78,10 @@ def orbit_figure(
         axes = upper.subplots(len(motions), 2, sharex="col", squeeze=False, width_ratios=(1.2, 1))
         orders = _orders(motions, scale)
         for (left, right), (name, motion) in zip(axes, motions.items(), strict=True):
-            _draw_curve(left, system, name, motion)
+            _draw_curve(left, system, name, motion, (label, beside))
             _draw_spectrum(right, system, name, motion.amplitudes[orders], orders, scale)
         _label_columns(axes, system, speed)
-        if any(motion.quasi_static is not None for motion in motions.values()):
+        if any(motion.beside is not None for motion in motions.values()):
             _label_curves(axes[0, 0])
         upper.align_ylabels()
         _draw_stability(lower, panel)
@@ -122,12 +125,14 @@ def title_of(system: PeriodicSystem) -> str:
     return f"{system.name.replace('_', ' ')}{case}"
 
 
-def _draw_curve(axes: Axes, system: PeriodicSystem, name: str, motion: Motion) -> None:
+def _draw_curve(
+    axes: Axes, system: PeriodicSystem, name: str, motion: Motion, labels: tuple[str, str]
+) -> None:
     degrees = np.linspace(0.0, math.degrees(system.period), len(motion.values))
-    curves: list[tuple[Array, dict[str, Any]]] = [(motion.values, {"color": BLUE, "label": "dynamic"})]
-    if motion.quasi_static is not None:
-        style = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": "quasi-static"}
-        curves.append((motion.quasi_static, style))
+    curves: list[tuple[Array, dict[str, Any]]] = [(motion.values, {"color": BLUE, "label": labels[0]})]
+    if motion.beside is not None:
+        style = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": labels[1]}
+        curves.append((motion.beside, style))
     factor, unit = prefixed(system.units.get(name, ""), max(np.abs(y).max() for y, _ in curves))
     for values, style in curves:
         axes.plot(degrees, factor * values, **style)

@@ -1,0 +1,33 @@
+"""One correction of Newton's method: a linear periodic problem."""
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.estimates import closing_rounding, orbit_differences
+from solve.methods.method import Method, Solutions
+from solve.period.grid import Grid
+from solve.period.points import OnePoint
+from solve.system import Motion, PeriodicSystem
+
+_COMPARED = 4
+"""Phases a step at which a correction is measured."""
+
+
+def corrected(
+    system: PeriodicSystem, motion: Motion, speed: float, method: Method, grid: Grid, engine: str
+) -> Solutions:
+    """The next iterate after a motion, on a grid over the motion's period: what solves the system linearised
+    along the motion. Raises SolveError where that has no solution, LinearModelError for linear systems."""
+    found = method.solutions(OnePoint(system.along(motion), speed), grid, True, engine)
+    for reason in found.failures.values():
+        raise reason
+    return found
+
+
+def correction(motion: Motion, found: Solutions) -> Array:
+    """Size (n,) of a correction, per coordinate max|change|/max|q|; one that rests but for rounding is
+    measured by the largest."""
+    assert found.curve is not None
+    steps = found.grid.h[:, None] * ((np.arange(_COMPARED) + 0.5) / _COMPARED)
+    phase = (found.grid.nodes[:-1, None] + steps).ravel()
+    return orbit_differences(motion(phase)[None], phase, found.curve, closing_rounding(found))[0]

@@ -1,0 +1,67 @@
+"""A model in time from a state, turn by turn, by CVODES (A. C. Hindmarsh et al., ACM Trans. Math. Softw. 31
+(2005) 363-396), which CasADi brings."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import TransientError
+from solve.model.sampling import folded
+
+if TYPE_CHECKING:
+    import casadi
+
+_MOST_STEPS = 10**5
+"""Of a turn."""
+
+_QUIET = {"show_eval_warnings": False, "disable_internal_warnings": True}
+
+
+class ModelMarcher:
+    """One period after another of r(φ, Ω, q, q̇, q̈) = 0, with `count` states a period, evenly spaced.
+
+    residual: a generated one. sizes (n,): by which coordinates are measured, so that rtol is relative to
+    these. Derivatives are by the phase.
+    """
+
+    def __init__(
+        self,
+        residual: "casadi.Function",
+        parameters: Array,
+        period: float,
+        sizes: Array,
+        count: int,
+        rtol: float,
+    ):
+        import casadi
+
+        n = residual.size1_in("q")
+        phase, speed, offset = (casadi.SX.sym(name) for name in ("phase", "speed", "offset"))  # pyright: ignore[reportAttributeAccessIssue]
+        x, a = casadi.SX.sym("x", 2 * n), casadi.SX.sym("a", n)  # pyright: ignore[reportAttributeAccessIssue]
+        scale = casadi.DM(sizes)
+        q, v = x[:n] * scale, x[n:] * scale
+        inputs = [phase + offset, speed, q, speed * v, speed**2 * a, casadi.SX(0, 1)]
+        (r,) = folded(residual, parameters).call(inputs, True, False)
+        M, rest = casadi.jacobian(r, a), casadi.substitute(r, a, 0)
+        rate = casadi.vertcat(x[n:], casadi.solve(M, -rest) / scale)
+        self._acceleration = casadi.Function("acceleration", [phase, offset, speed, x], [rate[n:] * scale])
+        grid = np.linspace(0.0, period, count + 1)
+        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": _MOST_STEPS, **_QUIET}
+        problem = {"x": x, "t": phase, "p": casadi.vertcat(speed, offset), "ode": rate}
+        self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
+        self._sizes, self._grid, self._n = np.tile(sizes, 2), grid, n
+
+    def __call__(self, state: Array, start: float, speed: float) -> Array:
+        """q, v, a (3, n, count + 1) over a period from the state (q, v) (2n,) at the phase `start`. Raises
+        TransientError where the motion cannot be followed."""
+        try:
+            found = self._integrator(x0=state / self._sizes, p=[speed, start])["xf"].full()
+        except RuntimeError:
+            raise TransientError(
+                f"the transient cannot be followed beyond phase {start:.6g}; look at the start and the speed"
+            ) from None
+        x = np.column_stack((state / self._sizes, found))
+        a = self._acceleration(self._grid[None], start, speed, x).full()
+        q, v = np.split(x * self._sizes[:, None], 2)
+        return np.stack((q, v, a))

@@ -1,0 +1,169 @@
+"""Newton's iteration for a nonlinear orbit (Newton–Kantorovich): every correction is a linear periodic
+problem along the last curve (U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value
+Problems, 2.3.4), damped until corrections fall (P. Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.correction import corrected, correction
+from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
+from solve.methods.collocated import Collocated
+from solve.methods.method import Method, Solutions, one_by_one
+from solve.period.curve import Curve
+from solve.period.frozen import Frozen
+from solve.period.grid import Grid
+from solve.period.points import OnePoint, Points
+from solve.system import Motion, PeriodicSystem
+
+_MOST = 40
+"""Corrections after which an iteration is given up."""
+
+_LEAST_PART = 1 / 64
+"""Part of a correction below which none is tried."""
+
+_STALLED = 1e-6
+"""Size below which corrections that fall no more are rounding."""
+
+_PART_OF_RTOL = 0.01
+"""What the last correction may be of the tolerance of the orbit."""
+
+_COARSE = 256
+"""Steps from which on a grid is not to blame where the iteration does not converge."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """The orbit to find: of a system at a speed (rad/s), over so many of its periods, by a method on grids
+    whose corrections end at rtol."""
+
+    system: PeriodicSystem
+    speed: float
+    periods: int
+    method: Collocated
+    engine: str
+    rtol: float
+
+    @property
+    def period(self) -> float:
+        """In phase."""
+        return self.periods * self.system.period
+
+    def grid(self, steps: int) -> Grid:
+        """About `steps` steps over the orbit's period."""
+        turns = np.arange(self.periods) * self.system.period
+        breaks = tuple(float(b) for phase in self.system.breaks for b in phase + turns)
+        return Grid.uniform(steps, self.period, breaks)
+
+    def rest(self, grid: Grid) -> Curve:
+        """The desired motion, q = 0: the iterate after it is the linear orbit."""
+        return Curve(grid.nodes, np.zeros((self.system.n, grid.steps, 1)))
+
+
+@dataclass(frozen=True)
+class Converged:
+    """The last iterate, the corrections that led there, and the size of the last one."""
+
+    solutions: Solutions
+    iterations: int
+    last: float
+
+    @property
+    def curve(self) -> Curve:
+        curve = self.solutions.curve
+        assert isinstance(curve, Curve)
+        return curve[0]
+
+
+def iterated(task: Task, start: Motion, grid: Grid, most: int = _MOST) -> Converged:
+    """Newton's iteration on a grid from a motion. Raises NoOrbitError, which says how far it came."""
+    curve: Curve = on(grid, start)
+    found, size = _corrected(task, curve, grid)
+    part, smallest, count = 1.0, size, 0
+    while count < most:
+        count += 1
+        smallest = min(smallest, size)
+        if size <= _PART_OF_RTOL * task.rtol:
+            return Converged(found, count, size)
+        trial = between(curve, Converged(found, count, size).curve, part)
+        try:
+            after, then = _corrected(task, trial, grid)
+        except LinearModelError:
+            raise
+        except SolveError:
+            after, then = found, math.inf
+        if size < _STALLED and then > size / 2:
+            return Converged(found, count, size)
+        if then <= (1 - part / 4) * size:
+            curve, found, size, part = trial, after, then, min(1.0, 2 * part)
+        elif part <= _LEAST_PART:
+            break
+        else:
+            part /= 2
+    raise NoOrbitError(f"after {count} corrections the least was {smallest:.1e} of the orbit")
+
+
+def between(one: Curve, other: Curve, part: float) -> Curve:
+    """The curve that lies a part of the way from one to the other, or beyond; both on the same nodes."""
+    powers = max(each.coefficients.shape[-1] for each in (one, other))
+    first, second = (
+        np.pad(each.coefficients, ((0, 0), (0, 0), (0, powers - each.coefficients.shape[-1])))
+        for each in (one, other)
+    )
+    return Curve(one.nodes, first + part * (second - first))
+
+
+def on(grid: Grid, motion: Motion) -> Curve:
+    """A motion on the nodes of a grid."""
+    if isinstance(motion, Curve) and np.array_equal(motion.nodes, grid.nodes):
+        return motion
+    ends = grid.stages(np.array([0.0, 1.0]))
+    q, v = (motion(grid.nodes, derivative).T for derivative in range(2))
+    return Curve.quintic(grid.nodes, q, v, motion(ends[:, 0], 2).T, motion(ends[:, 1], 2).T)
+
+
+def _corrected(task: Task, curve: Curve, grid: Grid) -> tuple[Solutions, float]:
+    found = corrected(task.system, curve, task.speed, task.method, grid, task.engine)
+    return found, float(correction(curve, found).max())
+
+
+class Newton(Method):
+    """The converged iteration on each grid as a method of one point, for `certified` to compare grids: each
+    starts from the last curve of the finest."""
+
+    def __init__(self, task: Task, start: Motion, steps: int = 0):
+        method = task.method
+        self.task, self.start, self.first, self.finest = task, start, steps, steps
+        # The curve enters the next linearisation, whose solution is no more exact than it.
+        self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
+        self._set(order=method.curve_order, curve_order=method.curve_order)
+
+    def least_steps(self, modes: Frozen) -> Array:
+        """Coarser grids than that of the first start may have no orbit near it."""
+        return np.full(len(modes), int(self.first / 1.2))
+
+    def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
+        return self.task.method.bytes_a_step(n, orbit, engine)
+
+    def most_steps(self, n: int) -> int:
+        return self.task.method.most_steps(n)
+
+    def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = "numpy") -> Solutions:
+        return one_by_one(points, lambda _: self._converged(grid))
+
+    def _converged(self, grid: Grid) -> Solutions:
+        try:
+            found = iterated(self.task, self.start, grid)
+        except NoOrbitError as reason:
+            if grid.steps < _COARSE:
+                raise StepsError(str(reason)) from None
+            raise
+        if grid.steps >= self.finest:
+            self.start, self.finest = found.curve, grid.steps
+        return replace(found.solutions, defect=np.array([found.last]))
+
+    def point(self) -> OnePoint:
+        """The system linearised along the curve from which the iteration starts."""
+        return OnePoint(self.task.system.along(self.start), self.task.speed)

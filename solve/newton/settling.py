@@ -1,0 +1,77 @@
+"""What a transient from rest settles on."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.correction import corrected
+from solve.errors import NoOrbitError, SolveError
+from solve.newton.iteration import Converged, Task, iterated
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+
+_TURNS = 80
+"""Periods of the system after which a transient is given up."""
+
+_TRIED = 16
+"""Turns after which, and after twice as many and so on, Newton's iteration is tried unsettled."""
+
+_RTOL = 1e-6
+_SETTLED = 1e-3
+"""Change from period to period, relative to the sizes of the coordinates, that Newton's iteration mends."""
+
+_PUSH = 1e-3
+"""Part of the sizes of the coordinates by which rest is missed, lest an unstable rest is kept."""
+
+
+def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
+    """From near rest, in time, until period and period differ little, or Newton's iteration converges from
+    one of them; whether it has settled. Raises NoOrbitError, which says how far it came."""
+    change, tried = np.inf, _TRIED
+    for turns, motion, change in marched(task, grid):
+        settled = change < _SETTLED
+        if not (settled or turns >= tried):
+            continue
+        tried = 2 * turns
+        try:
+            return iterated(task, motion, grid), settled
+        except NoOrbitError:
+            continue
+    raise NoOrbitError(
+        f"after {_TURNS} turns from rest the motion still changes by {change:.0%} from period to period"
+    )
+
+
+def marched(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
+    """Turns done, the motion over the last of the orbit's periods, and its change (relative) within that."""
+    system, count = task.system, max(1, grid.steps // task.periods)
+    sizes = sizes_of(task, grid)
+    march = system.marcher(sizes, count, _RTOL)
+    state = np.concatenate((_PUSH * sizes, 0 * sizes))
+    kept: list[Array] = []
+    for turn in range(_TURNS):
+        kept = [*kept, march(state, turn * system.period, task.speed)][-task.periods :]
+        state = kept[-1][:2, :, -1].ravel()
+        if len(kept) == task.periods and (turn + 1) % task.periods == 0:
+            largest = np.maximum(np.max([np.abs(part[0]).max(axis=1) for part in kept], axis=0), 1e-3 * sizes)
+            change = float((np.abs(kept[-1][0, :, -1] - kept[0][0, :, 0]) / largest).max())
+            yield turn + 1, _joined(kept, task.period), change
+
+
+def sizes_of(task: Task, grid: Grid) -> Array:
+    """Sizes (n,) of the coordinates, of the linear orbit; 1 where it has none."""
+    try:
+        found = corrected(task.system, task.rest(grid), task.speed, task.method, grid, task.engine)
+    except SolveError:
+        return np.ones(task.system.n)
+    assert found.curve is not None
+    sizes = np.abs(found.curve(found.grid.nodes)[0]).max(axis=1)
+    return np.where(sizes > 0, sizes, sizes.max() or 1.0)
+
+
+def _joined(turns: list[Array], period: float) -> Curve:
+    """Motions (3, n, k) over one turn after another as one curve."""
+    q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
+    nodes = np.linspace(0.0, period, q.shape[-1])
+    return Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:])

@@ -1,0 +1,121 @@
+"""The periodic solution of nonlinear equations, with the linear one beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.correction import corrected
+from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.kernel.engines import chosen_engine
+from solve.period.curve import Curve, PeriodicCurve
+from solve.results.orbit import Orbit, QuasiStatic
+from solve.results.plot import Motion, checked_scale, orbit_figure, shown
+from solve.results.record import plain
+from solve.results.report import Table
+from solve.results.style import Figure
+
+_REPEATS = 1e-6
+"""Relative difference between the periods of an orbit of several below which it is one of a single period."""
+
+_SAMPLES = 512
+
+
+@dataclass(frozen=True)
+class NonlinearOrbit(Orbit):
+    """The periodic solution of r(φ, Ω, q, q̇, q̈) = 0 over `periods` periods; its system is the linearisation
+    along it.
+
+    iterations: corrections of Newton's method on the grid where it was found. found_by: "start", "linear
+    orbit", "load", "speed" or "transient". failed: in words, how far other ways came before. settled: False
+    where a transient from rest settles on no orbit.
+    """
+
+    iterations: int = 0
+    found_by: str = ""
+    failed: tuple[str, ...] = ()
+    periods: int = 1
+    settled: bool = True
+
+    @property
+    def notes(self) -> list[str]:
+        return [*super().notes, *self.failed]
+
+    @property
+    def quasi_static(self) -> QuasiStatic:
+        """Refused: raises ValueOutOfBoundsError."""
+        raise ValueOutOfBoundsError(
+            "the quasi-static solution is one of the linear model; leave out --quasi-static or --nonlinear"
+        )
+
+    @cached_property
+    def linear(self) -> PeriodicCurve | None:
+        """The linear orbit on the same grid; None where there is none."""
+        grid, method = self.certified.solutions.grid, self.certified.method
+        rest = Curve(grid.nodes, np.zeros((self.system.n, grid.steps, 1)))
+        engine, _ = chosen_engine(self.certified.request.engine)
+        try:
+            curve = corrected(self.system, rest, self.speed, method, grid, engine).curve
+        except SolveError:
+            return None
+        return None if curve is None else curve[0]
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What is doubtful about this result, a sentence each."""
+        found = list(super().warnings)
+        if self.periods > 1 and self._repeats:
+            found.append(
+                f"the orbit repeats after each of its {self.periods} periods: it is one of period T; another "
+                "needs another start"
+            )
+        if not self.settled:
+            found.append(
+                "a transient from rest does not settle on an orbit of this period: there may be no stable one"
+            )
+        return found
+
+    @property
+    def _repeats(self) -> bool:
+        phase = np.arange(_SAMPLES) * (self.system.period / _SAMPLES)
+        q, later = self.at(phase), self.at(phase + self.system.period / self.periods)
+        return bool((np.abs(later - q).max(axis=1) <= _REPEATS * np.abs(q).max(axis=1)).all())
+
+    def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
+        """Of `solve periodic --nonlinear --json`."""
+        found = {name: getattr(self, name) for name in ("iterations", "found_by", "periods")}
+        return {**super().record(harmonics, quasi_static), **plain(found)}
+
+    def _heading(self, choices: Sequence[str]) -> Table:
+        grid = super()._heading(choices)
+        grid.add_row("found", f"by {self.found_by}, {self.iterations} corrections of Newton's method")
+        return grid
+
+    def plot(
+        self,
+        names: Sequence[str] | None = None,
+        quasi_static: bool = False,
+        scale: str = "linear",
+        harmonics: int | None = None,
+    ) -> Figure:
+        """As `Orbit.plot`, the linear orbit beside. Raises UnknownNameError, ValueOutOfBoundsError."""
+        if quasi_static:
+            return self.quasi_static  # type: ignore[return-value]
+        checked_scale(scale)
+        phase = np.linspace(0.0, self.system.period, self.samples + 1)
+        motions = {}
+        for name in shown(self.system, names):
+            amplitudes, _ = self.harmonics(name, harmonics or self.samples // 8)
+            motions[name] = Motion(self.signal(name)(phase), self._linear_values(name, phase), amplitudes)
+        return orbit_figure(self.system, self.speed, motions, self._panel, scale, "nonlinear", "linear")
+
+    def _linear_values(self, name: str, phase: Array) -> Array | None:
+        if self.linear is None:
+            return None
+        q, v, a = (self.linear(phase, derivative) for derivative in range(3))
+        if name in self.system.coordinates:
+            return q[self.system.coordinates.index(name)]
+        return self.system.output_values(phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]

@@ -1,0 +1,113 @@
+"""Nonlinear models with closed forms, harmonic balance or time integration beside them."""
+
+from functools import cache
+
+import numpy as np
+
+from derive import Mechanism, cos, rate, sin
+from solve.model.cases import Case
+from solve.model.model import Model
+from solve.model.setup import Setup
+from solve.period.curve import FourierCurve
+from tests.derive.modules import module_of
+
+
+def model_of(module, **numbers):
+    """A model of a derived module with these numbers."""
+    return Model.of(Setup.checked(module, Case("", None, numbers), {}))
+
+
+@cache
+def duffing():
+    """q̈ + 2ζ q̇ + k q + α q³ = f cos φ."""
+    made = Mechanism("duffing", "Duffing's oscillator", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    zeta, k, alpha, f = made.parameters(
+        zeta=("1/s", "damping"),
+        k=("1/s^2", "stiffness"),
+        alpha=("1/s^2", "cubic stiffness"),
+        f=("1/s^2", "amplitude of the load"),
+    )
+    made.kinetic, made.dissipation = rate(q) ** 2 / 2, zeta * rate(q) ** 2
+    made.potential = k * q**2 / 2 + alpha * q**4 / 4
+    made.force(f * cos(made.phase), along=q)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
+def pendulum():
+    """A pendulum whose pivot moves up and down, y = b cos φ: q̈ + c q̇ + (g - b Ω² cos φ) sin q = 0."""
+    made = Mechanism("pendulum", "Pendulum on a moving pivot", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "angle"))
+    c, b, g = made.parameters(c=("1/s", "damping"), b=("1", "stroke"), g=("1/s^2", "gravity by length"))
+    x, y = sin(q), b * cos(made.phase) - cos(q)
+    made.kinetic = (rate(x) ** 2 + rate(y) ** 2) / 2
+    made.potential, made.dissipation = g * y, c * rate(q) ** 2 / 2
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+KNOWN = dict.fromkeys(("m1", "m2", "m12", "mu"), "1") | dict.fromkeys(("c1", "c2"), "1/s")
+KNOWN |= dict.fromkeys(("k1", "k2", "k12", "a1", "a2", "kappa"), "1/s^2")
+ORDERS = 6
+
+
+@cache
+def known():
+    """Two coordinates with cubic stiffness and inertia and a stiffness that varies, under any load of six
+    harmonics."""
+    made = Mechanism("known", "Two masses on cubic springs", energy="1/s^2")
+    q1, q2 = made.coordinates(q1=("1", "first"), q2=("1", "second"))
+    p = dict(
+        zip(
+            KNOWN,
+            made.parameters(**{name: (unit, f"number {name}") for name, unit in KNOWN.items()}),
+            strict=True,
+        )
+    )
+    v1, v2 = rate(q1), rate(q2)
+    made.kinetic = (p["m1"] * v1**2 + p["m2"] * v2**2 + 2 * p["m12"] * v1 * v2 + p["mu"] * (q1 * v2) ** 2) / 2
+    made.potential = (
+        (p["k1"] + p["kappa"] * cos(made.phase)) * q1**2 / 2
+        + (p["k2"] * q2**2 + p["k12"] * (q1 - q2) ** 2) / 2
+        + (p["a1"] * q1**4 + p["a2"] * (q1 - q2) ** 4) / 4
+    )
+    made.dissipation = (p["c1"] * v1**2 + p["c2"] * v2**2) / 2
+    for name, q in (("F", q1), ("G", q2)):
+        made.force(made.series(name, harmonics=ORDERS, unit="1/s^2", meaning="load")(made.phase), along=q)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+def known_system(seed, speed=1.0, size=0.7):
+    """A random model with a random orbit of two harmonics under the load that it needs, by hand from the
+    equations of `known`: the model and the orbit as a motion."""
+    rng = np.random.default_rng(seed)
+    low = {"m12": -0.3, "kappa": -0.5}
+    high = {"m1": 2, "m2": 2, "m12": 0.3, "mu": 0.3, "c1": 0.6, "c2": 0.6, "k1": 6, "k2": 6, "k12": 3}
+    least = {"m1": 1, "m2": 1, "c1": 0.1, "c2": 0.1, "k1": 1, "k2": 1}
+    p = {name: rng.uniform(low.get(name, least.get(name, 0.0)), high.get(name, 0.6)) for name in KNOWN}
+    orbit = trigonometric(size * (rng.standard_normal((2, 3)) + 1j * rng.standard_normal((2, 3))) / [1, 1, 2])
+    phase = 2 * np.pi * np.arange(64) / 64
+    (q1, q2), (v1, v2), (w1, w2) = (speed**k * orbit(phase, k) for k in range(3))
+    apart = p["k12"] * (q1 - q2) + p["a2"] * (q1 - q2) ** 3
+    stiffness = (p["k1"] + p["kappa"] * np.cos(phase)) * q1 + p["a1"] * q1**3
+    loads = {
+        "F": p["m1"] * w1 + p["m12"] * w2 - p["mu"] * q1 * v2**2 + p["c1"] * v1 + stiffness + apart,
+        "G": p["m2"] * w2 + p["m12"] * w1 + p["mu"] * (q1**2 * w2 + 2 * q1 * v1 * v2) + p["c2"] * v2
+        + p["k2"] * q2 - apart,
+    }  # fmt: skip
+    numbers = dict(p)
+    for name, load in loads.items():
+        series = 2 * np.fft.rfft(load) / len(load)
+        assert np.abs(series[ORDERS + 1 :]).max() < 1e-12
+        numbers[name] = series[0].real / 2
+        for k in range(1, ORDERS + 1):
+            numbers[f"{name}a{k}"], numbers[f"{name}b{k}"] = series[k].real, -series[k].imag
+    return model_of(known(), **numbers), orbit
+
+
+def trigonometric(coefficients, period=2 * np.pi):
+    """The motion Re Σ_k c_k exp(ikφ), coefficients (n, orders)."""
+    return FourierCurve(np.array([0.0, period]), np.atleast_2d(np.asarray(coefficients, dtype=complex)))

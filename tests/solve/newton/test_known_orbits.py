@@ -1,0 +1,66 @@
+"""Orbits that are known because they were chosen first, and the load was made to fit them."""
+
+import numpy as np
+import pytest
+
+import solve
+from tests.solve.newton.mechanisms import duffing, known_system, model_of, trigonometric
+from tests.solve.witnesses import relative_error
+
+PHASE = np.linspace(0.0, 2 * np.pi, 500)
+
+
+def near(orbit, seed):
+    """A motion within 10 % of an orbit."""
+    rng = np.random.default_rng(seed)
+    off = rng.standard_normal((2, 3)) + 1j * rng.standard_normal((2, 3))
+    scale = np.abs(orbit(PHASE)).max(axis=1) / np.abs(trigonometric(off)(PHASE)).max(axis=1)
+    return trigonometric(orbit.coefficients + 0.1 * scale[:, None] * off)
+
+
+def check(seed):
+    model, orbit = known_system(seed)
+    found = solve.nonlinear(model, 1.0, start=near(orbit, seed))
+    assert found.found_by == "start"
+    assert found.error_estimate.orbit <= 1e-8
+    error = relative_error(found.at(PHASE), orbit(PHASE))
+    assert error <= 10 * found.error_estimate.orbit
+    _, v, a = found.state(PHASE)
+    np.testing.assert_allclose(v, orbit(PHASE, 1), rtol=0, atol=1e-7 * np.abs(v).max())
+    np.testing.assert_allclose(a, orbit(PHASE, 2), rtol=0, atol=1e-6 * np.abs(a).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_known_orbit_is_found_from_near_it_within_its_estimate(seed):
+    check(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3, 50))
+def test_fifty_known_orbits_are_found_from_near_them_within_their_estimates(seed):
+    check(seed)
+
+
+def test_the_methods_agree():
+    model, orbit = known_system(0)
+    for method in ("radau", "gauss"):
+        found = solve.nonlinear(model, 1.0, orbit, method=method)
+        assert found.method == method
+        assert relative_error(found.at(PHASE), orbit(PHASE)) < 1e-8
+
+
+def test_given_steps_are_kept_and_judged_by_twice_as_many():
+    model, orbit = known_system(0)
+    found = solve.nonlinear(model, 1.0, orbit, method=solve.Gauss(order=4), steps=40)
+    error = relative_error(found.at(PHASE), orbit(PHASE))
+    assert found.steps == 40
+    assert error / 10 < found.error_estimate.orbit < 10 * error
+    assert any("gauss with 40 steps" in text for text in found.warnings)
+
+
+def test_a_linear_model_has_the_same_orbit():
+    model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.0, f=1.0)
+    linear, found = solve.periodic(model, 0.7), solve.nonlinear(model, 0.7)
+    assert found.found_by == "linear orbit"
+    assert relative_error(found.at(PHASE), linear.at(PHASE)) < 1e-8
+    np.testing.assert_allclose(found.multipliers, linear.multipliers, rtol=1e-8)

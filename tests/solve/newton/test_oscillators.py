@@ -1,0 +1,126 @@
+"""Coexisting and subharmonic orbits against harmonic balance and time integration."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
+
+import solve
+from solve.errors import LinearModelError, ValueOutOfBoundsError
+from tests.solve.newton.mechanisms import duffing, known_system, model_of, pendulum, trigonometric
+
+ZETA, ALPHA, F, OMEGA = 0.05, 1.0, 0.4, 1.6
+
+
+def balanced(amplitude):
+    """Harmonics 1, 3, … of Duffing's orbit near an amplitude, by harmonic balance: (orders, coefficients)."""
+    orders, phase = np.arange(1, 40, 2), 2 * np.pi * np.arange(512) / 512
+    waves = np.exp(1j * np.outer(orders, phase))
+
+    def unbalanced(x):
+        c = x[: len(orders)] + 1j * x[len(orders) :]
+        cubes = 2 * np.fft.fft(np.real(c @ waves) ** 3)[orders] / len(phase)
+        rest = (1 - (orders * OMEGA) ** 2 + 2j * ZETA * orders * OMEGA) * c + ALPHA * cubes
+        rest[0] -= F
+        return np.concatenate((rest.real, rest.imag))
+
+    x = np.zeros(2 * len(orders))
+    x[0], x[len(orders)] = amplitude.real, amplitude.imag
+    found, _, flag, _ = fsolve(unbalanced, x, full_output=True, xtol=1e-13)
+    assert flag == 1
+    return orders, found[: len(orders)] + 1j * found[len(orders) :]
+
+
+def amplitudes():
+    """The three real solutions of ((1 - Ω² + ¾αA²)² + (2ζΩ)²)A² = F², as complex amplitudes of cos φ."""
+    squares = np.roots(
+        [
+            (0.75 * ALPHA) ** 2,
+            1.5 * ALPHA * (1 - OMEGA**2),
+            (1 - OMEGA**2) ** 2 + (2 * ZETA * OMEGA) ** 2,
+            -(F**2),
+        ]
+    )
+    assert np.isreal(squares).all()
+    return [F / (1 - OMEGA**2 + 0.75 * ALPHA * s + 2j * ZETA * OMEGA) for s in np.sort(squares.real)]
+
+
+def multipliers(orders, c):
+    """Of the variational equation along a Fourier series, by DOP853."""
+
+    def rate(t, y):
+        q = np.real(c @ np.exp(1j * orders * OMEGA * t))
+        return (np.array([[0, 1], [-1 - 3 * ALPHA * q**2, -2 * ZETA]]) @ y.reshape(2, 2)).ravel()
+
+    run = solve_ivp(rate, (0, 2 * np.pi / OMEGA), np.eye(2).ravel(), "DOP853", rtol=1e-12, atol=1e-13)
+    return np.linalg.eigvals(run.y[:, -1].reshape(2, 2))
+
+
+def test_three_orbits_of_duffing_coexist_with_the_multipliers_of_harmonic_balance():
+    model = model_of(duffing(), zeta=ZETA, k=1.0, alpha=ALPHA, f=F)
+    phase, verdicts = np.linspace(0, 2 * np.pi, 300), []
+    for amplitude in amplitudes():
+        orders, c = balanced(amplitude)
+        orbit = solve.nonlinear(model, OMEGA, start=trigonometric([[0, amplitude]]))
+        truth = np.real(c @ np.exp(1j * np.outer(orders, phase)))
+        np.testing.assert_allclose(orbit.at(phase)[0], truth, rtol=0, atol=1e-8 * abs(truth).max())
+        expected = multipliers(orders, c)
+        for rho in orbit.multipliers:
+            assert np.abs(expected - rho).min() <= 1e-8 * np.abs(expected).max()
+        verdicts.append(orbit.stable)
+    assert verdicts == [True, False, True]
+
+
+PIVOT = {"c": 0.1, "b": 0.15, "g": 1.0}
+SWING = 2.0
+
+
+def test_a_pendulum_on_a_moving_pivot_swings_with_half_the_frequency():
+    model = model_of(pendulum(), **PIVOT)
+    assert solve.floquet(model, SWING).verdict == "unstable"
+    orbit = solve.nonlinear(model, SWING, periods=2)
+    assert orbit.found_by == "transient"
+    assert orbit.verdict == "asymptotically stable"
+    assert orbit.period == pytest.approx(2 * 2 * np.pi / SWING)
+    amplitude, _ = orbit.harmonics("q", 8)
+    assert amplitude[1] > 0.5
+    assert amplitude[[0, 2, 4]].max() < 1e-8
+
+    def rate(t, x):
+        drive = 1 - PIVOT["b"] * SWING**2 * np.cos(SWING * t)
+        return [x[1], -PIVOT["c"] * x[1] - drive * np.sin(x[0])]
+
+    start = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
+    for periods, back in ((2, True), (1, False)):
+        run = solve_ivp(rate, (0, periods * orbit.period / 2), start, "DOP853", rtol=1e-12, atol=1e-12)
+        assert bool(np.abs(run.y[:, -1] - start).max() < 1e-7) is back
+
+
+def test_an_orbit_of_two_periods_that_repeats_after_one_is_said_to_do_so():
+    model, _ = known_system(0)
+    one, two = solve.nonlinear(model, 1.0), solve.nonlinear(model, 1.0, periods=2)
+    np.testing.assert_allclose(two.at([0.3, 7.1]), one.at([0.3, 7.1]), atol=1e-8)
+    np.testing.assert_allclose(
+        np.sort_complex(two.multipliers), np.sort_complex(one.multipliers**2), rtol=1e-7
+    )
+    assert any("repeats after each of its 2 periods" in text for text in two.warnings)
+
+
+def test_what_has_no_nonlinear_equations_is_refused():
+    structure = solve.load("four_bar")
+    with pytest.raises(LinearModelError, match="four_bar is linear by construction"):
+        solve.nonlinear(structure, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"periods": 0}, "periods is 0"),
+        ({"method": "newmark"}, "radau, gauss"),
+        ({"start": trigonometric([[0, 1], [0, 1]], 4 * np.pi)}, "the start repeats after 12.5664"),
+    ],
+)
+def test_bad_input_is_refused(given, words):
+    model, _ = known_system(0)
+    with pytest.raises(ValueOutOfBoundsError, match=words):
+        solve.nonlinear(model, 1.0, **given)
