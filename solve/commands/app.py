@@ -1,6 +1,7 @@
 """The commands together."""
 
 import importlib
+import os
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -80,6 +81,8 @@ def run(arguments: Sequence[str], commands: typer.Typer | None = None, name: str
 
 def called(arguments: Sequence[str], commands: typer.Typer | None = None, name: str = "solve") -> int | None:
     """The same within a door that is already open."""
+    # Pictures go into files, whatever is set for windows.
+    os.environ["MPLBACKEND"] = "agg"
     commands = commands or solve_application(next(iter(arguments), None))
     try:
         return commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False)

@@ -92,12 +92,15 @@ def _draw(
     from models.four_bar.rigid.base_planes import base_planes_figure
     from models.four_bar.rigid.draw import linkage_figure
     from models.four_bar.rigid.forces import bodies
-    from solve.results.style import save_figure
+    from solve.results.save import Whole
+    from solve.results.style import drawn
 
-    if positions:
-        save_figure(linkage_figure(linkage, bodies(parameters), speed, points, position), positions)
-    if planes:
-        save_figure(base_planes_figure(linkage), planes)
+    with Whole() as written:
+        if positions:
+            figure = linkage_figure(linkage, bodies(parameters), speed, points, position)
+            written.write(positions, drawn(figure, positions))
+        if planes:
+            written.write(planes, drawn(base_planes_figure(linkage), planes))
 
 
 def _deliver(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) -> None:
