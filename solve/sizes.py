@@ -9,6 +9,9 @@ from solve.errors import ValueOutOfBoundsError
 MOST = 2**26
 """Numbers that may be held at once by default: half a gigabyte."""
 
+NUMBERS_A_POINT = 64
+"""At least, with its figures, multipliers and warnings."""
+
 _most: ContextVar[float] = ContextVar("most", default=MOST)
 
 

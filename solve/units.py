@@ -1,15 +1,27 @@
 """Numbers with units at the edge: speeds, and case values in units of another size."""
 
 import math
+import re
 from collections.abc import Iterable
 from functools import lru_cache
 from numbers import Real
 from typing import TYPE_CHECKING
 
 from solve.errors import UnitError, ValueOutOfBoundsError
+from solve.sizes import NUMBERS_A_POINT, require_size
 
 if TYPE_CHECKING:
     import pint
+
+_POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2})?"
+_NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
+_PRODUCT = rf"{_NAME}((\s*[*/]\s*|\s+){_NAME})*+"
+_FACTOR = rf"({_NAME}|\({_PRODUCT}\){_POWER})"
+_UNIT = re.compile(rf"{_FACTOR}((\s*[*/]\s*|\s+){_FACTOR})*+")
+"""Products and quotients of names with small powers, grouped once at most; nothing else is computed."""
+
+_LONGEST_UNIT = 80
+"""Characters."""
 
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
@@ -73,11 +85,17 @@ def speeds_in_si(text: str) -> list[float]:
             raise UnitError(usage) from None
         if len(ends) != 3 or count < 2:
             raise ValueOutOfBoundsError(usage + ", N at least 2")
-        values = [low + (high - low) * i / (count - 1) for i in range(count)]
-        return [speed_in_si(f"{value!r} {unit}") for value in values]
+        return [speed_in_si(f"{value!r} {unit}") for value in spaced(low, high, count)]
     if not numbers or not all(map(_is_number, numbers)) or _is_number(unit):
         raise UnitError(usage)
     return [speed_in_si(f"{number} {unit}") for number in numbers]
+
+
+def spaced(low: float, high: float, count: int) -> list[float]:
+    """So many numbers from the first to the last, both included, at equal distances. Raises
+    ValueOutOfBoundsError for more than can be held."""
+    require_size("values in one range", count, NUMBERS_A_POINT)
+    return [low + (high - low) * i / (count - 1) for i in range(count)]
 
 
 def _is_number(text: str) -> bool:
@@ -114,6 +132,8 @@ def conversion(given: str, unit: str) -> float:
         return 1.0
     registry = _registry()
     try:
+        if len(given) > _LONGEST_UNIT or not _UNIT.fullmatch(given):
+            raise ValueError(given)
         units = registry.parse_units(given)
         zero, size = (registry.Quantity(x, units).to(unit).magnitude for x in (0.0, 1.0))
     except Exception:

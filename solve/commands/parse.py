@@ -6,6 +6,7 @@ from typing import Any
 import typer
 
 from solve.errors import ValueOutOfBoundsError, require_name
+from solve.units import spaced
 
 
 def whole(text: str) -> int:
@@ -75,7 +76,7 @@ def points(flag: str, text: str) -> tuple[str, list[float]]:
         raise ValueOutOfBoundsError(usage) from None
     if count < 2:
         raise ValueOutOfBoundsError(usage)
-    return name, [low + (high - low) * i / (count - 1) for i in range(count)]
+    return name, spaced(low, high, count)
 
 
 def figure_kept(text: str) -> str:
