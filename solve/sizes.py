@@ -18,9 +18,9 @@ _most: ContextVar[float] = ContextVar("most", default=MOST)
 @contextmanager
 def limited(most: float | None) -> Iterator[None]:
     """Within, so many numbers may be held at once; None leaves the limit as it is. Raises
-    ValueOutOfBoundsError unless it is at least 1."""
-    if most is not None and not most >= 1:
-        raise ValueOutOfBoundsError(f"limit is {most:g}; allowed: 1 or more numbers, such as {MOST:.3g}")
+    ValueOutOfBoundsError outside 1 … 1e15."""
+    if most is not None and not 1 <= most <= 1e15:
+        raise ValueOutOfBoundsError(f"limit is {most:g}; allowed: 1 … 1e15 numbers, such as {MOST}")
     token = _most.set(_most.get() if most is None else most)
     try:
         yield

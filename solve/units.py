@@ -13,6 +13,9 @@ from solve.sizes import NUMBERS_A_POINT, require_size
 if TYPE_CHECKING:
     import pint
 
+LARGEST = 1e60
+"""Beyond this size, and below its inverse, products of a few numbers leave what a computer can hold."""
+
 _POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2})?"
 _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
 _PRODUCT = rf"{_NAME}((\s*[*/]\s*|\s+){_NAME})*+"
@@ -40,7 +43,17 @@ def speed_in_si(speed: float | str) -> float:
         omega = math.nan
     if isinstance(speed, bool) or not (math.isfinite(omega) and omega > 0):
         raise ValueOutOfBoundsError(f"speed is {speed}; allowed: finite and > 0, such as '600 rpm'")
+    require_size_of_number("speed", omega)
     return omega
+
+
+def require_size_of_number(what: str, value: float) -> None:
+    """Raise ValueOutOfBoundsError for a finite number, in SI units, that is too large or too small to be
+    calculated with."""
+    if math.isfinite(value) and value != 0 and not 1 / LARGEST <= abs(value) <= LARGEST:
+        raise ValueOutOfBoundsError(
+            f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in size, in SI units"
+        )
 
 
 def speeds_given(speeds: float | str | Iterable[float | str]) -> list[float]:
@@ -116,6 +129,7 @@ def with_unit(text: str, unit: str) -> float:
         raise UnitError(f"'{text}' is not a number with a unit; write it like {example}") from None
     if not given.strip():
         raise UnitError(f"'{text}' has no unit; write it like {example}")
+    require_size_of_number(f"'{text}'", value)
     if unit == "rad/s" and given.strip() in _RAD_PER_S:
         return value * _RAD_PER_S[given.strip()]
     return value * conversion(given.strip(), unit)

@@ -6,7 +6,7 @@ from typing import Any
 import typer
 
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.units import spaced
+from solve.units import require_size_of_number, spaced
 
 
 def whole(text: str) -> int:
@@ -16,7 +16,9 @@ def whole(text: str) -> int:
 
 def number(text: str) -> float:
     """A number, for Typer to read a flag with."""
-    return _read(float, text, "a number, such as 1e-6")
+    value = _read(float, text, "a number, such as 1e-6")
+    require_size_of_number(f"'{text}'", value)
+    return value
 
 
 def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:

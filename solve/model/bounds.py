@@ -6,6 +6,7 @@ from types import ModuleType
 from typing import Any
 
 from solve.errors import ValueOutOfBoundsError
+from solve.units import require_size_of_number
 
 
 def clauses(bound: str) -> list[str]:
@@ -54,5 +55,6 @@ def checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"
             )
+        require_size_of_number(f"{name} ({meaning})", value)
         checked[name] = value
     return checked

@@ -10,7 +10,7 @@ from solve.errors import NoMotionError, SolveError, ValueOutOfBoundsError, requi
 from solve.results.frequencies import Frequencies, Variation
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.system import PeriodicSystem
-from solve.units import with_unit
+from solve.units import require_size_of_number, with_unit
 
 USUAL_COUNT = 4
 
@@ -30,6 +30,8 @@ def frequencies(
     positions = np.atleast_1d(np.asarray(phase, dtype=float))
     if positions.ndim != 1 or not np.isfinite(positions).all():
         raise ValueOutOfBoundsError(f"position is {position}; allowed: finite angles in rad, or '70 deg'")
+    for value in positions:
+        require_size_of_number("position", float(value))
     require_size("positions", len(positions), system.freedoms**2 + NUMBERS_A_POINT)
     return Frequencies(system, positions, system.frequencies(positions, _checked_count(system, count)))
 

@@ -11,6 +11,7 @@ import typer
 
 from solve.commands.groups import CaseNumbers, Results
 from solve.errors import ValueOutOfBoundsError
+from solve.units import LARGEST
 
 if TYPE_CHECKING:
     from models.four_bar.linkage import Linkage
@@ -70,7 +71,7 @@ def _point(text: str) -> complex:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         x = y = math.nan
-    if not (math.isfinite(x) and math.isfinite(y)):
+    if not abs(x) + abs(y) <= LARGEST:
         raise ValueOutOfBoundsError(
             f"--coupler-point is '{text}'; write two numbers X,Y in metres, "
             "such as --coupler-point 0.164,0.05"
