@@ -1,121 +1,22 @@
 """The command `derive`: generate, check or show a mechanism's equations."""
 
 import sys
-from collections.abc import Callable
-from functools import partial
-from pathlib import Path
-from typing import Annotated, Any
+from collections.abc import Sequence
 
-import typer
-from typer import Argument, Option
-
-from derive import freshness, loader
-from derive.errors import DeriveError, UsageError
-from derive.loader import Source
-
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-
-
-@app.command()
-def derive(
-    models: Annotated[
-        list[str] | None, Argument(metavar="MODEL...", help="Names, or paths that end in .py.")
-    ] = None,
-    every: Annotated[bool, Option("--all", help="All mechanisms that come with the package.")] = False,
-    out: Annotated[
-        Path | None, Option(metavar="DIR", help="Where the modules are written or checked.")
-    ] = None,
-    check: Annotated[
-        bool,
-        Option("--check", help="Compare hashes only, of all modules by default; exit 1 where one is stale."),
-    ] = False,
-    full: Annotated[bool, Option("--full", help="With --check: regenerate and show the difference.")] = False,
-    show: Annotated[
-        bool, Option("--show", help="Print the linearised equations as LaTeX; write nothing.")
-    ] = False,
-) -> None:
-    """Derive the equations of motion and generate CasADi code for them."""
-    if (full and not check) or (show and check):
-        raise UsageError("--full goes with --check, and --show with neither")
-    sources = _sources(models or [], every or (check and not models), out)
-    if show:
-        _show(sources)
-    elif check:
-        raise typer.Exit(1 if sum(_is_stale(source, full) for source in sources) else 0)
-    else:
-        _write(sources)
-
-
-def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
-    if every == bool(models):
-        raise UsageError(f"give one or more mechanisms, or --all (known: {', '.join(loader.names())})")
-    return [loader.find(model, out) for model in (loader.names() if every else models)]
-
-
-def _text(source: Source, tell: Callable[[str], object] = lambda _: None) -> str:
-    """The generated module as it should be; SymPy is loaded here and not before. tell: is told what of the
-    statement the equations ignore."""
-    if source.name == loader.BEAM_ELEMENTS:
-        from derive.beam_text import beam_elements_text
-
-        return beam_elements_text(source.sha256, freshness.derive_sha256(), source.command)
-    from derive.emit import module_text
-    from derive.structure import Structure
-    from derive.structure_text import structure_text
-
-    mechanism = loader.load(source)
-    with loader.located(source):
-        if isinstance(mechanism, Structure):
-            return structure_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
-        return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command, tell)
-
-
-def _write(sources: list[Source]) -> None:
-    for source in sources:
-        freshness.write(source.target, _text(source, partial(_noted, source)))
-        typer.echo(f"wrote {source.target}", err=True)
-
-
-def _noted(source: Source, sentence: str) -> None:
-    typer.echo(f"{source.name}: {sentence}", err=True)
-
-
-def _is_stale(source: Source, full: bool) -> bool:
-    """Say on standard output whether a generated module is current; `full` compares every byte."""
-    present = source.target.read_text("utf-8", errors="replace") if source.target.is_file() else ""
-    why = freshness.staleness(present, source.sha256) if present else "it is missing"
-    if full:
-        difference = freshness.difference(source.target, present, _text(source))
-        typer.echo(difference, nl=False)
-        why = why or ("it differs from what derive would write" if difference else "")
-    if why:
-        typer.echo(f"{source.target} is stale: {why}. Run: python -m derive {source.renewal}")
-    return bool(why)
-
-
-def _show(sources: list[Source]) -> None:
-    from derive.show import elements, equations
-
-    for source in sources:
-        if source.name == loader.BEAM_ELEMENTS:
-            typer.echo(elements())
-            continue
-        mechanism = loader.load(source)
-        with loader.located(source):
-            typer.echo(equations(mechanism))
+from derive.door import door
+from derive.errors import DeriveError
 
 
 def main() -> None:
-    """Entry point of the console command: exit 0, 1 where a check fails, 2 with one line on bad input."""
-    mistyped: Any = typer.BadParameter.__bases__[0]  # Typer exports only this subclass of what it raises
-    try:
-        sys.exit(app(prog_name="derive", standalone_mode=False))
-    except DeriveError as error:
-        message = str(error)
-    except mistyped as error:
-        message = error.format_message()
-    print("derive:", " ".join(message.split()), file=sys.stderr)
-    sys.exit(2)
+    """Entry point of the console command."""
+    sys.exit(door("derive", _run, sys.argv[1:], DeriveError))
+
+
+def _run(arguments: Sequence[str]) -> int | None:
+    # Loaded within: an interruption may come while Python still reads the packages.
+    from derive.command import run
+
+    return run(arguments)
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ def parse(text: str) -> Dimension:
     dimension = ONE
     for sign, factor in re.findall(r"\s*(/?)\s*([^\s/]*)", text.strip())[:-1] or [("", text)]:
         name, _, power = factor.partition("^")
-        if name not in UNITS or not re.fullmatch(r"-?\d+|", power) or factor.endswith("^"):
+        if name not in UNITS or not re.fullmatch(r"-?\d{1,2}|", power) or factor.endswith("^"):
             raise UnitError(
                 f'the unit "{text}" is not understood at "{sign}{factor}"; '
                 f'write coherent SI such as "N m/rad" or "kg m^2" from {", ".join(UNITS)}'

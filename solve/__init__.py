@@ -1,66 +1,24 @@
-"""Numbers from a linear system with periodic coefficients: orbits, stability, studies, pictures."""
+"""Numbers from a linear system with periodic coefficients: orbits, stability, studies, pictures.
 
-from solve.errors import SolveError
-from solve.loading import case_numbers, load
-from solve.methods.gauss import Gauss
-from solve.methods.hill import boundaries
-from solve.methods.newmark import Newmark
-from solve.methods.radau import Radau
-from solve.methods.runge_kutta import RungeKutta4
-from solve.model.cases import Case
-from solve.model.model import Model
-from solve.newton.orbits import nonlinear
-from solve.period.quantities import statistics as signal_statistics
-from solve.results.bands import Band
-from solve.results.chart import Chart
-from solve.results.critical_speeds import CriticalSpeeds
-from solve.results.frequencies import Frequencies, Variation
-from solve.results.nonlinear import NonlinearOrbit
-from solve.results.orbit import Orbit
-from solve.results.stability import Stability
-from solve.results.sweep import Sweep, Sweeps
-from solve.single import floquet, periodic
-from solve.studies.bands import bands
-from solve.studies.chart import chart
-from solve.studies.critical_speeds import critical_speeds
-from solve.studies.curves import PeriodicCurves
-from solve.studies.frequencies import frequencies, frequencies_over
-from solve.studies.sweep import sweep, sweeps, variants
-from solve.system import PeriodicSystem
+What it offers is listed in `solve.public` and loaded at the first use, so that a command is ready for an
+interruption before it has read the packages that it needs.
+"""
 
-__all__ = [
-    "Band",
-    "Case",
-    "Chart",
-    "CriticalSpeeds",
-    "Frequencies",
-    "Gauss",
-    "Model",
-    "Newmark",
-    "NonlinearOrbit",
-    "Orbit",
-    "PeriodicCurves",
-    "PeriodicSystem",
-    "Radau",
-    "RungeKutta4",
-    "SolveError",
-    "Stability",
-    "Sweep",
-    "Sweeps",
-    "Variation",
-    "bands",
-    "boundaries",
-    "case_numbers",
-    "chart",
-    "critical_speeds",
-    "floquet",
-    "frequencies",
-    "frequencies_over",
-    "load",
-    "nonlinear",
-    "periodic",
-    "signal_statistics",
-    "sweep",
-    "sweeps",
-    "variants",
-]
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from solve.public import *  # noqa: F403
+
+
+def __getattr__(name: str) -> object:
+    public = importlib.import_module("solve.public")
+    if name == "__all__" or name in public.__all__:
+        return getattr(public, name)
+    if name in globals():
+        return globals()[name]
+    raise AttributeError(f"module 'solve' has no attribute '{name}'; it has {', '.join(public.__all__)}")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *importlib.import_module("solve.public").__all__]

@@ -1,13 +1,22 @@
 """The command `solve`: periodic vibration, stability and studies of a model."""
 
 import sys
+from collections.abc import Sequence
 
-from solve.commands.app import run
+from solve.commands.door import door
+from solve.errors import SolveError
 
 
 def main() -> None:
     """Entry point of the console command."""
-    sys.exit(run(sys.argv[1:]))
+    sys.exit(door("solve", _run, sys.argv[1:], SolveError))
+
+
+def _run(arguments: Sequence[str]) -> int | None:
+    # Loaded within: an interruption may come while Python still reads the packages.
+    from solve.commands.app import called
+
+    return called(arguments)
 
 
 if __name__ == "__main__":

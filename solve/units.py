@@ -8,11 +8,25 @@ from numbers import Real
 from typing import TYPE_CHECKING
 
 from solve.errors import UnitError, ValueOutOfBoundsError
+from solve.sizes import NUMBERS_A_POINT, require_size
 
 if TYPE_CHECKING:
     import pint
 
 _NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
+LARGEST = 1e60
+"""Beyond this size, and below its inverse, products of a few numbers leave what a computer can hold."""
+
+_POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2})?"
+_NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
+_PRODUCT = rf"{_NAME}((\s*[*/]\s*|\s+){_NAME})*+"
+_FACTOR = rf"({_NAME}|\({_PRODUCT}\){_POWER})"
+_UNIT = re.compile(rf"{_FACTOR}((\s*[*/]\s*|\s+){_FACTOR})*+")
+"""Products and quotients of names with small powers, grouped once at most; nothing else is computed."""
+
+_LONGEST_UNIT = 80
+"""Characters."""
+
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
 
@@ -30,7 +44,17 @@ def speed_in_si(speed: float | str) -> float:
         omega = math.nan
     if isinstance(speed, bool) or not (math.isfinite(omega) and omega > 0):
         raise ValueOutOfBoundsError(f"speed is {speed}; allowed: finite and > 0, such as '600 rpm'")
+    require_size_of_number("speed", omega)
     return omega
+
+
+def require_size_of_number(what: str, value: float) -> None:
+    """Raise ValueOutOfBoundsError for a finite number, in SI units, that is too large or too small to be
+    calculated with."""
+    if math.isfinite(value) and value != 0 and not 1 / LARGEST <= abs(value) <= LARGEST:
+        raise ValueOutOfBoundsError(
+            f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in size, in SI units"
+        )
 
 
 def speeds_given(speeds: float | str | Iterable[float | str]) -> list[float]:
@@ -75,8 +99,7 @@ def speeds_in_si(text: str) -> list[float]:
             raise UnitError(usage) from None
         if len(ends) != 3 or count < 2:
             raise ValueOutOfBoundsError(usage + ", N at least 2")
-        values = [low + (high - low) * i / (count - 1) for i in range(count)]
-        return [speed_in_si(f"{value!r} {unit}") for value in values]
+        return [speed_in_si(f"{value!r} {unit}") for value in spaced(low, high, count)]
     if not numbers or not all(map(_is_number, numbers)) or _is_number(unit):
         raise UnitError(usage)
     return [speed_in_si(f"{number} {unit}") for number in numbers]
@@ -101,6 +124,13 @@ def quantity(text: str) -> float | str:
     return text if math.isfinite(float(number)) and unit else float(number)
 
 
+def spaced(low: float, high: float, count: int) -> list[float]:
+    """So many numbers from the first to the last, both included, at equal distances. Raises
+    ValueOutOfBoundsError for more than can be held."""
+    require_size("values in one range", count, NUMBERS_A_POINT)
+    return [low + (high - low) * i / (count - 1) for i in range(count)]
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)
@@ -119,6 +149,7 @@ def with_unit(text: str, unit: str) -> float:
         raise UnitError(f"'{text}' is not a number with a unit; write it like {example}") from None
     if not given.strip():
         raise UnitError(f"'{text}' has no unit; write it like {example}")
+    require_size_of_number(f"'{text}'", value)
     if unit == "rad/s" and given.strip() in _RAD_PER_S:
         return value * _RAD_PER_S[given.strip()]
     return value * conversion(given.strip(), unit)
@@ -135,6 +166,8 @@ def conversion(given: str, unit: str) -> float:
         return 1.0
     registry = _registry()
     try:
+        if len(given) > _LONGEST_UNIT or not _UNIT.fullmatch(given):
+            raise ValueError(given)
         units = registry.parse_units(given)
         zero, size = (registry.Quantity(x, units).to(unit).magnitude for x in (0.0, 1.0))
     except Exception:

@@ -4,8 +4,54 @@ everywhere, and a shared machine may be slow, which is no failure.
 `--hypothesis-profile=search` draws anew: for looking for failures that no run has seen.
 """
 
+import ctypes
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", derandomize=False, deadline=None)
 settings.load_profile("repeatable")
+
+_NOBODY = {"user": 65534, "group": 65534, "extra_groups": []}
+_CHECKOUT = Path(__file__).resolve().parents[1]
+_DROP_CAPABILITY, _PASS_OVER_RIGHTS = 24, (1, 2)
+
+
+def _without_privileges():
+    """Leave root the rights of an owner alone, after the next program is started."""
+    for capability in _PASS_OVER_RIGHTS:
+        ctypes.CDLL(None).prctl(_DROP_CAPABILITY, capability, 0, 0, 0)
+
+
+@pytest.fixture
+def as_ordinary_user(tmp_path):
+    """Run `python -m solve` as a user without special rights: this one; where that is root, nobody, or root
+    without the privilege to pass over rights where nobody may not even start this Python."""
+
+    def ran(*arguments, module="solve", cwd=_CHECKOUT, user=None, **environment):
+        usual = {
+            "PATH": os.environ.get("PATH", os.defpath),
+            "PYTHONPATH": str(_CHECKOUT),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        command = [sys.executable, "-m", module, *arguments]
+        streams = {"capture_output": True, "text": True, "timeout": 120}
+        return subprocess.run(command, cwd=cwd, env={**usual, **environment}, **streams, **(user or users))
+
+    users = {}
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        try:
+            able = ran("--help", user=_NOBODY).returncode == 0
+        except PermissionError:
+            able = False
+        users = _NOBODY if able else {"preexec_fn": _without_privileges}
+        if able:
+            os.chown(tmp_path, _NOBODY["user"], _NOBODY["group"])
+            for folder in tmp_path.parents[:2]:
+                folder.chmod(folder.stat().st_mode | 0o011)
+    return ran

@@ -3,30 +3,30 @@
 import sys
 from collections.abc import Sequence
 
-from models.four_bar.commands.corrected import corrected
-from models.four_bar.commands.curve import curve
-from models.four_bar.commands.design import design
-from models.four_bar.commands.linkage import linkage
-from models.four_bar.commands.modes import modes
-from models.four_bar.commands.study import study
-from solve.commands.app import application
-from solve.commands.app import run as run_commands
-
-COMMANDS = (linkage, study, corrected, modes, curve, design)
+from solve.commands.door import door
+from solve.errors import SolveError
 
 _NAME = "python -m models.four_bar"
-
-app = application(
-    _NAME,
-    COMMANDS,
-    "The four-bar linkage of the thesis.",
-    f'{_NAME} linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
-)
 
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status: 2 with one line on standard error for bad input."""
-    return run_commands(arguments, app, _NAME)
+    return door(_NAME, _called, arguments, SolveError)
+
+
+def _called(arguments: Sequence[str]) -> int | None:
+    from models.four_bar.commands.corrected import corrected
+    from models.four_bar.commands.curve import curve
+    from models.four_bar.commands.design import design
+    from models.four_bar.commands.linkage import linkage
+    from models.four_bar.commands.modes import modes
+    from models.four_bar.commands.study import study
+    from solve.commands.app import application, called
+
+    commands = (linkage, study, corrected, modes, curve, design)
+    about = "The four-bar linkage of the thesis."
+    example = f'{_NAME} linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png'
+    return called(arguments, application(_NAME, commands, about, example), _NAME)
 
 
 def main() -> None:

@@ -126,7 +126,8 @@ class Refinement:
         if steps > most:
             raise StepsError(
                 f"{name} takes at most {most} steps a period for {self.points.n} "
-                f"coordinates; given: {steps}; use fewer, or leave --steps out to have it chosen"
+                f"coordinates; given: {steps}; use fewer, raise --limit, or leave --steps out to have it "
+                "chosen"
             )
         for position in positions[steps < self.least[positions]].tolist():
             reason = StepsError(

@@ -1,14 +1,15 @@
-"""The commands together, and how they fail: one line on standard error, exit status 2."""
+"""The commands together."""
 
 import importlib
-import io
 import os
-import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import typer
+from typer.core import TyperCommand
 
+from solve.commands.door import ReadOnce, door
 from solve.commands.groups import flattened
 from solve.errors import SolveError
 
@@ -28,6 +29,10 @@ _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Of the Click that Typer brings along or depends on, whichever it is."""
 
 
+class _Command(ReadOnce, TyperCommand):
+    """A command whose flags of one value are given once."""
+
+
 def application(
     name: str, commands: Sequence[Callable[..., None]], about: str | None, example: str
 ) -> typer.Typer:
@@ -43,7 +48,7 @@ def application(
     )
     for command in commands:
         epilog = f"For example: {example}" if len(commands) == 1 else None
-        made.command(command.__name__, epilog=epilog)(flattened(command))
+        made.command(command.__name__, cls=_Command, epilog=epilog)(flattened(command))
     return made
 
 
@@ -70,35 +75,29 @@ def _named(name: str) -> Callable[..., None]:
 
 def run(arguments: Sequence[str], commands: typer.Typer | None = None, name: str = "solve") -> int:
     """Run one of these commands, by default of `solve`, under the name that the user typed, and return its
-    exit status."""
+    exit status: 2 with one line on standard error for bad input."""
+    return door(name, partial(called, commands=commands, name=name), arguments, SolveError)
+
+
+def called(arguments: Sequence[str], commands: typer.Typer | None = None, name: str = "solve") -> int | None:
+    """The same within a door that is already open."""
+    # Pictures go into files, whatever is set for windows.
+    os.environ["MPLBACKEND"] = "agg"
     commands = commands or solve_application(next(iter(arguments), None))
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
     try:
-        status = commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False) or 0
-        sys.stdout.flush()
-        return status
-    except SolveError as error:
-        return _refused(str(error), name)
+        return commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False)
     except _UsageError as error:
-        return _misused(error, name)
-    except BrokenPipeError:
-        # Whoever read the output has gone; nothing is left to say, the flush at exit included.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+        _hint(error)
+        raise
 
 
-def _misused(error: Any, name: str) -> int:
-    command = error.ctx.command_path if error.ctx else name
-    message = error.format_message().rstrip(".")
-    unknown = getattr(error, "option_name", None) if message.startswith("No such option") else None
+def _hint(error: Any) -> None:
+    """Say how what belongs to the model is given, where an unknown flag may be meant for it."""
+    unknown = getattr(error, "option_name", None) if "No such option" in error.message else None
     if unknown and any("--option" in each.opts for each in error.ctx.command.params):
         given = unknown.lstrip("-")
-        message += f"; what belongs to the model is --option {given}=VALUE or --set {given}=NUMBER"
-    return _refused(f"{message}. See: {command} --help", name)
-
-
-def _refused(message: str, name: str) -> int:
-    print(f"{name}: " + " ".join(message.split()), file=sys.stderr)
-    return 2
+        message = error.format_message().rstrip(".")
+        error.message = (
+            f"{message}; what belongs to the model is --option {given}=VALUE or --set {given}=NUMBER"
+        )
+        error.possibilities = None

@@ -9,8 +9,8 @@ from typing import Any
 from solve.commands.groups import Results
 from solve.results.contents import Contents
 from solve.results.report import RenderableType
-from solve.results.save import save
-from solve.results.style import Figure, save_figure
+from solve.results.save import Whole, writer
+from solve.results.style import Figure, drawn
 
 
 def deliver_result(
@@ -38,10 +38,11 @@ def deliver(
     from rich.console import Console
 
     picture, data = results.files()
-    if picture is not None:
-        save_figure(figure(), picture)
-    if data is not None:
-        save(contents(), data)
+    with Whole() as files:
+        if picture is not None:
+            files.write(picture, drawn(figure(), picture))
+        if data is not None:
+            files.write(data, writer(contents(), data))
     if results.json:
         print(json.dumps(record(), ensure_ascii=False, allow_nan=False))
     else:

@@ -21,6 +21,7 @@ from solve.methods.choice import chosen
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.results.save import PICTURES, checked, checked_data
+from solve.sizes import MOST, limited
 from solve.units import speed_in_si, speeds_in_si
 
 
@@ -200,6 +201,17 @@ class Results:
         return picture, None if self.save is None else checked_data(self.save)
 
 
+@dataclass(frozen=True)
+class Common:
+    """What every command takes."""
+
+    limit: Annotated[
+        float | None,
+        typer.Option(metavar="N", parser=number, help=f"Most numbers to hold at once; by default {MOST}."),
+    ] = None
+    debug: Annotated[bool, typer.Option("--debug", help="Show where a fault of this program arose.")] = False
+
+
 @contextmanager
 def progressing(what: str, total: int | None = None) -> Iterator[Callable[..., None]]:
     """A progress bar with the remaining time on standard error, drawn only on a terminal. Call it with the
@@ -215,19 +227,24 @@ def progressing(what: str, total: int | None = None) -> Iterator[Callable[..., N
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the fields of its groups as parameters of its own, for Typer to read."""
+    """The command with the fields of its groups, and of `Common`, as parameters of its own, for Typer to
+    read."""
     hints = get_type_hints(command, include_extras=True)
     groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
-    parameters = []
+    parameters, common = [], inspect.signature(Common).parameters
     for name, parameter in inspect.signature(command).parameters.items():
         alone = [parameter.replace(annotation=hints[name])]
         group = inspect.signature(groups[name]).parameters.values() if name in groups else alone
         parameters += [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in group]
 
+    parameters += [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in common.values()]
+
     def flat(**values: Any) -> None:
+        chosen = Common(**{name: values.pop(name) for name in common})
         for name, group in groups.items():
             values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
-        command(**values)
+        with limited(chosen.limit):
+            command(**values)
 
     flat.__doc__ = command.__doc__
     flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]

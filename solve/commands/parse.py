@@ -6,7 +6,7 @@ from typing import Any
 import typer
 
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.units import quantity
+from solve.units import quantity, require_size_of_number, spaced
 
 
 def whole(text: str) -> int:
@@ -16,7 +16,9 @@ def whole(text: str) -> int:
 
 def number(text: str) -> float:
     """A number, for Typer to read a flag with."""
-    return _read(float, text, "a number, such as 1e-6")
+    value = _read(float, text, "a number, such as 1e-6")
+    require_size_of_number(f"'{text}'", value)
+    return value
 
 
 def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:
@@ -89,7 +91,7 @@ def points(flag: str, text: str) -> tuple[str, list[float]]:
         raise ValueOutOfBoundsError(usage) from None
     if count < 2:
         raise ValueOutOfBoundsError(usage)
-    return name, [low + (high - low) * i / (count - 1) for i in range(count)]
+    return name, spaced(low, high, count)
 
 
 def figure_kept(text: str) -> str:

@@ -5,6 +5,7 @@ import hashlib
 import logging
 import os
 import shutil
+import stat
 import subprocess
 import tempfile
 from collections.abc import Mapping
@@ -26,15 +27,42 @@ def compiled(source: Path, sizes: Mapping[str, int]) -> ctypes.CDLL:
     compiler, identity = _compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
     text = "\0".join((source.read_text(encoding="utf-8"), identity, *_FLAGS, *macros))
-    library = _folder() / f"{source.stem}-{hashlib.sha256(text.encode()).hexdigest()[:24]}.so"
-    if not library.is_file():
-        what = ", ".join(f"{name} = {value}" for name, value in sizes.items())
-        _LOGGER.warning("compiling %s for this machine, once: %s", source.stem, what)
-        _compile([compiler, *_FLAGS, *macros, str(source), "-lm"], library)
     try:
+        library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
+        if not _sound(library):
+            what = ", ".join(f"{name} = {value}" for name, value in sizes.items())
+            _LOGGER.warning("compiling %s for this machine, once: %s", source.stem, what)
+            _compile([compiler, *_FLAGS, *macros, str(source), "-lm"], library)
         return ctypes.CDLL(str(library))
     except OSError as error:
-        raise CompilerError(f"compiled code cannot be loaded: {error}") from None
+        raise CompilerError(f"compiled code cannot be kept or loaded: {error}") from None
+
+
+def _sound(library: Path) -> bool:
+    """Whether there is a library of this user that nobody else may change, as long as it was when it was
+    compiled: a cut one would end the process, which nothing can catch. Raises CompilerError for what belongs
+    to others."""
+    seal = library.with_suffix(".sha256")
+    for file in (library, seal):
+        if not os.path.lexists(file):
+            return False
+        _require_own(file)
+    return library.is_file() and seal.read_text(encoding="utf-8", errors="replace") == _hash(
+        library.read_bytes()
+    )
+
+
+def _require_own(path: Path) -> None:
+    """Raise CompilerError where others than the user may change a file or a folder."""
+    if not hasattr(os, "getuid"):
+        return
+    found = path.lstat()
+    if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o022 or stat.S_ISLNK(found.st_mode):
+        raise CompilerError(f"'{path}' belongs to others, or others may change it; remove it")
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 @lru_cache
@@ -49,23 +77,22 @@ def _compiler() -> tuple[str, str]:
 
 
 def _compile(command: list[str], library: Path) -> None:
-    """Write the library whole or not at all."""
-    try:
-        library.parent.mkdir(parents=True, exist_ok=True)
-        handle, part = tempfile.mkstemp(suffix=".so", dir=library.parent)
-    except OSError as error:
-        raise CompilerError(f"no room for compiled code: {error}") from None
-    os.close(handle)
-    try:
-        _run([*command, "-o", part])
-        Path(part).replace(library)
-    finally:
-        Path(part).unlink(missing_ok=True)
+    """Write the library and its hash, each whole or not at all."""
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        part, seal = Path(folder) / library.name, Path(folder) / "seal"
+        _run([*command, "-o", str(part)])
+        part.chmod(0o700)
+        seal.touch(mode=0o600)
+        seal.write_text(_hash(part.read_bytes()), encoding="utf-8")
+        part.replace(library)
+        seal.replace(library.with_suffix(".sha256"))
 
 
 def _run(command: list[str]) -> str:
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_SECONDS, check=True)
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=_SECONDS, check=True
+        )
     except subprocess.CalledProcessError as error:
         complaint = next(iter(error.stderr.strip().splitlines()), f"status {error.returncode}")
         raise CompilerError(f"C compiler '{command[0]}' failed: {complaint}") from None
@@ -75,5 +102,14 @@ def _run(command: list[str]) -> str:
 
 
 def _folder() -> Path:
-    """Of compiled code: in the user's cache."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parametric-vibration"
+    """Of compiled code, made where it is missing: in the user's cache. Raises CompilerError."""
+    given = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    try:
+        # A relative path counts as none, as the specification of base directories says.
+        base = given if given.is_absolute() else Path.home() / ".cache"
+    except RuntimeError as error:
+        raise CompilerError(f"no folder for compiled code: {error}; set XDG_CACHE_HOME") from None
+    folder = base / "parametric-vibration"
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _require_own(folder)
+    return folder

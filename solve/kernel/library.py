@@ -1,6 +1,7 @@
 """The compiled kernels of lanes.c: eight points, or eight segments of one period, side by side."""
 
 import ctypes
+import logging
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +13,7 @@ from solve.arrays import Array
 from solve.kernel.compiler import CompilerError, compiled
 
 LANES = 8
+_LOGGER = logging.getLogger(__name__)
 _SOURCE = Path(__file__).with_name("lanes.c")
 
 
@@ -58,6 +60,17 @@ def trouble() -> str:
     return ""
 
 
+@lru_cache
+def available(size: Size) -> bool:
+    """Whether there is a library for a size; where there is none, a line of the logger says why."""
+    try:
+        library(size)
+    except CompilerError as error:
+        _LOGGER.warning("%s; NumPy is used", error)
+        return False
+    return True
+
+
 def run(
     kernel: str, size: Size, arrays: Mapping[str, Array], entry: Array | None = None, **numbers: float
 ) -> None:
@@ -72,4 +85,4 @@ def run(
         raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
 
 
-__all__ = ["LANES", "CompilerError", "Size", "library", "run", "trouble"]
+__all__ = ["LANES", "CompilerError", "Size", "available", "library", "run", "trouble"]

@@ -4,7 +4,7 @@ import numpy as np
 
 from solve.kernel import collocation as kernel
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.kernel.library import Size
+from solve.kernel.library import Size, available
 from solve.methods.collocation import Collocation, discretise
 from solve.methods.method import Discretisation, OneStep, Solutions
 from solve.period.curve import Curve
@@ -47,6 +47,8 @@ class Collocated(OneStep):
         # A single point takes the library with orbits for its multipliers too: one less to compile.
         with_orbit = orbit or len(points) == 1
         size = Size(n, len(method.c), len(method.curve_nodes), method.stiffly_accurate, with_orbit)
+        if not available(size):
+            return super().solutions(points, grid, orbit)
         stages = points.tables(grid.stages(np.array(method.c)).ravel())
         nodes = None
         if with_orbit and not method.stiffly_accurate:

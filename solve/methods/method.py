@@ -17,9 +17,11 @@ from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers, rounding_errors
 from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
 from solve.period.points import Points, matrices
+from solve.sizes import most_numbers
 
-_MOST_MEMORY, _MEMORY_OF_LARGE_SYSTEMS = 2**29, 2**31
-"""Bytes that the solution of one period may take at its peak; more where fewer steps would be too few."""
+_LARGE_SYSTEMS = 4
+"""Times the numbers that may be held that one period may take where fewer steps would be too few."""
+
 _ENOUGH_STEPS = 2**13
 
 
@@ -135,8 +137,8 @@ class Method:
 
     def most_steps(self, n: int) -> int:
         """Steps a period beyond which n coordinates take too much memory or time."""
-        size = self.bytes_a_step(n)
-        return max(_MOST_MEMORY // size, min(_MEMORY_OF_LARGE_SYSTEMS // size, _ENOUGH_STEPS))
+        steps = int(8 * most_numbers() / self.bytes_a_step(n))
+        return max(steps, min(_LARGE_SYSTEMS * steps, _ENOUGH_STEPS))
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         """Monodromy matrices, and with `orbit` the periodic solutions."""

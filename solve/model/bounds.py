@@ -6,7 +6,7 @@ from types import ModuleType
 from typing import Any
 
 from solve.errors import UnitError, ValueOutOfBoundsError
-from solve.units import quantity, with_unit
+from solve.units import quantity, require_size_of_number, with_unit
 
 
 def clauses(bound: str) -> list[str]:
@@ -64,5 +64,6 @@ def checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"
             )
+        require_size_of_number(f"{name} ({meaning})", value)
         checked[name] = value
     return checked

@@ -2,16 +2,18 @@
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError
+from solve.sizes import require_size
 from solve.units import conversion
 
 _ENTRY = {"value", "values", "count", "unit", "source"}
+_NUMBERS_A_BYTE = 64
 
 
 @dataclass(frozen=True)
@@ -65,14 +67,7 @@ def read_cases(path: Path, units: Mapping[str, str]) -> dict[str, Case]:
     the same value to NAME1 … NAMEcount. Entries of [common.parameters] hold for every case. Raises
     CaseFileError, UnknownNameError for a misspelt key or parameter, UnitError for a unit of another kind.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise CaseFileError(
-            f"case file '{path}' cannot be read ({type(error).__name__}); give another"
-        ) from None
-    except tomllib.TOMLDecodeError as error:
-        raise CaseFileError(f"case file '{path}' is not TOML: {error}") from None
+    table = _read(path)
     _known(table, {"common", "case"}, f"key of {path.name}")
     common = _table(table.get("common", {}), "common", path)
     _known(common, {"parameters"}, f"key of [common] in {path.name}")
@@ -92,6 +87,23 @@ def read_cases(path: Path, units: Mapping[str, str]) -> dict[str, Case]:
     return cases
 
 
+def _read(path: Path) -> dict[str, Any]:
+    """The file as TOML. Raises CaseFileError."""
+    try:
+        if path.exists() and not path.is_file():
+            raise CaseFileError(f"case file '{path}' is no file; give one that ends in .toml")
+        require_size(f"bytes in case file '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaseFileError(
+            f"case file '{path}' cannot be read ({type(error).__name__}); give another"
+        ) from None
+    except RecursionError:
+        raise CaseFileError(f"case file '{path}' nests too deeply; give plain tables") from None
+    except ValueError as error:
+        raise CaseFileError(f"case file '{path}' is not TOML: {error}") from None
+
+
 def _parameters(raw: Any, units: Mapping[str, str], path: Path) -> dict[str, float]:
     values: dict[str, float] = {}
     for name, raw_entry in _table(raw, "parameters", path).items():
@@ -99,7 +111,7 @@ def _parameters(raw: Any, units: Mapping[str, str], path: Path) -> dict[str, flo
         _known(entry, _ENTRY, f"key of {name} in {path.name}")
         unit = _text(entry, "unit", name, path)
         _text(entry, "source", name, path)
-        for member, number in _members(name, entry, path).items():
+        for member, number in _members(name, entry, path):
             if member not in units:
                 raise UnknownNameError(f"parameter in {path.name}", member, units)
             try:
@@ -109,21 +121,22 @@ def _parameters(raw: Any, units: Mapping[str, str], path: Path) -> dict[str, flo
     return values
 
 
-def _members(name: str, entry: dict[str, Any], path: Path) -> dict[str, float]:
-    """One number a parameter: of `value`, of `value` and `count`, or of `values`."""
+def _members(name: str, entry: dict[str, Any], path: Path) -> Iterator[tuple[str, float]]:
+    """One number a parameter, as they are asked for: of `value`, of `value` and `count`, or of `values`."""
     forms = entry.keys() & {"value", "values", "count"}
     if forms == {"value"}:
-        named = {name: entry["value"]}
+        named = iter([(name, entry["value"])])
     elif forms == {"value", "count"} and type(entry["count"]) is int and entry["count"] > 0:
-        named = {f"{name}{k}": entry["value"] for k in range(1, entry["count"] + 1)}
+        named = ((f"{name}{k + 1}", entry["value"]) for k in range(entry["count"]))
     elif forms == {"values"} and isinstance(entry["values"], list) and entry["values"]:
-        named = {f"{name}{k}": number for k, number in enumerate(entry["values"], start=1)}
+        named = ((f"{name}{k}", number) for k, number in enumerate(entry["values"], start=1))
     else:
         raise CaseFileError(
             f"{name} in {path.name} has neither one value, nor one value and a count of 1 or more, nor a "
             "list of values; give one of these"
         )
-    return {member: _finite(member, number, path) for member, number in named.items()}
+    for member, number in named:
+        yield member, _finite(member, number, path)
 
 
 def _finite(member: str, given: Any, path: Path) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
+from solve.sizes import NUMBERS_A_POINT, require_size
 
 KINDS = ("+1", "-1", "complex")
 """Which multiplier leaves the unit circle: period T, period 2T, or a pair."""
@@ -16,6 +17,9 @@ _REAL = 1e-6
 
 FAILED = -1
 """Instead of the position of a verdict, where there is none."""
+
+_NUMBERS_AN_AMPLITUDE = 64
+"""At the peak, while many points are analysed together."""
 
 _ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods")
 
@@ -55,7 +59,10 @@ class PointResults:
 
     @classmethod
     def blank(cls, count: int, n: int, kept: Kept) -> "PointResults":
-        """Of points that are still to be solved."""
+        """Of points that are still to be solved. Raises ValueOutOfBoundsError for more than can be held."""
+        each = len(FIGURES) * len(kept.names) + 4 * n
+        spectra = len(kept.spectra) * (kept.harmonics + 1) * _NUMBERS_AN_AMPLITUDE
+        require_size("points", count, max(each + spectra, NUMBERS_A_POINT))
         return cls(
             kept,
             np.full((count, len(kept.names), len(FIGURES)), np.nan),

@@ -4,9 +4,15 @@ the calculation, and written whole or not at all."""
 import csv
 import importlib.util
 import os
-from collections.abc import Callable, Iterable
+import platform
+import secrets
+import stat
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -26,41 +32,141 @@ PICTURES = (".png", ".pdf", ".svg")
 
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
     """The path of a file that can be written. Raises FileError for an unknown ending, a missing or
-    read-only folder, a folder of that name, a read-only file."""
+    read-only folder, a folder or device of that name, a read-only file."""
     file, allowed = Path(path), tuple(endings)
     if file.suffix.lower() not in allowed:
         given = f"ends in '{file.suffix}'" if file.suffix else "has no ending"
         raise FileError(f"{kind} file '{path}' {given}; allowed: {', '.join(allowed)}")
-    if file.is_dir():
-        raise FileError(f"{kind} file '{path}' is a folder; give the name of a file")
-    if not file.parent.is_dir():
-        raise FileError(f"{kind} file '{path}': there is no folder '{file.parent}'; make it first")
     try:
-        # Only trying tells for certain: rights, full disks and read-only file systems alike.
-        _part(file).touch(exist_ok=False)
-        _part(file).unlink()
-        writable = not file.exists() or os.access(file, os.W_OK)
-    except OSError:
+        target = file.resolve()
+        if target.is_dir():
+            raise FileError(f"{kind} file '{path}' is a folder; give the name of a file")
+        if target.exists() and not target.is_file():
+            raise FileError(f"{kind} file '{path}' is a device or a pipe; give the name of a file")
+        if not target.parent.is_dir():
+            raise FileError(f"{kind} file '{path}': there is no folder '{file.parent}'; make it first")
+        # Only trying tells for certain: rights and read-only file systems alike.
+        with _beside(target):
+            writable = not target.exists() or os.access(target, os.W_OK)
+    except (OSError, ValueError, RuntimeError):
         writable = False
     if not writable:
         raise FileError(f"{kind} file '{path}' cannot be written; give a place where you may write")
     return file
 
 
-def write_whole(file: Path, write: Callable[[Path], None]) -> None:
-    """Let `write` fill a temporary file beside it, then rename. Raises FileError, leaving no trace."""
-    part = _part(file)
+class Whole:
+    """Files that appear together at the end of the block, or not at all where it raises.
+
+    They are made in memory first: a library of C may end the process where a disk is full, Python says so.
+    """
+
+    def __init__(self) -> None:
+        self._contents: dict[Path, bytes] = {}
+
+    def write(self, file: Path, write: Callable[[BinaryIO], None]) -> None:
+        """Keep what `write` fills a stream with for a checked file."""
+        stream = BytesIO()
+        write(stream)
+        self._contents[file] = stream.getvalue()
+
+    def __enter__(self) -> "Whole":
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        """Raises FileError."""
+        if kind is not None:
+            return
+        with ExitStack() as parts:
+            ready = [parts.enter_context(_filled(*entry)) for entry in self._contents.items()]
+            with ExitStack() as undo:
+                for file, part, target, before in ready:
+                    with _refusing(file):
+                        undo.callback(_put_back, target, before)
+                        part.replace(target)
+                undo.pop_all()
+
+
+@contextmanager
+def _filled(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, bytes | None]]:
+    """The file, a temporary file with the content and the rights of what it will replace, the target of its
+    links, and what that holds."""
+    with _refusing(file), ExitStack() as cleaning:
+        target = file.resolve()
+        part, stream = cleaning.enter_context(_beside(target))
+        with stream:
+            stream.write(content)
+        before = None
+        if target.exists():
+            before = target.read_bytes()
+            part.chmod(stat.S_IMODE(target.stat().st_mode))
+        later = cleaning.pop_all()
+    with later:
+        yield file, part, target, before
+
+
+def _put_back(target: Path, before: bytes | None) -> None:
+    """Undo that a file was replaced: what came before it, if anything."""
+    with suppress(OSError):
+        if before is None:
+            target.unlink(missing_ok=True)
+        elif target.read_bytes() != before:
+            target.write_bytes(before)
+
+
+@contextmanager
+def _refusing(file: Path) -> Iterator[None]:
     try:
-        write(part)
-        part.replace(file)
+        yield
     except OSError as error:
         raise FileError(f"'{file}' cannot be written ({error.strerror or error}); nothing was") from None
+
+
+def write_whole(file: Path, write: Callable[[BinaryIO], None]) -> None:
+    """One file, whole or not at all. Raises FileError, leaving no trace."""
+    with Whole() as files:
+        files.write(file, write)
+
+
+@contextmanager
+def _beside(file: Path) -> Iterator[tuple[Path, BinaryIO]]:
+    """A new temporary file in the folder of another, with its stream, removed at the end; what processes
+    that died left there is removed too."""
+    _remove_leftovers(file.parent)
+    part = file.parent / f"{_part_of(os.getpid())}{secrets.token_hex(8)}"
+    stream = part.open("xb")
+    try:
+        with stream:
+            yield part, stream
     finally:
         part.unlink(missing_ok=True)
 
 
-def _part(file: Path) -> Path:
-    return file.with_name(f".{file.stem}.{os.getpid()}{file.suffix}")
+def _part_of(process: int | str) -> str:
+    """How the temporary files of a process of this machine begin."""
+    return f".{platform.node()}-{process}-parametric-"
+
+
+def _remove_leftovers(folder: Path) -> None:
+    before, after = _part_of("*").split("*")
+    for part in folder.iterdir() if os.access(folder, os.R_OK) else ():
+        number = part.name.removeprefix(before).partition(after)[0]
+        if part.name.startswith(before) and number.isdigit() and not _alive(int(number)):
+            with suppress(OSError):
+                part.unlink()
+
+
+def _alive(process: int) -> bool:
+    """Whether a process of this number runs; in doubt, yes."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def checked_data(path: str | Path) -> Path:
@@ -72,8 +178,13 @@ def checked_data(path: str | Path) -> Path:
 
 
 def save(contents: Contents, file: Path) -> None:
-    """Write the contents to a checked file."""
-    write_whole(file, lambda part: DATA[file.suffix.lower()](contents, part))
+    """Write the contents to a checked file. Raises FileError."""
+    write_whole(file, writer(contents, file))
+
+
+def writer(contents: Contents, file: Path) -> Callable[[BinaryIO], None]:
+    """What fills a stream with the contents as the file's ending says."""
+    return partial(DATA[file.suffix.lower()], contents)
 
 
 def dataset(contents: Contents) -> "xarray.Dataset":
@@ -98,22 +209,22 @@ def _entry(variable: Variable) -> tuple[str, Array, dict[str, str]]:
     return variable.axis, variable.values, {key: text for key, text in attributes.items() if text}
 
 
-def _write_npz(contents: Contents, part: Path) -> None:
-    with part.open("wb") as stream:
-        arrays: dict[str, Any] = {**contents.arrays, "metadata": np.array(contents.metadata_text)}
-        np.savez(stream, **arrays)
+def _write_npz(contents: Contents, stream: BinaryIO) -> None:
+    arrays: dict[str, Any] = {**contents.arrays, "metadata": np.array(contents.metadata_text)}
+    np.savez(stream, **arrays)
 
 
-def _write_csv(contents: Contents, part: Path) -> None:
+def _write_csv(contents: Contents, stream: BinaryIO) -> None:
     titles = [f"{name} ({v.unit})" if v.unit else name for name, v in contents.columns.items()]
     rows = zip(*(column.values.tolist() for column in contents.columns.values()), strict=True)
-    with part.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(titles)
-        writer.writerows(rows)
+    text = TextIOWrapper(stream, encoding="utf-8", newline="")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(titles)
+    table.writerows(rows)
+    text.detach()
 
 
-def _write_mat(contents: Contents, part: Path) -> None:
+def _write_mat(contents: Contents, stream: BinaryIO) -> None:
     from scipy.io import savemat
 
     # MATLAB knows cells of texts, not arrays of them.
@@ -121,11 +232,11 @@ def _write_mat(contents: Contents, part: Path) -> None:
         name: values.astype(object) if values.dtype.kind == "U" else values
         for name, values in contents.arrays.items()
     }
-    savemat(part, {**arrays, "metadata": contents.metadata_text}, appendmat=False)
+    savemat(stream, {**arrays, "metadata": contents.metadata_text}, appendmat=False)
 
 
-def _write_nc(contents: Contents, part: Path) -> None:
-    dataset(contents).to_netcdf(part, engine="h5netcdf")
+def _write_nc(contents: Contents, stream: Any) -> None:
+    dataset(contents).to_netcdf(stream, engine="h5netcdf")
 
 
 def _require(*packages: str) -> None:
@@ -137,7 +248,7 @@ def _require(*packages: str) -> None:
         )
 
 
-DATA: dict[str, Callable[[Contents, Path], None]] = {
+DATA: dict[str, Callable[[Contents, BinaryIO], None]] = {
     ".npz": _write_npz,
     ".csv": _write_csv,
     ".mat": _write_mat,

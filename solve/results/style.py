@@ -1,9 +1,9 @@
 """How figures look: sizes and colours for a printed page, without pyplot's global state."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from solve.results.save import write_whole
 
@@ -82,7 +82,16 @@ def page(height: float, title: str) -> Iterator[Figure]:
 
 def save_figure(figure: Figure, file: Path) -> None:
     """Write the figure as the file's ending says, the same bytes every time. Raises FileError."""
+    write_whole(file, drawn(figure, file))
+
+
+def drawn(figure: Figure, file: Path) -> Callable[[BinaryIO], None]:
+    """What fills a stream with the figure as the file's ending says."""
     metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix.lower(), {})
     kind = file.suffix.lower().removeprefix(".")
-    with styled():
-        write_whole(file, lambda part: figure.savefig(part, format=kind, dpi=200, metadata=metadata))
+
+    def draw(stream: BinaryIO) -> None:
+        with styled():
+            figure.savefig(stream, format=kind, dpi=200, metadata=metadata)
+
+    return draw

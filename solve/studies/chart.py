@@ -19,6 +19,7 @@ from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept
 from solve.results.stability import Stability
 from solve.single import floquet
+from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.studies.boundaries import Judged, Search, hidden, judge
 from solve.studies.contours import Crossings, contours
 from solve.system import PeriodicSystem
@@ -55,6 +56,7 @@ def chart(
     (x_name, xs), (y_name, ys) = _axis("x", x), _axis("y", y)
     if x_name == y_name:
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
+    require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
     points = np.column_stack([part.ravel() for part in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
     task, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)

@@ -20,6 +20,7 @@ from solve.methods.auto import Rule
 from solve.period.multipliers import VERDICTS
 from solve.results.critical_speeds import Combination, Critical, CriticalSpeeds, Maximum
 from solve.results.points import FIGURES, Kept, PointResults
+from solve.sizes import require_size
 from solve.system import PeriodicSystem
 from solve.units import checked_tolerance, speeds_between
 
@@ -83,6 +84,7 @@ def critical_speeds(
     require_name("figure", figure, RESPONSES)
     if orders < 1:
         raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
+    require_size("orders", orders, len(omegas) * system.n**2)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = mean_frequencies(system, np.array([0.0]))
     grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
@@ -122,7 +124,9 @@ def _refined_grid(omegas: Array, lowest: float, orders: int) -> Array:
     first, last = lowest / high, min(lowest / low, orders + 1.0)
     if last <= first:
         return omegas
-    ratios = np.linspace(first, last, int(np.ceil((last - first) * _A_DIVISION)) + 1)
+    count = int(np.ceil((last - first) * _A_DIVISION)) + 1
+    require_size("speeds between the divisions up to that order", count, orders)
+    ratios = np.linspace(first, last, count)
     return np.unique(np.concatenate((omegas, np.clip(lowest / ratios, low, high))))
 
 

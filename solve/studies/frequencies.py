@@ -8,8 +8,9 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import NoMotionError, SolveError, ValueOutOfBoundsError, require_name
 from solve.results.frequencies import Frequencies, Variation
+from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.system import PeriodicSystem
-from solve.units import with_unit
+from solve.units import require_size_of_number, with_unit
 
 USUAL_COUNT = 4
 
@@ -29,6 +30,9 @@ def frequencies(
     positions = np.atleast_1d(np.asarray(phase, dtype=float))
     if positions.ndim != 1 or not np.isfinite(positions).all():
         raise ValueOutOfBoundsError(f"position is {position}; allowed: finite angles in rad, or '70 deg'")
+    for value in positions:
+        require_size_of_number("position", float(value))
+    require_size("positions", len(positions), system.freedoms**2 + NUMBERS_A_POINT)
     return Frequencies(system, positions, system.frequencies(positions, _checked_count(system, count)))
 
 
@@ -43,6 +47,7 @@ def turn(system: PeriodicSystem, count: int = TURN) -> Array:
     require_position(system, count)
     if count < 2:
         raise ValueOutOfBoundsError(f"a turn of {count} positions; allowed: 2 or more, such as {TURN}")
+    require_size("positions", count, NUMBERS_A_POINT)
     return np.linspace(0.0, system.period, count, endpoint=False)
 
 
@@ -59,6 +64,9 @@ def frequencies_over(
     """
     require_name(f"parameter of {system.name}", parameter, system.parameters)
     k = _checked_count(system, count)
+    require_size(
+        "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
+    )
     figures = np.full((3, len(values), k), math.nan)
     pinned = {link.name: np.full(len(values), math.nan) for link in system.links}
     errors: list[str | None] = []

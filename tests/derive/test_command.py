@@ -323,7 +323,7 @@ def test_a_file_that_is_no_text(derive, rotor):
 def test_help_and_check_need_no_sympy():
     """Both answer at once: SymPy is loaded only to derive."""
     code = (
-        "import sys; from derive.__main__ import app; "
+        "import sys; from derive.command import app; "
         "[app(a, standalone_mode=False) for a in (['--help'], ['--check', 'cam'])]; "
         "sys.exit('sympy' in sys.modules)"
     )

@@ -11,6 +11,7 @@ import typer
 
 from solve.commands.groups import CaseNumbers, Results
 from solve.errors import ValueOutOfBoundsError
+from solve.units import LARGEST
 
 if TYPE_CHECKING:
     from models.four_bar.linkage import Linkage
@@ -70,7 +71,7 @@ def _point(text: str) -> complex:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         x = y = math.nan
-    if not (math.isfinite(x) and math.isfinite(y)):
+    if not abs(x) + abs(y) <= LARGEST:
         raise ValueOutOfBoundsError(
             f"--coupler-point is '{text}'; write two numbers X,Y in metres, "
             "such as --coupler-point 0.164,0.05"
@@ -92,12 +93,15 @@ def _draw(
     from models.four_bar.rigid.base_planes import base_planes_figure
     from models.four_bar.rigid.draw import linkage_figure
     from models.four_bar.rigid.forces import bodies
-    from solve.results.style import save_figure
+    from solve.results.save import Whole
+    from solve.results.style import drawn
 
-    if positions:
-        save_figure(linkage_figure(linkage, bodies(parameters), speed, points, position), positions)
-    if planes:
-        save_figure(base_planes_figure(linkage), planes)
+    with Whole() as written:
+        if positions:
+            figure = linkage_figure(linkage, bodies(parameters), speed, points, position)
+            written.write(positions, drawn(figure, positions))
+        if planes:
+            written.write(planes, drawn(base_planes_figure(linkage), planes))
 
 
 def _deliver(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) -> None:

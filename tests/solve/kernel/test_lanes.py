@@ -1,8 +1,5 @@
 """Compiled lanes give what NumPy gives, and a machine without a working compiler loses speed alone."""
 
-import os
-import stat
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,8 +8,7 @@ from hypothesis import strategies as st
 import solve
 from solve.batch.family import BuiltFamily, over_speed
 from solve.batch.tables import Sampled, Separated, Separation
-from solve.kernel import compiler, library
-from solve.kernel.engines import COMPILED, NUMPY, EngineError
+from solve.kernel.engines import COMPILED, NUMPY
 from solve.kernel.library import Size, trouble
 from solve.period.grid import Grid
 from tests.solve import systems
@@ -108,70 +104,6 @@ def test_what_overflows_or_resonates_is_not_sound():
             assert found.condition[2] > 1e12
         else:
             assert failures == {2: "ResonanceError"}
-
-
-@pytest.fixture
-def own_cache(tmp_path, monkeypatch):
-    """An empty cache, and nothing remembered of earlier compilers."""
-
-    def forget():
-        for remembered in (compiler._compiler, library.library, library.trouble):
-            remembered.cache_clear()
-
-    forget()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    yield tmp_path / "cache" / "parametric-vibration"
-    monkeypatch.undo()
-    forget()
-
-
-def script(path, text):
-    path.write_text(f"#!/bin/sh\n{text}\n")
-    path.chmod(path.stat().st_mode | stat.S_IXUSR)
-    return str(path)
-
-
-@needs_compiler
-def test_libraries_are_kept(own_cache):
-    library.library(SMALL)
-    (made,) = own_cache.iterdir()
-    written = made.stat().st_mtime_ns
-    library.library.cache_clear()
-    library.library(SMALL)
-    assert [file.stat().st_mtime_ns for file in own_cache.iterdir()] == [written]
-
-
-def test_a_broken_compiler_is_told_of_in_one_line(own_cache, tmp_path, monkeypatch):
-    monkeypatch.setenv(
-        "CC", script(tmp_path / "cc", 'case "$*" in *-dM*) exit 0;; esac; echo no luck >&2; exit 1')
-    )
-    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
-    assert found.engine == "numpy"
-    assert found.points[0].error is None
-    (note,) = found.notes
-    assert "no luck" in note
-    assert "NumPy is used" in note
-    assert "\n" not in note
-    assert list(own_cache.iterdir()) == [], "something half-written is left"
-
-
-def test_no_compiler_is_no_trouble(own_cache, tmp_path, monkeypatch):
-    monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
-    assert (found.engine, list(found.notes)) == ("numpy", [])
-
-
-def test_compiled_code_that_is_asked_for_and_cannot_be_had(own_cache, monkeypatch):
-    monkeypatch.setenv("CC", "no-such-compiler")
-    with pytest.raises(EngineError, match=r"no C compiler \(no-such-compiler\).*leave the engine out"):
-        solve.sweep(solve.load("mathieu"), [1.0], engine="compiled")
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser writes everywhere")
-def test_a_cache_that_cannot_be_written(own_cache, tmp_path):
-    tmp_path.joinpath("cache").mkdir(mode=0o500)
-    assert "no room" in " ".join(solve.sweep(solve.load("mathieu"), [1.0]).notes)
 
 
 @needs_compiler

@@ -1,0 +1,121 @@
+"""The command `derive`: generate, check or show a mechanism's equations."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+from typer.core import TyperCommand
+
+from derive import freshness, loader
+from derive.door import ReadOnce
+from derive.errors import UsageError
+from derive.loader import Source
+
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class _Command(ReadOnce, TyperCommand):
+    """A command whose flags of one value are given once."""
+
+
+def run(arguments: Sequence[str]) -> int | None:
+    """Carry out the command; 1 where a check fails."""
+    return app(list(arguments), prog_name="derive", standalone_mode=False)
+
+
+@app.command(cls=_Command)
+def derive(
+    models: Annotated[
+        list[str] | None, Argument(metavar="MODEL...", help="Names, or paths that end in .py.")
+    ] = None,
+    every: Annotated[bool, Option("--all", help="All mechanisms that come with the package.")] = False,
+    out: Annotated[
+        Path | None, Option(metavar="DIR", help="Where the modules are written or checked.")
+    ] = None,
+    check: Annotated[
+        bool,
+        Option("--check", help="Compare hashes only, of all modules by default; exit 1 where one is stale."),
+    ] = False,
+    full: Annotated[bool, Option("--full", help="With --check: regenerate and show the difference.")] = False,
+    show: Annotated[
+        bool, Option("--show", help="Print the linearised equations as LaTeX; write nothing.")
+    ] = False,
+    debug: Annotated[bool, Option("--debug", help="Show where a fault of this program arose.")] = False,
+) -> None:
+    """Derive the equations of motion and generate CasADi code for them."""
+    if (full and not check) or (show and check):
+        raise UsageError("--full goes with --check, and --show with neither")
+    sources = _sources(models or [], every or (check and not models), out)
+    if show:
+        _show(sources)
+    elif check:
+        raise typer.Exit(1 if sum(_is_stale(source, full) for source in sources) else 0)
+    else:
+        _write(sources)
+
+
+def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
+    if every == bool(models):
+        raise UsageError(f"give one or more mechanisms, or --all (known: {', '.join(loader.names())})")
+    return [loader.find(model, out) for model in (loader.names() if every else models)]
+
+
+def _text(source: Source, tell: Callable[[str], object] = lambda _: None) -> str:
+    """The generated module as it should be; SymPy is loaded here and not before. tell: is called with what
+    of the statement the equations ignore."""
+    if source.name == loader.BEAM_ELEMENTS:
+        from derive.beam_text import beam_elements_text
+
+        return beam_elements_text(source.sha256, freshness.derive_sha256(), source.command)
+    from derive.emit import module_text
+    from derive.structure import Structure
+    from derive.structure_text import structure_text
+
+    mechanism = loader.load(source)
+    with loader.located(source):
+        if isinstance(mechanism, Structure):
+            return structure_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
+        return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command, tell)
+
+
+def _write(sources: list[Source]) -> None:
+    for source in sources:
+        freshness.write(source.target, _text(source, partial(_noted, source)))
+        typer.echo(f"wrote {source.target}", err=True)
+
+
+def _noted(source: Source, sentence: str) -> None:
+    typer.echo(f"{source.name}: {sentence}", err=True)
+
+
+def _is_stale(source: Source, full: bool) -> bool:
+    """Say on standard output whether a generated module is current; `full` compares every byte."""
+    present = source.target.read_text("utf-8", errors="replace") if source.target.is_file() else ""
+    why = freshness.staleness(present, source.sha256) if present else "it is missing"
+    if full:
+        difference = freshness.difference(source.target, present, _text(source))
+        typer.echo(difference, nl=False)
+        why = why or ("it differs from what derive would write" if difference else "")
+    if why:
+        typer.echo(f"{source.target} is stale: {why}. Run: python -m derive {source.renewal}")
+    return bool(why)
+
+
+def _show(sources: list[Source]) -> None:
+    from derive.show import elements, equations
+
+    for source in sources:
+        if source.name == loader.BEAM_ELEMENTS:
+            typer.echo(elements())
+            continue
+        mechanism = loader.load(source)
+        with loader.located(source):
+            typer.echo(equations(mechanism))

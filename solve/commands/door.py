@@ -1,0 +1,166 @@
+"""How every command is read and how it ends: an exit status, and at most a few lines on standard error.
+
+0: done, or whoever read the output has gone; 2: refused; 70: a fault of this program; 130: interrupted.
+`derive` and `solve` each have this file, the same to the letter, since neither may import the other.
+"""
+
+import io
+import os
+import signal
+import sys
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from typing import Any
+
+REFUSED, FAULT, INTERRUPTED = 2, 70, 130
+
+_LONGEST = 900
+"""Characters of a message; what was given may be longer than any screen."""
+
+_AGAIN = 0.3
+"""Seconds after which an interruption comes again."""
+
+
+class ReadOnce:
+    """Mixed into a command of Typer: a flag of one value that is given twice is refused."""
+
+    def parse_args(self: Any, ctx: Any, args: list[str]) -> list[str]:
+        import typer
+
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        for flag, times in Counter(given).items():
+            several = flag.multiple or getattr(flag, "is_flag", False) or flag.nargs != 1
+            if times > 1 and not several and flag.param_type_name == "option":
+                raise typer.BadParameter(f"{flag.opts[0]} is given {times} times; give it once", ctx=ctx)
+        return super().parse_args(ctx, args)  # type: ignore[misc]
+
+
+class _StreamError(Exception):
+    """A standard stream cannot be written: `gone` where nobody reads it any more."""
+
+    def __init__(self, error: OSError):
+        super().__init__(f"standard output cannot be written: {error.strerror or error}")
+        self.gone = isinstance(error, BrokenPipeError)
+
+
+class _Stream(io.TextIOBase):
+    """A standard stream that says itself when it fails, so that no library ends the process instead; one
+    that was closed leads nowhere. What cannot be said on standard error is left unsaid."""
+
+    def __init__(self, stream: Any, silent: bool):
+        self._stream = open(os.devnull, "w") if stream is None else stream  # noqa: SIM115
+        self._silent = silent
+        self._failure: _StreamError | None = None
+        if hasattr(self._stream, "reconfigure"):
+            self._stream.reconfigure(errors="replace")
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        return self._stream.encoding
+
+    def isatty(self) -> bool:
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+    def write(self, text: str) -> int:
+        self._tried(self._stream.write, text)
+        return len(text)
+
+    def flush(self) -> None:
+        self._tried(self._stream.flush)
+
+    def _tried(self, action: Callable[..., object], *text: str) -> None:
+        try:
+            action(*text)
+        except OSError as error:
+            self._failure = _StreamError(error)
+            # What is left in its buffer goes nowhere, the flush when Python ends included.
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+        # Once more each time: whoever writes may have passed over the first failure.
+        if self._failure is not None and not self._silent:
+            raise self._failure
+
+
+def door(
+    name: str,
+    work: Callable[[Sequence[str]], int | None],
+    arguments: Sequence[str],
+    refusals: type[Exception],
+) -> int:
+    """Exit status of a command under the name that the user typed, which `work` carries out; what it raises
+    of the class `refusals`, or Typer for what was mistyped, is said in one line."""
+    with redirect_stdout(_Stream(sys.stdout, False)), redirect_stderr(_Stream(sys.stderr, True)):
+        try:
+            with _insistent():
+                status = work(arguments) or 0
+                sys.stdout.flush()
+        except refusals as error:
+            return _ended(name, str(error))
+        except _StreamError as error:
+            return 0 if error.gone else _ended(name, str(error))
+        except KeyboardInterrupt:
+            status = INTERRUPTED
+        except MemoryError:
+            return _ended(name, "the memory of this machine does not suffice; ask for fewer points or steps")
+        except Exception as error:
+            if hasattr(error, "format_message"):
+                return _misused(name, error)
+            return _fault(name, error, "--debug" in arguments)
+        if status != INTERRUPTED:
+            return status
+        # Python would end by the signal where it met the interruption within code made from a text.
+        exec("")
+        return _ended(name, "interrupted", INTERRUPTED)
+
+
+@contextmanager
+def _insistent() -> Iterator[None]:
+    """An interruption that a library passes over, as some do while they are imported, comes again until the
+    command has ended."""
+
+    def interrupt(*_: object) -> None:
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        raise KeyboardInterrupt
+
+    usual = {signal.SIGINT: signal.default_int_handler, getattr(signal, "SIGALRM", None): signal.SIG_DFL}
+    main = threading.current_thread() is threading.main_thread()
+    if not main or any(each is None or signal.getsignal(each) is not how for each, how in usual.items()):
+        yield
+        return
+    try:
+        for each in usual:
+            signal.signal(each, interrupt)
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for each, how in usual.items():
+            signal.signal(each, how)
+
+
+def _misused(name: str, error: Any) -> int:
+    """A flag or an argument that Typer does not understand."""
+    command = error.ctx.command_path if error.ctx else name
+    return _ended(name, f"{error.format_message().rstrip('.')}. See: {command} --help")
+
+
+def _fault(name: str, error: Exception, debug: bool) -> int:
+    if debug:
+        import traceback
+
+        traceback.print_exception(error)
+    what = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    message = f"a fault of this program, not of your input ({what}); --debug shows where, please report it"
+    return _ended(name, message, FAULT)
+
+
+def _ended(name: str, message: str, status: int = REFUSED) -> int:
+    line = " ".join(message.split())
+    if len(line) > _LONGEST:
+        line = f"{line[: _LONGEST // 2]} … {line[-_LONGEST // 2 :]}"
+    print(f"{name}: {line}", file=sys.stderr)
+    return status

@@ -1,0 +1,104 @@
+"""One command line run and judged: in this process, or as a process of its own."""
+
+import importlib
+import io
+import os
+import random
+import signal
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.random_commands.lines import line
+
+SECONDS = 60
+"""Of this process's own time that a command may take."""
+
+_CHECKOUT = Path(__file__).resolve().parents[2]
+_LINES_OF_A_REFUSAL = 3
+
+
+class Ended(NamedTuple):
+    """Exit status (None: it took too long) and standard error."""
+
+    status: int | None
+    error: str
+
+
+class TooLongError(BaseException):
+    """Passes every door."""
+
+
+def drawn(seed: int, count: int) -> Iterator[tuple[str, list[str]]]:
+    """So many command lines, the same for a seed in every run."""
+    chance = random.Random(seed)
+    return (line(chance) for _ in range(count))
+
+
+def complaint(ended: Ended) -> str:
+    """What is wrong with how a command ended, or nothing."""
+    lines = ended.error.strip().splitlines()
+    if ended.status is None:
+        return f"took more than {SECONDS} s"
+    if ended.status not in (0, 1, 2):
+        return f"status {ended.status}: {lines[-1] if lines else ''}"
+    if ended.status == 2 and not 1 <= len(lines) <= _LINES_OF_A_REFUSAL:
+        return f"{len(lines)} lines of refusal"
+    if ended.status == 0 and not all(
+        each.startswith(("warning: ", "wrote ", "compiling ")) for each in lines
+    ):
+        return f"unexpected: {lines}"
+    return ""
+
+
+def inside(program: str, arguments: list[str], folder: Path) -> Ended:
+    """The command in this process; a warning of a library is a fault too."""
+    streams = io.StringIO(), io.StringIO()
+    with chdir(folder), redirect_stdout(streams[0]), redirect_stderr(streams[1]), warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            with _at_most(SECONDS):
+                status: int | None = _run(program, arguments)
+        except TooLongError:
+            status = None
+    return Ended(status, streams[1].getvalue())
+
+
+def outside(program: str, arguments: list[str], folder: Path) -> Ended:
+    """The command as a process."""
+    command = [sys.executable, "-m", program, *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(_CHECKOUT), "PYTHONUTF8": "1"}
+    try:
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=10 * SECONDS)
+    except subprocess.TimeoutExpired:
+        return Ended(None, "")
+    return Ended(done.returncode, done.stderr.decode(errors="replace"))
+
+
+def _run(program: str, arguments: list[str]) -> int:
+    if program == "derive":
+        from derive.command import run
+        from derive.door import door
+        from derive.errors import DeriveError
+
+        return door("derive", run, arguments, DeriveError)
+    module = "solve.commands.app" if program == "solve" else f"{program}.__main__"
+    return importlib.import_module(module).run(arguments)
+
+
+@contextmanager
+def _at_most(seconds: int) -> Iterator[None]:
+    def stop(*_: object) -> None:
+        raise TooLongError
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)

@@ -1,0 +1,49 @@
+"""Random command lines end in a result or in one line; `python -m tests.random_commands 5000` runs more."""
+
+import pytest
+
+from tests.random_commands.lines import prepare
+from tests.random_commands.run import SECONDS, Ended, complaint, drawn, inside, outside
+
+INSIDE, OUTSIDE, SEED = 240, 60, 20
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("lines")
+    prepare(place)
+    return place
+
+
+def test_the_same_seed_draws_the_same_lines():
+    assert list(drawn(3, 50)) == list(drawn(3, 50))
+    assert len({str(each) for each in drawn(3, 50)}) > 45
+
+
+@pytest.mark.parametrize(
+    ("ended", "says"),
+    [
+        (Ended(70, "solve: a fault"), "status 70: solve: a fault"),
+        (Ended(-11, ""), "status -11"),
+        (Ended(2, ""), "0 lines of refusal"),
+        (Ended(2, "a\nb\nc\nd"), "4 lines of refusal"),
+        (Ended(0, "RuntimeWarning: overflow"), "unexpected"),
+        (Ended(None, ""), f"took more than {SECONDS} s"),
+        (Ended(2, "solve: no\n"), ""),
+        (Ended(0, "warning: w\nwrote a.csv\n"), ""),
+    ],
+)
+def test_what_counts_as_a_fault(ended, says):
+    assert complaint(ended).startswith(says)
+    assert bool(complaint(ended)) == bool(says)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("run", "seed", "count"), [(inside, SEED, INSIDE), (outside, SEED + 1, OUTSIDE)])
+def test_random_command_lines(folder, run, seed, count):
+    wrong = {}
+    for program, arguments in drawn(seed, count):
+        text = complaint(run(program, arguments, folder))
+        if text:
+            wrong[program, *arguments] = text
+    assert wrong == {}

@@ -1,0 +1,191 @@
+"""Compiled code is kept in the user's cache, and loaded only where nobody else can have changed it."""
+
+import os
+import stat
+
+import pytest
+
+import solve
+from solve.kernel import library
+from solve.kernel.engines import EngineError
+from solve.kernel.library import Size, trouble
+
+SMALL = Size(1, 2, 2, True, False)
+needs_compiler = pytest.mark.skipif(bool(trouble()), reason=trouble() or "there is a compiler")
+
+
+def again():
+    """Another process would load the library anew."""
+    library.library.cache_clear()
+    library.library(SMALL)
+
+
+def refused(own_cache):
+    """What the note of a sweep says, which is solved by NumPy."""
+    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert found.engine == "numpy"
+    assert found.points[0].error is None
+    (note,) = found.notes
+    assert note.endswith("; NumPy is used")
+    assert "\n" not in note
+    return note
+
+
+def files(own_cache):
+    return {file.suffix: file for file in own_cache.iterdir()}
+
+
+def script(path, text):
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return str(path)
+
+
+@needs_compiler
+def test_libraries_are_kept(own_cache):
+    library.library(SMALL)
+    made = {file: file.stat().st_mtime_ns for file in own_cache.iterdir()}
+    assert sorted(file.suffix for file in made) == [".sha256", ".so"]
+    again()
+    assert {file: file.stat().st_mtime_ns for file in own_cache.iterdir()} == made
+
+
+def test_a_broken_compiler_is_told_of_in_one_line(own_cache, tmp_path, monkeypatch):
+    monkeypatch.setenv(
+        "CC", script(tmp_path / "cc", 'case "$*" in *-dM*) exit 0;; esac; echo no luck >&2; exit 1')
+    )
+    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert found.engine == "numpy"
+    assert found.points[0].error is None
+    (note,) = found.notes
+    assert "no luck" in note
+    assert "NumPy is used" in note
+    assert "\n" not in note
+    assert list(own_cache.iterdir()) == [], "something half-written is left"
+
+
+def test_no_compiler_is_no_trouble(own_cache, tmp_path, monkeypatch):
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert (found.engine, list(found.notes)) == ("numpy", [])
+
+
+def test_compiled_code_that_is_asked_for_and_cannot_be_had(own_cache, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(EngineError, match=r"no C compiler \(no-such-compiler\).*leave the engine out"):
+        solve.sweep(solve.load("mathieu"), [1.0], engine="compiled")
+
+
+@needs_compiler
+@pytest.mark.parametrize("suffix", [".so", ".sha256"])
+@pytest.mark.parametrize("cut", [0, 10])
+def test_what_is_cut_or_overwritten_is_compiled_anew(own_cache, suffix, cut):
+    library.library(SMALL)
+    made = files(own_cache)
+    whole = made[".so"].read_bytes()
+    made[suffix].write_bytes(made[suffix].read_bytes()[:cut])
+    again()
+    assert made[".so"].read_bytes() == whole
+
+
+@needs_compiler
+def test_a_planted_library_without_its_hash_is_not_loaded(own_cache):
+    library.library(SMALL)
+    made = files(own_cache)
+    planted = made[".so"].read_bytes() + b"planted"
+    made[".so"].write_bytes(planted)
+    again()
+    assert made[".so"].read_bytes() != planted
+
+
+@needs_compiler
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o722])
+def test_a_folder_in_which_others_may_write_is_not_used(own_cache, mode):
+    own_cache.mkdir(parents=True)
+    own_cache.chmod(mode)
+    assert "belongs to others, or others may change it; remove it" in refused(own_cache)
+    assert list(own_cache.iterdir()) == []
+
+
+@needs_compiler
+def test_a_library_that_others_may_change_is_not_loaded(own_cache):
+    library.trouble()
+    for file in own_cache.iterdir():
+        file.chmod(0o777)
+    library.library.cache_clear()
+    library.trouble.cache_clear()
+    assert "belongs to others, or others may change it; remove it" in refused(own_cache)
+
+
+@needs_compiler
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")
+@pytest.mark.parametrize("which", ["folder", ".so", ".sha256"])
+def test_what_belongs_to_another_user_is_not_used(own_cache, which):
+    library.trouble()
+    os.chown(own_cache if which == "folder" else files(own_cache)[which], 65534, 65534)
+    library.library.cache_clear()
+    library.trouble.cache_clear()
+    assert "belongs to others" in refused(own_cache)
+
+
+@needs_compiler
+def test_a_link_in_place_of_a_library_is_not_followed(own_cache, tmp_path):
+    library.trouble()
+    made = files(own_cache)[".so"]
+    made.rename(tmp_path / "elsewhere.so")
+    made.symlink_to(tmp_path / "elsewhere.so")
+    library.library.cache_clear()
+    library.trouble.cache_clear()
+    assert "belongs to others" in refused(own_cache)
+
+
+def test_a_file_in_place_of_the_folder(own_cache):
+    own_cache.parent.mkdir()
+    own_cache.touch()
+    assert "File exists" in refused(own_cache)
+
+
+@needs_compiler
+def test_a_folder_in_place_of_a_library_leaves_that_size_to_numpy(own_cache, caplog):
+    library.trouble()
+    library.library(SMALL)
+    for file in own_cache.iterdir():
+        file.unlink()
+        file.mkdir()
+    library.library.cache_clear()
+    assert not library.available(SMALL)
+    assert "Is a directory" in caplog.text
+    assert caplog.text.count("NumPy is used") == 1
+
+
+@needs_compiler
+def test_a_relative_cache_is_ignored(own_cache, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", "here")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    library.library(SMALL)
+    assert not (tmp_path / "here").exists()
+    assert len(list((tmp_path / "home" / ".cache" / "parametric-vibration").iterdir())) == 2
+
+
+def test_a_user_without_a_home(own_cache, monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr("solve.kernel.compiler.Path.home", homeless)
+    assert "Could not determine home directory.; set XDG_CACHE_HOME" in refused(own_cache)
+
+
+@needs_compiler
+def test_an_ordinary_user_whose_cache_cannot_be_written_or_searched(tmp_path, as_ordinary_user):
+    for mode in (0o500, 0o000):
+        cache = tmp_path / f"{mode:o}"
+        cache.mkdir(mode=mode)
+        os.chown(cache, tmp_path.stat().st_uid, tmp_path.stat().st_gid)
+        done = as_ordinary_user("sweep", "mathieu", "--speeds", "1 2 rad/s", XDG_CACHE_HOME=str(cache))
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.count("\n") == 1
+        assert "Permission denied" in done.stderr
+        assert "NumPy is used" in done.stderr

@@ -1,0 +1,168 @@
+"""Files of results: whole, together or not at all, with the rights and links that were there."""
+
+import os
+import stat
+import subprocess
+import sys
+
+import pytest
+
+from solve.errors import FileError
+from solve.results import save
+from solve.results.save import PICTURES, Whole, checked, write_whole
+
+CSV = (".csv",)
+
+
+def text(words):
+    return lambda stream: stream.write(words.encode())
+
+
+def write_together(folder, writers):
+    with Whole() as files:
+        for name, write in writers.items():
+            files.write(folder / name, write)
+
+
+def held(folder):
+    return {path.name: path.read_text() for path in folder.iterdir() if path.is_file()}
+
+
+def test_two_files_appear_together(tmp_path):
+    with Whole() as files:
+        files.write(tmp_path / "a.csv", text("one"))
+        files.write(tmp_path / "b.csv", text("two"))
+        assert held(tmp_path) == {}
+    assert held(tmp_path) == {"a.csv": "one", "b.csv": "two"}
+
+
+def test_an_exception_between_two_files_leaves_neither(tmp_path):
+
+    def fail(stream):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write_together(tmp_path, {"a.csv": text("one"), "b.csv": fail})
+    assert held(tmp_path) == {}
+
+
+def test_where_the_second_cannot_be_put_in_its_place_the_first_is_as_before(tmp_path):
+    """A folder of its name made in the meantime cannot be replaced."""
+    (tmp_path / "old.csv").write_text("before")
+    (tmp_path / "c.csv").mkdir()
+    writers = {"new.csv": text("one"), "old.csv": text("two"), "c.csv": text("three")}
+    with pytest.raises(FileError, match=r"c\.csv' cannot be written \(Is a directory\)"):
+        write_together(tmp_path, writers)
+    assert held(tmp_path) == {"old.csv": "before"}
+
+
+def test_the_rights_of_a_replaced_file_stay_and_new_ones_follow_the_mask(tmp_path):
+    old, new = tmp_path / "old.csv", tmp_path / "new.csv"
+    old.write_text("before")
+    old.chmod(0o640)
+    mask = os.umask(0o027)
+    try:
+        write_whole(old, text("after"))
+        write_whole(new, text("after"))
+    finally:
+        os.umask(mask)
+    assert [stat.S_IMODE(file.stat().st_mode) for file in (old, new)] == [0o640, 0o640]
+
+
+def test_the_target_of_a_link_is_written(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "real.csv").write_text("before")
+    link = tmp_path / "link.csv"
+    link.symlink_to(tmp_path / "there" / "real.csv")
+    write_whole(checked(link, CSV, "data"), text("after"))
+    assert link.is_symlink()
+    assert held(tmp_path / "there") == {"real.csv": "after"}
+
+
+@pytest.mark.parametrize("device", ["/dev/null", "/dev/full"])
+def test_a_device_is_not_replaced_by_a_file(tmp_path, device):
+    (tmp_path / "link.csv").symlink_to(device)
+    with pytest.raises(FileError, match="is a device or a pipe; give the name of a file"):
+        checked(tmp_path / "link.csv", CSV, "data")
+    assert not os.path.isfile(device)
+
+
+@pytest.mark.parametrize("name", ["x" * 300 + ".csv", "loop.csv", "\0.csv"])
+def test_names_that_no_file_can_have_are_refused(tmp_path, name):
+    (tmp_path / "loop.csv").symlink_to(tmp_path / "loop.csv")
+    with pytest.raises(FileError, match=r"cannot be written; give a place where you may write"):
+        checked(tmp_path / name, CSV, "data")
+
+
+def test_temporary_names_cannot_be_foreseen(tmp_path, monkeypatch):
+    seen, opened = [], save.Path.open
+
+    def noting(path, *mode, **how):
+        if "x" in "".join(mode):
+            seen.append(path.name)
+        return opened(path, *mode, **how)
+
+    monkeypatch.setattr(save.Path, "open", noting)
+    for _ in range(2):
+        write_whole(tmp_path / "a.csv", text("one"))
+    assert len(set(seen)) == len(seen) == 2
+
+
+def test_what_processes_that_died_left_is_removed_and_what_others_write_stays(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    (tmp_path / f"{save._part_of(gone.pid)}abc").write_text("half")
+    (tmp_path / f"{save._part_of(os.getppid())}abc").write_text("theirs")
+    (tmp_path / ".mine-1-parametric").write_text("mine")
+    write_whole(tmp_path / "a.csv", text("one"))
+    assert sorted(held(tmp_path).values()) == ["mine", "one", "theirs"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from solve.results import save
+
+def kill(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+setattr(save.Path, sys.argv[1], kill)
+save.write_whole(Path("a.csv"), lambda stream: stream.write(b"after" * 1000))
+"""
+
+
+@pytest.mark.parametrize("moment", ["chmod", "replace"])
+def test_a_process_killed_while_writing_leaves_the_file_as_it_was(tmp_path, moment):
+    (tmp_path / "a.csv").write_text("before")
+    died = subprocess.run([sys.executable, "-c", KILLED, moment], cwd=tmp_path)
+    assert died.returncode == -9
+    assert (tmp_path / "a.csv").read_text() == "before"
+    assert len(held(tmp_path)) == 2
+    write_whole(tmp_path / "a.csv", text("after"))
+    assert held(tmp_path) == {"a.csv": "after"}
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """A file system of 64 kB."""
+    place = tmp_path / "tiny"
+    place.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
+    try:
+        mounted = subprocess.run(command, capture_output=True).returncode == 0
+    except OSError:
+        mounted = False
+    if not mounted:
+        pytest.skip("no file system can be mounted here")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.mark.parametrize("name", ["orbit.npz", "orbit.csv", "orbit.mat", "orbit.nc", "orbit.png"])
+def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tiny, name):
+    flag = "--plot" if name.endswith(PICTURES) else "--save"
+    command = [sys.executable, "-m", "solve", "periodic", "gear_pair", "--method", "radau", "--steps", "3000"]
+    ran = subprocess.run([*command, flag, str(tiny / name)], capture_output=True, text=True)
+    assert ran.returncode == 2, ran.stderr
+    assert ran.stderr == f"solve: '{tiny / name}' cannot be written (No space left on device); nothing was\n"
+    assert list(tiny.iterdir()) == []
