@@ -11,12 +11,12 @@ import numpy as np
 from solve.arrays import Array, whole
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
 from solve.kernel.engines import NUMPY
-from solve.period.curve import PeriodicCurve
+from solve.period.curve import Curve, PeriodicCurve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers, rounding_errors
 from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
-from solve.period.points import Points, matrices
+from solve.period.points import Points, affine, matrices
 
 _MOST_MEMORY, _MEMORY_OF_LARGE_SYSTEMS = 2**29, 2**31
 """Bytes that the solution of one period may take at its peak; more where fewer steps would be too few."""
@@ -173,6 +173,18 @@ class Discretisation:
 
     steps: Steps
     curve: Callable[[Array], PeriodicCurve]
+
+    @classmethod
+    def of_rates(cls, grid: Grid, maps: Array, start: Array, end: Array) -> "Discretisation":
+        """From the maps (A | b) of the states x = (q, q′), and the rates (P | f) of x′ = P x + f at the start
+        and the end of every step, (P, m, 2n, 2n+1) each: curves through q, q′ and q″ at both ends."""
+        n = maps.shape[-2] // 2
+
+        def curve(x: Array) -> PeriodicCurve:
+            before, after = affine(start[..., n:, :], x[:, :-1]), affine(end[..., n:, :], x[:, 1:])
+            return Curve.quintic(grid.nodes, x[..., :n], x[..., n:], before, after)
+
+        return cls(Steps(maps[..., :-1], maps[..., -1]), curve)
 
 
 class OneStep(Method):
