@@ -9,9 +9,11 @@ from solve.beams.structure import StructureModel
 from solve.model.bounds import checked_parameters
 from solve.model.cases import Case, chosen_case
 from solve.model.files import model_files
-from solve.model.generated import is_structure, model_module
+from solve.model.generated import EQUATIONS, STRUCTURE, kind_of, model_module
 from solve.model.model import Model
 from solve.model.setup import Setup
+
+_MODELS = {EQUATIONS: Model, STRUCTURE: StructureModel}
 
 
 def load(
@@ -34,9 +36,25 @@ def loaded(
     parameters: Mapping[str, float],
 ) -> tuple[Model, str | None]:
     """The model and the speed that its case names, if any; `cases` is another case file to use."""
+    setup = setup_of(model, case, cases, options, parameters)
+    return model_of(setup), setup.case.speed
+
+
+def model_of(setup: Setup) -> Model:
+    """The model of the setup, of the kind that its module states."""
+    return _MODELS[kind_of(setup.module)].of(setup)
+
+
+def setup_of(
+    model: str,
+    case: str | None,
+    cases: str | None,
+    options: Mapping[str, Any],
+    parameters: Mapping[str, float],
+) -> Setup:
+    """What the model is made from: its generated module, the case and the options. Raises as `load` does."""
     module, chosen = _chosen(model, case, cases, parameters)
-    kind = StructureModel if is_structure(module) else Model
-    return kind.of(Setup.checked(module, chosen, options)), chosen.speed
+    return Setup.checked(module, chosen, options)
 
 
 def case_numbers(

@@ -15,11 +15,12 @@ import typer
 
 from solve.commands.parse import assignments, number, numbers, whole
 from solve.errors import MissingValueError
-from solve.loading import case_numbers, loaded
+from solve.loading import case_numbers, model_of, setup_of
 from solve.methods.auto import Rule
 from solve.methods.choice import chosen
 from solve.model.cases import Case
 from solve.model.model import Model
+from solve.model.setup import Setup
 from solve.results.save import PICTURES, checked, checked_data
 from solve.units import speed_in_si, speeds_in_si
 
@@ -59,11 +60,15 @@ class Numbers(CaseNumbers):
     def of(self, name: str, still: bool = False) -> Model:
         """The model of that name. Raises NoMotionError for one without equations of motion, unless what is
         asked of it needs none."""
-        options = assignments("--option", self.option or [])
-        model, _ = loaded(name, self.case, self.cases, options, self.parameters)
+        model = model_of(self.setup(name))
         if not still:
             model.require_motion()
         return model
+
+    def setup(self, name: str) -> Setup:
+        """What the model of that name is made from. Raises SolveError subclasses for bad input."""
+        options = assignments("--option", self.option or [])
+        return setup_of(name, self.case, self.cases, options, self.parameters)
 
     @property
     def choices(self) -> list[str]:
