@@ -1,7 +1,11 @@
 """A collocation method as a method of a period: in compiled code where that is wanted, else in NumPy."""
 
+from functools import cache
+
 import numpy as np
 
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
 from solve.kernel import collocation as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.kernel.library import Size
@@ -17,20 +21,32 @@ _LARGEST = 40
 
 
 class Collocated(OneStep):
-    """What Gauss's and Radau's methods share. follows: up to here a mode without damping keeps about half
-    its amplitude, or more, over 500 rad."""
+    """What Gauss's and Radau's methods share. orders: those that the method has. follows: up to here a mode
+    without damping keeps about half its amplitude, or more, over 500 rad."""
 
     order: int
+    orders: range
     samples_evenly = False
 
     def __post_init__(self) -> None:
+        if self.order not in self.orders:
+            usual = type(self).order
+            raise ValueOutOfBoundsError(
+                f"order of {self.name} is {self.order}; allowed: {', '.join(map(str, self.orders))}; "
+                f"try order {usual}"
+            )
         # The curve between the nodes has the order of the stage accelerations, s + 1, and two more.
         stages = (self.order + 1) // 2
         self._set(follows=self.order / 2 - 1, curve_order=min(self.order, stages + 3))
 
     @property
-    def collocation(self) -> Collocation:
+    def nodes(self) -> Array:
+        """Fractions (s,) of a step."""
         raise NotImplementedError
+
+    @property
+    def collocation(self) -> Collocation:
+        return _collocation(self)
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = NUMPY) -> int:
         if engine == COMPILED and n <= _LARGEST:
@@ -59,6 +75,11 @@ class Collocated(OneStep):
         G, H = np.moveaxis(np.where(finite[:, None, None, None], made.closed, 0.0), 1, 0)
         condition = np.where(finite, closed_condition(G, H), np.inf)
         return self.sound(points, grid, made.Phi, Curve(grid.nodes, made.curves), condition, steps)
+
+
+@cache
+def _collocation(method: Collocated) -> Collocation:
+    return Collocation(tuple(map(float, method.nodes)))
 
 
 def _samples(tables: Tables) -> kernel.Samples:
