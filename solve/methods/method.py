@@ -114,6 +114,11 @@ class Method:
     samples_evenly: bool = True
     warnings: tuple[str, ...] = ()
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """By name, the fields of the method's dataclass."""
+        return {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
+
     def _set(self, **facts: Any) -> None:
         """State facts that follow from the settings of a frozen dataclass."""
         for name, value in facts.items():

@@ -90,12 +90,8 @@ def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
 
 def label(method: Method) -> str:
     """A method's name, with the settings that are not its own defaults."""
-    usual = type(method)()
-    changed = [
-        f" {name} {value}"
-        for name, value in vars(method).items()
-        if name in getattr(method, "__dataclass_fields__", {}) and value != getattr(usual, name)
-    ]
+    usual = type(method)().settings
+    changed = [f" {name} {value}" for name, value in method.settings.items() if value != usual[name]]
     return method.name + "".join(changed)
 
 
