@@ -25,24 +25,7 @@ def load(
     the default. Raises UnknownNameError, ModelFileError (no or stale generated code), CaseFileError,
     MissingValueError and ValueOutOfBoundsError.
     """
-    return loaded(model, None if case is None else str(case), None, options or {}, parameters)[0]
-
-
-def loaded(
-    model: str,
-    case: str | None,
-    cases: str | None,
-    options: Mapping[str, Any],
-    parameters: Mapping[str, float],
-) -> tuple[Model, str | None]:
-    """The model and the speed that its case names, if any; `cases` is another case file to use."""
-    setup = setup_of(model, case, cases, options, parameters)
-    return model_of(setup), setup.case.speed
-
-
-def model_of(setup: Setup) -> Model:
-    """The model of the setup, of the kind that its module states."""
-    return _MODELS[kind_of(setup.module)].of(setup)
+    return model_of(setup_of(model, None if case is None else str(case), None, options or {}, parameters))
 
 
 def setup_of(
@@ -52,9 +35,15 @@ def setup_of(
     options: Mapping[str, Any],
     parameters: Mapping[str, float],
 ) -> Setup:
-    """What the model is made from: its generated module, the case and the options. Raises as `load` does."""
+    """What the model is made from: its generated module, the case and the options; `cases` is another case
+    file to use. Raises as `load` does."""
     module, chosen = _chosen(model, case, cases, parameters)
     return Setup.checked(module, chosen, options)
+
+
+def model_of(setup: Setup) -> Model:
+    """The model of the setup, of the kind that its module states."""
+    return _MODELS[kind_of(setup.module)].of(setup)
 
 
 def case_numbers(

@@ -73,12 +73,8 @@ class Batch:
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:
         """Why a point (v,) fails: what its own system refuses, else the reason met."""
-        try:
-            system, speed = self.family.system(point)
-            system.checked(speed)
-        except SolveError as refusal:
-            return refusal
-        return reason
+        alone = self._alone(point[None], 0)
+        return alone.reason if isinstance(alone, Failed) else reason
 
     def _chunks(self, points: Array) -> Iterator[tuple[Array, Points | Failed]]:
         """The points side by side as far as they can be, and the others one by one; positions (k,) of

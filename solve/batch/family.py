@@ -22,7 +22,8 @@ class Family:
     """Systems over points (P, v), a row the values of `names`.
 
     speed: in rad/s, held where it is not among the names. example: a system of the family; its coordinates,
-    outputs, units and period are those of all.
+    outputs, units and period are those of all. Copies and pickles are built anew: CasADi's memory serves one
+    thread of one process.
     """
 
     names: tuple[str, ...]
@@ -31,10 +32,6 @@ class Family:
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         """The system at a point (v,) and its speed in rad/s. Raises SolveError subclasses."""
-        raise NotImplementedError
-
-    def twin(self) -> "Family":
-        """The same for another thread."""
         raise NotImplementedError
 
     def entries(self, phase: Array, points: Array) -> Array:
@@ -74,12 +71,8 @@ class SystemFamily(Family):
         self._together = system.many_points(self._free)
         self._recent: dict[tuple[float, ...], PeriodicSystem] = {}
 
-    def twin(self) -> "SystemFamily":
-        return SystemFamily(copy.copy(self.example), self.names, self.speed)
-
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
-        return SystemFamily, (self.example, self.names, self.speed)
+        return SystemFamily, (copy.copy(self.example), self.names, self.speed)
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         (speed,), (values,) = self._numbers(point[None])
@@ -150,8 +143,8 @@ class BuiltFamily(Family):
         assert speed is not None
         return self._build(**values), speed
 
-    def twin(self) -> "BuiltFamily":
-        return BuiltFamily(self._build, self.names, self._points, self.speed)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return BuiltFamily, (self._build, self.names, self._points, self.speed)
 
 
 def over_speed(system: PeriodicSystem) -> Family:

@@ -46,19 +46,17 @@ def gathered(
 ) -> PointResults:
     """All the points (P, v); progress is told the number of points done."""
     n = batch.family.example.n
-    results, done = PointResults.blank(len(points), n, kept or Kept()), 0
+    results, count = PointResults.blank(len(points), n, kept or Kept()), Count(progress)
     size = chunk_size(n)
     for start in range(0, len(points), size):
         keeper = _Keeper(batch, points[start : start + size], results, start)
         for result in batch.solved(keeper.points):
             if isinstance(result, Certified):
                 keeper.keep(result)
-                done += len(result)
+                count.add(len(result))
             else:
                 results.failures[start + result.position] = str(result.reason)
-                done += 1
-            if progress:
-                progress(done)
+                count.add(1)
     return results
 
 

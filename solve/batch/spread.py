@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Executor
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import Family
-from solve.batch.gathering import chunk_size, gathered
+from solve.batch.gathering import Count, chunk_size, gathered
 from solve.certify.certified import Request
 from solve.kernel.engines import chosen_engine
 from solve.methods.auto import Rule
@@ -41,8 +42,8 @@ class Task:
         return gathered(batch, points, self.kept, progress)
 
     def __call__(self, points: Array) -> PointResults:
-        # A twin: samplers of a model serve one thread.
-        apart = replace(self, family=self.family.twin())
+        # Samplers of a model serve one thread.
+        apart = replace(self, family=copy(self.family))
         return gathered(apart.batch(points), points, self.kept)
 
 
@@ -64,16 +65,14 @@ def task_of(
 def _spread(
     task: Task, points: Array, executor: Executor, progress: Callable[[int], None] | None
 ) -> PointResults:
-    n = task.family.example.n
-    results, done = PointResults.blank(len(points), n, task.kept), 0
+    n, count = task.family.example.n, Count(progress)
+    results = PointResults.blank(len(points), n, task.kept)
     parts = np.array_split(np.arange(len(points)), max(1, -(-len(points) // chunk_size(n))))
     waiting = [executor.submit(task, points[part]) for part in parts]
     try:
         for part, future in zip(parts, waiting, strict=True):
             results.insert(part, future.result())
-            done += len(part)
-            if progress:
-                progress(done)
+            count.add(len(part))
     finally:
         # Nobody waits for the rest, where one fails or the user interrupts.
         for future in waiting:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -236,7 +237,7 @@ class OneStep(Method):
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:
-    """Points that a method solves one after the other."""
+    """Points that a method solves one after the other, on one grid."""
     each: list[Solutions] = []
     failures: dict[int, SolveError] = {}
     for at in range(len(points)):
@@ -247,36 +248,23 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
     if not each:
         nothing = np.zeros((len(points), 2 * points.n, 2 * points.n))
         return Solutions(Grid.uniform(1, points.period), nothing, None, nothing[:, 0, 0], failures=failures)
-    return _beside(each, len(points), failures)
+    # Points that failed take up the place of another, but for Φ.
+    places = np.cumsum([at not in failures for at in range(len(points))]) - 1
+    parts = [each[max(place, 0)] for place in places.tolist()]
 
+    def beside(of: Callable[[Any], Array]) -> Array:
+        return np.concatenate([of(part) for part in parts])
 
-def _beside(each: list[Solutions], count: int, failures: Mapping[int, SolveError]) -> Solutions:
-    """Solutions of one point each on one grid, as those of `count` points of which some failed."""
-    first, known = each[0], np.setdiff1d(np.arange(count), list(failures))
-
-    def filled(parts: list[Array]) -> Array:
-        whole = np.zeros((count, *parts[0].shape[1:]), dtype=parts[0].dtype)
-        whole[known] = np.concatenate(parts)
-        return whole
-
-    curve, steps, notes = first.curve, first.steps, np.full(count, "", dtype=object)
+    curve, steps = parts[0].curve, parts[0].steps
     if curve is not None:
-        curve = type(curve)(curve.nodes, filled([one.curve.coefficients for one in each]))  # type: ignore[union-attr, call-arg]
+        curve = type(curve)(curve.nodes, beside(lambda part: part.curve.coefficients))  # type: ignore[call-arg]
     if steps is not None:
-        steps = Steps(*(filled([getattr(one.steps, name) for one in each]) for name in ("A", "b")))
-    if first.notes:
-        notes[known] = [one.notes[0] for one in each]
-    return Solutions(
-        first.grid,
-        filled([one.Phi for one in each]),
-        curve,
-        filled([one.condition for one in each]),
-        steps,
-        filled([one.defect for one in each]),
-        filled([one.rounding for one in each]),
-        tuple(notes) if first.notes else (),
-        failures,
-    )
+        steps = Steps(beside(lambda part: part.steps.A), beside(lambda part: part.steps.b))
+    Phi = beside(lambda part: part.Phi)
+    Phi[list(failures)] = 0.0
+    condition, defect, rounding = (beside(attrgetter(name)) for name in ("condition", "defect", "rounding"))
+    notes = tuple(note for part in parts for note in part.notes)
+    return Solutions(parts[0].grid, Phi, curve, condition, steps, defect, rounding, notes, failures)
 
 
 def no_orbit() -> ResonanceError:
