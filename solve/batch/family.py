@@ -34,6 +34,12 @@ class Family:
         """The system at a point (v,) and its speed in rad/s. Raises SolveError subclasses."""
         raise NotImplementedError
 
+    def speeds(self, points: Array) -> Array:
+        """Speeds (P,) of points (P, v), in rad/s."""
+        if SPEED in self.names:
+            return points[:, self.names.index(SPEED)]
+        return np.full(len(points), self.speed)
+
     def entries(self, phase: Array, points: Array) -> Array:
         """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
         found = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
@@ -109,10 +115,7 @@ class SystemFamily(Family):
 
     def _numbers(self, points: Array) -> tuple[Array, Array]:
         """Speeds (P,) and free parameters (P, v)."""
-        free = points[:, [self.names.index(name) for name in self._free]]
-        if SPEED in self.names:
-            return points[:, self.names.index(SPEED)], free
-        return np.full(len(points), self.speed), free
+        return self.speeds(points), points[:, [self.names.index(name) for name in self._free]]
 
 
 class BuiltFamily(Family):

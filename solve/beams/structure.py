@@ -12,14 +12,7 @@ from solve.beams.assembly import Beams, Positions, Properties
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frozen import lowest, shapes
 from solve.beams.motion import Motion, State
-from solve.beams.observations import (
-    LINEAR,
-    Contributions,
-    Point,
-    contributions,
-    joint_force,
-    quantity,
-)
+from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.model import Model
 from solve.model.setup import Setup

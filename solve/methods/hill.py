@@ -76,10 +76,7 @@ class Boundary:
 
 
 def boundaries(
-    problem: Problem,
-    values: Sequence[float],
-    multiplier: int = 1,
-    rtol: float = 1e-10,
+    problem: Problem, values: Sequence[float], multiplier: int = 1, rtol: float = 1e-10
 ) -> list[Boundary]:
     """Where a Floquet multiplier passes through +1 or -1 as a parameter varies (thesis 7.2.1).
 

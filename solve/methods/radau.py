@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.methods.collocated import Collocated
+from solve.methods.collocation import Collocated
 
 
 @dataclass(frozen=True)

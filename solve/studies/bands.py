@@ -14,8 +14,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
-from solve.batch.gathering import Count, gathered
-from solve.batch.spread import task_of
+from solve.batch.gathering import Count, gathered, task_of
 from solve.methods.auto import RESOLVABLE, Rule, auto
 from solve.methods.radau import Radau
 from solve.period.frozen import frozen, surviving

@@ -10,8 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
-from solve.batch.gathering import Count
-from solve.batch.spread import task_of
+from solve.batch.gathering import Count, task_of
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.auto import Rule
