@@ -9,9 +9,11 @@ from solve.beams.structure import StructureModel
 from solve.model.bounds import checked_parameters
 from solve.model.cases import Case, chosen_case
 from solve.model.files import model_files
-from solve.model.generated import is_structure, model_module
+from solve.model.generated import EQUATIONS, STRUCTURE, kind_of, model_module
 from solve.model.model import Model
 from solve.model.setup import Setup
+
+_MODELS = {EQUATIONS: Model, STRUCTURE: StructureModel}
 
 
 def load(
@@ -26,20 +28,25 @@ def load(
     as "30 mm". The first case is the default. Raises UnknownNameError, ModelFileError (no or stale generated
     code), CaseFileError, MissingValueError, UnitError and ValueOutOfBoundsError.
     """
-    return loaded(model, None if case is None else str(case), None, options or {}, parameters)[0]
+    return model_of(setup_of(model, None if case is None else str(case), None, options or {}, parameters))
 
 
-def loaded(
+def setup_of(
     model: str,
     case: str | None,
     cases: str | None,
     options: Mapping[str, Any],
     parameters: Mapping[str, float | str],
-) -> tuple[Model, str | None]:
-    """The model and the speed that its case names, if any; `cases` is another case file to use."""
+) -> Setup:
+    """What the model is made from: its generated module, the case and the options; `cases` is another case
+    file to use. Raises as `load` does."""
     module, chosen = _chosen(model, case, cases, parameters)
-    kind = StructureModel if is_structure(module) else Model
-    return kind.of(Setup.checked(module, chosen, options)), chosen.speed
+    return Setup.checked(module, chosen, options)
+
+
+def model_of(setup: Setup) -> Model:
+    """The model of the setup, of the kind that its module states."""
+    return _MODELS[kind_of(setup.module)].of(setup)
 
 
 def case_numbers(

@@ -3,24 +3,16 @@
 import sys
 from typing import Annotated
 
-import typer
-
-from solve.commands.groups import Numbers, Results, Speed
-from solve.commands.parse import number, whole
+from solve.commands.groups import Flag, Numbers, Results, Speed
 
 
 def picture(
-    plot: Annotated[str, typer.Option(metavar="FILE", help="The picture: .png, .pdf or .svg.")],
+    plot: Annotated[str, Flag("The picture: .png, .pdf or .svg.", "FILE")],
     numbers: Numbers,
     speed: Speed,
-    positions: Annotated[
-        int, typer.Option(metavar="N", parser=whole, help="Crank positions, evenly over the turn: up to 12.")
-    ] = 8,
+    positions: Annotated[int, Flag("Crank positions, evenly over the turn: up to 12.", "N")] = 8,
     magnification: Annotated[
-        float | None,
-        typer.Option(
-            metavar="M", parser=number, help="Factor of the deflection; by default a round number that fits."
-        ),
+        float | None, Flag("Factor of the deflection; by default a round number that fits.", "M")
     ] = None,
 ) -> None:
     """Draw the vibrating coupler at several crank positions, its deflection magnified."""

@@ -31,12 +31,6 @@ class Batch:
         self._region = region
         self._separation: Separation | None = None
 
-    def speeds(self, points: Array) -> Array:
-        """Speeds (k,) of points (k, v)."""
-        if SPEED in self.family.names:
-            return points[:, self.family.names.index(SPEED)]
-        return np.full(len(points), self.family.speed)
-
     def solved(self, points: Array) -> Iterator[Certified | Failed]:
         """Points (k, v), in groups as they come; positions are those among the points."""
         for chosen, chunk in self._chunks(points):
@@ -73,12 +67,8 @@ class Batch:
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:
         """Why a point (v,) fails: what its own system refuses, else the reason met."""
-        try:
-            system, speed = self.family.system(point)
-            system.checked(speed)
-        except SolveError as refusal:
-            return refusal
-        return reason
+        alone = self._alone(point[None], 0)
+        return alone.reason if isinstance(alone, Failed) else reason
 
     def _chunks(self, points: Array) -> Iterator[tuple[Array, Points | Failed]]:
         """The points side by side as far as they can be, and the others one by one; positions (k,) of
@@ -103,7 +93,7 @@ class Batch:
         if system.n > _LARGEST or system.breaks:
             return False
         try:
-            system.checked(float(self.speeds(points[:1])[0]))
+            system.checked(float(self.family.speeds(points[:1])[0]))
             if self._separation is None:
                 self._separation = Separation(self.family, self._region, system.period, system.n)
         except SolveError:

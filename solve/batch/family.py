@@ -2,12 +2,13 @@
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import SolveError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.system import PeriodicSystem
 
 SPEED = "speed"
@@ -17,34 +18,49 @@ _KEPT = 8
 """Systems that are kept, one for each of the latest values of the parameters."""
 
 
-class Family(Protocol):
-    """Systems over points (P, v), a row the values of `names`."""
+class Family:
+    """Systems over points (P, v), a row the values of `names`.
+
+    speed: in rad/s, held where it is not among the names. example: a system of the family; its coordinates,
+    outputs, units and period are those of all. Copies and pickles are built anew: CasADi's memory serves one
+    thread of one process.
+    """
 
     names: tuple[str, ...]
     speed: float | None
-    """In rad/s, held where it is not among the names."""
-
     example: PeriodicSystem
-    """A system of the family: its coordinates, outputs, units and period are those of all."""
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         """The system at a point (v,) and its speed in rad/s. Raises SolveError subclasses."""
-        ...
+        raise NotImplementedError
+
+    def speeds(self, points: Array) -> Array:
+        """Speeds (P,) of points (P, v), in rad/s."""
+        if SPEED in self.names:
+            return points[:, self.names.index(SPEED)]
+        return np.full(len(points), self.speed)
 
     def entries(self, phase: Array, points: Array) -> Array:
         """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
-        ...
+        found = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
+        for rows, point in zip(found, points, strict=True):
+            # A point without a system keeps its NaN; its own solution will say why.
+            with suppress(SolveError):
+                system, speed = self.system(point)
+                rows[:] = system.entries(phase, speed)
+        return found
 
     def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
         """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
-        ...
+        found = []
+        for point, *state in zip(points, phase, q, qd, qdd, strict=True):
+            system, speed = self.system(point)
+            values = system.output_values(state[0], speed, *state[1:])
+            found.append([values[name] for name in system.outputs])
+        return np.array(found).reshape(len(points), -1, phase.shape[1])
 
-    def twin(self) -> "Family":
-        """The same for another thread."""
-        ...
 
-
-class SystemFamily:
+class SystemFamily(Family):
     """A system over its speed, its parameters, or both."""
 
     def __init__(self, system: PeriodicSystem, names: Sequence[str], speed: float | None = None):
@@ -52,8 +68,7 @@ class SystemFamily:
         ValueOutOfBoundsError."""
         known = [SPEED, *system.parameters]
         for name in names:
-            if name not in known:
-                raise UnknownNameError(f"quantity of {system.name}", name, known)
+            require_name(f"quantity of {system.name}", name, known)
         if len(set(names)) < len(names):
             raise ValueOutOfBoundsError(f"{names[0]} is given twice; vary different quantities")
         self.names, self.speed = tuple(names), speed
@@ -62,12 +77,8 @@ class SystemFamily:
         self._together = system.many_points(self._free)
         self._recent: dict[tuple[float, ...], PeriodicSystem] = {}
 
-    def twin(self) -> "SystemFamily":
-        return SystemFamily(copy.copy(self.example), self.names, self.speed)
-
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
-        return SystemFamily, (self.example, self.names, self.speed)
+        return SystemFamily, (copy.copy(self.example), self.names, self.speed)
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         (speed,), (values,) = self._numbers(point[None])
@@ -82,18 +93,14 @@ class SystemFamily:
         different, group = np.unique(free, axis=0, return_inverse=True)
         for number, values in enumerate(different):
             members = np.flatnonzero(group.ravel() == number)
-            try:
-                system = self._varied(values)
-            except SolveError:
-                # The points keep their NaN; the single solves will say why.
-                continue
-            found[members] = system.entries_over(phase, speeds[members])
+            with suppress(SolveError):
+                found[members] = self._varied(values).entries_over(phase, speeds[members])
         return found
 
     def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
         if self._together is not None:
             return self._together.outputs(phase, *self._numbers(points), q, qd, qdd)
-        return _outputs_one_by_one(self, phase, points, q, qd, qdd)
+        return super().outputs(phase, points, q, qd, qdd)
 
     def _varied(self, values: Array) -> PeriodicSystem:
         if not self._free:
@@ -108,13 +115,10 @@ class SystemFamily:
 
     def _numbers(self, points: Array) -> tuple[Array, Array]:
         """Speeds (P,) and free parameters (P, v)."""
-        free = points[:, [self.names.index(name) for name in self._free]]
-        if SPEED in self.names:
-            return points[:, self.names.index(SPEED)], free
-        return np.full(len(points), self.speed), free
+        return self.speeds(points), points[:, [self.names.index(name) for name in self._free]]
 
 
-class BuiltFamily:
+class BuiltFamily(Family):
     """Systems that a function of a user's own builds from values by name."""
 
     def __init__(
@@ -132,10 +136,8 @@ class BuiltFamily:
 
     def _first(self) -> PeriodicSystem:
         for point in self._points[:-1]:
-            try:
+            with suppress(SolveError):
                 return self.system(point)[0]
-            except SolveError:
-                continue
         return self.system(self._points[-1])[0]
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
@@ -144,35 +146,10 @@ class BuiltFamily:
         assert speed is not None
         return self._build(**values), speed
 
-    def entries(self, phase: Array, points: Array) -> Array:
-        found = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
-        for index, point in enumerate(points):
-            try:
-                system, speed = self.system(point)
-                found[index] = system.entries(phase, speed)
-            except SolveError:
-                # The point keeps its NaN; the single solve will say why.
-                continue
-        return found
-
-    def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        return _outputs_one_by_one(self, phase, points, q, qd, qdd)
-
-    def twin(self) -> "BuiltFamily":
-        return BuiltFamily(self._build, self.names, self._points, self.speed)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return BuiltFamily, (self._build, self.names, self._points, self.speed)
 
 
 def over_speed(system: PeriodicSystem) -> Family:
     """The family of a system's speeds."""
     return SystemFamily(system, [SPEED])
-
-
-def _outputs_one_by_one(
-    family: Family, phase: Array, points: Array, q: Array, qd: Array, qdd: Array
-) -> Array:
-    found = []
-    for index, point in enumerate(points):
-        system, speed = family.system(point)
-        values = system.output_values(phase[index], speed, q[index], qd[index], qdd[index])
-        found.append([values[name] for name in system.outputs])
-    return np.array(found).reshape(len(points), -1, phase.shape[1])

@@ -1,18 +1,25 @@
-"""Points solved, and what is kept of each put in its place."""
+"""Points solved here, or in parts by an executor, and what is kept of each put in its place."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
-from solve.certify.certified import Certified
+from solve.batch.family import Family
+from solve.certify.certified import Certified, Request
+from solve.kernel.engines import chosen_engine
+from solve.methods.auto import Rule
+from solve.methods.choice import chosen
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import verdicts
 from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
+from solve.single import request
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
@@ -46,19 +53,17 @@ def gathered(
 ) -> PointResults:
     """All the points (P, v); progress is told the number of points done."""
     n = batch.family.example.n
-    results, done = PointResults.blank(len(points), n, kept or Kept()), 0
+    results, count = PointResults.blank(len(points), n, kept or Kept()), Count(progress)
     size = chunk_size(n)
     for start in range(0, len(points), size):
         keeper = _Keeper(batch, points[start : start + size], results, start)
         for result in batch.solved(keeper.points):
             if isinstance(result, Certified):
                 keeper.keep(result)
-                done += len(result)
+                count.add(len(result))
             else:
                 results.failures[start + result.position] = str(result.reason)
-                done += 1
-            if progress:
-                progress(done)
+                count.add(1)
     return results
 
 
@@ -113,7 +118,7 @@ class _Keeper:
         def outputs(phase: Array, *state: Array) -> Array:
             return family.outputs(phase, points, *state)
 
-        speeds = self.batch.speeds(points)
+        speeds = family.speeds(points)
         quantities = Quantities(curve, speeds, outputs if with_outputs else None)
         self.results.figures[at] = quantities.figures()[:, [order.index(name) for name in kept.names]]
         if kept.spectra:
@@ -130,3 +135,64 @@ class _Keeper:
             texts = judged(dict(zip(names, figures, strict=True)))
             if texts:
                 self.results.warnings.setdefault(place, []).extend(texts)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be found out about points of a family, and how; travels to other threads and processes."""
+
+    family: Family
+    method: Rule
+    request: Request
+    kept: Kept
+
+    def batch(self, points: Array) -> Batch:
+        """For points like these (P, v)."""
+        return Batch(self.family, points, self.method, self.request)
+
+    def solved(
+        self, batch: Batch, points: Array, executor: Executor | None, progress: Callable[[int], None] | None
+    ) -> PointResults:
+        """The points (P, v), in a batch for them here or by the executor; progress is told the number of
+        points done."""
+        if executor is not None:
+            return _spread(self, points, executor, progress)
+        return gathered(batch, points, self.kept, progress)
+
+    def __call__(self, points: Array) -> PointResults:
+        # Samplers of a model serve one thread.
+        apart = replace(self, family=copy(self.family))
+        return gathered(apart.batch(points), points, self.kept)
+
+
+def task_of(
+    family: Family,
+    method: str | Rule,
+    rtol: float,
+    engine: str,
+    kept: Kept | None = None,
+    steps: int | None = None,
+    orbit: bool = True,
+) -> tuple[Task, list[str]]:
+    """What is asked of points of the family, and what the user should know about the engine. Raises
+    SolveError subclasses for an unknown method or engine, and for a tolerance out of bounds."""
+    used, notes = chosen_engine(engine)
+    return Task(family, chosen(method), request(steps, rtol, used, orbit), kept or Kept()), notes
+
+
+def _spread(
+    task: Task, points: Array, executor: Executor, progress: Callable[[int], None] | None
+) -> PointResults:
+    n, count = task.family.example.n, Count(progress)
+    results = PointResults.blank(len(points), n, task.kept)
+    parts = np.array_split(np.arange(len(points)), max(1, -(-len(points) // chunk_size(n))))
+    waiting = [executor.submit(task, points[part]) for part in parts]
+    try:
+        for part, future in zip(parts, waiting, strict=True):
+            results.insert(part, future.result())
+            count.add(len(part))
+    finally:
+        # Nobody waits for the rest, where one fails or the user interrupts.
+        for future in waiting:
+            future.cancel()
+    return results

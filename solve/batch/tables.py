@@ -87,8 +87,11 @@ class Separation:
             for factor, term in zip(factors, terms, strict=True):
                 rest = rest - factor * term
             terms.append(rest / pivot)
-        table = np.stack(terms)[self._stage, :, self.entry].T if terms else np.empty((len(phase), 0))
-        return np.ascontiguousarray(table)
+        return np.ascontiguousarray(self._by_term(terms, len(phase)))
+
+    def _by_term(self, stages: list[Array], count: int) -> Array:
+        """Those of values (count, E) of each stage that belong to a term: (count, R)."""
+        return np.array(stages).reshape(-1, count, len(self._active.T))[self._stage, :, self.entry].T
 
     def coefficients(self, points: Array) -> tuple[Array, Array]:
         """Coefficients (P, R), and whether each point is represented (P,)."""
@@ -100,9 +103,7 @@ class Separation:
             for before in range(stage):
                 rest = rest - nested[before] * self._nested[before][columns, every]
             nested.append(rest)
-        coefficients = (
-            np.stack(nested)[self._stage, :, self.entry].T if nested else np.empty((len(points), 0))
-        )
+        coefficients = self._by_term(nested, len(points))
         predicted = Tables(self.table(checks), coefficients, self.entry, self.n).entries()
         error = np.abs(samples[:, -len(checks) :] - predicted).max(axis=1)
         fits = error <= _FITS * np.abs(samples).max(axis=1)
@@ -181,25 +182,18 @@ def _pivots(samples: Array) -> tuple[Array, Array, Array]:
     size = np.abs(samples).max(axis=1, keepdims=True)
     rest = samples / np.where(size > 0, size, 1.0)
     T, k, E = samples.shape
-    if T == 0:
-        return np.empty((0, E), dtype=int), np.empty((0, E), dtype=int), np.empty((0, E), dtype=bool)
-    every, rows, columns, active = np.arange(E), [], [], []
-    while len(rows) < _MOST_TERMS:
+    every, found = np.arange(E), []
+    while T and len(found) < _MOST_TERMS:
         row, column = np.unravel_index(np.abs(rest).reshape(T * k, E).argmax(axis=0), (T, k))
         pivot = rest[row, column, every]
         counts = np.abs(pivot) > _NEGLIGIBLE
         if not counts.any():
             break
-        for found, part in zip((rows, columns, active), (row, column, counts), strict=True):
-            found.append(part)
+        found.append((row, column, counts))
         left, upper = rest[:, column, every], rest[row, :, every].T
         rest = rest - np.where(counts, left / np.where(counts, pivot, 1.0), 0.0)[:, None] * upper
-    shape = (len(rows), E)
-    return (
-        np.array(rows, dtype=int).reshape(shape),
-        np.array(columns, dtype=int).reshape(shape),
-        np.array(active, dtype=bool).reshape(shape),
-    )
+    rows, columns, active = np.moveaxis(np.array(found, dtype=int).reshape(-1, 3, E), 1, 0)
+    return rows, columns, active.astype(bool)
 
 
 def _numbered(places: Array) -> tuple[Array, Array]:

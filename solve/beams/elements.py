@@ -107,9 +107,7 @@ def element(name: str) -> Element:
         geometric=_filled((k, k), (b, b, bending["geometric"])),
         coupling=coupling.T - coupling,
         coefficients=_filled(
-            (k, max(terms)),
-            (a, slice(terms[0]), axial["shapes"]),
-            (b, slice(terms[1]), bending["shapes"]),
+            (k, max(terms)), (a, slice(terms[0]), axial["shapes"]), (b, slice(terms[1]), bending["shapes"])
         ),
     )
 

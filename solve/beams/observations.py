@@ -10,7 +10,7 @@ from solve.arrays import Array
 from solve.beams.elements import AXIAL, BENDING, Freedom, Member
 from solve.beams.frozen import Modes, modes
 from solve.beams.motion import State
-from solve.errors import UnknownNameError
+from solve.errors import require_name
 
 SURFACES = {"plus": 1.0, "minus": -1.0}
 """Surface at +h/2 or −h/2 across the link, along its y axis."""
@@ -38,8 +38,7 @@ class Point:
 
     def stress(self, angle: Array, q: Array, surface: str, omega: Array | None = None) -> Array:
         """E (u′ ∓ (h/2) v″) (k,) in Pa at the surface plus or minus. Raises UnknownNameError."""
-        if surface not in SURFACES:
-            raise UnknownNameError("surface", surface, SURFACES)
+        require_name("surface", surface, SURFACES)
         axial, bending = self.member.stresses(self._xi, omega)
         return self._sum(axial + SURFACES[surface] * bending, angle, q)
 

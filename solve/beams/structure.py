@@ -12,15 +12,8 @@ from solve.beams.assembly import Beams, Positions, Properties
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frozen import lowest, shapes
 from solve.beams.motion import Motion, State
-from solve.beams.observations import (
-    LINEAR,
-    Contributions,
-    Point,
-    contributions,
-    joint_force,
-    quantity,
-)
-from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
+from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
+from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.model import Model
 from solve.model.setup import Setup
 from solve.system import DrawnLink, Matrices, ModeShape
@@ -191,8 +184,7 @@ class StructureModel(Model):
         phases (k,) of an orbit, or of its quasi-static solution. Raises UnknownNameError."""
         member = self._member(link)
         ends = member.link[1:3]
-        if joint not in ends:
-            raise UnknownNameError(f"joint of link {link}", joint, ends)
+        require_name(f"joint of link {link}", joint, ends)
         state = State(self.motion, phase, turn.speed, *turn.state(phase))
         return joint_force(state, member, ends.index(joint))
 
@@ -240,14 +232,12 @@ class StructureModel(Model):
     def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
         """Kind, link and place of an output that is linear in the deflections. Raises UnknownNameError."""
         linear = {name: each for name, each in self.observed.items() if each[0] in LINEAR}
-        if output not in linear:
-            raise UnknownNameError(f"deflection or stress of {self.name}", output, linear)
+        require_name(f"deflection or stress of {self.name}", output, linear)
         return linear[output]
 
     def _member(self, link: str) -> Member:
         members = {each.link.name: each for each in self.beams.members}
-        if link not in members:
-            raise UnknownNameError(f"link of {self.name}", link, members)
+        require_name(f"link of {self.name}", link, members)
         return members[link]
 
     def point(self, link: str, fraction: float) -> Point:

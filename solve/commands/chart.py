@@ -2,12 +2,10 @@
 
 from typing import Annotated
 
-import typer
-
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Problem, Results, Speed, progressing
-from solve.commands.parse import assignments, number, numbers, points
+from solve.commands.groups import Accuracy, Flag, Problem, Results, Speed, progressing
+from solve.commands.parse import assignments, numbers, points
 from solve.errors import MissingValueError
 from solve.units import speed_in_si, speeds_in_si
 
@@ -19,16 +17,12 @@ def chart(
     speed: Speed,
     accuracy: Accuracy,
     results: Results,
-    x: Annotated[str | None, typer.Option(metavar=_RANGE, help="N values from A to B, across.")] = None,
-    y: Annotated[str | None, typer.Option(metavar=_RANGE, help="N values from A to B, upwards.")] = None,
+    x: Annotated[str | None, Flag("N values from A to B, across.", _RANGE)] = None,
+    y: Annotated[str | None, Flag("N values from A to B, upwards.", _RANGE)] = None,
     cut: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="Also along the line where x or y is this; repeatable."),
+        list[str] | None, Flag("Also along the line where x or y is this; repeatable.", "NAME=NUMBER")
     ] = None,
-    tolerance: Annotated[
-        float,
-        typer.Option(metavar="R", parser=number, help="Accuracy of boundaries, as part of the ranges."),
-    ] = 1e-9,
+    tolerance: Annotated[float, Flag("Accuracy of boundaries, as part of the ranges.", "R")] = 1e-9,
 ) -> None:
     """Stability over two quantities, with named boundaries."""
     across, upwards = _axis("--x", x), _axis("--y", y)

@@ -4,11 +4,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Annotated
 
-import typer
-
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Problem, Results, Settings, Speed
-from solve.commands.parse import number, whole
+from solve.commands.groups import Flag, Problem, Results, Settings, Speed
 from solve.methods.auto import Rule
 from solve.methods.choice import METHODS, chosen, settings_of
 from solve.studies.compare import TARGETS
@@ -21,19 +18,15 @@ def compare(
     settings: Settings,
     results: Results,
     method: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Method to compare; repeatable; all by default.")
+        list[str] | None, Flag("Method to compare; repeatable; all by default.", "NAME")
     ] = None,
-    steps: Annotated[
-        list[int] | None,
-        typer.Option(metavar="N", parser=whole, help="Equal number of steps a period; repeatable."),
-    ] = None,
+    steps: Annotated[list[int] | None, Flag("Equal number of steps a period; repeatable.", "N")] = None,
     rtol: Annotated[
         list[float] | None,
-        typer.Option(
-            metavar="R",
-            parser=number,
-            help="Error to reach, of the orbit (multipliers, where there is no load); repeatable; 1e-3 "
-            "and 1e-6 by default.",
+        Flag(
+            "Error to reach, of the orbit (multipliers, where there is no load); repeatable; 1e-3 and 1e-6 "
+            "by default.",
+            "R",
         ),
     ] = None,
 ) -> None:

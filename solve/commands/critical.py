@@ -2,12 +2,10 @@
 
 from typing import Annotated
 
-import typer
-
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Problem, Results, Speeds, progressing
-from solve.commands.parse import figure_kept, whole
+from solve.commands.groups import Accuracy, Flag, Problem, Results, Speeds, progressing
+from solve.commands.parse import figure_kept
 
 
 def critical(
@@ -15,17 +13,10 @@ def critical(
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,
-    of: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Coordinate or output; the first coordinate by default."),
-    ] = None,
-    figure: Annotated[
-        str, typer.Option(metavar="max|rms", help="Of its modulus over a turn, what is to be largest.")
-    ] = "max",
-    orders: Annotated[
-        int, typer.Option(metavar="K", parser=whole, help="Highest order of integer divisions.")
-    ] = 20,
-    campbell: Annotated[bool, typer.Option("--campbell", help="Draw the Campbell diagram alone.")] = False,
+    of: Annotated[str | None, Flag("Coordinate or output; the first coordinate by default.", "NAME")] = None,
+    figure: Annotated[str, Flag("Of its modulus over a turn, what is to be largest.", "max|rms")] = "max",
+    orders: Annotated[int, Flag("Highest order of integer divisions.", "K")] = 20,
+    campbell: Annotated[bool, Flag("Draw the Campbell diagram alone.")] = False,
 ) -> None:
     """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
     omegas, kept, model = speeds.omegas(), figure_kept(figure), problem.loaded()

@@ -2,11 +2,9 @@
 
 from typing import Annotated
 
-import typer
-
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Problem, Results
-from solve.commands.parse import points, whole
+from solve.commands.groups import Flag, Problem, Results
+from solve.commands.parse import points
 from solve.errors import ValueOutOfBoundsError
 from solve.results.frequencies import Findings
 from solve.studies import frequencies as study
@@ -15,24 +13,16 @@ from solve.studies import frequencies as study
 def frequencies(
     problem: Problem,
     results: Results,
-    position: Annotated[
-        str | None, typer.Option(metavar='"70 deg"', help="Where the drive is held; 0 by default.")
-    ] = None,
-    count: Annotated[
-        int | None, typer.Option(metavar="N", parser=whole, help="How many, from the lowest; 4 by default.")
-    ] = None,
-    turn: Annotated[
-        int | None,
-        typer.Option(metavar="N", parser=whole, help="Also at N positions of the turn, with their mean."),
-    ] = None,
+    position: Annotated[str | None, Flag("Where the drive is held; 0 by default.", '"70 deg"')] = None,
+    count: Annotated[int | None, Flag("How many, from the lowest; 4 by default.", "N")] = None,
+    turn: Annotated[int | None, Flag("Also at N positions of the turn, with their mean.", "N")] = None,
     over: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=A:B:N",
-            help="Also over N values of a parameter: the turn's mean, or at --position where given.",
+        Flag(
+            "Also over N values of a parameter: the turn's mean, or at --position where given.", "NAME=A:B:N"
         ),
     ] = None,
-    modes: Annotated[bool, typer.Option("--modes", help="Also the mode shapes of a structure.")] = False,
+    modes: Annotated[bool, Flag("Also the mode shapes of a structure.")] = False,
 ) -> None:
     """Natural frequencies and mode shapes with the drive held still."""
     if over and len(over) > 1:

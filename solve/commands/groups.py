@@ -9,33 +9,51 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import typer
 
 from solve.commands.parse import assignments, number, quantities, whole
 from solve.errors import MissingValueError
-from solve.loading import case_numbers, loaded
+from solve.loading import case_numbers, model_of, setup_of
 from solve.methods.auto import Rule
 from solve.methods.choice import chosen
 from solve.model.cases import Case
 from solve.model.model import Model
+from solve.model.setup import Setup
 from solve.results.save import PICTURES, checked, checked_data
 from solve.sizes import MOST, limited
 from solve.units import speed_in_si, speeds_in_si
+
+
+class Flag(NamedTuple):
+    """What a flag is for, and the form of its value, as `--help` shows them; default: what stands there for a
+    default that is chosen later. Flags of truth have no value."""
+
+    help: str
+    form: str | None = None
+    default: str | None = None
+
+    def option(self, name: str, kind: Any) -> Any:
+        """For Typer, the flag of a parameter of this kind. Numbers are read in one way."""
+        names = [f"--{name.strip('_').replace('_', '-')}"] if kind is bool else []
+        parser = next((read for each, read in ((int, whole), (float, number)) if _holds(kind, each)), None)
+        shown = self.default or True
+        return typer.Option(*names, help=self.help, metavar=self.form, parser=parser, show_default=shown)
+
+
+def _holds(kind: Any, wanted: type) -> bool:
+    return kind is wanted or any(_holds(part, wanted) for part in get_args(kind))
 
 
 @dataclass(frozen=True)
 class CaseNumbers:
     """The numbers of a model that the command itself names."""
 
-    case: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Case of the case file; the first by default.")
-    ] = None
-    cases: Annotated[str | None, typer.Option(metavar="FILE", help="Another case file (.toml).")] = None
+    case: Annotated[str | None, Flag("Case of the case file; the first by default.", "NAME")] = None
+    cases: Annotated[str | None, Flag("Another case file (.toml).", "FILE")] = None
     set: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help='Set a parameter, in SI or as "30mm"; repeatable.'),
+        list[str] | None, Flag('Set a parameter, in SI or as "30mm"; repeatable.', "NAME=NUMBER")
     ] = None
 
     def case_of(self, model: str) -> Case:
@@ -52,19 +70,22 @@ class CaseNumbers:
 class Numbers(CaseNumbers):
     """The numbers and options of a model that the command itself names."""
 
-    option: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Choose an option of the model; repeatable."),
-    ] = None
+    option: Annotated[list[str] | None, Flag("Choose an option of the model; repeatable.", "NAME=VALUE")] = (
+        None
+    )
 
     def of(self, name: str, still: bool = False) -> Model:
         """The model of that name. Raises NoMotionError for one without equations of motion, unless what is
         asked of it needs none."""
-        options = assignments("--option", self.option or [])
-        model, _ = loaded(name, self.case, self.cases, options, self.parameters)
+        model = model_of(self.setup(name))
         if not still:
             model.require_motion()
         return model
+
+    def setup(self, name: str) -> Setup:
+        """What the model of that name is made from. Raises SolveError subclasses for bad input."""
+        options = assignments("--option", self.option or [])
+        return setup_of(name, self.case, self.cases, options, self.parameters)
 
     @property
     def choices(self) -> list[str]:
@@ -89,10 +110,9 @@ class Problem(Numbers):
 class Speed:
     """One speed of rotation."""
 
-    speed: Annotated[
-        str | None,
-        typer.Option(metavar='"600 rpm"', help="Speed with unit: rpm, rad/s or Hz; else the case's."),
-    ] = None
+    speed: Annotated[str | None, Flag("Speed with unit: rpm, rad/s or Hz; else the case's.", '"600 rpm"')] = (
+        None
+    )
 
     def omega(self, model: Model) -> float:
         """Ω in rad/s. Raises MissingValueError where neither the flag nor the model's case gives it."""
@@ -108,8 +128,7 @@ class Speeds:
     """Many speeds of rotation."""
 
     speeds: Annotated[
-        str | None,
-        typer.Option(metavar='"A:B:N unit"', help='N speeds from A to B, or a list: "600 900 1200 rpm".'),
+        str | None, Flag('N speeds from A to B, or a list: "600 900 1200 rpm".', '"A:B:N unit"')
     ] = None
 
     def omegas(self) -> list[float]:
@@ -123,15 +142,9 @@ class Speeds:
 class Settings:
     """Settings that some methods have."""
 
-    gamma: Annotated[
-        float | None, typer.Option(metavar="G", parser=number, help="newmark: γ, 1/2 by default.")
-    ] = None
-    beta: Annotated[
-        float | None, typer.Option(metavar="B", parser=number, help="newmark: β, 1/4 by default.")
-    ] = None
-    order: Annotated[
-        int | None, typer.Option(metavar="P", parser=whole, help="Order, of methods that have several.")
-    ] = None
+    gamma: Annotated[float | None, Flag("newmark: γ, 1/2 by default.", "G")] = None
+    beta: Annotated[float | None, Flag("newmark: β, 1/4 by default.", "B")] = None
+    order: Annotated[int | None, Flag("Order, of methods that have several.", "P")] = None
 
     @property
     def settings(self) -> dict[str, float | None]:
@@ -143,11 +156,8 @@ class Settings:
 class Accuracy(Settings):
     """The method, and how exact its result shall be."""
 
-    method: Annotated[str, typer.Option(metavar="NAME", help="Method; auto chooses.")] = "auto"
-    rtol: Annotated[
-        float,
-        typer.Option(metavar="R", parser=number, help="Relative error of orbit and multipliers to reach."),
-    ] = 1e-8
+    method: Annotated[str, Flag("Method; auto chooses.", "NAME")] = "auto"
+    rtol: Annotated[float, Flag("Relative error of orbit and multipliers to reach.", "R")] = 1e-8
 
     @property
     def rule(self) -> Rule:
@@ -159,19 +169,14 @@ class Accuracy(Settings):
 class Steps(Accuracy):
     """The same where the steps can be given."""
 
-    steps: Annotated[
-        int | None,
-        typer.Option(metavar="N", parser=whole, help="Steps a period; by default as many as --rtol needs."),
-    ] = None
+    steps: Annotated[int | None, Flag("Steps a period; by default as many as --rtol needs.", "N")] = None
 
 
 @dataclass(frozen=True)
 class OnePoint(Steps):
     """The same for a single speed."""
 
-    all_multipliers: Annotated[
-        bool, typer.Option("--all-multipliers", help="Every multiplier to --rtol of itself, however small.")
-    ] = False
+    all_multipliers: Annotated[bool, Flag("Every multiplier to --rtol of itself, however small.")] = False
 
     def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
         """What a function such as `solve.periodic` gives."""
@@ -182,14 +187,11 @@ class OnePoint(Steps):
 class Results:
     """Where the results go."""
 
-    plot: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Draw them: .png, .pdf or .svg by the file's ending.")
-    ] = None
-    save: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Save them: .npz, .csv, .mat or .nc by the file's ending."),
-    ] = None
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False
+    plot: Annotated[str | None, Flag("Draw them: .png, .pdf or .svg by the file's ending.", "FILE")] = None
+    save: Annotated[str | None, Flag("Save them: .npz, .csv, .mat or .nc by the file's ending.", "FILE")] = (
+        None
+    )
+    json: Annotated[bool, Flag("Print one JSON object instead of tables.")] = False
 
     def __post_init__(self) -> None:
         """Raises FileError before anything is calculated."""
@@ -235,7 +237,7 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
     for name, parameter in inspect.signature(command).parameters.items():
         alone = [parameter.replace(annotation=hints[name])]
         group = inspect.signature(groups[name]).parameters.values() if name in groups else alone
-        parameters += [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in group]
+        parameters += [_for_typer(each) for each in group]
 
     parameters += [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in common.values()]
 
@@ -250,3 +252,9 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
     flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return flat
+
+
+def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:
+    kind, stated = get_args(parameter.annotation)
+    option = stated.option(parameter.name, kind) if isinstance(stated, Flag) else stated
+    return parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[kind, option])

@@ -2,12 +2,10 @@
 
 from typing import Annotated
 
-import typer
-
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import OnePoint, Problem, Results, Speed
-from solve.commands.parse import harmonic_count, whole
+from solve.commands.groups import Flag, OnePoint, Problem, Results, Speed
+from solve.commands.parse import harmonic_count
 from solve.errors import ValueOutOfBoundsError
 from solve.results.plot import checked_scale, shown
 
@@ -17,28 +15,14 @@ def periodic(
     speed: Speed,
     accuracy: OnePoint,
     results: Results,
-    harmonics: Annotated[
-        int | None, typer.Option(metavar="N", parser=whole, help="Orders of the spectrum; 60 by default.")
-    ] = None,
-    nonlinear: Annotated[
-        bool, typer.Option("--nonlinear", help="The orbit of the nonlinear equations, the linear one beside.")
-    ] = False,
+    harmonics: Annotated[int | None, Flag("Orders of the spectrum; 60 by default.", "N")] = None,
+    nonlinear: Annotated[bool, Flag("The orbit of the nonlinear equations, the linear one beside.")] = False,
     periods: Annotated[
-        int | None,
-        typer.Option(
-            metavar="K", parser=whole, help="With --nonlinear: an orbit of K periods; 1 by default."
-        ),
+        int | None, Flag("With --nonlinear: an orbit of K periods; 1 by default.", "K")
     ] = None,
-    quasi_static: Annotated[
-        bool, typer.Option("--quasi-static", help="The kinetostatic solution beside the full one.")
-    ] = False,
-    show: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Coordinate or output to draw; repeatable."),
-    ] = None,
-    scale: Annotated[
-        str, typer.Option(metavar="linear|dB", help="Scale of the spectrum in the picture.")
-    ] = "linear",
+    quasi_static: Annotated[bool, Flag("The kinetostatic solution beside the full one.")] = False,
+    show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
+    scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:
     """Periodic vibration, its spectrum and its stability."""
     orders, model = harmonic_count(harmonics), problem.loaded()

@@ -2,12 +2,10 @@
 
 from typing import Annotated
 
-import typer
-
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Problem, Results, Speeds, Steps, progressing
-from solve.commands.parse import harmonic_count, whole
+from solve.commands.groups import Flag, Problem, Results, Speeds, Steps, progressing
+from solve.commands.parse import harmonic_count
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.results.plot import shown
 from solve.results.style import Figure
@@ -22,21 +20,14 @@ def sweep(
     accuracy: Steps,
     results: Results,
     show: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME", help="Coordinate or output to show; repeatable; coordinates by default."
-        ),
+        list[str] | None, Flag("Coordinate or output to show; repeatable; coordinates by default.", "NAME")
     ] = None,
     waterfall: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Draw this coordinate's or output's spectrum over speed instead."),
+        str | None, Flag("Draw this coordinate's or output's spectrum over speed instead.", "NAME")
     ] = None,
-    harmonics: Annotated[
-        int | None, typer.Option(metavar="N", parser=whole, help="Orders of the spectrum.", show_default="60")
-    ] = None,
+    harmonics: Annotated[int | None, Flag("Orders of the spectrum.", "N", "60")] = None,
     turn: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Draw its curve over one turn instead, a line a speed: up to 12."),
+        str | None, Flag("Draw its curve over one turn instead, a line a speed: up to 12.", "NAME")
     ] = None,
 ) -> None:
     """Periodic vibration and stability over many speeds."""

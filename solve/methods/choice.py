@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.auto import Rule, auto
 from solve.methods.bahgat_willmert import BahgatWillmert
 from solve.methods.fourier import Fourier
@@ -44,8 +44,7 @@ def chosen(method: str | Rule, **settings: Any) -> Rule:
         if not (isinstance(method, Method) or method is auto):
             raise ValueOutOfBoundsError(f"method is {method!r}; give a name or an object such as Radau()")
         return method
-    if method not in METHODS:
-        raise UnknownNameError("method", method, METHODS)
+    require_name("method", method, METHODS)
     given = {name: value for name, value in settings.items() if value is not None}
     for name in given.keys() - settings_of(method):
         owners = sorted(each for each in METHODS if name in settings_of(each))

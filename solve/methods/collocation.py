@@ -1,4 +1,4 @@
-"""Collocation in Nyström form: the engine of the Gauss and Radau methods.
+"""Collocation in Nyström form, of which the Gauss and Radau methods are made, in compiled code or in NumPy.
 
 The stage accelerations a_i at the fractions c_i of a step of length h satisfy, with stage values
 v_i = v + h Σ A_ij a_j and q_i = q + h c_i v + h² Σ (A²)_ij a_j, the equation of motion at each stage:
@@ -13,14 +13,21 @@ from itertools import product
 import numpy as np
 
 from solve.arrays import Array, solved
-from solve.methods.method import Discretisation
+from solve.errors import ValueOutOfBoundsError
+from solve.kernel import collocation as kernel
+from solve.kernel.engines import COMPILED, NUMPY
+from solve.kernel.library import Size, available
+from solve.methods.method import Discretisation, OneStep, Solutions
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.period_map import Steps
-from solve.period.points import Points, affine, matrices
+from solve.period.period_map import Steps, closed_condition
+from solve.period.points import Points, Tables, affine, matrices
 
 _MEMORY = 2**25
 """Bytes that the stages' matrices of the steps may take that are sampled at a time."""
+
+_LARGEST = 40
+"""Coordinates up to which compiled lanes are quicker than NumPy's BLAS."""
 
 _SYSTEMS = 2**19
 """Bytes of stage systems that are built and solved at once: what stays in a processor's cache."""
@@ -193,3 +200,71 @@ def _acceleration(points: Points, phase: Array, x: Array) -> Array:
     M, C, K, d = matrices(points, phase)
     q, v = x[..., : points.n, None], x[..., points.n :, None]
     return np.squeeze(solved(M, d[..., None] - K @ q - C @ v), -1)
+
+
+class Collocated(OneStep):
+    """What Gauss's and Radau's methods share. orders: those that the method has. follows: up to here a mode
+    without damping keeps about half its amplitude, or more, over 500 rad."""
+
+    order: int
+    orders: range
+    samples_evenly = False
+
+    def __post_init__(self) -> None:
+        if self.order not in self.orders:
+            usual = type(self).order
+            raise ValueOutOfBoundsError(
+                f"order of {self.name} is {self.order}; allowed: {', '.join(map(str, self.orders))}; "
+                f"try order {usual}"
+            )
+        # The curve between the nodes has the order of the stage accelerations, s + 1, and two more.
+        stages = (self.order + 1) // 2
+        self._set(follows=self.order / 2 - 1, curve_order=min(self.order, stages + 3))
+
+    @property
+    def nodes(self) -> Array:
+        """Fractions (s,) of a step."""
+        raise NotImplementedError
+
+    @property
+    def collocation(self) -> Collocation:
+        return _collocation(self)
+
+    def bytes_a_step(self, n: int, orbit: bool = True, engine: str = NUMPY) -> int:
+        if engine == COMPILED and n <= _LARGEST:
+            return kernel.bytes_a_step(n, len(self.collocation.curve_powers), orbit)
+        return self.collocation.bytes_a_step(n)
+
+    def discretise(self, points: Points, grid: Grid) -> Discretisation:
+        return discretise(self.collocation, points, grid)
+
+    def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
+        if engine != COMPILED or not grid.smooth or points.n > _LARGEST:
+            return super().solutions(points, grid, orbit)
+        method, n = self.collocation, points.n
+        # A single point takes the library with orbits for its multipliers too: one less to compile.
+        with_orbit = orbit or len(points) == 1
+        size = Size(n, len(method.c), len(method.curve_nodes), method.stiffly_accurate, with_orbit)
+        if not available(size):
+            return super().solutions(points, grid, orbit)
+        stages = points.tables(grid.stages(np.array(method.c)).ravel())
+        nodes = None
+        if with_orbit and not method.stiffly_accurate:
+            nodes = _samples(points.tables(grid.nodes[:-1]))
+        made = kernel.solved(size, method.weights, grid.period, _samples(stages), nodes)
+        steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
+        if not orbit or made.curves is None or made.closed is None:
+            return self.sound(points, grid, made.Phi, steps=steps)
+        finite = np.asarray(np.isfinite(made.closed).all(axis=(1, 2, 3)))
+        G, H = np.moveaxis(np.where(finite[:, None, None, None], made.closed, 0.0), 1, 0)
+        condition = np.where(finite, closed_condition(G, H), np.inf)
+        return self.sound(points, grid, made.Phi, Curve(grid.nodes, made.curves), condition, steps)
+
+
+@cache
+def _collocation(method: Collocated) -> Collocation:
+    return Collocation(tuple(map(float, method.nodes)))
+
+
+def _samples(tables: Tables) -> kernel.Samples:
+    return kernel.Samples(tables.table, tables.coefficients, tables.entry)

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -75,10 +76,7 @@ class Boundary:
 
 
 def boundaries(
-    problem: Problem,
-    values: Sequence[float],
-    multiplier: int = 1,
-    rtol: float = 1e-10,
+    problem: Problem, values: Sequence[float], multiplier: int = 1, rtol: float = 1e-10
 ) -> list[Boundary]:
     """Where a Floquet multiplier passes through +1 or -1 as a parameter varies (thesis 7.2.1).
 
@@ -103,7 +101,7 @@ def boundaries(
     tolerance = rtol * float(grid[-1] - grid[0])
     orders, before = _FIRST_ORDERS, np.empty(0)
     while True:
-        found = _Search(problem, multiplier, orders, tolerance).zeros(list(map(float, grid)))
+        found = _zeros(problem, multiplier, orders, grid, tolerance)
         alike = orders > _FIRST_ORDERS and len(found) == len(before)
         errors = np.maximum(np.abs(found - before), tolerance / 4) if alike else np.full(len(found), np.inf)
         if (alike and (errors <= tolerance).all()) or orders == _MOST_ORDERS:
@@ -112,53 +110,36 @@ def boundaries(
         orders, before = 2 * orders, found
 
 
-class _Search:
-    """Hill's determinant over a parameter, remembered where it was evaluated."""
+def _zeros(problem: Problem, multiplier: int, orders: int, values: Array, tolerance: float) -> Array:
+    """Zeros of Hill's determinant between the values, close pairs of them too."""
+    from scipy.optimize import brentq, minimize_scalar
 
-    def __init__(self, problem: Problem, multiplier: int, orders: int, tolerance: float):
-        self._problem, self._multiplier, self._orders = problem, multiplier, orders
-        self._tolerance = tolerance
-        self._known: dict[float, tuple[float, float]] = {}
+    @cache
+    def at(value: float) -> tuple[float, float]:
+        return _sign_and_logarithm(*problem(value), orders, multiplier)[:2]
 
-    def zeros(self, values: list[float]) -> Array:
-        """Zeros between the values, close pairs of them too."""
-        from scipy.optimize import brentq
+    def scaled(value: float, scale: float) -> float:
+        sign, logarithm = at(value)
+        return sign * float(np.exp(logarithm - scale))
 
-        for triple in zip(values, values[1:], values[2:], strict=False):
-            self._look_between(*triple)
-        for value in values:
-            self._at(value)
-        ends = sorted(self._known)
-        zeros = [value for value in ends if self._at(value)[0] == 0.0]
-        for left, right in pairwise(ends):
-            if self._at(left)[0] * self._at(right)[0] < 0:
-                scale = max(self._at(left)[1], self._at(right)[1])
-                zeros.append(brentq(self._scaled, left, right, (scale,), self._tolerance / 16))  # type: ignore[arg-type]
-        return np.sort(np.array(zeros))
-
-    def _look_between(self, left: float, middle: float, right: float) -> None:
-        """Evaluate the determinant where it comes closest to zero, if that is at the middle value."""
-        from scipy.optimize import minimize_scalar
-
-        signs, logarithms = zip(*map(self._at, (left, middle, right)), strict=True)
+    ends = values.tolist()
+    for left, middle, right in zip(values.tolist(), ends[1:], ends[2:], strict=False):
+        signs, logarithms = zip(*map(at, (left, middle, right)), strict=True)
+        # Two zeros may lie where the determinant comes closest to zero.
         if abs(sum(signs)) == 3 and logarithms[1] == min(logarithms):
             closest = minimize_scalar(
-                lambda value: signs[1] * self._scaled(value, logarithms[1]),
+                lambda value, sign=signs[1], scale=logarithms[1]: sign * scaled(value, scale),
                 bounds=(left, right),
                 method="bounded",
-                options={"xatol": self._tolerance},
+                options={"xatol": tolerance},
             )
-            self._at(float(closest.x))
-
-    def _at(self, value: float) -> tuple[float, float]:
-        if value not in self._known:
-            found = _sign_and_logarithm(*self._problem(value), self._orders, self._multiplier)
-            self._known[value] = found[:2]
-        return self._known[value]
-
-    def _scaled(self, value: float, scale: float) -> float:
-        sign, logarithm = _sign_and_logarithm(*self._problem(value), self._orders, self._multiplier)[:2]
-        return sign * float(np.exp(logarithm - scale))
+            ends.append(float(closest.x))
+    zeros = [value for value in ends if at(value)[0] == 0.0]
+    for left, right in pairwise(sorted(ends)):
+        if at(left)[0] * at(right)[0] < 0:
+            scale = max(at(left)[1], at(right)[1])
+            zeros.append(brentq(scaled, left, right, (scale,), tolerance / 16))  # type: ignore[arg-type]
+    return np.sort(np.array(zeros))
 
 
 def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
@@ -181,12 +162,8 @@ def _forced(point: Points, grid: Grid) -> tuple[FourierCurve, float]:
     rates = 2j * np.pi / point.period * orders
     M, C, K, d = (_spectrum(part[0], 2 * N) for part in matrices(point, _samples(point, 2 * N)))
     index = 2 * N + orders[:, None] - orders
-    smooth = 1.0 / (1.0 - rates**2)[:, None, None]
-    blocks = (
-        K[index] * smooth
-        + C[index] * (rates[:, None, None] * smooth)
-        + M[index] * (rates[:, None, None] ** 2 * smooth)
-    )
+    smooth, rate = (part[:, None, None] for part in (1.0 / (1.0 - rates**2), rates))
+    blocks = (K[index] + rate * C[index] + rate**2 * M[index]) * smooth
     unit = 1.0 / np.sqrt(np.abs(np.diag(M[2 * N])))
     blocks = unit[:, None] * blocks * unit
     matrix = np.swapaxes(blocks, 1, 2).reshape(len(orders) * n, len(orders) * n)

@@ -5,12 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array
 from solve.methods.method import Discretisation, OneStep
-from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.period_map import Steps
-from solve.period.points import Points, affine, state_rate
+from solve.period.points import Points, state_rate
 
 
 @dataclass(frozen=True)
@@ -32,9 +29,4 @@ class Hsu(OneStep):
         finite = np.isfinite(augmented).all(axis=(-2, -1))
         maps = np.full(rate.shape, np.nan)
         maps[finite] = expm(augmented[finite])[:, : 2 * n]
-
-        def curve(x: Array) -> Curve:
-            start, end = (affine(rate[..., n:, :], at) for at in (x[:, :-1], x[:, 1:]))
-            return Curve.quintic(grid.nodes, x[..., :n], x[..., n:], start, end)
-
-        return Discretisation(Steps(maps[..., :-1], maps[..., -1]), curve)
+        return Discretisation.of_rates(grid, maps, rate, rate)

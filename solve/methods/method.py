@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,12 @@ import numpy as np
 from solve.arrays import Array, whole
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
 from solve.kernel.engines import NUMPY
-from solve.period.curve import PeriodicCurve
+from solve.period.curve import Curve, PeriodicCurve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers, rounding_errors
 from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
-from solve.period.points import Points, matrices
+from solve.period.points import Points, affine, matrices
 from solve.sizes import most_numbers
 
 _LARGE_SYSTEMS = 4
@@ -116,6 +117,11 @@ class Method:
     samples_evenly: bool = True
     warnings: tuple[str, ...] = ()
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """By name, the fields of the method's dataclass."""
+        return {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
+
     def _set(self, **facts: Any) -> None:
         """State facts that follow from the settings of a frozen dataclass."""
         for name, value in facts.items():
@@ -176,6 +182,18 @@ class Discretisation:
     steps: Steps
     curve: Callable[[Array], PeriodicCurve]
 
+    @classmethod
+    def of_rates(cls, grid: Grid, maps: Array, start: Array, end: Array) -> "Discretisation":
+        """From the maps (A | b) of the states x = (q, q′), and the rates (P | f) of x′ = P x + f at the start
+        and the end of every step, (P, m, 2n, 2n+1) each: curves through q, q′ and q″ at both ends."""
+        n = maps.shape[-2] // 2
+
+        def curve(x: Array) -> PeriodicCurve:
+            before, after = affine(start[..., n:, :], x[:, :-1]), affine(end[..., n:, :], x[:, 1:])
+            return Curve.quintic(grid.nodes, x[..., :n], x[..., n:], before, after)
+
+        return cls(Steps(maps[..., :-1], maps[..., -1]), curve)
+
 
 class OneStep(Method):
     """A method whose period is a chain of affine maps, given by `discretise`."""
@@ -221,7 +239,7 @@ class OneStep(Method):
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:
-    """Points that a method solves one after the other."""
+    """Points that a method solves one after the other, on one grid."""
     each: list[Solutions] = []
     failures: dict[int, SolveError] = {}
     for at in range(len(points)):
@@ -232,36 +250,23 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
     if not each:
         nothing = np.zeros((len(points), 2 * points.n, 2 * points.n))
         return Solutions(Grid.uniform(1, points.period), nothing, None, nothing[:, 0, 0], failures=failures)
-    return _beside(each, len(points), failures)
+    # Points that failed take up the place of another, but for Φ.
+    places = np.cumsum([at not in failures for at in range(len(points))]) - 1
+    parts = [each[max(place, 0)] for place in places.tolist()]
 
+    def beside(of: Callable[[Any], Array]) -> Array:
+        return np.concatenate([of(part) for part in parts])
 
-def _beside(each: list[Solutions], count: int, failures: Mapping[int, SolveError]) -> Solutions:
-    """Solutions of one point each on one grid, as those of `count` points of which some failed."""
-    first, known = each[0], np.setdiff1d(np.arange(count), list(failures))
-
-    def filled(parts: list[Array]) -> Array:
-        whole = np.zeros((count, *parts[0].shape[1:]), dtype=parts[0].dtype)
-        whole[known] = np.concatenate(parts)
-        return whole
-
-    curve, steps, notes = first.curve, first.steps, np.full(count, "", dtype=object)
+    curve, steps = parts[0].curve, parts[0].steps
     if curve is not None:
-        curve = type(curve)(curve.nodes, filled([one.curve.coefficients for one in each]))  # type: ignore[union-attr, call-arg]
+        curve = type(curve)(curve.nodes, beside(lambda part: part.curve.coefficients))  # type: ignore[call-arg]
     if steps is not None:
-        steps = Steps(*(filled([getattr(one.steps, name) for one in each]) for name in ("A", "b")))
-    if first.notes:
-        notes[known] = [one.notes[0] for one in each]
-    return Solutions(
-        first.grid,
-        filled([one.Phi for one in each]),
-        curve,
-        filled([one.condition for one in each]),
-        steps,
-        filled([one.defect for one in each]),
-        filled([one.rounding for one in each]),
-        tuple(notes) if first.notes else (),
-        failures,
-    )
+        steps = Steps(beside(lambda part: part.steps.A), beside(lambda part: part.steps.b))
+    Phi = beside(lambda part: part.Phi)
+    Phi[list(failures)] = 0.0
+    condition, defect, rounding = (beside(attrgetter(name)) for name in ("condition", "defect", "rounding"))
+    notes = tuple(note for part in parts for note in part.notes)
+    return Solutions(parts[0].grid, Phi, curve, condition, steps, defect, rounding, notes, failures)
 
 
 def no_orbit() -> ResonanceError:

@@ -10,11 +10,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.methods.method import Discretisation, OneStep
-from solve.period.curve import Curve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
-from solve.period.period_map import Steps
-from solve.period.points import Points, affine, state_rate
+from solve.period.points import Points, state_rate
 
 
 @dataclass(frozen=True)
@@ -62,13 +60,7 @@ class RungeKutta4(OneStep):
         k2 = rate(middle, x + h / 2 * k1)
         k3 = rate(middle, x + h / 2 * k2)
         k4 = rate(end, x + h * k3)
-        maps = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-
-        def curve(x: Array) -> Curve:
-            a_start, a_end = affine(start[..., n:, :], x[:, :-1]), affine(end[..., n:, :], x[:, 1:])
-            return Curve.quintic(grid.nodes, x[..., :n], x[..., n:], a_start, a_end)
-
-        return Discretisation(Steps(maps[..., :-1], maps[..., -1]), curve)
+        return Discretisation.of_rates(grid, x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), start, end)
 
     @staticmethod
     def _rates(points: Points, grid: Grid) -> tuple[Array, Array, Array]:

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -16,15 +17,18 @@ _EVERY = (
     *("LIMITS", "VALIDITY", "PERIOD"),
 )
 _SEAL = r'^FILE_SHA256 = "(\w*)"\n'
-_EQUATIONS = ("linearised", "outputs")
-_STRUCTURE = ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties")
+EQUATIONS, STRUCTURE = "equations", "structure"
+_KINDS = {
+    STRUCTURE: ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties"),
+    EQUATIONS: ("linearised", "outputs"),
+}
+"""What modules of each kind state besides: links, from which matrices are assembled, or the matrices."""
 
 
 def model_module(path: Path) -> ModuleType:
     """The generated module of a model. Raises ModelFileError where the file is something else, or edited."""
     module = _executed(path.resolve(), path.stat().st_mtime_ns)
-    contract = (*_EVERY, *(_STRUCTURE if is_structure(module) else _EQUATIONS))
-    missing = [name for name in contract if not hasattr(module, name)]
+    missing = min((_missing(module, (*_EVERY, *names)) for names in _KINDS.values()), key=len)
     if missing:
         raise ModelFileError(
             f"'{path}' is no generated code (no {missing[0]}); move it away and run derive again"
@@ -32,9 +36,13 @@ def model_module(path: Path) -> ModuleType:
     return module
 
 
-def is_structure(module: ModuleType) -> bool:
-    """Whether a generated module states links and joints, from which matrices are assembled."""
-    return hasattr(module, "LINKS")
+def kind_of(module: ModuleType) -> str:
+    """EQUATIONS or STRUCTURE: of which kind a generated module states everything."""
+    return next(kind for kind, names in _KINDS.items() if not _missing(module, names))
+
+
+def _missing(module: ModuleType, names: Sequence[str]) -> list[str]:
+    return [name for name in names if name not in vars(module)]
 
 
 def sha256(text: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected, correction
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
-from solve.methods.collocated import Collocated
+from solve.methods.collocation import Collocated
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.period.curve import Curve
 from solve.period.frozen import Frozen

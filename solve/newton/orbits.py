@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.errors import NoOrbitError, ResonanceError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
 from solve.methods.auto import Rule, chosen_for
 from solve.methods.choice import chosen
-from solve.methods.collocated import Collocated
+from solve.methods.collocation import Collocated
 from solve.methods.radau import Radau
 from solve.newton.continuation import by_load, by_speed, in_rpm
 from solve.newton.iteration import Converged, Newton, Task, iterated
@@ -155,10 +156,12 @@ class _Search:
         if isinstance(result, Failed):
             raise result.reason
         assert result.solutions.curve is not None
+        linearised, result = task.system.along(result.solutions.curve[0]), replace(result, method=task.method)
         return NonlinearOrbit(
-            task.system.along(result.solutions.curve[0]),
+            linearised,
             task.speed,
-            replace(result, method=task.method),
+            result,
+            Spectrum(OnePoint(linearised, task.speed), result),
             self.notes,
             iterations=found.iterations,
             found_by=way,

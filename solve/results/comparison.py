@@ -25,6 +25,7 @@ _LEGEND = {
 }
 
 _MARKERS = "osD^vPXph*<>"
+_DOTS: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4, "markersize": 5.5}
 _LINES = ("-", "--", ":")
 """Past the last colour the next kind of line begins."""
 
@@ -219,16 +220,17 @@ def work_precision_figure(
     known_to: the reference's own error of each kind, shaded, as nothing below it can be seen. Errors
     above 3 and below a tenth of the reference's are not drawn.
     """
+    from cycler import cycler
     from matplotlib.ticker import LogLocator
 
     with page(4.2, title) as figure:
         panels = figure.subplots(1, len(known_to), sharey=True, sharex=True, squeeze=False)[0]
         floor = min(known_to.values())
         for axes, (kind, error) in zip(panels, known_to.items(), strict=True):
-            for index, (name, work) in enumerate(methods.items()):
+            axes.set_prop_cycle(cycler(linestyle=_LINES) * (cycler(color=MANY) + cycler(marker=_MARKERS)))
+            for name, work in methods.items():
                 shown = (work.errors[kind] <= _WORST) & (work.errors[kind] >= floor / 10)
-                times, errors = work.time[shown] * 1e3, work.errors[kind][shown]
-                axes.loglog(times, errors, label=name, **_line_style(index))
+                axes.loglog(work.time[shown] * 1e3, work.errors[kind][shown], label=name, **_DOTS)
             for target in targets.get(kind, ()):
                 axes.axhline(target, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
             axes.set_ylim(floor / 10, _WORST)
@@ -242,14 +244,3 @@ def work_precision_figure(
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=5, handlelength=3)
     return figure
-
-
-def _line_style(index: int) -> dict[str, Any]:
-    return {
-        "color": MANY[index % len(MANY)],
-        "marker": _MARKERS[index % len(_MARKERS)],
-        "linestyle": _LINES[index // len(MANY) % len(_LINES)],
-        "markeredgecolor": "white",
-        "markeredgewidth": 0.4,
-        "markersize": 5.5,
-    }

@@ -18,7 +18,6 @@ from solve.results.report import RenderableType, Table, model_heading, stacked, 
 from solve.results.style import Figure
 from solve.system import ModeShape, PeriodicSystem
 
-_FIGURES = ("mean", "min", "max")
 _MOST_ROWS = 40
 """Rows of a table; of more positions or values every k-th is shown."""
 
@@ -62,8 +61,7 @@ class Frequencies:
 
     def record(self) -> dict[str, Any]:
         """Positions (rad), frequencies (rad/s), and figures of these over the positions."""
-        figures = {name: getattr(self.values, name)(axis=0) for name in _FIGURES}
-        return {"positions": self.positions, "frequencies": self.values, **figures}
+        return {"positions": self.positions, "frequencies": self.values, **_figures(self.values, 0)}
 
     def table(self) -> Table:
         """A row a position, and the figures below."""
@@ -72,15 +70,12 @@ class Frequencies:
         title = f"Over the turn, rad/s{f': the lowest {shown} of {k}' if shown < k else ''}"
         made = table(title, "position", *(f"mode {i + 1}" for i in range(shown)), left=0)
         largest = float(np.nanmax(self.values, initial=0.0))
-
-        def add(name: str, values: Array) -> None:
-            made.add_row(name, *(fixed(omega, largest, 6) for omega in values[:shown]))
-
-        for number in range(0, len(self.positions), _every(len(self.positions))):
-            add(f"{math.degrees(self.positions[number]):.5g}°", self.values[number])
-        made.add_section()
-        for name in _FIGURES:
-            add(name, getattr(self.values, name)(axis=0))
+        some = range(0, len(self.positions), _every(len(self.positions)))
+        rows = {f"{math.degrees(self.positions[at]):.5g}°": self.values[at] for at in some}
+        for part in (rows, _figures(self.values, 0)):
+            for name, values in part.items():
+                made.add_row(name, *(fixed(omega, largest, 6) for omega in values[:shown]))
+            made.add_section()
         return made
 
     def contents(self) -> Contents:
@@ -93,26 +88,29 @@ class Frequencies:
 
 @dataclass(frozen=True)
 class Variation:
-    """Frequencies over a parameter, (v,) values in SI units: figures (v, k) of each value's turn.
+    """Frequencies (v, m, k) in rad/s over a parameter, values (v,) in SI units, at positions (m,) in rad.
 
-    mean, least, greatest over the positions; NaN where errors (v,) says why there are none. pinned: the
-    lowest frequency of each link by itself, pinned at both ends, (v,) by name.
+    NaN where errors (v,) says why there are none. pinned: the lowest frequency of each link by itself,
+    pinned at both ends, (v,) by name.
     """
 
     system: PeriodicSystem
     parameter: str
     values: Array
     positions: Array
-    mean: Array
-    least: Array
-    greatest: Array
+    frequencies: Array
     pinned: dict[str, Array]
     errors: tuple[str | None, ...]
 
     @property
     def figures(self) -> dict[str, Array]:
-        """mean, min and max (v, k) by name."""
-        return dict(zip(_FIGURES, (self.mean, self.least, self.greatest), strict=True))
+        """mean, min and max over the positions (v, k), by name."""
+        return _figures(self.frequencies, 1)
+
+    @property
+    def mean(self) -> Array:
+        """Over the positions (v, k)."""
+        return self.figures["mean"]
 
     def plot(self) -> Figure:
         """The lowest frequency over the parameter beside those of the links alone (thesis Fig. 9.1)."""
@@ -147,11 +145,10 @@ class Variation:
         """A row a value of the parameter, for a file."""
         unit, _ = self.system.parameter_labels[self.parameter]
         columns: dict[str, tuple[Any, str, str]] = {self.parameter: (self.values, unit, "varied")}
-        for k in range(self.mean.shape[1]):
-            for name, values in self.figures.items():
-                columns[f"frequency{k + 1}_{name}"] = (values[:, k], "rad/s", f"{name} over the positions")
+        for k, (name, values) in itertools.product(range(self.frequencies.shape[2]), self.figures.items()):
+            columns[f"frequency{k + 1}_{name}"] = values[:, k], "rad/s", f"{name} over the positions"
         for link, alone in self.pinned.items():
-            columns[f"{link}_pinned"] = (alone, "rad/s", "the link alone, pinned at both ends")
+            columns[f"{link}_pinned"] = alone, "rad/s", "the link alone, pinned at both ends"
         return table_contents(columns, model_record(self.system))
 
 
@@ -181,14 +178,14 @@ class Findings:
     def record(self) -> dict[str, Any]:
         """Of `solve frequencies --json`; rad/s and rad, parameters in SI units."""
         here = {"position": self.here.positions[0], "frequencies": self.here.values[0]}
-        record = {**model_record(self.here.system), "freedoms": self.here.freedoms, **here}
-        if self.turn is not None:
-            record["turn"] = self.turn.record()
-        if self.variation is not None:
-            record["over"] = self.variation.record()
-        if self.shapes:
-            record["modes"] = [self._shape_record(shape) for shape in self.shapes]
-        return plain(record | {"warnings": self.warnings})
+        further = {
+            "turn": self.turn and self.turn.record(),
+            "over": self.variation and self.variation.record(),
+            "modes": [self._shape_record(shape) for shape in self.shapes],
+        }
+        head = {**model_record(self.here.system), "freedoms": self.here.freedoms, **here}
+        asked = {name: part for name, part in further.items() if part}
+        return plain({**head, **asked, "warnings": self.warnings})
 
     def _shape_record(self, shape: ModeShape) -> dict[str, Any]:
         links = {}
@@ -233,6 +230,10 @@ class Findings:
     def plot(self) -> Figure:
         """Raises ValueOutOfBoundsError where there is nothing to draw."""
         return self._widest.plot()
+
+
+def _figures(frequencies: Array, axis: int) -> dict[str, Array]:
+    return {name: getattr(frequencies, name)(axis=axis) for name in ("mean", "min", "max")}
 
 
 def _every(rows: int) -> int:

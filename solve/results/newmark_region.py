@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.methods.newmark_stability import stability_limit
+from solve.methods.newmark import stability_limit
 from solve.results.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, new_figure, styled
 
 _POINTS = {

@@ -24,8 +24,7 @@ def described(method: Method) -> str:
     >>> described(Newmark())
     'newmark (gamma 0.5, beta 0.25)'
     """
-    settings = {name: getattr(method, name) for name in getattr(method, "__dataclass_fields__", {})}
-    numbers = [f"{name} {value}" for name, value in settings.items() if isinstance(value, int | float)]
+    numbers = [f"{name} {value}" for name, value in method.settings.items() if isinstance(value, int | float)]
     return f"{method.name} ({', '.join(numbers)})" if numbers else method.name
 
 

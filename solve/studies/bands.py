@@ -14,8 +14,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
-from solve.batch.gathering import Count, gathered
-from solve.batch.spread import task_of
+from solve.batch.gathering import Count, gathered, task_of
 from solve.methods.auto import RESOLVABLE, Rule, auto
 from solve.methods.radau import Radau
 from solve.period.frozen import frozen, surviving
@@ -126,16 +125,9 @@ period in phase."""
 def _turning(system: PeriodicSystem, omegas: Array, most: float) -> Turning:
     """From the matrices frozen at phases and at the lowest and the highest speed; a mode whose vibration
     dies within a turn does not count, nor one that turns by more than `most` at the lowest."""
-    phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
-    found = []
-    for omega in omegas[[0, -1]]:
-        M, C, K, _ = system.at(phase, float(omega))
-        n = system.n
-        A = np.zeros((_PHASES, 2 * n, 2 * n))
-        A[:, :n, n:] = np.eye(n)
-        A[:, n:] = -np.linalg.solve(M, np.concatenate((K, C), axis=2))
-        found.append(np.linalg.eigvals(A).ravel())
-    exponents = np.concatenate(found) * system.period
+    ends = [(omega, OnePoint(system, omega)) for omega in omegas[[0, -1]].tolist()]
+    values = [omega * frozen(point, _PHASES).eigenvalues().ravel() for omega, point in ends]
+    exponents = np.concatenate(values) * system.period
     exponents = exponents[np.abs(np.imag(exponents)) <= most * omegas[0]]
 
     def turning(speeds: Array) -> Array:

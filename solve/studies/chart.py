@@ -3,15 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from functools import partial
+from functools import partial, singledispatch
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
-from solve.batch.gathering import Count
-from solve.batch.spread import task_of
+from solve.batch.gathering import Count, task_of
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.auto import Rule
@@ -24,6 +23,9 @@ from solve.studies.boundaries import Judged, Search, hidden, judge
 from solve.studies.contours import Crossings, contours
 from solve.system import PeriodicSystem
 from solve.units import checked_tolerance, speed_in_si
+
+Names = tuple[str, str]
+Speed = float | str | None
 
 _PROMISING = 0.3
 """Of a gap between grid points, the part to which a parabola must bring it down to be followed."""
@@ -115,31 +117,43 @@ def _axis(which: str, given: Mapping[str, Sequence[float | str] | Array]) -> tup
     return name, found
 
 
+@singledispatch
 def _family(
-    model: str | PeriodicSystem | Callable[..., PeriodicSystem],
-    names: tuple[str, str],
-    points: Array,
-    speed: float | str | None,
-    case: str | None,
+    build: Callable[..., PeriodicSystem], names: Names, points: Array, speed: Speed, case: str | None
 ) -> Family:
-    if isinstance(model, str):
-        model = load(model, case)
-    elif case is not None:
+    """The systems at the points (P, 2): built by a function, those of a name, or one that varies."""
+    _refuse_case(case)
+    return BuiltFamily(build, names, points, _held(speed, names))
+
+
+@_family.register
+def _(name: str, names: Names, points: Array, speed: Speed, case: str | None) -> Family:
+    return _family(load(name, case), names, points, speed, None)
+
+
+@_family.register
+def _(system: PeriodicSystem, names: Names, points: Array, speed: Speed, case: str | None) -> Family:
+    _refuse_case(case)
+    omega = _held(system.case_speed if speed is None else speed, names)
+    system.require_motion()
+    found = SystemFamily(system, names, omega)
+    for extreme in (points[0], points[-1]):
+        values = dict(zip(names, map(float, extreme), strict=True))
+        system.require_bounds({name: value for name, value in values.items() if name != SPEED})
+    return found
+
+
+def _refuse_case(case: str | None) -> None:
+    if case is not None:
         raise ValueOutOfBoundsError(
             f"case '{case}' is for the name of a model; a system has its numbers already"
         )
-    omega = model.case_speed if speed is None and isinstance(model, PeriodicSystem) else speed
-    if omega is None and SPEED not in names:
+
+
+def _held(speed: Speed, names: Names) -> float | None:
+    if speed is None and SPEED not in names:
         raise MissingValueError("no speed given; give one, or make it one of the two quantities")
-    omega = None if omega is None else speed_in_si(omega)
-    if isinstance(model, PeriodicSystem):
-        model.require_motion()
-        found = SystemFamily(model, names, omega)
-        for extreme in (points[0], points[-1]):
-            values = dict(zip(names, map(float, extreme), strict=True))
-            model.require_bounds({name: value for name, value in values.items() if name != SPEED})
-        return found
-    return BuiltFamily(model, names, points, omega)
+    return None if speed is None else speed_in_si(speed)
 
 
 def _boundaries(search: Search, chart: Chart, known: Judged) -> list[BoundaryCurve]:

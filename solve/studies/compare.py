@@ -90,12 +90,8 @@ def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
 
 def label(method: Method) -> str:
     """A method's name, with the settings that are not its own defaults."""
-    usual = type(method)()
-    changed = [
-        f" {name} {value}"
-        for name, value in vars(method).items()
-        if name in getattr(method, "__dataclass_fields__", {}) and value != getattr(usual, name)
-    ]
+    usual = type(method)().settings
+    changed = [f" {name} {value}" for name, value in method.settings.items() if value != usual[name]]
     return method.name + "".join(changed)
 
 
@@ -116,13 +112,13 @@ class _Contestant:
         """Steps below which the method cannot be used."""
         return max(1, len(self.point.breaks), int(self.refinement.least[0]))
 
-    def measured(self, steps: int, at: str, target: float | None = None) -> Row:
+    def measured(self, steps: int, at: str, target: float | None = None, repeats: int = _REPEATS) -> Row:
         """Errors and time on a number of steps, or the reason why there are none."""
         blank = Row(self.name, self.method.order, None, at, asked=steps, target=target)
         if steps > self.refinement.most:
             return replace(blank, reason=self._limit)
         try:
-            solution, seconds = self._timed(steps)
+            solution, seconds = self._timed(steps, repeats)
         except (SolveError, np.linalg.LinAlgError) as refusal:
             return replace(blank, reason=self._unnamed(str(refusal)))
         ((orbit_error, multiplier_error),) = differences(solution, self.reference)
@@ -161,15 +157,9 @@ class _Contestant:
         while high > _CLOSE * low and high - low > 1:
             middle = round(math.sqrt(max(low, 1) * high))
             middle = min(max(middle, low + 1), high - 1)
-            low, high = (low, middle) if self._error(middle) <= goal else (middle, high)
+            reaches = self.measured(middle, "bisection", repeats=1).error(self.judged_by) <= goal
+            low, high = (low, middle) if reaches else (middle, high)
         return self.measured(high, "equal accuracy", goal)
-
-    def _error(self, steps: int) -> float:
-        try:
-            ((orbit, multipliers),) = differences(self._solved(steps), self.reference)
-        except (SolveError, np.linalg.LinAlgError):
-            return math.inf
-        return orbit if self.judged_by == ORBIT else multipliers
 
     def _solved(self, steps: int) -> Solutions:
         for failure in self.refinement.unusable(steps, np.zeros(1, dtype=int)):
@@ -186,14 +176,14 @@ class _Contestant:
         """ω_max T."""
         return float(self.refinement.modes.reach[0])
 
-    def _timed(self, steps: int) -> tuple[Solutions, float]:
+    def _timed(self, steps: int, repeats: int) -> tuple[Solutions, float]:
         """The solution and the shortest of the times that repeated runs take."""
         times: list[float] = []
         while True:
             start = time.process_time()
             solution = self._solved(steps)
             times.append(time.process_time() - start)
-            if len(times) == _REPEATS or sum(times) > _ENOUGH:
+            if len(times) == repeats or sum(times) > _ENOUGH:
                 return solution, min(times)
 
     def _stalled(self, trace: list[Row]) -> bool:

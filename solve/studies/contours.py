@@ -127,24 +127,20 @@ def _decided(
 
 def _chains(count: int, joined: Sequence[tuple[int, int]]) -> list[list[int]]:
     """Connections as chains of crossings; closed ones end where they begin."""
-    neighbours: list[list[int]] = [[] for _ in range(count)]
-    for first, last in joined:
-        neighbours[first].append(last)
-        neighbours[last].append(first)
-    seen: set[int] = set()
-    ends_first = sorted(range(count), key=lambda at: len(neighbours[at]) != 1)
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import depth_first_order
+
+    ends = np.array(joined, dtype=int).reshape(-1, 2)
+    degree = np.bincount(ends.ravel(), minlength=count)
+    graph = coo_array((np.ones(len(ends)), ends.T), shape=(count, count)).tocsr()
+    seen = degree == 0
     found = []
-    for start in ends_first:
-        if start in seen or not neighbours[start]:
-            continue
-        chain = [start]
-        seen.add(start)
-        while onward := [at for at in neighbours[chain[-1]] if at not in seen]:
-            chain.append(onward[0])
-            seen.add(onward[0])
-        if len(chain) > 2 and start in neighbours[chain[-1]] and len(neighbours[start]) > 1:
-            chain.append(start)
-        found.append(chain)
+    # Open chains from one of their ends, then closed ones.
+    for start in np.argsort(degree != 1, kind="stable").tolist():
+        if not seen[start]:
+            chain = depth_first_order(graph, start, directed=False, return_predecessors=False).tolist()
+            seen[chain] = True
+            found.append([*chain, start] if len(chain) > 2 and degree[start] > 1 else chain)
     return found
 
 

@@ -13,8 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
-from solve.batch.gathering import Count, gathered
-from solve.batch.spread import task_of
+from solve.batch.gathering import Count, gathered, task_of
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.methods.auto import Rule
 from solve.period.multipliers import VERDICTS

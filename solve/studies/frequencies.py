@@ -67,23 +67,21 @@ def frequencies_over(
     require_size(
         "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
     )
-    figures = np.full((3, len(values), k), math.nan)
+    found = np.full((len(values), len(positions), k), math.nan)
     pinned = {link.name: np.full(len(values), math.nan) for link in system.links}
     errors: list[str | None] = []
     for number, value in enumerate(values):
         try:
             varied = system.varied({parameter: float(value)})
-            found = varied.frequencies(positions, _checked_count(varied, k))
+            found[number] = varied.frequencies(positions, _checked_count(varied, k))
         except SolveError as error:
             errors.append(str(error))
             continue
         errors.append(None)
-        figures[:, number] = found.mean(axis=0), found.min(axis=0), found.max(axis=0)
         for link, alone in varied.pinned_frequencies().items():
             pinned[link][number] = alone
     numbers = np.asarray(values, dtype=float)
-    mean, least, greatest = figures
-    return Variation(system, parameter, numbers, positions, mean, least, greatest, pinned, tuple(errors))
+    return Variation(system, parameter, numbers, positions, found, pinned, tuple(errors))
 
 
 def _checked_count(system: PeriodicSystem, count: int | None) -> int:

@@ -8,8 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.family import over_speed
-from solve.batch.gathering import Count
-from solve.batch.spread import task_of
+from solve.batch.gathering import Count, task_of
 from solve.errors import StepsError, ValueOutOfBoundsError, require_name
 from solve.methods.auto import Rule
 from solve.model.model import Model

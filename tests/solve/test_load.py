@@ -18,7 +18,6 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.loading import loaded
 from solve.model.files import model_names
 from tests.solve.systems import cam_matrices
 
@@ -111,7 +110,7 @@ def test_a_users_model_with_its_cases(ready):
     assert (model.name, model.case, model.coordinates) == ("mine", "soft", ("q",))
     assert model.parameters == VALUES
     assert (model.period, model.units["q"], model.units["force"]) == (math.pi, "m", "N")
-    assert loaded(str(ready.mechanism), None, None, {}, {})[1] == "3 rad/s"
+    assert model.case_speed == "3 rad/s"
     assert ready.load("stiff", c=1).parameters == {"k": 50.0, "z": 3.0, "c": 1.0}
 
 

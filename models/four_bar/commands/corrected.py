@@ -3,11 +3,8 @@
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Results
-from solve.commands.parse import number
+from solve.commands.groups import Flag, Results
 from solve.errors import ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -28,18 +25,10 @@ _REFERENCE = {"element": "internal", "elements": 2}
 def corrected(
     four_bar: FourBar,
     results: Results,
-    speed: Annotated[
-        str, typer.Option(metavar='"30 rad/s"', help="Speed with unit: rpm, rad/s or Hz.")
-    ] = "30 rad/s",
-    of: Annotated[
-        str, typer.Option(metavar="NAME", help="Coordinate or output to compare.")
-    ] = "follower_midpoint_stress_plus",
-    elements: Annotated[
-        str, typer.Option(metavar="A,B,C", help="Numbers of cubic elements a link to set beside it.")
-    ] = "1,2,3,4",
-    rtol: Annotated[
-        float, typer.Option(metavar="R", parser=number, help="Relative error of each solution.")
-    ] = 1e-6,
+    speed: Annotated[str, Flag("Speed with unit: rpm, rad/s or Hz.", '"30 rad/s"')] = "30 rad/s",
+    of: Annotated[str, Flag("Coordinate or output to compare.", "NAME")] = "follower_midpoint_stress_plus",
+    elements: Annotated[str, Flag("Numbers of cubic elements a link to set beside it.", "A,B,C")] = "1,2,3,4",
+    rtol: Annotated[float, Flag("Relative error of each solution.", "R")] = 1e-6,
 ) -> None:
     """One element a link corrected by dynamic stiffness, beside more elements, over one turn."""
     results.files()

@@ -3,11 +3,8 @@
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Results
-from solve.commands.parse import number
+from solve.commands.groups import Flag, Results
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -22,21 +19,11 @@ _SAMPLES = 721
 def curve(
     four_bar: FourBar,
     results: Results,
-    speed: Annotated[
-        str, typer.Option(metavar='"30 rad/s"', help="Speed with unit: rpm, rad/s or Hz.")
-    ] = "30 rad/s",
-    along: Annotated[
-        float, typer.Option(metavar="S", parser=number, help="Place on the coupler, 0 at A to 1 at B.")
-    ] = 0.5,
-    across: Annotated[
-        float, typer.Option(metavar="M", parser=number, help="Distance beside its axis, in m.")
-    ] = 0.0,
-    quasi_static: Annotated[
-        bool, typer.Option("--quasi-static", help="The kinetostatic curve instead of the full one.")
-    ] = False,
-    rtol: Annotated[
-        float, typer.Option(metavar="R", parser=number, help="Relative error of the solution.")
-    ] = 1e-6,
+    speed: Annotated[str, Flag("Speed with unit: rpm, rad/s or Hz.", '"30 rad/s"')] = "30 rad/s",
+    along: Annotated[float, Flag("Place on the coupler, 0 at A to 1 at B.", "S")] = 0.5,
+    across: Annotated[float, Flag("Distance beside its axis, in m.", "M")] = 0.0,
+    quasi_static: Annotated[bool, Flag("The kinetostatic curve instead of the full one.")] = False,
+    rtol: Annotated[float, Flag("Relative error of the solution.", "R")] = 1e-6,
 ) -> None:
     """The curve of a point of the coupler beside that of the rigid linkage."""
     results.files()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Results, progressing
+from solve.commands.groups import Flag, Results, progressing
 from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -26,18 +26,13 @@ def design(
     results: Results,
     allowable: Annotated[
         str | None,
-        typer.Option(
-            metavar='"100 MPa"',
-            help='For all links, or for each: "crank=99 MPa,coupler=80 MPa,follower=90 MPa".',
-        ),
+        Flag('For all links, or for each: "crank=99 MPa,coupler=80 MPa,follower=90 MPa".', '"100 MPa"'),
     ] = None,
     target: Annotated[
-        str | None,
-        typer.Option(metavar='"30 rad/s"', help="Speed to run up to; by default the method chooses."),
+        str | None, Flag("Speed to run up to; by default the method chooses.", '"30 rad/s"')
     ] = None,
     speeds: Annotated[
-        str | None,
-        typer.Option(metavar='"A:B:N unit"', help="Speeds of the map at first; narrow peaks are refined."),
+        str | None, Flag("Speeds of the map at first; narrow peaks are refined.", '"A:B:N unit"')
     ] = None,
     L4: Annotated[
         str | None,
@@ -47,9 +42,7 @@ def design(
             help="Range and number of ground links; by default all with a transmission angle of 40° to 140°.",
         ),
     ] = None,
-    time: Annotated[
-        str, typer.Option(metavar='"60 s"', help="Duration of the slowest simulated run-up.")
-    ] = "60 s",
+    time: Annotated[str, Flag("Duration of the slowest simulated run-up.", '"60 s"')] = "60 s",
 ) -> None:
     """Design for high speed: limiting critical speeds, quiet bands, run-up with a moving ground pivot."""
     results.files()

@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from solve.commands.groups import CaseNumbers, Results
+from solve.commands.groups import CaseNumbers, Flag, Results
 from solve.errors import ValueOutOfBoundsError
 from solve.units import LARGEST
 
@@ -19,34 +17,27 @@ if TYPE_CHECKING:
 
 def linkage(
     numbers: CaseNumbers,
-    speed: Annotated[
-        str | None,
-        typer.Option(metavar='"300 rpm"', help="Crank speed with unit, for forces and torque."),
-    ] = None,
-    branch: Annotated[str, typer.Option(metavar="open|crossed", help="Branch of assembly.")] = "open",
+    speed: Annotated[str | None, Flag("Crank speed with unit, for forces and torque.", '"300 rpm"')] = None,
+    branch: Annotated[str, Flag("Branch of assembly.", "open|crossed")] = "open",
     position: Annotated[
         str | None,
-        typer.Option(
-            metavar='"70 deg"',
-            help="Crank angle t1 to look at, with unit; also where the crank cannot turn fully.",
-        ),
+        Flag("Crank angle t1 to look at, with unit; also where the crank cannot turn fully.", '"70 deg"'),
     ] = None,
     coupler_point: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="X,Y",
-            help="Coupler point whose path to trace: metres from A, along AB and at +90°; repeatable; "
-            "the coupler's middle by default.",
+        Flag(
+            "Coupler point whose path to trace: metres from A, along AB and at +90°; repeatable; the "
+            "coupler's middle by default.",
+            "X,Y",
         ),
     ] = None,
     plot: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Draw positions, coupler curves and the turn: .png, .pdf or .svg."),
+        str | None, Flag("Draw positions, coupler curves and the turn: .png, .pdf or .svg.", "FILE")
     ] = None,
     base_planes: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Draw Barker's base planes with the linkage in them.")
+        str | None, Flag("Draw Barker's base planes with the linkage in them.", "FILE")
     ] = None,
-    json_: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    json_: Annotated[bool, Flag("Print one JSON object instead of tables.")] = False,
 ) -> None:
     """Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces."""
     from models.four_bar.linkage import Linkage

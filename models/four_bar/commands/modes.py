@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Results
-from solve.commands.parse import number
+from solve.commands.groups import Flag, Results
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -24,19 +23,13 @@ _UNCOUPLED_STEPS = 720
 def modes(
     four_bar: FourBar,
     results: Results,
-    speed: Annotated[
-        str, typer.Option(metavar='"35 rad/s"', help="Speed with unit: rpm, rad/s or Hz.")
-    ] = "35 rad/s",
+    speed: Annotated[str, Flag("Speed with unit: rpm, rad/s or Hz.", '"35 rad/s"')] = "35 rad/s",
     of: Annotated[
-        str, typer.Option(metavar="NAME", help="A deflection or stress among the outputs.")
+        str, Flag("A deflection or stress among the outputs.", "NAME")
     ] = "follower_midpoint_deflection",
     count: Annotated[int, typer.Option(metavar="N", min=1, help="Number of modes.")] = 4,
-    uncoupled: Annotated[
-        bool, typer.Option("--uncoupled", help="Add the solution of modes that do not couple, and its error.")
-    ] = False,
-    rtol: Annotated[
-        float, typer.Option(metavar="R", parser=number, help="Relative error of the solution.")
-    ] = 1e-6,
+    uncoupled: Annotated[bool, Flag("Add the solution of modes that do not couple, and its error.")] = False,
+    rtol: Annotated[float, Flag("Relative error of the solution.", "R")] = 1e-6,
 ) -> None:
     """What the modes of each position give to a deflection or stress over one turn."""
     results.files()

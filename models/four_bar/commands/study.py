@@ -3,11 +3,9 @@
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Results, Speeds, progressing
-from solve.commands.parse import figure_kept, number
+from solve.commands.groups import Flag, Results, Speeds, progressing
+from solve.commands.parse import figure_kept
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -30,28 +28,15 @@ def study(
     speeds: Speeds,
     results: Results,
     over: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME=A,B,C", help="Parameter (SI units) or option with its values, or NAME=A:B:N."
-        ),
+        str | None, Flag("Parameter (SI units) or option with its values, or NAME=A:B:N.", "NAME=A,B,C")
     ] = None,
     of: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Coordinate or output; repeatable; the follower's midpoint stress by default.",
-        ),
+        Flag("Coordinate or output; repeatable; the follower's midpoint stress by default.", "NAME"),
     ] = None,
-    figure: Annotated[
-        str, typer.Option(metavar="max|rms", help="What of its modulus over a turn to keep.")
-    ] = "max",
-    corrected: Annotated[
-        bool,
-        typer.Option("--corrected", help="Add one element a link corrected by dynamic stiffness."),
-    ] = False,
-    rtol: Annotated[
-        float, typer.Option(metavar="R", parser=number, help="Relative error of each solution.")
-    ] = 1e-6,
+    figure: Annotated[str, Flag("What of its modulus over a turn to keep.", "max|rms")] = "max",
+    corrected: Annotated[bool, Flag("Add one element a link corrected by dynamic stiffness.")] = False,
+    rtol: Annotated[float, Flag("Relative error of each solution.", "R")] = 1e-6,
 ) -> None:
     """Stress, deflection or energy over speed for several lengths, dampings, numbers of elements, …"""
     results.files()

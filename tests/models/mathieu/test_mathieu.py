@@ -8,7 +8,6 @@ from scipy.special import mathieu_a, mathieu_b
 
 from solve import floquet, load, periodic
 from solve.errors import ValueOutOfBoundsError
-from solve.loading import loaded
 from solve.methods.hill import boundaries
 
 coefficients = st.floats(-5.0, 12.0)
@@ -46,8 +45,8 @@ def test_the_product_of_the_multipliers_is_that_of_the_damping(delta, epsilon, z
 
 def test_cases_name_their_speed():
     for case in ("stable", "unstable"):
-        model, speed = loaded("mathieu", case, None, {}, {})
-        assert (model.case, speed) == (case, "1 rad/s")
+        model = load("mathieu", case)
+        assert (model.case, model.case_speed) == (case, "1 rad/s")
     assert load("mathieu").case == "stable"
     assert floquet(load("mathieu", "stable"), 1.0).verdict == "asymptotically stable"
     assert floquet(load("mathieu", "unstable"), 1.0).verdict == "unstable"

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solve import Newmark
-from solve.methods.newmark_stability import oscillation_limit, spectral_radius, stability_limit
+from solve.methods.newmark import oscillation_limit, spectral_radius, stability_limit
 from solve.period.grid import Grid
 from solve.results.newmark_region import newmark_region_figure
 from tests.solve.systems import chain_of, constant
