@@ -37,6 +37,7 @@ called = {
     "case_numbers": solve.case_numbers("cam"),
     "periodic": solve.periodic(cam, "600 rpm", **rough),
     "floquet": solve.floquet(mathieu, 1.0, **rough),
+    "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
     "sweep": solve.sweep(cam, [62.0, 63.0], **rough),
     "variants": (stiffer := solve.variants(cam, "k1", [8e4, 9e4])),
     "sweeps": solve.sweeps(stiffer, [62.0, 63.0], ["q1"], rtol=1e-2),
