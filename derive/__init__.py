@@ -67,6 +67,10 @@ _HOME = {
 }
 
 
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module 'derive' has no attribute '{name}'; it has {', '.join(__all__)}")

@@ -1,5 +1,6 @@
 """The problem statement that a user fills in: what a mechanism is, and nothing about methods."""
 
+import importlib
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -342,6 +343,11 @@ class Mechanism:
     def decline_drive_torque(self, reason: str) -> None:
         """State why the drive torque does not follow from the energies; it is then no output."""
         self.no_drive_torque = reason
+
+    def code(self) -> str:
+        """Text of the generated module, for `solve.load(mechanism, …)`. Raises DeriveError subclasses."""
+        # Found late and by name: what derives is built upon what is stated here.
+        return importlib.import_module("derive.in_memory").code(self)
 
     def _series(self, name: str, unit: str, **contents) -> Series:
         if not contents["first"]:

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "847b5a384970baa73f8777a0553b594c1558da39c6c286756688f54bf10cb25e"
+DERIVE_SHA256 = "393ea01a7b96feaee08c9d9ba34bfa6c43ac9fd9212f7da73ce2857565045189"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5e319d1beac646ca4c6ed542b136d9075fc0dfbc8eadf10a14920f1e13f77f94"
+FILE_SHA256 = "8a64166c32bd9da2293e5188639e4d1dbcad0bb17f3a78b7ba5e46e8dcf3cd24"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

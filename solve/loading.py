@@ -1,34 +1,50 @@
-"""From the name of a model or the path of its mechanism to a periodic system."""
+"""From the name of a model, the path of its mechanism, or the mechanism itself to a periodic system."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 from solve.beams.structure import StructureModel
+from solve.errors import ModelFileError, ValueOutOfBoundsError
 from solve.model.bounds import checked_parameters
 from solve.model.cases import Case, chosen_case
 from solve.model.files import model_files
-from solve.model.generated import EQUATIONS, STRUCTURE, kind_of, model_module
+from solve.model.generated import EQUATIONS, STRUCTURE, kind_of, model_module, module_of
 from solve.model.model import Model
 from solve.model.setup import Setup
 
 _MODELS = {EQUATIONS: Model, STRUCTURE: StructureModel}
 
 
+class Derivable(Protocol):
+    """What gives the code generated for it, as a `derive.Mechanism` does."""
+
+    def code(self) -> str: ...
+
+
 def load(
-    model: str,
+    model: str | Derivable | Callable[[], Derivable],
     case: str | int | None = None,
     options: Mapping[str, Any] | None = None,
-    **parameters: float | str,
+    **parameters: Any,
 ) -> Model:
-    """The system of a model (a name, or the path of a mechanism file) and a case.
+    """The system of a model and a case.
 
-    Parameters override the case's values, in SI units as the model declares them or as texts with unit such
-    as "30 mm". The first case is the default. Raises UnknownNameError, ModelFileError (no or stale generated
-    code), CaseFileError, MissingValueError, UnitError and ValueOutOfBoundsError.
+    model: a name, the path of a mechanism file, or without files a `derive.Mechanism` or a function that
+    returns one, which is then derived in memory, once for the same statement. Parameters override the case's
+    values, in SI units as the model declares them or as texts with unit such as "30 mm"; options may stand
+    among them by name. The first case is the default. Raises UnknownNameError, ModelFileError (no or stale
+    generated code), CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, and what the
+    mechanism itself raises.
     """
-    return model_of(setup_of(model, None if case is None else str(case), None, options or {}, parameters))
+    module, file = _found(model)
+    named = {name: value for name, value in parameters.items() if name in _options_of(module)}
+    numbers = {name: value for name, value in parameters.items() if name not in named}
+    for name in named.keys() & (options or {}).keys():
+        raise ValueOutOfBoundsError(f"option {name} is given twice; give it once")
+    chosen = chosen_case(module, file, None if case is None else str(case), numbers, required=False)
+    return model_of(Setup.checked(module, chosen, {**(options or {}), **named}))
 
 
 def setup_of(
@@ -49,6 +65,25 @@ def model_of(setup: Setup) -> Model:
     return _MODELS[kind_of(setup.module)].of(setup)
 
 
+def _found(model: str | Derivable | Callable[[], Derivable]) -> tuple[ModuleType, Path | None]:
+    """The generated module of a model, and its case file if it has one."""
+    if isinstance(model, str):
+        files = model_files(model)
+        return model_module(files.generated), files.cases
+    stated: Any = model if hasattr(model, "code") or not callable(model) else model()
+    if not hasattr(stated, "code"):
+        raise ModelFileError(
+            f"a model is given as {type(stated).__name__}; give a name, the path of a mechanism file, a "
+            "derive.Mechanism, or a function that returns one"
+        )
+    return module_of(stated.code()), None
+
+
+def _options_of(module: ModuleType) -> set[str]:
+    kinds = ("OPTIONS", "LINK_OPTIONS", "MOTION_OPTIONS")
+    return {name for kind in kinds for name, *_ in getattr(module, kind, ())}
+
+
 def case_numbers(
     model: str,
     case: str | None = None,
@@ -65,7 +100,7 @@ def _chosen(
     model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
 ) -> tuple[ModuleType, Case]:
     """The generated module of a model, and the case with its numbers."""
-    files = model_files(model)
-    module = model_module(files.generated)
-    file = Path(cases) if cases else files.cases
+    module, file = _found(model)
+    if cases:
+        file = Path(cases)
     return module, chosen_case(module, file, case, parameters, required=cases is not None)

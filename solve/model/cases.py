@@ -27,7 +27,7 @@ class Case:
 
 def chosen_case(
     module: ModuleType,
-    path: Path,
+    path: Path | None,
     case: str | None,
     replaced: Mapping[str, float | str],
     required: bool = True,
@@ -35,13 +35,15 @@ def chosen_case(
     """A case of a file, its first by default, with a value for every parameter that a generated module
     declares; some of them replaced.
 
-    required: whether the file must exist; else there is a case without name and numbers where it does not.
+    path: None for a model that is in no file. required: whether the file must exist; else there is a case
+    without name and numbers where it does not.
     Raises UnknownNameError, CaseFileError and MissingValueError.
     """
     known = {name: unit for name, unit, *_ in module.PARAMETERS}
-    cases = read_cases(path, known) if required or path.is_file() else None
+    cases = read_cases(path, known) if path and (required or path.is_file()) else None
     if cases is None and case is not None:
-        raise CaseFileError(f"no case file '{path}' for case '{case}'; write one, or name no case")
+        where = f"no case file '{path}'" if path else f"{module.NAME} is in no file and has no case file"
+        raise CaseFileError(f"{where} for case '{case}'; write one, or name no case")
     cases = cases or {"": Case("", None, {})}
     if case is not None and case not in cases:
         raise UnknownNameError(f"case of {module.NAME}", case, cases)

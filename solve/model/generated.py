@@ -58,10 +58,10 @@ def beam_elements() -> ModuleType:
     return _executed(path, path.stat().st_mtime_ns)
 
 
-def _sealed_text(path: Path) -> str:
+def _sealed(text: str, path: str) -> str:
     """The text of generated code, of which the seal covers all but its own line. Raises ModelFileError where
     it bears no seal, or another."""
-    text = path.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
+    text = text.replace("\r\n", "\n")
     seals = re.findall(_SEAL, text, flags=re.MULTILINE)
     if len(seals) != 1:
         raise ModelFileError(f"'{path}' is no generated code (no seal); move it away and run derive again")
@@ -70,15 +70,26 @@ def _sealed_text(path: Path) -> str:
     return text
 
 
+def module_of(code: str) -> ModuleType:
+    """The module of generated code that is in no file; it holds its code as CODE. Raises ModelFileError."""
+    module = _of_text(_sealed(code, "<derived>"), "<derived>")
+    module.__dict__["CODE"] = code
+    return module
+
+
 @lru_cache(maxsize=32)
 def _executed(path: Path, _modified: int) -> ModuleType:
-    module = ModuleType(f"_generated_{path.stem}")
-    module.__file__ = str(path)
-    text = _sealed_text(path)
+    return _of_text(_sealed(path.read_text(encoding="utf-8", errors="replace"), str(path)), str(path))
+
+
+@lru_cache(maxsize=64)
+def _of_text(text: str, origin: str) -> ModuleType:
+    module = ModuleType(f"_generated_{Path(origin).stem}")
+    module.__file__ = origin
     try:
-        exec(compile(text, str(path), "exec"), module.__dict__)
+        exec(compile(text, origin, "exec"), module.__dict__)
     except Exception as error:
         raise ModelFileError(
-            f"'{path}' is no generated code ({type(error).__name__}); move it away and run derive again"
+            f"'{origin}' is no generated code ({type(error).__name__}); move it away and run derive again"
         ) from None
     return module

@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
 from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
-from solve.model.generated import model_module
+from solve.model.generated import model_module, module_of
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.statistics import Statistics
@@ -59,7 +59,8 @@ class Model(PeriodicSystem):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
-        return _rebuilt, (type(self), self.module.__file__, self.setup.case, self.options)
+        origin = getattr(self.module, "CODE", None) or Path(self.module.__file__ or "")
+        return _rebuilt, (type(self), origin, self.setup.case, self.options)
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
@@ -243,5 +244,6 @@ class ModelPoints:
         return hold[group.ravel()]
 
 
-def _rebuilt(kind: type[Model], path: str, case: Case, options: Mapping[str, Any]) -> Model:
-    return kind.of(Setup.checked(model_module(Path(path)), case, options))
+def _rebuilt(kind: type[Model], origin: str | Path, case: Case, options: Mapping[str, Any]) -> Model:
+    module = model_module(origin) if isinstance(origin, Path) else module_of(origin)
+    return kind.of(Setup.checked(module, case, options))

@@ -1,0 +1,45 @@
+"""Generated code of a mechanism that lies in no file."""
+
+from collections.abc import Iterator
+
+import sympy
+
+from derive.checks import check
+from derive.emit import module_text
+from derive.freshness import derive_sha256, sha256
+from derive.mechanism import Mechanism
+from derive.structure import Structure
+from derive.structure_text import structure_text
+
+_KEPT = 64
+_codes: dict[str, str] = {}
+
+
+def code(mechanism: Mechanism) -> str:
+    """Text of the generated module; what was derived before for the same statement is not derived again.
+
+    Raises DeclarationError and the other errors of a statement.
+    """
+    statement = "\n".join(_statement(mechanism))
+    if statement not in _codes:
+        check(mechanism)
+        while len(_codes) >= _KEPT:
+            del _codes[next(iter(_codes))]
+        of_statement = sha256(statement), derive_sha256(), f"{mechanism.name}.py"
+        _codes[statement] = (
+            structure_text(mechanism, *of_statement)
+            if isinstance(mechanism, Structure)
+            else module_text(mechanism, *of_statement)
+        )
+    return _codes[statement]
+
+
+def _statement(mechanism: Mechanism) -> Iterator[str]:
+    """Everything that is stated; expressions to the last digit."""
+    yield repr(mechanism)
+    for each in (mechanism.kinetic, mechanism.potential, mechanism.dissipation, mechanism.period):
+        yield sympy.srepr(each)
+    for pair in (*mechanism.forces, *mechanism.fundamental_motion.items()):
+        yield sympy.srepr(pair)
+    for output in mechanism.declared_outputs:
+        yield sympy.srepr(output.expression)

@@ -1,0 +1,106 @@
+"""Models without files: derived from a mechanism itself, the same as from its file."""
+
+import pickle
+import re
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import derive
+import solve
+from derive import in_memory
+from derive.errors import UnitError
+from solve.errors import CaseFileError, MissingValueError, ModelFileError, ValueOutOfBoundsError
+
+ROOT = Path(__file__).resolve().parents[2]
+PHASE = np.linspace(0.0, 6.0, 7)
+
+
+def stated(name):
+    """The function that states a mechanism of the package."""
+    return runpy.run_path(str(ROOT / "models" / name / "mechanism.py"))["mechanism"]
+
+
+@pytest.fixture(scope="module")
+def cam():
+    return stated("cam")
+
+
+def test_a_mechanism_and_the_function_that_states_it_are_the_model_of_the_file(cam):
+    of_file = solve.load("cam")
+    for given in (cam, cam()):
+        model = solve.load(given, **of_file.parameters)
+        assert (model.name, model.case, model.outputs) == ("cam", "", of_file.outputs)
+        for ours, theirs in zip(model.at(PHASE, 60.0), of_file.at(PHASE, 60.0), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_the_same_statement_is_derived_once(cam, monkeypatch):
+    first = cam().code()
+
+    def derived_again(*_):
+        raise AssertionError("derived again")
+
+    monkeypatch.setattr(in_memory, "module_text", derived_again)
+    assert cam().code() is first
+    other = cam()
+    other.potential = other.potential * derive.Rational(10**20 + 1, 10**20)
+    with pytest.raises(AssertionError, match="derived again"):
+        other.code()
+
+
+def test_the_model_pickles(cam):
+    model = solve.load(cam, **solve.load("cam").parameters)
+    again = pickle.loads(pickle.dumps(model))
+    assert again.parameters == model.parameters
+    for ours, theirs in zip(again.at(PHASE, 60.0), model.at(PHASE, 60.0), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert again.varied({"k1": 1e5}).parameters["k1"] == 1e5
+
+
+def test_a_structure_in_memory():
+    of_file = solve.load("portal_frame")
+    model = solve.load(stated("portal_frame"), **of_file.parameters)
+    position = np.zeros(1)
+    np.testing.assert_array_equal(model.frequencies(position, 3), of_file.frequencies(position, 3))
+
+
+def test_what_is_no_mechanism_and_what_is_missing(cam):
+    for given in (3, lambda: 3, None):
+        with pytest.raises(ModelFileError, match=r"given as (int|NoneType); give a name, the path"):
+            solve.load(given)
+    with pytest.raises(MissingValueError, match="cam has no case and gives no value for I0"):
+        solve.load(cam)
+    with pytest.raises(CaseFileError, match="cam is in no file and has no case file for case '1'"):
+        solve.load(cam, case=1)
+
+
+def test_a_faulty_statement_says_what_is_wrong(cam):
+    wrong = cam()
+    wrong.kinetic = wrong.potential / wrong.speed
+    with pytest.raises(UnitError, match="kinetic energy must be in"):
+        solve.load(wrong)
+
+
+def test_options_may_stand_among_the_numbers():
+    named = solve.load("gear_pair", load="constant", zeta=0.03)
+    assert named.options == solve.load("gear_pair", options={"load": "constant"}).options
+    assert named.parameters["zeta"] == 0.03
+    with pytest.raises(ValueOutOfBoundsError, match="option load is given twice"):
+        solve.load("gear_pair", options={"load": "constant"}, load="constant")
+
+
+def test_derive_offers_its_names_for_completion():
+    assert {"Mechanism", "Piecewise", "rate", "wrapped"} <= set(dir(derive))
+
+
+def test_the_pages_pendulum(capsys, tmp_path):
+    page = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
+    found = re.search(r"```python\n# in_memory.py\n(.*?)```", page, re.DOTALL)
+    assert found
+    path = tmp_path / "in_memory.py"
+    path.write_text(found.group(1), encoding="utf-8")
+    runpy.run_path(str(path))
+    assert capsys.readouterr().out == "190 rad/s unstable\n210 rad/s stable\n"
