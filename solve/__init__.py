@@ -19,6 +19,7 @@ from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep, Sweeps
+from solve.results.validity import Validity
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.chart import chart
@@ -26,6 +27,7 @@ from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.frequencies import frequencies, frequencies_over
 from solve.studies.sweep import sweep, sweeps, variants
+from solve.studies.validity import validity
 from solve.system import PeriodicSystem
 
 __all__ = [
@@ -47,6 +49,7 @@ __all__ = [
     "Stability",
     "Sweep",
     "Sweeps",
+    "Validity",
     "Variation",
     "bands",
     "boundaries",
@@ -62,5 +65,6 @@ __all__ = [
     "signal_statistics",
     "sweep",
     "sweeps",
+    "validity",
     "variants",
 ]

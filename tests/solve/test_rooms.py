@@ -36,6 +36,8 @@ called = {
     "load": mathieu,
     "case_numbers": solve.case_numbers("cam"),
     "periodic": solve.periodic(cam, "600 rpm", **rough),
+    "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
+    "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
     "floquet": solve.floquet(mathieu, 1.0, **rough),
     "sweep": solve.sweep(cam, [62.0, 63.0], **rough),
     "variants": (stiffer := solve.variants(cam, "k1", [8e4, 9e4])),
