@@ -37,6 +37,7 @@ called = {
     "case_numbers": solve.case_numbers("cam"),
     "periodic": solve.periodic(cam, "600 rpm", **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
+    "transient": solve.transient(cam, "600 rpm", 1, rtol=1e-2),
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
     "floquet": solve.floquet(mathieu, 1.0, **rough),
     "sweep": solve.sweep(cam, [62.0, 63.0], **rough),

@@ -80,3 +80,17 @@ def test_bad_input_is_refused_in_one_line(command, arguments, words):
     assert ran.out == ""
     assert len(ran.err.splitlines()) == 1
     assert all(word in ran.err for word in words)
+
+
+def test_a_transient_says_after_how_many_turns_the_orbit_is_reached(command, tmp_path):
+    cam = ("transient", "cam", "--speed", "300 rpm", "--turns", "4")
+    ran = command(*cam, "--json", "--plot", "t.png", "--save", "t.npz")
+    record = json.loads(ran.out)
+    assert record["turns"] == 4
+    assert record["reached"] == solve.transient(solve.load("cam"), "300 rpm", 4).reached
+    assert len(record["coordinates"]["q1"]["peaks"]) == 4
+    assert (tmp_path / "t.png").is_file()
+    again = command(*cam, "--start", "t.npz")
+    assert "is reached to 0.001 after 0 of 4 turns" in again.out
+    assert max(map(len, again.out.splitlines())) <= 80
+    assert command(*cam, "--start", "tset").status == 2
