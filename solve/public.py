@@ -10,6 +10,7 @@ from solve.methods.runge_kutta import RungeKutta4
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.newton.orbits import nonlinear
+from solve.newton.transients import transient
 from solve.period.quantities import statistics as signal_statistics
 from solve.results.bands import Band
 from solve.results.chart import Chart
@@ -19,6 +20,8 @@ from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep, Sweeps
+from solve.results.transient import Transient
+from solve.results.validity import Validity
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.chart import chart
@@ -26,6 +29,7 @@ from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.frequencies import frequencies, frequencies_over
 from solve.studies.sweep import sweep, sweeps, variants
+from solve.studies.validity import validity
 from solve.system import PeriodicSystem
 
 __all__ = [
@@ -47,6 +51,8 @@ __all__ = [
     "Stability",
     "Sweep",
     "Sweeps",
+    "Transient",
+    "Validity",
     "Variation",
     "bands",
     "boundaries",
@@ -62,5 +68,7 @@ __all__ = [
     "signal_statistics",
     "sweep",
     "sweeps",
+    "transient",
+    "validity",
     "variants",
 ]

@@ -66,7 +66,10 @@ class ManyPoints(Protocol):
 
 
 class Marcher(Protocol):
-    """A system followed in time; derivatives by the phase."""
+    """A system followed in time, with its states at nodes (k,) over a period; derivatives by the phase."""
+
+    @property
+    def nodes(self) -> Array: ...
 
     def __call__(self, state: Array, start: float, speed: float) -> Array:
         """q, v, a (3, n, k) over a period, both ends included, from the state (q, v) (2n,) at the phase

@@ -21,6 +21,8 @@ COMMANDS = {
     "bands": "Unstable bands between the lowest and the highest speed, their edges refined.",
     "chart": "Stability over two quantities, with named boundaries.",
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
+    "transient": "Start-up in time from any state, and how soon it reaches the periodic vibration.",
+    "validity": "How far the linear model is off over speed, and up to which speed to trust it.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",
 }
 """Of `solve`: what `solve --help` says of each, the first line of its own help too."""

@@ -21,6 +21,16 @@ def number(text: str) -> float:
     return value
 
 
+def part(text: str) -> float:
+    """A part as a number or in per cent, for Typer to read a flag with.
+
+    >>> part("5%")
+    0.05
+    """
+    allowed = "a part, such as 5% or 0.05"
+    return _read(float, text.removesuffix("%"), allowed) / (100 if text.endswith("%") else 1)
+
+
 def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:
     try:
         return kind(text)

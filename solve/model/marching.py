@@ -50,7 +50,7 @@ class ModelMarcher:
         options = {"reltol": rtol, "abstol": rtol, "max_num_steps": _MOST_STEPS, **_QUIET}
         problem = {"x": x, "t": phase, "p": casadi.vertcat(speed, offset), "ode": rate}
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
-        self._sizes, self._grid, self._n = np.tile(sizes, 2), grid, n
+        self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
 
     def __call__(self, state: Array, start: float, speed: float) -> Array:
         """q, v, a (3, n, count + 1) over a period from the state (q, v) (2n,) at the phase `start`. Raises
@@ -62,6 +62,6 @@ class ModelMarcher:
                 f"the transient cannot be followed beyond phase {start:.6g}; look at the start and the speed"
             ) from None
         x = np.column_stack((state / self._sizes, found))
-        a = self._acceleration(self._grid[None], start, speed, x).full()
+        a = self._acceleration(self.nodes[None], start, speed, x).full()
         q, v = np.split(x * self._sizes[:, None], 2)
         return np.stack((q, v, a))

@@ -10,7 +10,6 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import SolveError, ValueOutOfBoundsError
-from solve.kernel.engines import chosen_engine
 from solve.period.curve import Curve, PeriodicCurve
 from solve.results.orbit import Orbit, QuasiStatic
 from solve.results.plot import Motion, checked_scale, orbit_figure, shown
@@ -40,6 +39,11 @@ class NonlinearOrbit(Orbit):
     periods: int = 1
     settled: bool = True
 
+    @cached_property
+    def linearisation_error(self) -> None:
+        """None: this orbit is that of the nonlinear equations."""
+        return None
+
     @property
     def notes(self) -> list[str]:
         return [*super().notes, *self.failed]
@@ -56,9 +60,10 @@ class NonlinearOrbit(Orbit):
         """The linear orbit on the same grid; None where there is none."""
         grid, method = self.certified.solutions.grid, self.certified.method
         rest = Curve(grid.nodes, np.zeros((self.system.n, grid.steps, 1)))
-        engine, _ = chosen_engine(self.certified.request.engine)
         try:
-            curve = corrected(self.system, rest, self.speed, method, grid, engine).curve
+            curve = corrected(
+                self.system, rest, self.speed, method, grid, self.certified.request.engine
+            ).curve
         except SolveError:
             return None
         return None if curve is None else curve[0]

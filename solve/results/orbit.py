@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MatricesError, UnknownNameError
+from solve.certify.correction import corrected, correction
+from solve.errors import MatricesError, SolveError, UnknownNameError
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, Signal, harmonics, samples_a_step, statistics
 from solve.results.contents import Contents, Variable, require_different_names
@@ -196,6 +198,20 @@ class Orbit(Stability, Turn):
         residual = np.abs(sum(terms) - d).max(axis=0)
         return float(np.max(residual / np.where(scale > 0, scale, 1.0)))
 
+    @cached_property
+    def linearisation_error(self) -> Mapping[str, float] | None:
+        """How far the orbit of the nonlinear equations is from this linear one, per coordinate
+        max|difference|/max|q|: the size of one correction of Newton's method on the same grid, near the
+        truth as long as it is small; NaN where that has no solution, None for linear systems."""
+        if not self.system.nonlinear:
+            return None
+        certified, sizes = self.certified, np.full(self.system.n, np.nan)
+        grid, engine = certified.solutions.grid, certified.request.engine
+        with suppress(SolveError):
+            further = corrected(self.system, self.motion, self.speed, certified.method, grid, engine)
+            sizes = correction(self.motion, further)
+        return dict(zip(self.coordinates, sizes.tolist(), strict=True))
+
     @property
     def quasi_static(self) -> QuasiStatic:
         """The kinetostatic solution at the same speed."""
@@ -211,7 +227,11 @@ class Orbit(Stability, Turn):
         """Of `solve periodic --json`, with `harmonics` amplitudes above the mean for every quantity."""
         turn = self.turn_record(harmonics)
         ends = {"residual": self.residual, "warnings": self.warnings}
-        beside = {"quasi_static": self.quasi_static.turn_record(harmonics)} if quasi_static else {}
+        beside: dict[str, Any] = {}
+        if quasi_static:
+            beside["quasi_static"] = self.quasi_static.turn_record(harmonics)
+        if self.linearisation_error is not None:
+            beside["linearisation_error"] = self.linearisation_error
         return plain({**self.problem, **turn, **self._verdict_record, **ends, **beside})
 
     def report(self, choices: Sequence[str] = (), quasi_static: bool = False) -> RenderableType:
@@ -221,6 +241,13 @@ class Orbit(Stability, Turn):
             title = "Quasi-static, without inertia and damping"
             parts.append(self.quasi_static.extrema_table(title))
         return stacked(*parts, self._multiplier_table(), self._verdict_line())
+
+    def _heading(self, choices: Sequence[str]) -> Table:
+        grid = super()._heading(choices)
+        if self.linearisation_error is not None:
+            parts = (f"{name} {100 * error:.2g} %" for name, error in self.linearisation_error.items())
+            grid.add_row("linearised", f"nonlinear orbit off by about {', '.join(parts)}")
+        return grid
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
         errors, checks = super()._accuracy()

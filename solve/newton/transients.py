@@ -1,0 +1,144 @@
+"""The motion in time from a state, and how soon it reaches the periodic one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from solve.arrays import Array, solved
+from solve.errors import FileError, SolveError, TransientError, ValueOutOfBoundsError
+from solve.newton.orbits import nonlinear as nonlinear_orbit
+from solve.period.curve import Curve
+from solve.results.orbit import Orbit
+from solve.results.transient import Transient
+from solve.single import periodic
+from solve.system import Marcher, PeriodicSystem
+from solve.units import checked_rtol, speed_in_si
+
+REST, ORBIT = "rest", "orbit"
+
+_COUNT = 256
+"""States a period where an integrator is asked for them."""
+
+_FINER = 1e-4
+"""Tolerance of the motion by that with which it is compared."""
+
+_FINEST = 1e-12
+
+Start = str | Path | tuple[Array, Array]
+
+
+def transient(
+    system: PeriodicSystem,
+    speed: float | str,
+    turns: int = 40,
+    start: Start = REST,
+    nonlinear: bool = False,
+    rtol: float = 1e-3,
+    engine: str = "auto",
+) -> Transient:
+    """The motion over `turns` periods at a speed (rad/s, or a text with unit), from the phase 0 on.
+
+    start: "rest", "orbit" (the linear one), q and q̇ (n,) by time, or a file .npz of an orbit or of a
+    transient, which goes on from its end. The linear motion goes by the certified maps of the steps, the
+    nonlinear one by CVODES. rtol: relative to the largest of each coordinate, within which the orbit counts
+    as reached. Raises TransientError where the motion cannot be followed, LinearModelError for nonlinear
+    motions of linear systems, FileError, and other SolveError subclasses for bad input.
+    """
+    omega, rtol = speed_in_si(speed), checked_rtol(rtol)
+    if not (isinstance(turns, int | np.integer) and turns >= 1):
+        raise ValueOutOfBoundsError(f"turns is {turns!r}; allowed: whole numbers of at least 1")
+    given = start if isinstance(start, tuple) or start in (REST, ORBIT) else _read(Path(start), system)
+    finer = max(_FINER * rtol, _FINEST)
+    linear = periodic(system, omega, rtol=min(1e-6, finer), engine=engine)
+    state, parts = _state(given, linear), []
+    march = _marcher(system, linear, finer) if nonlinear else StepMarcher.of(linear)
+    for turn in range(turns):
+        parts.append(march(state, turn * system.period, omega))
+        state = parts[-1][:2, :, -1].ravel()
+    motion = np.stack(parts)
+    orbit = _settled(system, omega, motion[-1], march.nodes, engine) if nonlinear else linear
+    return Transient(system, omega, march.nodes, motion, orbit, rtol, nonlinear)
+
+
+@dataclass(frozen=True)
+class StepMarcher:
+    """The affine maps A (m, 2n, 2n), b (m, 2n) of the steps of a linear orbit, one after another."""
+
+    system: PeriodicSystem
+    nodes: Array
+    A: Array
+    b: Array
+
+    @classmethod
+    def of(cls, orbit: Orbit) -> "StepMarcher":
+        """Raises TransientError for a method without maps."""
+        steps = orbit.certified.solutions.steps
+        if steps is None:
+            raise TransientError(f"{orbit.method} has no maps of steps to go on with; use radau or gauss")
+        return cls(orbit.system, orbit.phase, steps.A[0], steps.b[0])
+
+    def __call__(self, state: Array, start: float, speed: float) -> Array:
+        states = np.empty((len(self.nodes), len(state)))
+        states[0] = state
+        for k, (A, b) in enumerate(zip(self.A, self.b, strict=True)):
+            states[k + 1] = A @ states[k] + b
+        M, C, K, d = self.system.in_phase(self.nodes, speed)
+        q, v = np.split(states, 2, axis=1)
+        a = solved(M, (d - np.einsum("kij,kj->ki", C, v) - np.einsum("kij,kj->ki", K, q))[..., None])
+        return np.stack((q.T, v.T, a[..., 0].T))
+
+
+def _state(start: Start, orbit: Orbit) -> Array:
+    """q and dq/dφ (2n,)."""
+    n = orbit.system.n
+    if isinstance(start, str | Path):
+        return (
+            np.zeros(2 * n)
+            if start == REST
+            else np.concatenate((orbit.q[:, 0], orbit.qd[:, 0] / orbit.speed))
+        )
+    q, qd = (np.asarray(part, dtype=float) for part in start)
+    if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():
+        raise ValueOutOfBoundsError(
+            f"the start has shapes {q.shape} and {qd.shape}; give finite q and q̇ of shape ({n},) each"
+        )
+    return np.concatenate((q, qd / orbit.speed))
+
+
+def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
+    """q and q̇ at the end of a saved orbit or transient. Raises FileError."""
+    if file.suffix != ".npz":
+        raise FileError(
+            f"start '{file}' is no state; allowed: {REST}, {ORBIT}, or a file .npz saved with --save"
+        )
+    try:
+        with np.load(file, allow_pickle=False) as held:
+            names, q, qd = tuple(held["coordinates"].tolist()), held["q"][:, -1], held["qd"][:, -1]
+    except (OSError, KeyError, ValueError, IndexError):
+        raise FileError(
+            f"start '{file}' is no saved orbit or transient; save one with --save {file}"
+        ) from None
+    if names != system.coordinates:
+        raise FileError(
+            f"start '{file}' has coordinates {', '.join(names)}; {system.name} has "
+            f"{', '.join(system.coordinates)}"
+        )
+    return q, qd
+
+
+def _marcher(system: PeriodicSystem, linear: Orbit, rtol: float) -> Marcher:
+    """Of the nonlinear equations. Raises LinearModelError for linear systems."""
+    system.along(linear.motion)
+    sizes = np.abs(linear.q).max(axis=1)
+    return system.marcher(np.where(sizes > 0, sizes, sizes.max() or 1.0), _COUNT, rtol)
+
+
+def _settled(system: PeriodicSystem, speed: float, motion: Array, nodes: Array, engine: str) -> Orbit | None:
+    """The nonlinear orbit near the last turn (3, n, k); None where there is none."""
+    q, v, a = motion
+    last = Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:])
+    try:
+        return nonlinear_orbit(system, speed, last, rtol=1e-6, engine=engine)
+    except SolveError:
+        return None

@@ -1,0 +1,49 @@
+"""Up to which speed the linear model is to be trusted."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
+from solve.methods.auto import Rule
+from solve.results.validity import Validity
+from solve.single import periodic
+from solve.system import PeriodicSystem
+from solve.units import speeds_given
+
+
+def validity(
+    system: PeriodicSystem,
+    speeds: float | str | Sequence[float | str] | Array,
+    at: float = 0.05,
+    method: str | Rule = "auto",
+    rtol: float = 1e-6,
+    progress: Callable[[int], None] | None = None,
+) -> Validity:
+    """`Orbit.linearisation_error` at every speed (rad/s, texts with unit, or one text such as
+    "100:900:81 rpm"), and the speed up to which it is at most `at`.
+
+    A speed without a linear orbit, or from which no correction leads on, has no error, and counts as one
+    where the model is not trusted. Raises LinearModelError for systems without nonlinear equations, and
+    other SolveError subclasses for bad input.
+    """
+    if not (math.isfinite(at) and at > 0):
+        raise ValueOutOfBoundsError(f"at is {at}; allowed: a part > 0, such as 0.05 for 5 %")
+    if not system.nonlinear:
+        raise LinearModelError(
+            f"{system.name} is linear by construction; only a model with nonlinear equations can be off them"
+        )
+    omegas = np.sort(speeds_given(speeds))
+    errors, failures = np.full((len(omegas), system.n), np.nan), {}
+    for position, omega in enumerate(omegas.tolist()):
+        try:
+            found = periodic(system, omega, method, rtol=rtol).linearisation_error
+            assert found is not None
+            errors[position] = list(found.values())
+        except SolveError as reason:
+            failures[position] = str(reason)
+        if progress:
+            progress(position + 1)
+    return Validity(system, omegas, errors, at, failures)

@@ -1,0 +1,96 @@
+"""`solve periodic --nonlinear` and `solve validity`."""
+
+import json
+
+import numpy as np
+import pytest
+
+import solve
+
+CAM = ("periodic", "cam", "--speed", "300 rpm", "--rtol", "1e-6", "--nonlinear")
+
+
+def test_json_holds_the_orbit_and_how_it_was_found(command):
+    ran = command(*CAM, "--json", "--harmonics", "5")
+    assert ran.status == 0
+    record = json.loads(ran.out)
+    orbit = solve.nonlinear(solve.load("cam"), "300 rpm", rtol=1e-6)
+    assert record["found_by"] == orbit.found_by == "linear orbit"
+    assert record["iterations"] == orbit.iterations > 1
+    assert record["coordinates"]["q3"]["max_abs"] == pytest.approx(orbit.statistics("q3").max_abs, rel=1e-9)
+    assert len(record["coordinates"]["q1"]["harmonics"]) == 6
+    assert "linearisation_error" not in record
+    assert not any("linearisation" in text for text in record["warnings"])
+
+
+def test_several_periods_are_one_of_the_orbit(command):
+    ran = command(*CAM, "--periods", "2", "--json", "--harmonics", "2")
+    record = json.loads(ran.out)
+    assert record["period"] == pytest.approx(2 * 60 / 300)
+    assert record["coordinates"]["q1"]["harmonics"][2] > 100 * record["coordinates"]["q1"]["harmonics"][1]
+
+
+def test_tables_pictures_and_files_are_those_of_any_orbit(command, tmp_path):
+    ran = command(*CAM, "--plot", "cam.png", "--save", "cam.npz")
+    assert ran.status == 0
+    assert "linear orbit" in ran.out
+    assert max(map(len, ran.out.splitlines())) <= 80
+    assert (tmp_path / "cam.png").stat().st_size > 10_000
+    assert np.load(tmp_path / "cam.npz")["q"].shape[0] == 3
+
+
+def test_a_linear_orbit_says_how_far_the_nonlinear_one_is(command):
+    record = json.loads(command("periodic", "cam", "--speed", "100 rpm", "--json").out)
+    assert record["linearisation_error"].keys() == record["coordinates"].keys()
+
+
+def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path):
+    speeds = ("--speeds", "50:150:3 rpm")
+    ran = command("validity", "cam", *speeds, "--at", "2%", "--json", "--plot", "v.png", "--save", "v.csv")
+    record = json.loads(ran.out)
+    assert record["trusted_to"] == pytest.approx(100 * np.pi / 30)
+    assert [point["speed"] for point in record["points"]] == pytest.approx(
+        np.pi / 30 * np.array([50, 100, 150])
+    )
+    assert record["points"][2]["linearisation_error"]["q3"] > 0.02
+    assert (tmp_path / "v.png").is_file()
+    assert (tmp_path / "v.csv").is_file()
+    assert "up to 100 rpm" in command("validity", "cam", *speeds, "--at", "0.02").out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((*CAM, "--quasi-static"), ("--quasi-static", "--nonlinear")),
+        ((*CAM, "--all-multipliers"), ("--all-multipliers", "--nonlinear")),
+        ((*CAM, "--periods", "0"), ("periods is 0", "at least 1")),
+        ((*CAM, "--method", "newmark"), ("newmark", "radau")),
+        ((*CAM[:-1], "--periods", "2"), ("--periods 2", "--nonlinear")),
+        (
+            ("periodic", "four_bar", "--speed", "30 rad/s", "--nonlinear"),
+            ("four_bar", "linear by construction"),
+        ),
+        (("validity", "cam", "--speeds", "100 rpm", "--at", "five"), ("five", "5%")),
+        (("validity", "cam"), ("no speeds", "--speeds")),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(command, arguments, words):
+    ran = command(*arguments)
+    assert ran.status == 2
+    assert ran.out == ""
+    assert len(ran.err.splitlines()) == 1
+    assert all(word in ran.err for word in words)
+
+
+def test_a_transient_says_after_how_many_turns_the_orbit_is_reached(command, tmp_path):
+    cam = ("transient", "cam", "--speed", "300 rpm", "--turns", "4")
+    ran = command(*cam, "--json", "--plot", "t.png", "--save", "t.npz")
+    record = json.loads(ran.out)
+    assert record["turns"] == 4
+    assert record["reached"] == solve.transient(solve.load("cam"), "300 rpm", 4).reached
+    assert len(record["coordinates"]["q1"]["peaks"]) == 4
+    assert (tmp_path / "t.png").is_file()
+    again = command(*cam, "--start", "t.npz")
+    assert "is reached to 0.001 after 0 of 4 turns" in again.out
+    assert max(map(len, again.out.splitlines())) <= 80
+    assert command(*cam, "--start", "tset").status == 2

@@ -1,0 +1,102 @@
+"""Transients against closed forms, time integration and the orbits that they reach."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import solve
+from solve.errors import FileError, LinearModelError, ValueOutOfBoundsError
+from tests.solve.newton.mechanisms import duffing, model_of
+
+NUMBERS = {"zeta": 0.05, "k": 1.0, "f": 0.4}
+SPEED = 1.6
+
+
+def integrated(alpha, state, time):
+    """Duffing's equation by DOP853: (2, k)."""
+
+    def rate(t, x):
+        return [
+            x[1],
+            NUMBERS["f"] * np.cos(SPEED * t) - 2 * NUMBERS["zeta"] * x[1] - x[0] - alpha * x[0] ** 3,
+        ]
+
+    return solve_ivp(rate, (0, time[-1]), state, "DOP853", time, rtol=1e-12, atol=1e-13).y
+
+
+@pytest.mark.parametrize(("alpha", "atol"), [(0.0, 1e-7), (1.0, 1e-5)])
+def test_a_start_from_a_state_is_that_of_time_integration(alpha, atol):
+    model, state = model_of(duffing(), alpha=alpha, **NUMBERS), (np.array([0.3]), np.array([-0.2]))
+    found = solve.transient(model, SPEED, 5, state, nonlinear=alpha != 0)
+    truth = integrated(alpha, [0.3, -0.2], found.time)
+    np.testing.assert_allclose(np.concatenate((found.q, found.qd)), truth, rtol=0, atol=atol)
+    assert found.time[-1] == pytest.approx(5 * 2 * np.pi / SPEED)
+
+
+def test_the_distance_to_the_orbit_falls_with_the_largest_multiplier():
+    model = model_of(duffing(), alpha=0.0, **NUMBERS)
+    found = solve.transient(model, SPEED, 40)
+    rate = np.exp(-NUMBERS["zeta"] * 2 * np.pi / SPEED)
+    falling = (found.distances[30, 0] / found.distances[10, 0]) ** (1 / 20)
+    assert falling == pytest.approx(rate, rel=0.01)
+    assert found.reached == int(np.sum(found.distances[:, 0] > 1e-3))
+    assert abs(found.reached - np.log(1e-3 / found.distances[0, 0]) / np.log(rate)) < 3
+
+
+def test_who_starts_on_the_orbit_is_there():
+    found = solve.transient(solve.load("cam"), "300 rpm", 2, "orbit")
+    assert found.reached == 0
+    assert found.distances.max() < 1e-8
+    assert found.warnings == []
+
+
+def test_the_cam_from_rest_reaches_its_nonlinear_orbit():
+    cam = solve.load("cam")
+    found, orbit = (
+        solve.transient(cam, "300 rpm", 8, nonlinear=True),
+        solve.nonlinear(cam, "300 rpm", rtol=1e-6),
+    )
+    assert found.reached in (2, 3)
+    q = orbit.at(found.nodes)
+    error = np.abs(found.motions[-1, 0] - q).max(axis=1) / np.abs(q).max(axis=1)
+    assert error.max() < 1e-4
+
+
+def test_a_structure_of_beams_starts_up_by_its_own_maps():
+    beams = solve.load("four_bar")
+    found = solve.transient(beams, 30.0, 2, "orbit")
+    assert found.reached == 0
+    with pytest.raises(LinearModelError, match="linear by construction"):
+        solve.transient(beams, 30.0, 2, nonlinear=True)
+
+
+def test_a_saved_transient_goes_on_from_its_end(tmp_path):
+    from solve.results.save import save
+
+    model = model_of(duffing(), alpha=0.0, **NUMBERS)
+    whole, first = solve.transient(model, SPEED, 5), solve.transient(model, SPEED, 2)
+    save(first.contents(), tmp_path / "first.npz")
+    second = solve.transient(model, SPEED, 3, tmp_path / "first.npz")
+    np.testing.assert_allclose(second.motions, whole.motions[2:], rtol=0, atol=1e-12)
+    with pytest.raises(FileError, match=r"has coordinates q; cam has q1, q2, q3"):
+        solve.transient(solve.load("cam"), "300 rpm", 1, tmp_path / "first.npz")
+
+
+def test_a_transient_too_short_says_so():
+    found = solve.transient(model_of(duffing(), alpha=0.0, **NUMBERS), SPEED, 3)
+    assert found.reached is None
+    assert any("not reached" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        ({"turns": 0}, ValueOutOfBoundsError, "turns is 0"),
+        ({"start": "tset"}, FileError, "start 'tset' is no state"),
+        ({"start": "none.npz"}, FileError, "no saved orbit"),
+        ({"start": (np.zeros(2), np.zeros(1))}, ValueOutOfBoundsError, "shape"),
+    ],
+)
+def test_bad_input_is_refused(given, error, words):
+    with pytest.raises(error, match=words):
+        solve.transient(model_of(duffing(), alpha=0.0, **NUMBERS), SPEED, **given)
