@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from solve.arrays import Array
 from solve.certify.certified import unresolved_modes
 from solve.certify.estimates import differences
 from solve.certify.refinement import Refinement
@@ -125,7 +126,7 @@ class _Contestant:
             solution, seconds = self._timed(steps)
         except (SolveError, np.linalg.LinAlgError) as refusal:
             return replace(blank, reason=self._unnamed(str(refusal)))
-        ((orbit_error, multiplier_error),) = differences(solution, self.reference)
+        ((orbit_error, multiplier_error),) = self._differences(solution)
         unresolved = unresolved_modes(self.method, self._reach, solution.grid.steps)
         return replace(
             blank,
@@ -164,9 +165,12 @@ class _Contestant:
             low, high = (low, middle) if self._error(middle) <= goal else (middle, high)
         return self.measured(high, "equal accuracy", goal)
 
+    def _differences(self, solution: Solutions) -> Array:
+        return differences(solution, self.reference, self.refinement.burdens(np.zeros(1, dtype=int)))
+
     def _error(self, steps: int) -> float:
         try:
-            ((orbit, multipliers),) = differences(self._solved(steps), self.reference)
+            ((orbit, multipliers),) = self._differences(self._solved(steps))
         except (SolveError, np.linalg.LinAlgError):
             return math.inf
         return orbit if self.judged_by == ORBIT else multipliers
