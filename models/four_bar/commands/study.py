@@ -39,7 +39,8 @@ def study(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="Coordinate or output; repeatable; the follower's midpoint stress by default.",
+            help="Coordinate or output, or PLACE_stress on either surface; repeatable; "
+            "follower_midpoint_stress by default.",
         ),
     ] = None,
     figure: Annotated[
@@ -64,7 +65,8 @@ def study(
     from solve.commands.deliver import deliver
     from solve.results.plot import shown
 
-    names = shown(model, of or ["follower_midpoint_stress_plus"])
+    names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
+    shown(model, [model.parts(name)[0] for name in names])
     with progressing("study", len(omegas) * len(systems)) as progress:
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
     deliver(
@@ -128,6 +130,7 @@ def _record(
 ) -> dict[str, Any]:
     from solve.results.record import model_record, plain
 
+    values = {name: compared.figures(name, figure) for name in names}
     return plain(
         {
             **model_record(model),
@@ -137,10 +140,10 @@ def _record(
             "systems": [
                 {
                     "value": label,
-                    "responses": {name: each.figures(name, figure) for name in names},
+                    "responses": {name: values[name][at] for name in names},
                     "spectral_radius": each.spectral_radius,
                 }
-                for label, each in compared.sweeps.items()
+                for at, (label, each) in enumerate(compared.sweeps.items())
             ],
             "extremes": {name: [one._asdict() for one in compared.extremes(name, figure)] for name in names},
         }
@@ -184,8 +187,9 @@ def _contents(model: "StructureModel", compared: "Sweeps", names: "Sequence[str]
     from solve.results.record import model_record
 
     columns: dict[str, tuple[Any, str, str]] = {"speed": (compared.speeds, "rad/s", "speed of rotation")}
-    for label, each in compared.sweeps.items():
+    values = {name: compared.figures(name, figure) for name in names}
+    for at, label in enumerate(compared.sweeps):
         for name in names:
             meaning = f"{figure} of {name}, {compared.title} {label}"
-            columns[f"{name} {label}"] = (each.figures(name, figure), model.units.get(name, ""), meaning)
+            columns[f"{name} {label}"] = (values[name][at], model.units.get(name, ""), meaning)
     return table_contents(columns, model_record(model))

@@ -2,8 +2,8 @@
 judges the whole of it.
 
 True error ≤ 10 × estimate in 95 % and, where the true error is above 1e-12 and leaves a digit, estimate ≤
-1000 × true error in 90 %, method by method; but for nearly defective pairs no verdict is contradicted. The truth is a formula or an
-integration of its own, the latter held against DOP853.
+1000 × true error in 90 %, method by method; no verdict is contradicted but for nearly defective pairs. The
+truth is a formula or an integration of its own, the latter held against DOP853.
 """
 
 from itertools import pairwise
