@@ -123,6 +123,8 @@ class PeriodicSystem:
     """Names of the quantities that follow from the state; units and meanings hold theirs too."""
     ignored: tuple[str, ...] = ()
     """What the linear equations leave out of the mechanism that they stand for, a sentence each."""
+    largest_of: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    """Names that stand for several outputs, of which the largest counts: a stress on either surface."""
     units: Mapping[str, str] = MappingProxyType({})
     meanings: Mapping[str, str] = MappingProxyType({})
 
@@ -182,6 +184,13 @@ class PeriodicSystem:
         for name in names:
             require_name(f"coordinate or output of {self.name}", name, known)
         return names
+
+    def parts(self, quantity: str) -> tuple[str, ...]:
+        """The coordinates or outputs of which a quantity is the largest: itself, or those that it stands
+        for. Raises UnknownNameError."""
+        known = (*self.coordinates, *self.outputs, *self.largest_of)
+        require_name(f"coordinate or output of {self.name}", quantity, known)
+        return self.largest_of.get(quantity, (quantity,))
 
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives by time.

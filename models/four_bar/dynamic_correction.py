@@ -56,7 +56,7 @@ class Corrected(PeriodicSystem):
         self.name = f"{model.name}, {load} load"
         self._observed = {name: place for name, place in cubic.observed.items() if place[0] in _KINDS}
         self.outputs = tuple(self._observed)
-        self.units, self.meanings = cubic.units, cubic.meanings
+        self.units, self.meanings, self.largest_of = cubic.units, cubic.meanings, cubic.largest_of
 
     @cached_property
     def lowest(self) -> Callable[[Array], Array]:

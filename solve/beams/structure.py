@@ -94,6 +94,15 @@ class StructureModel(Model):
         self.motion, self.beams = motion, motion.beams
         self.moves = setup.module.MOVES
         self.links = _drawn(chosen)
+        self._name_both_surfaces()
+
+    def _name_both_surfaces(self) -> None:
+        """PLACE_stress: the larger stress of PLACE_stress_plus and PLACE_stress_minus."""
+        for plus in (name for name, (kind, *_) in self.observed.items() if kind == "stress_plus"):
+            both = plus.removesuffix("_plus")
+            self.largest_of = {**self.largest_of, both: (plus, f"{both}_minus")}
+            self.units = {**self.units, both: self.units[plus]}
+            self.meanings = {**self.meanings, both: f"{self.meanings[plus]}, or on the other"}
 
     @classmethod
     def of(cls, setup: Setup) -> Self:

@@ -30,4 +30,9 @@ def correction(motion: Motion, found: Solutions) -> Array:
     assert found.curve is not None
     steps = found.grid.h[:, None] * ((np.arange(_COMPARED) + 0.5) / _COMPARED)
     phase = (found.grid.nodes[:-1, None] + steps).ravel()
-    return orbit_differences(motion(phase)[None], phase, found.curve, closing_rounding(found))[0]
+    rounding = closing_rounding(found)
+    return orbit_differences(motion(phase)[None], phase, found.curve, rounding, _by_the_largest)[0]
+
+
+def _by_the_largest(_: Array, sizes: Array) -> Array:
+    return np.broadcast_to(sizes.max(axis=1, keepdims=True), sizes.shape)

@@ -2,6 +2,7 @@
 of orbit and multipliers stand beside each other: (P, 2)."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -19,6 +20,9 @@ _ALIASING_PHASES = 1021
 
 _COMPARED = 4
 """Phases a step at which curves are compared."""
+
+Burdens = Callable[[Array, Array], Array]
+"""`Frozen.burdens` of points at positions (k,), from sizes (k, n)."""
 
 
 class Reference:
@@ -42,35 +46,45 @@ class Reference:
         samples = None if self.samples is None else self.samples[points]
         return Reference(self.multipliers[points], self.phase, samples)
 
-    def differences(self, fine: Solutions) -> Array:
+    def differences(self, fine: Solutions, burdens: Burdens) -> Array:
         """To the better solutions: of the orbit, per coordinate max|difference|/max|q|, and of the
         multipliers.
 
         A coordinate that rests but for rounding (the mass that a tuned absorber quiets) has no size of its
-        own to compare with; it is measured by the largest.
+        own to compare with; it is measured by what all that acts on it would make of it.
         """
         multipliers = self.multipliers.difference(fine.multipliers)
         orbit = np.zeros_like(multipliers)
         if self.samples is not None and self.phase is not None and fine.curve is not None:
-            orbit = orbit_differences(self.samples, self.phase, fine.curve, closing_rounding(fine)).max(
-                axis=1
-            )
+            sampled = self.samples, self.phase
+            orbit = orbit_differences(*sampled, fine.curve, closing_rounding(fine), burdens).max(axis=1)
         return np.column_stack((orbit, multipliers))
 
 
-def orbit_differences(samples: Array, phase: Array, curve: PeriodicCurve, rounding: Array) -> Array:
+def orbit_differences(
+    samples: Array, phase: Array, curve: PeriodicCurve, rounding: Array, burdens: Burdens
+) -> Array:
     """Per coordinate max|difference|/max|q| (P, n) of curves from samples (P, n, k) at phases (k,), as
     `Reference.differences` has it; rounding (P,): relative error that is none."""
     q = curve(phase)
-    scale, error = np.abs(q).max(axis=2), np.abs(samples - q).max(axis=2)
-    largest = scale.max(axis=1, keepdims=True)
-    scale = np.where(scale > rounding[:, None] * largest, scale, largest)
-    return error / np.where(scale > 0, scale, 1.0)
+    scale = _sizes(np.abs(q).max(axis=2), rounding, burdens)
+    return np.abs(samples - q).max(axis=2) / np.where(scale > 0, scale, 1.0)
 
 
-def differences(coarse: Solutions, fine: Solutions) -> Array:
+def _sizes(largest: Array, rounding: Array, burdens: Burdens) -> Array:
+    """By which errors of coordinates (P, n) are measured: their `largest` values, unless that is rounding."""
+    limit = rounding[:, None]
+    small = np.flatnonzero((largest <= limit * largest.max(axis=1, keepdims=True)).any(axis=1))
+    if not len(small):
+        return largest
+    sizes, burden = largest.copy(), burdens(small, largest[small])
+    sizes[small] = np.where(largest[small] > limit[small] * burden, largest[small], burden)
+    return sizes
+
+
+def differences(coarse: Solutions, fine: Solutions, burdens: Burdens) -> Array:
     """Of orbits and multipliers, see `Reference.differences`."""
-    return Reference.of(coarse).differences(fine)
+    return Reference.of(coarse).differences(fine, burdens)
 
 
 def at_one(coarse: Multipliers, fine: Multipliers, ratio: float, order: float, steps: int) -> Array:
@@ -109,18 +123,27 @@ def rounding(solutions: Solutions) -> Array:
     return np.column_stack((closing_rounding(solutions), np.maximum(solutions.multiplier_rounding, 64 * EPS)))
 
 
-def aliasing(points: Points, method: Method, finest: int) -> Array:
-    """Error (P,) of orbit and multipliers that evenly spaced samples cannot tell: orders of the matrices
-    above half the finest grid's steps, such as 48 teeth, may look like lower ones on every grid. A series
-    needs the orders about them too."""
-    if not method.samples_evenly or points.breaks:
-        return np.zeros(len(points))
-    seen = finest // 4 if method.spectral else finest // 2
-    return _content(points)[:, seen + 1 :].sum(axis=1)
+def aliasing(points: Points, method: Method, finest: int, given: bool = False) -> Array:
+    """Errors (P, 2) of orbit and multipliers that samples cannot tell: orders of M, C, K and, for the orbit
+    alone, of d that look like lower ones on every grid, such as 48 teeth.
+
+    On evenly spaced samples these are orders above half the finest grid's steps; a series needs the orders
+    about them too. Uneven samples tell them by and by, but not where the steps are `given`: those follow
+    orders as they do modes.
+    """
+    if points.breaks or not (method.samples_evenly or given):
+        return np.zeros((len(points), 2))
+    if not method.samples_evenly:
+        seen = math.floor(finest * method.follows / (2 * np.pi))
+    else:
+        seen = finest // 4 if method.spectral else finest // 2
+    whole, coefficients = _content(points)
+    return np.column_stack([content[:, seen + 1 :].sum(axis=1) for content in (whole, coefficients)])
 
 
-def _content(points: Points) -> Array:
-    """Parts (P, k) of orders 0, 1, … in M, C, K or d, whichever is larger; the largest order of each is 1."""
+def _content(points: Points) -> tuple[Array, Array]:
+    """Parts (P, k) of orders 0, 1, … in M, C, K or d, whichever is larger, and in M, C or K alone; the
+    largest order of each is 1."""
     phases = np.arange(_ALIASING_PHASES) * (points.period / _ALIASING_PHASES)
     M, C, K, d = matrices(points, phases)
     tiny = np.finfo(float).tiny
@@ -131,13 +154,28 @@ def _content(points: Points) -> Array:
     for part in scaled:
         series = np.abs(np.fft.rfft(part.reshape(*part.shape[:2], -1), axis=1)).max(axis=2)
         sizes.append(series / np.maximum(series.max(axis=1, keepdims=True), tiny))
-    return np.max(sizes, axis=0)
+    return np.max(sizes, axis=0), np.max(sizes[:-1], axis=0)
 
 
-def raised(errors: Array, floors: Array, alias: Array, hidden: Array) -> Array:
-    """Errors estimated from two grids, raised by what no two grids show: rounding, orders of the matrices
-    that they see alike (P,), and modes that neither follows (P,)."""
-    return np.maximum(np.maximum(errors, floors), np.column_stack((alias, np.maximum(alias, hidden))))
+def raised(errors: Array, floors: Array, alias: Array, hidden: Array, sizes: Array) -> Array:
+    """Errors (P, 2) estimated from two grids, raised by what no two grids show: rounding, orders that they
+    see alike (P, 2), and modes that neither follows (P,).
+
+    They are relative to a size that is itself known to its error only: the orbit's to that of the orbit,
+    the spectral radius to `sizes` (P,). Of what this leaves of the size they are a larger part; where it
+    leaves nothing, no error is known.
+    """
+    errors = np.maximum(np.maximum(errors, floors), alias)
+    errors[:, 1] = np.maximum(errors[:, 1], hidden)
+    left = 1 - np.column_stack((errors[:, 0], sizes))
+    return np.where(left > 0, errors / np.where(left > 0, left, 1.0), np.inf)
+
+
+def radius_changes(coarse: Multipliers, fine: Multipliers) -> Array:
+    """Difference of the spectral radii (P,), relative to the smaller one."""
+    radii = np.sort([coarse.spectral_radius, fine.spectral_radius], axis=0)
+    known = radii[0] > 0
+    return np.where(known, radii[1] / np.where(known, radii[0], 1.0) - 1, 0.0)
 
 
 def enough_steps(reach: float, follows: float) -> int:

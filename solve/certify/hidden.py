@@ -23,6 +23,9 @@ _UNSURE, _FAR = 1.2, 1e-3
 _SAME, _CLOSE = 0.1, 0.3
 """Relative change by further phases that counts as none, unless as close as this to what is allowed."""
 
+_DOUBT = 10.0
+"""Times what frozen modes leave that may be left: their damping is not that of the modes."""
+
 Witness = Callable[[Array], Multipliers]
 """Multipliers of points at positions (k,) by an L-stable method."""
 
@@ -48,7 +51,7 @@ def hidden(
             radius = np.maximum(radius, NEGLIGIBLE)
             kept = lost < radius
             share = np.where(kept, lost / np.where(kept, radius, 1.0), 1.0)
-            errors[open_] = np.column_stack((share, lost)) * ~followed[open_, None]
+            errors[open_] = np.column_stack((share, _DOUBT * lost)) * ~followed[open_, None]
         return errors
     if len(open_):
         followed[open_] = modes[open_].reach <= limit

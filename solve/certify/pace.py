@@ -17,6 +17,9 @@ _LEAST = 16
 _DAMPING_LEAST = 64
 """Steps to begin with where stiff modes may be present that need not be followed."""
 
+_LEAST_ORDERS = np.array([1.0, 0.5])
+"""Parts of their orders with which errors of orbit and multipliers fall at least."""
+
 _NO_GAIN = 2.0
 """Times the differences that an error of first order would leave: larger ones are rounding."""
 
@@ -61,8 +64,9 @@ def far(pace: Pace, errors: Array, wanted: Array, orders: Array) -> Array:
 
 
 def judged(found: Array, orders: Array) -> Array:
-    """Errors (…, 2) of a grid, of orbit and multipliers, from the differences to one twice as fine."""
-    return found / (1 - 0.5**orders)
+    """Errors (…, 2) of a grid, of orbit and multipliers, from the differences to one twice as fine. Where two
+    multipliers nearly meet, theirs fall with half the order."""
+    return found / (1 - 0.5 ** (orders * _LEAST_ORDERS))
 
 
 def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:

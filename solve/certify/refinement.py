@@ -12,10 +12,12 @@ import numpy as np
 from solve.arrays import Array, whole
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import (
+    Burdens,
     Reference,
     aliasing,
     at_one,
     differences,
+    radius_changes,
     raised,
     rounding,
     within_reach,
@@ -104,6 +106,10 @@ class Refinement:
         """Frozen ones of all points."""
         return frozen(self.points)
 
+    def burdens(self, positions: Array) -> Burdens:
+        """What acts on the coordinates of points at the positions (k,)."""
+        return lambda at, sizes: self.modes[positions[at]].burdens(sizes)
+
     @cached_property
     def least(self) -> Array:
         """Steps (P,) below which the method cannot be stable."""
@@ -157,9 +163,11 @@ class Refinement:
                         yield Failed(int(part[at[better.position]]), better.reason)
                         continue
                     own = chosen[at[better.positions]]
-                    errors = np.maximum(differences(own, better.solutions), rounding(own))
+                    these = part[at[better.positions]]
+                    found = differences(own, better.solutions, self.burdens(these))
+                    errors = np.maximum(found, rounding(own))
                     radius = better.solutions.multipliers.spectral_radius
-                    yield self._certified(part[at[better.positions]], own, errors, errors[:, 1] * radius)
+                    yield self._certified(these, own, errors, errors[:, 1] * radius)
 
     def judged(self, positions: Array) -> Iterator[Certified | Failed]:
         """On the steps given, by twice as many."""
@@ -180,12 +188,13 @@ class Refinement:
             coarse, fine, part = coarse[~resonant], fine[~resonant], part[~resonant]
             if not len(part):
                 continue
-            errors = judged(differences(coarse, fine), self.orders)
+            errors = judged(differences(coarse, fine, self.burdens(part)), self.orders)
             unseen = self._hidden(steps, part, coarse.multipliers)
-            alias = aliasing(self.points[part], self.method, 2 * steps)
+            alias = aliasing(self.points[part], self.method, 2 * steps, given=True)
+            radii = radius_changes(coarse.multipliers, fine.multipliers)
             with np.errstate(over="ignore", invalid="ignore"):
                 absolute = np.fmax(errors[:, 1] * fine.multipliers.spectral_radius, unseen[:, 1])
-            errors = raised(errors, rounding(coarse), alias, unseen[:, 0])
+            errors = raised(errors, rounding(coarse), alias, unseen[:, 0], radii)
             yield self._certified(part, coarse, errors, absolute)
 
     def refined(self, positions: Array) -> Iterator[Certified | Failed]:
@@ -215,7 +224,7 @@ class Refinement:
             fine, _ = yield from self._sound(fine, positions)
         if not len(fine):
             return []
-        found, before = reference.differences(fine), trail.differences
+        found, before = reference.differences(fine, self.burdens(trail.positions)), trail.differences
         errors = estimated(found, before, pace, self.orders)
         rtol = self.request.rtol
         wanted = np.column_stack((np.maximum(rtol, 2 * fine.defect), np.full(len(fine), rtol)))
@@ -264,16 +273,18 @@ class Refinement:
         positions = trail.positions
         unseen = self._hidden(seen_by_both(pace, self.method), positions, fine.multipliers)
         alias = aliasing(self.points[positions], self.method, pace.steps)
-        ended = (np.maximum(unseen[:, 0], alias / _ALIAS) <= self.request.rtol) | last
-        resonant = np.zeros(len(fine), dtype=bool)
-        if trail.reference is not None:
-            resonant = ended & self._resonant(trail.reference.multipliers, fine, pace.ratio)
+        doubt = np.maximum(unseen[:, 0], alias.max(axis=1) / _ALIAS)
+        ended = (doubt <= self.request.rtol) | last
+        assert trail.reference is not None
+        coarse = trail.reference.multipliers
+        radii = radius_changes(coarse, fine.multipliers)
+        resonant = ended & self._resonant(coarse, fine, pace.ratio)
         yield from self._no_orbits(positions[resonant])
         for kind in (False, True):
             good = np.flatnonzero(ended & ~resonant & (small == kind))
             if len(good):
                 chosen = fine[good]
-                found = raised(errors[good], rounding(chosen), alias[good], unseen[good, 0])
+                found = raised(errors[good], rounding(chosen), alias[good], unseen[good, 0], radii[good])
                 if kind:
                     chosen = chosen.with_multipliers(chosen.multipliers.with_digits(found[:, 1]))
                 yield self._certified(positions[good], chosen, found, unseen[good, 1])

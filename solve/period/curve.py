@@ -91,7 +91,8 @@ class Curve:
 
     @property
     def finite(self) -> Array:
-        return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
+        with np.errstate(invalid="ignore"):
+            return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
 
     def __getitem__(self, points: Any) -> "Curve":
         return Curve(self.nodes, self.coefficients[points])

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array, solved, whole
+from solve.period.multipliers import scaled_alike
 from solve.period.points import Points, parted, rate_of
 
 PHASES = 128
@@ -37,6 +38,18 @@ class Frozen:
         entries = np.moveaxis(self._fields[..., phases], 0, -1)
         rate = rate_of(*parted(entries, self._n))[..., :-1]
         return _eigenvalues(rate)
+
+    def burdens(self, sizes: Array) -> Array:
+        """How far all that acts on a coordinate would move it against its own stiffness (P, n): the others,
+        as large as `sizes` (P, n), and a load as large as any, in units in which the equations balance."""
+        n = self._n
+        entries = np.moveaxis(self._fields, 0, -1)
+        rate = np.abs(rate_of(*parted(entries, n))[..., n:, :]).mean(axis=1)
+        coupling, load = rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
+        units = scaled_alike(coupling)[1]
+        largest = units * (load / units).max(axis=1, keepdims=True)
+        own = 1.0 + np.einsum("pii->pi", coupling)
+        return (np.einsum("pij,pj->pi", coupling, sizes) + largest) / own
 
     @cached_property
     def reach(self) -> Array:

@@ -185,7 +185,9 @@ def scaled_alike(matrices: Array) -> tuple[Array, Array]:
     from scipy.linalg import matrix_balance
 
     flat = matrices.reshape(-1, *matrices.shape[-2:])
-    units = np.array([matrix_balance(each, permute=False, separate=True)[1][0] for each in flat])
+    # Units beyond 2^63 do not fit the permutation that is not asked for.
+    with np.errstate(invalid="ignore"):
+        units = np.array([matrix_balance(each, permute=False, separate=True)[1][0] for each in flat])
     units = units.reshape(matrices.shape[:-1])
     return matrices * units[..., None, :] / units[..., :, None], units
 

@@ -264,9 +264,11 @@ class Sweeps:
     sweeps: Mapping[str, Sweep]
 
     def figures(self, quantity: str, figure: str = "max_abs") -> Array:
-        """A figure of a coordinate or output (systems, speeds), as `Sweep.figures`; NaN where a point
-        failed. Raises UnknownNameError."""
-        return np.array([each.figures(quantity, figure) for each in self.sweeps.values()])
+        """A figure of a coordinate or output (systems, speeds), as `Sweep.figures`, or the largest of those
+        that the quantity stands for; NaN where a point failed. Raises UnknownNameError."""
+        parts = next(iter(self.sweeps.values())).system.parts(quantity)
+        found = [[each.figures(part, figure) for part in parts] for each in self.sweeps.values()]
+        return np.max(found, axis=1)
 
     def extremes(self, quantity: str, figure: str = "max_abs") -> list[Extreme]:
         """Peaks and quiet speeds of the first system among the given speeds, rising, with what the others

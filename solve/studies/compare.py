@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from solve.arrays import Array
 from solve.certify.certified import unresolved_modes
 from solve.certify.estimates import differences
 from solve.certify.refinement import Refinement
@@ -121,7 +122,7 @@ class _Contestant:
             solution, seconds = self._timed(steps, repeats)
         except (SolveError, np.linalg.LinAlgError) as refusal:
             return replace(blank, reason=self._unnamed(str(refusal)))
-        ((orbit_error, multiplier_error),) = differences(solution, self.reference)
+        ((orbit_error, multiplier_error),) = self._differences(solution)
         unresolved = unresolved_modes(self.method, self._reach, solution.grid.steps)
         return replace(
             blank,
@@ -160,6 +161,9 @@ class _Contestant:
             reaches = self.measured(middle, "bisection", repeats=1).error(self.judged_by) <= goal
             low, high = (low, middle) if reaches else (middle, high)
         return self.measured(high, "equal accuracy", goal)
+
+    def _differences(self, solution: Solutions) -> Array:
+        return differences(solution, self.reference, self.refinement.burdens(np.zeros(1, dtype=int)))
 
     def _solved(self, steps: int) -> Solutions:
         for failure in self.refinement.unusable(steps, np.zeros(1, dtype=int)):

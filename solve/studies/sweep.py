@@ -77,16 +77,15 @@ def sweeps(
     progress: Callable[[int], None] | None = None,
 ) -> Sweeps:
     """Each of the systems over the speeds (rad/s, or texts with unit), keeping the figures of some
-    coordinates and outputs that all of them have. progress is told the number of points done. Raises
-    SolveError subclasses for bad input."""
+    coordinates and outputs that all of them have, or that names of `largest_of` stand for. progress is told
+    the number of points done. Raises SolveError subclasses for bad input."""
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
     omegas = np.array(speeds_given(speeds))
     found, count = {}, Count(progress)
     for label, system in systems.items():
-        found[label] = sweep(
-            system, omegas, method, rtol=rtol, progress=count.onward(), quantities=tuple(quantities)
-        )
+        parts = [part for quantity in quantities for part in system.parts(quantity)]
+        found[label] = sweep(system, omegas, method, rtol=rtol, progress=count.onward(), quantities=parts)
     return Sweeps(title, omegas, found)
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from solve.beams.structure import StructureModel
     from solve.results.contents import Contents
     from solve.results.orbit import Orbit
+    from solve.statistics import Statistics
     from solve.system import PeriodicSystem
 
 _SAMPLES = 721
@@ -26,7 +27,9 @@ def corrected(
     four_bar: FourBar,
     results: Results,
     speed: Annotated[str, Flag("Speed with unit: rpm, rad/s or Hz.", '"30 rad/s"')] = "30 rad/s",
-    of: Annotated[str, Flag("Coordinate or output to compare.", "NAME")] = "follower_midpoint_stress_plus",
+    of: Annotated[
+        str, Flag("Coordinate or output to compare, or PLACE_stress on either surface.", "NAME")
+    ] = "follower_midpoint_stress",
     elements: Annotated[str, Flag("Numbers of cubic elements a link to set beside it.", "A,B,C")] = "1,2,3,4",
     rtol: Annotated[float, Flag("Relative error of each solution.", "R")] = 1e-6,
 ) -> None:
@@ -41,14 +44,14 @@ def corrected(
 
     omega, systems = speed_in_si(speed), _systems(model, elements)
     for system in systems.values():
-        checked_turn(system, of, len(systems))
+        checked_turn(system, system.parts(of)[0], len(systems))
     orbits = {label: solve.periodic(system, omega, rtol=rtol) for label, system in systems.items()}
     deliver(
         results,
         list(dict.fromkeys(text for orbit in orbits.values() for text in orbit.warnings)),
         record=lambda: _record(model, orbits, of),
         report=lambda: _report(model, orbits, of, four_bar.choices),
-        figure=lambda: curves_figure(orbits, of, "elements a link"),
+        figure=lambda: curves_figure(orbits, _largest(orbits["reference"], of)[0], "elements a link"),
         contents=lambda: _contents(model, orbits, of),
     )
 
@@ -68,10 +71,17 @@ def _systems(model: "StructureModel", elements: str) -> "dict[str, PeriodicSyste
     return systems | {f"corrected, {load}": Corrected(one, load) for load in LOADS}
 
 
+def _largest(orbit: "Orbit", name: str) -> "tuple[str, Statistics]":
+    """The output that is largest of those that a name stands for, and its figures."""
+    found = {part: orbit.statistics(part) for part in orbit.system.parts(name)}
+    return max(found.items(), key=lambda each: each[1].max_abs)
+
+
 def _record(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -> dict[str, Any]:
     from solve.results.record import model_record, plain
 
     first = orbits["reference"]
+    reference = _largest(first, name)[1].max_abs
     return plain(
         {
             **model_record(model),
@@ -81,12 +91,13 @@ def _record(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -
             "models": [
                 {
                     "name": label,
-                    **orbit.statistics(name)._asdict(),
-                    "excess": orbit.statistics(name).max_abs / first.statistics(name).max_abs - 1,
+                    **figures._asdict(),
+                    "excess": figures.max_abs / reference - 1,
                     "spectral_radius": orbit.spectral_radius,
                     "error_estimate": orbit.error_estimate._asdict(),
                 }
                 for label, orbit in orbits.items()
+                for _, figures in (_largest(orbit, name),)
             ],
         }
     )
@@ -101,11 +112,11 @@ def _report(
     from solve.results.report import heading, table
 
     first = orbits["reference"]
-    reference = first.statistics(name).max_abs
+    reference = _largest(first, name)[1].max_abs
     factor, unit = prefixed(first.system.units.get(name, ""), reference)
     made = table(name, "elements a link", f"max|…| ({unit})", "at", "excess (%)", "|ρ|")
     for label, orbit in orbits.items():
-        figures = orbit.statistics(name)
+        _, figures = _largest(orbit, name)
         at = figures.max_phase if figures.max >= -figures.min else figures.min_phase
         made.add_row(
             label,
@@ -127,7 +138,8 @@ def _contents(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str)
     first = orbits["reference"]
     phase = np.linspace(0.0, first.system.period, _SAMPLES)
     columns: dict[str, tuple[Any, str, str]] = {"phase": (phase, "rad", "phase of the drive")}
+    drawn, _ = _largest(first, name)
     for label, orbit in orbits.items():
-        unit = orbit.system.units.get(name, "")
-        columns[label] = (orbit.signal(name)(phase), unit, f"{name}, {label}")
-    return table_contents(columns, {**model_record(model), "speed": first.speed, "quantity": name})
+        unit = orbit.system.units.get(drawn, "")
+        columns[label] = (orbit.signal(drawn)(phase), unit, f"{drawn}, {label}")
+    return table_contents(columns, {**model_record(model), "speed": first.speed, "quantity": drawn})

@@ -32,7 +32,11 @@ def study(
     ] = None,
     of: Annotated[
         list[str] | None,
-        Flag("Coordinate or output; repeatable; the follower's midpoint stress by default.", "NAME"),
+        Flag(
+            "Coordinate or output, or PLACE_stress on either surface; repeatable; by default "
+            "follower_midpoint_stress.",
+            "NAME",
+        ),
     ] = None,
     figure: Annotated[str, Flag("What of its modulus over a turn to keep.", "max|rms")] = "max",
     corrected: Annotated[bool, Flag("Add one element a link corrected by dynamic stiffness.")] = False,
@@ -49,7 +53,8 @@ def study(
     from solve.commands.deliver import deliver
     from solve.results.plot import shown
 
-    names = shown(model, of or ["follower_midpoint_stress_plus"])
+    names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
+    shown(model, [model.parts(name)[0] for name in names])
     with progressing("study", len(omegas) * len(systems)) as progress:
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
     deliver(
@@ -113,6 +118,7 @@ def _record(
 ) -> dict[str, Any]:
     from solve.results.record import model_record, plain
 
+    values = {name: compared.figures(name, figure) for name in names}
     return plain(
         {
             **model_record(model),
@@ -122,10 +128,10 @@ def _record(
             "systems": [
                 {
                     "value": label,
-                    "responses": {name: each.figures(name, figure) for name in names},
+                    "responses": {name: values[name][at] for name in names},
                     "spectral_radius": each.spectral_radius,
                 }
-                for label, each in compared.sweeps.items()
+                for at, (label, each) in enumerate(compared.sweeps.items())
             ],
             "extremes": {name: [one._asdict() for one in compared.extremes(name, figure)] for name in names},
         }
@@ -169,8 +175,9 @@ def _contents(model: "StructureModel", compared: "Sweeps", names: "Sequence[str]
     from solve.results.record import model_record
 
     columns: dict[str, tuple[Any, str, str]] = {"speed": (compared.speeds, "rad/s", "speed of rotation")}
-    for label, each in compared.sweeps.items():
+    values = {name: compared.figures(name, figure) for name in names}
+    for at, label in enumerate(compared.sweeps):
         for name in names:
             meaning = f"{figure} of {name}, {compared.title} {label}"
-            columns[f"{name} {label}"] = (each.figures(name, figure), model.units.get(name, ""), meaning)
+            columns[f"{name} {label}"] = (values[name][at], model.units.get(name, ""), meaning)
     return table_contents(columns, model_record(model))

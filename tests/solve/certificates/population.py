@@ -1,40 +1,70 @@
-"""Random periodic systems, the same in every run: the population that judges the error estimates.
+"""Random periodic systems, the same in every run: the population that judges error estimates and verdicts.
 
-System k of the population depends on `SEED` and k alone. The four kinds take turns: damped or
-undamped, soft (natural frequencies to 6 times the speed) or stiff (to 120 times).
+System k of the population depends on `SEED` and k alone. The first half are random Fourier series, of four
+kinds in turn; the rest are built so that the truth is known in closed form (`transformed`), or hold narrow
+pulses (`pulses`).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from solve import PeriodicSystem
+from tests.solve.certificates.pulses import pulsed
+from tests.solve.certificates.transformed import BUILT
+from tests.solve.certificates.truth import Truth, integrated
 
 SEED = 20241
-SIZE = 500
+SIZE = 1000
+HALF = SIZE // 2
 HARMONICS = 3
+
+SERIES = ("damped soft", "undamped soft", "damped stiff", "undamped stiff")
+FURTHER = {**BUILT, "pulses": pulsed}
+KINDS = (*SERIES, *FURTHER)
 
 
 @dataclass(frozen=True)
 class Member:
-    """One system of the population and the speed (rad/s) at which it is solved."""
+    """One system of the population, the speed (rad/s) at which it is solved, and what gives its truth."""
 
     index: int
-    damped: bool
-    stiff: bool
+    kind: str
     speed: float
     system: PeriodicSystem
+    truth: Callable[[], Truth]
+
+    @property
+    def n(self) -> int:
+        return self.system.n
 
 
-def member(index):
+def kind_of(index: int) -> str:
+    """The kinds take turns, in each half those of their own."""
+    if index < HALF:
+        return SERIES[index % len(SERIES)]
+    return list(FURTHER)[(index - HALF) % len(FURTHER)]
+
+
+def member(index: int) -> Member:
+    kind, rng = kind_of(index), np.random.default_rng((SEED, index))
+    if kind in FURTHER:
+        speed = float(10 ** rng.uniform(-1.0, 2.0))
+        system, truth = FURTHER[kind](rng, speed)
+        return Member(index, kind, speed, system, truth)
+    system, speed = _series(rng, "stiff" in kind, kind.startswith("damped"))
+    return Member(index, kind, speed, system, lambda: integrated(system, speed))
+
+
+def _series(rng, stiff, damped):
     """M, C, K, d as Fourier series of three harmonics, of 1 to 6 coordinates in units of their own.
 
-    Means: M = WᵀW and K = Wᵀ diag(ω²) W. Undamped systems are those of an energy, C = Ṁ and M, K
-    symmetric; damped ones have modal damping, gyroscopic and circulatory parts, all of them varying.
+    Soft: natural frequencies to 6 times the speed; stiff: to 120 times. Means: M = WᵀW and K = Wᵀ diag(ω²) W.
+    Undamped systems are those of an energy, C = Ṁ and M, K symmetric; damped ones have modal damping,
+    gyroscopic and circulatory parts, all of them varying.
     """
-    rng = np.random.default_rng((SEED, index))
     n, speed = int(rng.integers(1, 7)), float(10 ** rng.uniform(-1.0, 2.0))
-    damped, stiff = index % 2 == 0, index % 4 >= 2
     omega = 10 ** rng.uniform(np.log10(0.15), np.log10(120.0 if stiff else 6.0), n)
     W = np.linalg.qr(rng.standard_normal((n, n)))[0] * 10 ** rng.uniform(-1.0, 1.0, n)
     depth = rng.uniform(0.02, 0.3)
@@ -69,5 +99,4 @@ def member(index):
         # Everything above is by phase at the member's own speed; the contract is by time.
         return series(M, dM) / Omega**2, rates / Omega, series(K, dK), series(d, dd)
 
-    system = PeriodicSystem(matrices, [f"q{k}" for k in range(1, n + 1)])
-    return Member(index, damped, stiff, speed, system)
+    return PeriodicSystem(matrices, [f"q{k}" for k in range(1, n + 1)]), speed

@@ -8,7 +8,8 @@ from solve.errors import StepsError
 from solve.methods.choice import METHODS, chosen
 from solve.methods.gauss import Gauss
 from tests.solve.certificates.population import member
-from tests.solve.certificates.trials import PHASES, matched_error
+from tests.solve.certificates.trials import matched_error
+from tests.solve.certificates.truth import PHASES
 from tests.solve.systems import cam, constant, frozen_modes, random_system, system
 from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
