@@ -5,8 +5,7 @@ from solve.certify.all_multipliers import all_multipliers as every_multiplier
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.refinement import certified
 from solve.kernel.engines import chosen_engine
-from solve.methods.auto import Rule, auto, chosen_for
-from solve.methods.choice import chosen
+from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau
 from solve.period.points import OnePoint
 from solve.results.orbit import Orbit

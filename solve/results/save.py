@@ -124,10 +124,6 @@ def _write_mat(contents: Contents, part: Path) -> None:
     savemat(part, {**arrays, "metadata": contents.metadata_text}, appendmat=False)
 
 
-def _write_nc(contents: Contents, part: Path) -> None:
-    dataset(contents).to_netcdf(part, engine="h5netcdf")
-
-
 def _require(*packages: str) -> None:
     missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
@@ -141,6 +137,6 @@ DATA: dict[str, Callable[[Contents, Path], None]] = {
     ".npz": _write_npz,
     ".csv": _write_csv,
     ".mat": _write_mat,
-    ".nc": _write_nc,
+    ".nc": lambda contents, part: dataset(contents).to_netcdf(part, engine="h5netcdf"),
 }
 """Writers by the file's ending."""

@@ -69,9 +69,10 @@ def _systems(model: "StructureModel", elements: str) -> "dict[str, PeriodicSyste
 
 
 def _record(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -> dict[str, Any]:
-    from solve.results.record import model_record, plain
 
     first = orbits["reference"]
+    from solve.results.contents import model_record, plain
+
     return plain(
         {
             **model_record(model),
@@ -121,8 +122,7 @@ def _report(
 def _contents(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -> "Contents":
     import numpy as np
 
-    from solve.results.contents import table_contents
-    from solve.results.record import model_record
+    from solve.results.contents import model_record, table_contents
 
     first = orbits["reference"]
     phase = np.linspace(0.0, first.system.period, _SAMPLES)
