@@ -4,8 +4,7 @@ from solve.certify.all_multipliers import Spectrum, checked_maps, refined
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.refinement import certified
 from solve.kernel.engines import chosen_engine
-from solve.methods.auto import Rule, auto, chosen_for
-from solve.methods.choice import chosen
+from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau
 from solve.period.points import OnePoint
 from solve.results.orbit import Orbit

@@ -34,7 +34,7 @@ class DesignError(SolveError):
 
 
 def no_progress(what: str, done: int) -> None:
-    """The progress of a calculation that nobody watches."""
+    """Progress that is not shown."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from models.four_bar.outcome import Outcome, outcome_record
-from solve.results.contents import Contents, Variable
-from solve.results.record import plain
+from solve.results.contents import Contents, Variable, plain
 from solve.results.report import model_heading, table
 
 

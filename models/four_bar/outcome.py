@@ -21,7 +21,7 @@ from models.four_bar.rigid.record import transmission_warnings
 from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.ramp import RunUp, Simulated, simulate
 from solve.arrays import Array
-from solve.results.record import model_record
+from solve.results.contents import model_record
 
 _HALVINGS = 6
 """How often the duration of the run-up is halved at most, to find how fast is too fast."""

@@ -1,4 +1,4 @@
-"""Points of a family solved many at once: what is shared between them, and who goes apart."""
+"""Points of a family solved many at once: from shared tables where their entries separate, else sampled."""
 
 from collections.abc import Generator, Iterator
 from dataclasses import replace
@@ -11,22 +11,22 @@ from solve.batch.tables import Sampled, Separated, Separation
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.refinement import certified, on_one_grid
 from solve.errors import SolveError
-from solve.methods.auto import Rule, chosen_for
+from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
 
 _LARGEST = 40
 """Coordinates up to which points gain from each other; tables of larger ones only fill the memory."""
 
-_WORTH = 4
-"""Points that differ in speed alone from which terms of their own are worth learning."""
+_LEAST_GROUP = 4
+"""Least number of points with equal parameters for which terms over the speed alone are made."""
 
 
 class Batch:
     """How points of a family are solved: by which method, from which tables."""
 
     def __init__(self, family: Family, region: Array, method: Rule, request: Request):
-        """`region`: points (P, v) like those to come, from which the tables are learnt."""
+        """`region`: points (P, v) that span those to be solved; the shared tables are made from them."""
         self.family, self.method, self.request = family, method, request
         self._region = region
         self._separation: Separation | None = None
@@ -71,8 +71,7 @@ class Batch:
         return alone.reason if isinstance(alone, Failed) else reason
 
     def _chunks(self, points: Array) -> Iterator[tuple[Array, Points | Failed]]:
-        """The points side by side as far as they can be, and the others one by one; positions (k,) of
-        each."""
+        """Groups of points that can be solved side by side, or single ones; positions (k,) of each."""
         every = np.arange(len(points))
         if self._together(points):
             yield from self._shared(points, every)
@@ -101,20 +100,20 @@ class Batch:
         return True
 
     def _shared(self, points: Array, every: Array) -> Iterator[tuple[Array, Points]]:
-        """The points whose entries separate, all of them or over speed alone, and the others."""
+        """The points whose entries separate, over all quantities or over the speed alone; then the rest."""
         shared = self._separation
         assert shared is not None
         others = yield from _represented(shared, points, every)
-        for alike in self._alike(points, others):
-            if len(alike) >= _WORTH:
+        for alike in self._by_parameters(points, others):
+            if len(alike) >= _LEAST_GROUP:
                 own = Separation(self.family, points[alike], shared.period, shared.n)
                 left = yield from _represented(own, points, alike)
                 others = np.setdiff1d(others, np.setdiff1d(alike, left))
         if len(others):
             yield others, Sampled(self.family, points[others])
 
-    def _alike(self, points: Array, positions: Array) -> list[Array]:
-        """The positions, apart by the values of the parameters, where the speed varies beside these."""
+    def _by_parameters(self, points: Array, positions: Array) -> list[Array]:
+        """The positions in groups of equal parameters, where the speed varies too."""
         free = [k for k, name in enumerate(self.family.names) if name != SPEED]
         if len(positions) == 0 or not 0 < len(free) < len(self.family.names):
             return []
@@ -126,7 +125,7 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """Those of the positions that the terms represent, and their points; returns the others."""
+    """The positions whose entries the terms represent, with their points; returns the positions left."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])

@@ -12,8 +12,7 @@ from solve.batch.batch import Batch
 from solve.batch.family import Family
 from solve.certify.certified import Certified, Request
 from solve.kernel.engines import chosen_engine
-from solve.methods.auto import Rule
-from solve.methods.choice import chosen
+from solve.methods.choice import Rule, chosen
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import verdicts
@@ -21,7 +20,6 @@ from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
 from solve.single import request
 from solve.statistics import Statistics
-from solve.system import PeriodicSystem
 
 _FEWEST = 8
 """Points prepared together, however large."""
@@ -31,7 +29,7 @@ _MEMORY = 2**23
 
 
 class Count:
-    """The number of points solved so far, of which `progress` is told."""
+    """The number of points solved so far, with which `progress` is called at every change."""
 
     def __init__(self, progress: Callable[[int], None] | None, done: int = 0):
         self.done, self._progress = done, progress
@@ -43,7 +41,7 @@ class Count:
             self._progress(self.done)
 
     def onward(self) -> Callable[[int], None]:
-        """What a call that starts now tells of its own number of points."""
+        """The `progress` of a call that starts now and counts its own points from 0."""
         before = self.done
         return lambda done: self.add(before + done - self.done)
 
@@ -51,7 +49,7 @@ class Count:
 def gathered(
     batch: Batch, points: Array, kept: Kept | None = None, progress: Callable[[int], None] | None = None
 ) -> PointResults:
-    """All the points (P, v); progress is told the number of points done."""
+    """All the points (P, v); progress is called with the number of points done."""
     n = batch.family.example.n
     results, count = PointResults.blank(len(points), n, kept or Kept()), Count(progress)
     size = chunk_size(n)
@@ -74,7 +72,7 @@ def chunk_size(n: int) -> int:
 
 @dataclass(frozen=True)
 class _Keeper:
-    """Puts what is found of some points in its place among the results, from `start` on."""
+    """Puts the solutions of some points among the results, from position `start` on."""
 
     batch: Batch
     points: Array
@@ -96,14 +94,10 @@ class _Keeper:
             self._keep_figures(found.positions, solutions.curve)
 
     def _keep_warnings(self, found: Certified) -> None:
-        of_model = type(self.batch.family.example).warnings is not PeriodicSystem.warnings
         doubtful = found.doubtful
-        for position in np.arange(len(found)) if of_model else np.flatnonzero(doubtful):
-            point = int(found.positions[position])
-            texts = found.warnings(int(position)) if doubtful[position] else []
-            if of_model:
-                system, speed = self.batch.family.system(self.points[point])
-                texts += system.warnings(speed)
+        for position, point in enumerate(found.positions.tolist()):
+            system, speed = self.batch.family.system(self.points[point])
+            texts = [*(found.warnings(position) if doubtful[position] else ()), *system.warnings(speed)]
             if texts:
                 self.results.warnings[self.start + point] = texts
 
@@ -114,12 +108,8 @@ class _Keeper:
         system, at = family.example, self.start + positions
         order = [*system.coordinates, *system.outputs]
         with_outputs = any(name in system.outputs for name in (*kept.names, *kept.spectra))
-
-        def outputs(phase: Array, *state: Array) -> Array:
-            return family.outputs(phase, points, *state)
-
-        speeds = family.speeds(points)
-        quantities = Quantities(curve, speeds, outputs if with_outputs else None)
+        outputs = (lambda phase, *state: family.outputs(phase, points, *state)) if with_outputs else None
+        quantities = Quantities(curve, family.speeds(points), outputs)
         self.results.figures[at] = quantities.figures()[:, [order.index(name) for name in kept.names]]
         if kept.spectra:
             chosen = [order.index(name) for name in kept.spectra]
@@ -139,7 +129,7 @@ class _Keeper:
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be found out about points of a family, and how; travels to other threads and processes."""
+    """A family, the method, what is asked of points and what is kept; goes to other threads and processes."""
 
     family: Family
     method: Rule
@@ -153,8 +143,8 @@ class Task:
     def solved(
         self, batch: Batch, points: Array, executor: Executor | None, progress: Callable[[int], None] | None
     ) -> PointResults:
-        """The points (P, v), in a batch for them here or by the executor; progress is told the number of
-        points done."""
+        """The points (P, v), in a batch for them here or by the executor; progress is called with the
+        number of points done."""
         if executor is not None:
             return _spread(self, points, executor, progress)
         return gathered(batch, points, self.kept, progress)

@@ -46,7 +46,7 @@ class Separation:
         phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
         samples = family.entries(phases, self._points)
         finite = np.isfinite(samples).all(axis=(1, 2))
-        # Points without a system teach nothing.
+        # Points without a system have NaN for entries.
         samples, self._points = samples[finite], self._points[finite]
         rows, columns, self._active = _pivots(samples)
         self.separable = len(samples) > 0 and len(rows) < _MOST_TERMS
@@ -71,7 +71,7 @@ class Separation:
             self._nested.append(rest / factors[-1])
 
     def table(self, phase: Array) -> Array:
-        """The terms (k, R) at phases (k,), kept for the next time; the oldest make room."""
+        """The terms (k, R) at phases (k,), kept in memory up to a limit, the latest ones."""
         key = phase.tobytes()
         if key not in self._kept:
             self._kept[key] = self._terms(phase)

@@ -125,15 +125,15 @@ class Refinement:
         whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
         if not whole or steps < fewest:
             raise StepsError(
-                f"steps is {steps!r}; allowed: whole numbers of at least {fewest}; leave --steps out to have "
-                "it chosen"
+                f"steps is {steps!r}; allowed: whole numbers of at least {fewest}; leave steps out to have "
+                "their number chosen"
             )
         most = self.most // 2 if self.method.converges else self.most
         if steps > most:
             raise StepsError(
                 f"{name} takes at most {most} steps a period for {self.points.n} "
-                f"coordinates; given: {steps}; use fewer, raise --limit, or leave --steps out to have it "
-                "chosen"
+                f"coordinates; given: {steps}; use fewer, raise --limit, or leave steps out to have their "
+                "number chosen"
             )
         for position in positions[steps < self.least[positions]].tolist():
             reason = StepsError(

@@ -58,12 +58,10 @@ def solve_application(called: str | None) -> typer.Typer:
     """The commands of `solve`; of these only the one that is called is loaded."""
     about = "Steady-state vibration and stability of systems with periodic coefficients."
     example = 'solve periodic cam --case 1 --speed "600 rpm" --plot cam.png'
-    commands = [_loaded(name) if name == called else _named(name) for name in COMMANDS]
-    return application("solve", commands, about, example)
-
-
-def _loaded(name: str) -> Callable[..., None]:
-    return getattr(importlib.import_module(f"solve.commands.{name}"), name)
+    commands = {name: _named(name) for name in COMMANDS}
+    if called in commands:
+        commands[called] = getattr(importlib.import_module(f"solve.commands.{called}"), called)
+    return application("solve", [*commands.values()], about, example)
 
 
 def _named(name: str) -> Callable[..., None]:

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Settings, Speed
-from solve.methods.auto import Rule
-from solve.methods.choice import METHODS, chosen, settings_of
+from solve.methods.choice import METHODS, Rule, chosen, settings_of
 from solve.studies.compare import TARGETS
 from solve.studies.compare import compare as compared
 

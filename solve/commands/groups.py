@@ -16,8 +16,7 @@ import typer
 from solve.commands.parse import assignments, number, quantities, whole
 from solve.errors import MissingValueError
 from solve.loading import case_numbers, model_of, setup_of
-from solve.methods.auto import Rule
-from solve.methods.choice import chosen
+from solve.methods.choice import Rule, chosen
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.setup import Setup

@@ -1,10 +1,12 @@
-"""A method from its name and settings."""
+"""A method from its name and settings, or the rule that chooses one for a user who names none."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
+from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.methods.auto import Rule, auto
 from solve.methods.bahgat_willmert import BahgatWillmert
 from solve.methods.fourier import Fourier
 from solve.methods.gauss import Gauss
@@ -16,6 +18,34 @@ from solve.methods.modal import Modal
 from solve.methods.newmark import Newmark
 from solve.methods.radau import Radau
 from solve.methods.runge_kutta import RungeKutta4
+from solve.period.frozen import frozen
+from solve.period.points import Points
+
+Choice = Callable[[Points], Iterator[tuple[Method, Array]]]
+"""From points to methods, each with the positions (k,) of the points that it is to solve."""
+
+Rule = Method | Choice
+
+RESOLVABLE = 512
+"""ω_max T up to which a grid of moderate size follows even the fastest mode, so that Gauss is safe."""
+
+_PHASES = 32
+"""At which the coefficients are frozen to see how fast their modes are."""
+
+
+def auto(points: Points) -> Iterator[tuple[Method, Array]]:
+    """Gauss where ω_max T, the angle that the fastest frozen mode turns in one period, is at most 512:
+    then 512 steps have ω_max h ≤ 1. Radau IIA otherwise, which keeps no mode that it does not resolve."""
+    stiff = frozen(points, _PHASES).faster(RESOLVABLE / points.period)
+    for method, chosen in ((Radau(), stiff), (Gauss(), ~stiff)):
+        if chosen.any():
+            yield method, np.flatnonzero(chosen)
+
+
+def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:
+    """The method for all of the points, or those that a choice makes."""
+    return iter([(method, np.arange(len(points)))]) if isinstance(method, Method) else method(points)
+
 
 METHODS: dict[str, Callable[..., Any]] = {
     "auto": auto,
@@ -53,5 +83,5 @@ def chosen(method: str | Rule, **settings: Any) -> Rule:
 
 
 def settings_of(method: str) -> set[str]:
-    """Names of what a method can be told."""
+    """Names of a method's settings."""
     return set(getattr(METHODS[method], "__dataclass_fields__", ()))

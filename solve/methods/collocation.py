@@ -155,21 +155,6 @@ def _stage_weights(method: Collocation, n: int) -> list[Array]:
     return [np.kron(row, np.eye(n)) for row in rows]
 
 
-def discretise(method: Collocation, points: Points, grid: Grid) -> Discretisation:
-    """The method on every step of the grid at once."""
-    phases = grid.stages(np.array(method.c))
-    size = max(1, _MEMORY // (8 * (len(method.c) * points.n) ** 2))
-    parts = [slice(first, first + size) for first in range(0, grid.steps, size)]
-    a = np.concatenate([_accelerations(method, points, grid.h[part], phases[part]) for part in parts], axis=1)
-
-    def curve(x: Array) -> Curve:
-        stages = affine(a, x[:, :-1, None])
-        starts, ends = _end_accelerations(method, points, grid, x, stages[:, :, -1])
-        return method.curve(grid.nodes, x, starts, stages, ends)
-
-    return Discretisation(method.steps(grid.h, a), curve)
-
-
 def _accelerations(method: Collocation, points: Points, h: Array, phases: Array) -> Array:
     """Stage accelerations (P, m, s, n, 2n+1) of steps h (m,) with stages at phases (m, s)."""
     sampled = matrices(points, phases.ravel())
@@ -236,7 +221,20 @@ class Collocated(OneStep):
         return self.collocation.bytes_a_step(n)
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
-        return discretise(self.collocation, points, grid)
+        method = self.collocation
+        phases = grid.stages(np.array(method.c))
+        size = max(1, _MEMORY // (8 * (len(method.c) * points.n) ** 2))
+        parts = [slice(first, first + size) for first in range(0, grid.steps, size)]
+        a = np.concatenate(
+            [_accelerations(method, points, grid.h[part], phases[part]) for part in parts], axis=1
+        )
+
+        def curve(x: Array) -> Curve:
+            stages = affine(a, x[:, :-1, None])
+            starts, ends = _end_accelerations(method, points, grid, x, stages[:, :, -1])
+            return method.curve(grid.nodes, x, starts, stages, ends)
+
+        return Discretisation(method.steps(grid.h, a), curve)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         if engine != COMPILED or not grid.smooth or points.n > _LARGEST:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MatricesError, ResonanceError
+from solve.errors import MatricesError
 from solve.kernel.engines import NUMPY
-from solve.methods.method import Method, Solutions, one_by_one
+from solve.methods.method import Method, Solutions, no_orbit, one_by_one
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
 from solve.period.points import Points, matrices, state_rate
@@ -27,7 +27,7 @@ _DEFECTIVE = 1e4
 """Condition number of eigenvectors above which they are not to be divided by."""
 
 _CLUSTER = 1e-3
-"""How far, relative to the rotation, rounding may tear the exponents of a multiple one apart."""
+"""How far, relative to the rotation, rounding may separate the exponents of a multiple one."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +100,7 @@ def balanced(matrix: Array, load: Array) -> tuple[Array, float]:
     """The solution of the balance, and its condition number. Raises ResonanceError."""
     condition = float(np.linalg.cond(matrix, 1))
     if not condition < _SINGULAR:
-        raise ResonanceError(
-            "the balance of forces is singular: a Floquet multiplier is at +1, so that the forced motion "
-            "grows without bound or is not unique; change the speed or add damping"
-        )
+        raise no_orbit("the balance of forces")
     return np.linalg.solve(matrix, load), condition
 
 
@@ -167,7 +164,7 @@ def _closed(X: Array, exponent: Array) -> Array:
 def _invariant_subspace(A: Array, exponents: Array, N: int, rotation: float) -> tuple[Array, Array]:
     """Z and T with A Z = Z T for the first N exponents, given in the order of preference, of which no two
     differ by a multiple of i·rotation: multiple ones together, so that Z has N columns even where
-    eigenvectors are fewer; or another number, where truncation has torn a multiple one."""
+    eigenvectors are fewer; or another number, where truncation has split a multiple one."""
     from scipy.linalg import schur
 
     near = _CLUSTER * rotation

@@ -40,7 +40,21 @@ class Hill(Fourier):
         return from_exponents(_hill_matrix(point, orders // 2), samples, grid.period)
 
     def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
-        return _forced(point, grid)
+        """From the balance Σ_k [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
+        N, n = grid.steps // 2, point.n
+        orders = np.arange(-N, N + 1)
+        rates = 2j * np.pi / point.period * orders
+        M, C, K, d = (_spectrum(part[0], 2 * N) for part in matrices(point, _samples(point, 2 * N)))
+        index = 2 * N + orders[:, None] - orders
+        smooth, rate = (part[:, None, None] for part in (1.0 / (1.0 - rates**2), rates))
+        blocks = (K[index] + rate * C[index] + rate**2 * M[index]) * smooth
+        unit = 1.0 / np.sqrt(np.abs(np.diag(M[2 * N])))
+        blocks = unit[:, None] * blocks * unit
+        matrix = np.swapaxes(blocks, 1, 2).reshape(len(orders) * n, len(orders) * n)
+        u, condition = balanced(matrix, (d[N : 3 * N + 1] * unit).ravel())
+        q = (u.reshape(-1, n) * unit * smooth[:, 0])[N:]
+        q[1:] *= 2.0
+        return FourierCurve(grid.nodes, q.T[None]), condition
 
 
 def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: int = 1) -> float:
@@ -153,24 +167,6 @@ def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
         2j * np.pi / point.period * (orders + shift)[:, None, None] * np.eye(size)
     )
     return np.swapaxes(blocks, 1, 2).reshape(len(orders) * size, len(orders) * size)
-
-
-def _forced(point: Points, grid: Grid) -> tuple[FourierCurve, float]:
-    """The forced balance Σ_k [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
-    N, n = grid.steps // 2, point.n
-    orders = np.arange(-N, N + 1)
-    rates = 2j * np.pi / point.period * orders
-    M, C, K, d = (_spectrum(part[0], 2 * N) for part in matrices(point, _samples(point, 2 * N)))
-    index = 2 * N + orders[:, None] - orders
-    smooth, rate = (part[:, None, None] for part in (1.0 / (1.0 - rates**2), rates))
-    blocks = (K[index] + rate * C[index] + rate**2 * M[index]) * smooth
-    unit = 1.0 / np.sqrt(np.abs(np.diag(M[2 * N])))
-    blocks = unit[:, None] * blocks * unit
-    matrix = np.swapaxes(blocks, 1, 2).reshape(len(orders) * n, len(orders) * n)
-    u, condition = balanced(matrix, (d[N : 3 * N + 1] * unit).ravel())
-    q = (u.reshape(-1, n) * unit * smooth[:, 0])[N:]
-    q[1:] *= 2.0
-    return FourierCurve(grid.nodes, q.T[None]), condition
 
 
 def _samples(point: Points, orders: int) -> Array:

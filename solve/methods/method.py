@@ -34,7 +34,7 @@ class Solutions:
     for. steps: the maps behind Φ, where the method has them. condition (P,): of the linear systems that
     gave the curves; NaN without. defect (P,): relative error of the curve that no finer grid would mend.
     rounding (P,): relative error that the way to Φ leaves in the multipliers, beyond that of their
-    condition; 1 where the grid does not tell Φ. notes: what the method has to say, none or one a point.
+    condition; 1 where the grid does not determine Φ. notes: what the method has to say, none or one a point.
     failures: why a point has no solution, by position.
     """
 
@@ -269,8 +269,8 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
     return Solutions(parts[0].grid, Phi, curve, condition, steps, defect, rounding, notes, failures)
 
 
-def no_orbit() -> ResonanceError:
+def no_orbit(singular: str = "I - Φ") -> ResonanceError:
     return ResonanceError(
-        "I - Φ is singular: a Floquet multiplier is at +1, so that the forced motion grows without bound or "
-        "is not unique; change the speed or add damping"
+        f"{singular} is singular: a Floquet multiplier is at +1, so that the forced motion grows without "
+        "bound or is not unique; change the speed or add damping"
     )

@@ -47,7 +47,9 @@ class RungeKutta4(OneStep):
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         n = points.n
         h = grid.h[:, None, None]
-        start, middle, end = self._rates(points, grid)
+        phases = grid.stages(np.array([0.0, 0.5, 1.0]))
+        start, middle = (state_rate(points, phases[:, k]) for k in (0, 1))
+        end = np.roll(start, -1, axis=1) if grid.smooth else state_rate(points, phases[:, 2])
         x = np.zeros(start.shape)
         x[..., range(2 * n), range(2 * n)] = 1.0
 
@@ -61,10 +63,3 @@ class RungeKutta4(OneStep):
         k3 = rate(middle, x + h / 2 * k2)
         k4 = rate(end, x + h * k3)
         return Discretisation.of_rates(grid, x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), start, end)
-
-    @staticmethod
-    def _rates(points: Points, grid: Grid) -> tuple[Array, Array, Array]:
-        """(P | f) of chapter Eq. (5) at the start, middle and end of every step, (P, m, 2n, 2n+1) each."""
-        phases = grid.stages(np.array([0.0, 0.5, 1.0]))
-        start, middle = (state_rate(points, phases[:, i]) for i in (0, 1))
-        return start, middle, np.roll(start, -1, axis=1) if grid.smooth else state_rate(points, phases[:, 2])

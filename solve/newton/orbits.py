@@ -11,8 +11,7 @@ from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.errors import NoOrbitError, ResonanceError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
-from solve.methods.auto import Rule, chosen_for
-from solve.methods.choice import chosen
+from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocation import Collocated
 from solve.methods.radau import Radau
 from solve.newton.continuation import by_load, by_speed, in_rpm

@@ -4,9 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from solve.results.contents import Contents, rows_contents
+from solve.results.contents import Contents, model_record, plain, rows_contents
 from solve.results.quantities import RPM
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.style import Figure
 from solve.results.sweep import Sweep

@@ -11,11 +11,10 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
-from solve.results.contents import Contents, table_contents
+from solve.results.contents import Contents, model_record, plain, table_contents
 from solve.results.plot import draw_map, title_of
 from solve.results.points import PointResults
 from solve.results.quantities import RPM
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.stability import Stability
 from solve.results.style import BLACK, Axes, Figure, page

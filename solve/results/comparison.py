@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Contents, rows_contents
+from solve.results.contents import Contents, model_record, plain, rows_contents
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, heading, stacked, table, text
 from solve.results.style import GREY, LIGHT, MANY, Figure, page
 
@@ -160,7 +159,7 @@ def _table(title: str, rows: Sequence[Row], truth: str) -> RenderableType:
     if rows[0].target is not None:
         done.sort(key=lambda row: row.time)
     quickest = min((row.time for row in done), default=math.nan)
-    marks = [_marks(row, truth) for row in done]
+    marks = [_UNRESOLVED * (not row.followed) + _OTHER_VERDICT * (row.verdict != truth) for row in done]
     for row, mark in zip(done, marks, strict=True):
         made.add_row(
             row.method,
@@ -175,10 +174,6 @@ def _table(title: str, rows: Sequence[Row], truth: str) -> RenderableType:
     notes = [f"{mark} {text}" for mark, text in _LEGEND.items() if any(mark in each for each in marks)]
     notes += _reasons(rows)
     return stacked(made, *(text(note, "dim") for note in notes))
-
-
-def _marks(row: Row, truth: str) -> str:
-    return _UNRESOLVED * (not row.followed) + _OTHER_VERDICT * (row.verdict != truth)
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:

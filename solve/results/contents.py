@@ -1,7 +1,10 @@
-"""What a file of results holds, whatever its format."""
+"""What a record and a file of results hold, whatever their format. In records, the keys of `--json`, NaN and
+infinity become None, complex numbers [re, im]."""
 
+import cmath
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.results.record import plain
+from solve.system import PeriodicSystem
 
 
 class Variable(NamedTuple):
@@ -70,3 +73,32 @@ def rows_contents(
         for name, (missing, unit, meaning) in columns.items()
     }
     return table_contents(made, metadata)
+
+
+def plain(value: Any) -> Any:
+    """Python's own numbers, lists and dictionaries.
+
+    >>> plain({"rho": np.array([0.5 + 0.25j]), "error": math.nan})
+    {'rho': [[0.5, 0.25]], 'error': None}
+    """
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, complex | np.complexfloating):
+        return [float(value.real), float(value.imag)] if cmath.isfinite(value) else None
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.integer | np.bool_):
+        return value.item()
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return [plain(item) for item in value]
+    return value
+
+
+def model_record(system: PeriodicSystem) -> dict[str, Any]:
+    """Which model, with which numbers; a system of a user's own has neither case nor parameters."""
+    return {
+        "model": system.name,
+        "case": system.case,
+        "parameters": dict(system.parameters),
+        "options": dict(system.options),
+    }

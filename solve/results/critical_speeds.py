@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Contents, rows_contents
+from solve.results.contents import Contents, model_record, plain, rows_contents
 from solve.results.plot import label_quantity, label_speeds, title_of
 from solve.results.quantities import RPM, fixed, named, prefixed
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, Table, model_heading, stacked, table
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem

@@ -10,10 +10,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Contents, table_contents
+from solve.results.contents import Contents, model_record, plain, table_contents
 from solve.results.frequencies_plot import shapes_figure, turn_figure, variation_figure
 from solve.results.quantities import fixed
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, Table, model_heading, stacked, table
 from solve.results.style import Figure
 from solve.system import ModeShape, PeriodicSystem

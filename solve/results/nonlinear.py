@@ -11,9 +11,9 @@ from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
+from solve.results.contents import plain
 from solve.results.orbit import Orbit, QuasiStatic
 from solve.results.plot import Motion, checked_scale, orbit_figure, shown
-from solve.results.record import plain
 from solve.results.report import Table
 from solve.results.style import Figure
 

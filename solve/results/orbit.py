@@ -15,10 +15,9 @@ from solve.certify.correction import corrected, correction
 from solve.errors import MatricesError, SolveError, UnknownNameError
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, Signal, harmonics, samples_a_step, statistics
-from solve.results.contents import Contents, Variable, require_different_names
+from solve.results.contents import Contents, Variable, plain, require_different_names
 from solve.results.plot import Motion, checked_scale, orbit_figure, shown
 from solve.results.quantities import fixed, prefixed
-from solve.results.record import plain
 from solve.results.report import RenderableType, Table, stacked, table
 from solve.results.save import checked_data, dataset, save
 from solve.results.stability import Stability

@@ -34,7 +34,6 @@ _LIGHTEST = 0.8
 _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
 
-
 MOST_ROWS = len(_ROW_HEIGHTS)
 SCALES = ("linear", "dB")
 
@@ -82,7 +81,9 @@ def orbit_figure(
             _draw_spectrum(right, system, name, motion.amplitudes[orders], orders, scale)
         _label_columns(axes, system, speed)
         if any(motion.beside is not None for motion in motions.values()):
-            _label_curves(axes[0, 0])
+            low, high = axes[0, 0].get_ylim()
+            axes[0, 0].set_ylim(top=high + 0.25 * (high - low))
+            axes[0, 0].legend(loc="upper right", ncols=2)
         upper.align_ylabels()
         _draw_stability(lower, panel)
     return figure
@@ -246,12 +247,6 @@ def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
     for top, scale, label in ((axes[0, 0], degrees, f"time ({unit})"), (axes[0, 1], hertz, "frequency (Hz)")):
         second = top.secondary_xaxis("top", functions=(lambda x, s=scale: x * s, lambda x, s=scale: x / s))
         second.set_xlabel(label, loc="right")
-
-
-def _label_curves(axes: Axes) -> None:
-    lower, upper = axes.get_ylim()
-    axes.set_ylim(top=upper + 0.25 * (upper - lower))
-    axes.legend(loc="upper right", ncols=2)
 
 
 def _draw_stability(place: Figure | SubFigure, panel: StabilityPanel) -> None:

@@ -13,9 +13,8 @@ from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers, verdicts
-from solve.results.contents import Contents, Variable
+from solve.results.contents import Contents, Variable, model_record, plain
 from solve.results.plot import StabilityPanel, stability_figure
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, Table, described, heading, stacked, table
 from solve.results.style import Figure
 from solve.system import PeriodicSystem

@@ -14,11 +14,10 @@ from solve.arrays import Array
 from solve.errors import require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
-from solve.results.contents import Contents, table_contents
+from solve.results.contents import Contents, model_record, plain, table_contents
 from solve.results.plot import label_quantity, label_speeds, shades, title_of
 from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.quantities import RPM, fixed, prefixed
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, model_heading, stacked, table
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure, page
@@ -33,7 +32,6 @@ _MOST_ROWS = 60
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 """A number in a warning, not the digits of a name such as q1."""
-
 
 _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 """Errors of a point that failed."""

@@ -38,7 +38,12 @@ def sweep_figure(
     with page(1.4 + 1.35 * (len(responses) + 1), f"{title_of(system)}: response over speed") as made:
         axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
         for place, (name, values) in zip(axes, responses.items(), strict=False):
-            _draw_response(place, system, name, figure, rpm, values[order])
+            heights = values[order] * label_quantity(place, system, name, values, figure)
+            place.plot(rpm, heights, color=BLUE)
+            known = np.where(np.isfinite(heights), heights, -np.inf)
+            inner = known[1:-1]
+            top = 1 + np.flatnonzero((inner > known[:-2]) & (inner >= known[2:]) & np.isfinite(inner))
+            place.plot(rpm[top], heights[top], "v", color=BLUE)
             _shade(place, bands)
         _draw_radius(axes[-1], rpm, radius[order], bands)
         made.align_ylabels(axes)
@@ -64,17 +69,6 @@ def waterfall_figure(system: PeriodicSystem, speeds: Array, name: str, amplitude
         axes.set_xlabel("speed (rpm)")
         axes.set_ylabel("order of rotation")
     return made
-
-
-def _draw_response(
-    axes: Axes, system: PeriodicSystem, name: str, figure: str, rpm: Array, values: Array
-) -> None:
-    factor = label_quantity(axes, system, name, values, figure)
-    axes.plot(rpm, values * factor, color=BLUE)
-    known = np.where(np.isfinite(values), values, -np.inf)
-    inner = known[1:-1]
-    top = 1 + np.flatnonzero((inner > known[:-2]) & (inner >= known[2:]) & np.isfinite(inner))
-    axes.plot(rpm[top], values[top] * factor, "v", color=BLUE)
 
 
 def radius_figure(system: PeriodicSystem, speeds: Array, radius: Array, bands: Edges) -> Figure:

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Contents, Variable, require_different_names
+from solve.results.contents import Contents, Variable, model_record, plain, require_different_names
 from solve.results.orbit import Orbit
 from solve.results.plot import MOST_ROWS, label_quantity, titled
 from solve.results.quantities import fixed, prefixed
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, heading, stacked, table, text
 from solve.results.style import BLUE, VERMILION, Figure, page
 from solve.system import PeriodicSystem

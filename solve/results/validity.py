@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Contents, table_contents
+from solve.results.contents import Contents, model_record, plain, table_contents
 from solve.results.plot import MOST_ROWS, label_speeds, shades, title_of
 from solve.results.quantities import RPM
-from solve.results.record import model_record, plain
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.style import GREY, Figure, page
 from solve.system import PeriodicSystem

@@ -1,1 +1,1 @@
-"""What several solutions together tell, one study a file."""
+"""Studies made of several solutions, one a file."""

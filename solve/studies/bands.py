@@ -1,9 +1,9 @@
 """Bands of speed in which the motion is unstable, with refined edges.
 
-Where fast modes neither die nor can be followed at many speeds, the slow ones alone are watched: the axial
-vibration of an undamped steel link turns thousands of radians while the crank turns once, and so do its
-multipliers over speed. Radau, which loses what it does not follow, leaves the slow modes: a multiplier is
-one of theirs where two grids agree on it.
+Where fast modes are neither damped out nor can be followed at many speeds, bands of the slow modes alone are
+looked for: the axial vibration of an undamped steel link turns by thousands of radians while the crank turns
+once, and so do its multipliers over speed. Radau damps out what its steps do not follow and leaves the slow
+modes: a multiplier belongs to these where two grids agree on it.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,14 +15,14 @@ from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import Count, gathered, task_of
-from solve.methods.auto import RESOLVABLE, Rule, auto
+from solve.methods.choice import RESOLVABLE, Rule, auto
 from solve.methods.radau import Radau
 from solve.period.frozen import frozen, surviving
 from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.points import OnePoint
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
-from solve.studies.boundaries import ALIVE, Judge, Judged, Search, hidden, judge
+from solve.studies.boundaries import LIGHTLY_DAMPED, Judge, Judged, Search, hidden, judge
 from solve.system import PeriodicSystem
 from solve.units import checked_tolerance, speeds_between
 
@@ -36,26 +36,26 @@ _TURN = 0.25
 """Angle in rad by which the fastest multiplier may turn between two speeds."""
 
 _PHASES = 16
-_GONE = 1e-2
+_DAMPED_OUT = 1e-2
 """Modulus below which a multiplier, with the matrices frozen, has no part in losing stability."""
 
 _HALVINGS = 3
 """Of the distance of two speeds between which multipliers may meet."""
 
-_INSIDE = 15
+_POINTS_INSIDE = 15
 """Further points of every band, to find its largest multiplier and stable speeds inside it."""
 
 _SPLITS = 8
 _UNKNOWN = -2
 """State of speeds without a result."""
 
-_WATCHED = 128.0
-"""Angle in rad that a watched mode turns at most in one period, at the lowest speed."""
+_FOLLOWED = 128.0
+"""Angle in rad by which a mode that is followed turns at most in one period, at the lowest speed."""
 
 _STEPS = 192, 256
-_AGREED = 1e-4
-_REMAINS = 1e-2
-"""Part of a fast mode that is left after a period, above which it is not lost on its own."""
+_AGREEMENT = 1e-4
+_SURVIVES = 1e-2
+"""Part of a fast mode that is left after a period, above which it counts as not damped out."""
 
 
 def bands(
@@ -74,21 +74,28 @@ def bands(
     leaves above 0.01 turns by more than 0.25 rad from one to the next, but not many more than 2000.
     Bands narrower than their distance, the result's `spacing`, are looked for where multipliers come
     closest to each other, to +1 and to -1, and may be missed all the same; a growth below 1e-6 a turn
-    makes no band. Where modes live on that turn too far in one turn to be followed at many speeds, `auto`
+    makes no band. Where lightly damped modes turn too far in one turn to be followed at many speeds, `auto`
     looks for bands of the slower ones alone, and the notes say so. Edges are found to `tolerance`,
-    relative. progress is told the number of points solved so far. engine: as in `sweep`. Raises
+    relative. progress is called with the number of points solved so far. engine: as in `sweep`. Raises
     ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
     """
     omegas = np.array(speeds_between(speeds, "bands"))
     system.checked(float(omegas[-1]))
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
-    fast = _unwatched(system, float(omegas[0]), task.method)
+    fast = _unfollowed(system, float(omegas[0]), task.method)
     if fast:
-        task, notes = replace(task, method=Radau()), [*notes, _left_out(system.n, fast)]
-    turning = _turning(system, omegas, _WATCHED if fast else np.inf)
-    points, count = _grid(omegas, turning)[:, None], Count(progress)
+        left_out = (
+            f"{fast} of {system.n} modes turn by more than {_FOLLOWED:g} rad a turn and are not damped out: "
+            "their bands, of high order, are not looked for; a single solution follows all modes"
+        )
+        task, notes = replace(task, method=Radau()), [*notes, left_out]
+    turning = _turning(system, omegas, _FOLLOWED if fast else np.inf)
+    coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
+    turned = -np.diff(1 / coarse) * turning(coarse[1:])
+    points = _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))[:, None]
+    count = Count(progress)
     batch = task.batch(points)
-    asked = (_watching if fast else judge)(batch, count.add)
+    asked = (_judge_of_followed if fast else judge)(batch, count.add)
     known = _closer(asked, asked(points), turning)
     middle = np.arange(1, len(known.points) - 1)
     spacing = float(np.diff(known.points[:, 0]).max())
@@ -97,13 +104,6 @@ def bands(
         notes = [*notes, _failures(batch, known.points[known.failed])]
     found = _Runs(asked, checked_tolerance(tolerance)).bands(_rising(known))
     return Bands(found, system, (float(omegas[0]), float(omegas[-1])), spacing, notes)
-
-
-def _left_out(n: int, fast: int) -> str:
-    return (
-        f"{fast} of {n} modes turn by more than {_WATCHED:g} rad a turn and do not die: their bands, of high "
-        "order, are not looked for; a single solution follows all modes"
-    )
 
 
 def _failures(batch: Batch, points: Array) -> str:
@@ -123,25 +123,18 @@ period in phase."""
 
 
 def _turning(system: PeriodicSystem, omegas: Array, most: float) -> Turning:
-    """From the matrices frozen at phases and at the lowest and the highest speed; a mode whose vibration
-    dies within a turn does not count, nor one that turns by more than `most` at the lowest."""
+    """From the matrices frozen at phases and at the lowest and the highest speed; a mode that is
+    damped out within a turn does not count, nor one that turns by more than `most` at the lowest."""
     ends = [(omega, OnePoint(system, omega)) for omega in omegas[[0, -1]].tolist()]
     values = [omega * frozen(point, _PHASES).eigenvalues().ravel() for omega, point in ends]
     exponents = np.concatenate(values) * system.period
     exponents = exponents[np.abs(np.imag(exponents)) <= most * omegas[0]]
 
     def turning(speeds: Array) -> Array:
-        counts = np.real(exponents) > np.log(_GONE) * speeds[:, None]
+        counts = np.real(exponents) > np.log(_DAMPED_OUT) * speeds[:, None]
         return np.where(counts, np.abs(np.imag(exponents)), 0.0).max(axis=1, initial=0.0)
 
     return turning
-
-
-def _grid(omegas: Array, turning: Turning) -> Array:
-    """The speeds and further ones between them."""
-    coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
-    turned = -np.diff(1 / coarse) * turning(coarse[1:])
-    return _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))
 
 
 def _divided(speeds: Array, parts: Array) -> Array:
@@ -166,9 +159,9 @@ def _closer(asked: Judge, known: Judged, turning: Turning) -> Judged:
 
 def _distance(multipliers: Array) -> Array:
     """Least difference of angle (k,) among multipliers (k, N) above the real axis."""
-    watched = (np.imag(multipliers) > 0) & (np.abs(multipliers) > ALIVE)
+    rotating = (np.imag(multipliers) > 0) & (np.abs(multipliers) > LIGHTLY_DAMPED)
     apart = 1e3 * (1 + np.arange(multipliers.shape[1]))
-    angles = np.sort(np.where(watched, np.angle(multipliers), apart), axis=1)
+    angles = np.sort(np.where(rotating, np.angle(multipliers), apart), axis=1)
     return np.diff(angles, axis=1).min(axis=1)
 
 
@@ -204,10 +197,10 @@ class _Runs:
         starts, ends = np.append(0, changes + 1), np.append(changes, len(state) - 1)
         runs = np.flatnonzero(state[starts] >= 0)
         low, high = borders[runs], borders[runs + 1]
-        inside = low[:, None] + (np.arange(_INSIDE) + 1) / (_INSIDE + 1) * (high - low)[:, None]
+        inside = low[:, None] + (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1) * (high - low)[:, None]
         looked = self.judge(inside.reshape(-1, 1)) if len(runs) else known[runs]
-        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _INSIDE).max(axis=1, initial=0.0)
-        mixed = (_state(looked).reshape(-1, _INSIDE) != state[starts[runs], None]).any(axis=1)
+        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _POINTS_INSIDE).max(axis=1, initial=0.0)
+        mixed = (_state(looked).reshape(-1, _POINTS_INSIDE) != state[starts[runs], None]).any(axis=1)
         found, split = [], np.zeros(len(runs), dtype=bool)
         for at, run in enumerate(runs):
             first, last = starts[run], ends[run]
@@ -218,7 +211,7 @@ class _Runs:
             edge = float(low[at]), float(high[at])
             open_ends = bool(unknown[run]), bool(unknown[run + 1])
             found.append(Band(*edge, KINDS[state[first]], float(radius), *open_ends))
-        return found, looked[np.flatnonzero(np.repeat(split, _INSIDE))]
+        return found, looked[np.flatnonzero(np.repeat(split, _POINTS_INSIDE))]
 
     def _borders(self, known: Judged, changes: Array, state: Array) -> tuple[Array, Array]:
         """Speeds between known ones at which the state changes (k,), and whether there a speed without a
@@ -252,26 +245,26 @@ def _state(known: Judged) -> Array:
     return np.where(known.unstable, known.kinds, np.where(known.failed, _UNKNOWN, -1))
 
 
-def _unwatched(system: PeriodicSystem, speed: float, method: Rule) -> int:
-    """How many modes are too fast to be watched from this speed on: 0 where all can be followed or those
-    that cannot die within a turn, where a method is named, and where no mode would be left."""
+def _unfollowed(system: PeriodicSystem, speed: float, method: Rule) -> int:
+    """How many modes are too fast to be followed from this speed on: 0 where all can be followed, where the
+    fast ones are damped out within a turn, where a method is named, and where no mode would be left."""
     values = frozen(OnePoint(system, speed)).eigenvalues()[0]
     reach = np.abs(values).max(axis=0) * system.period
-    fast = int((np.sort(reach)[::2] > _WATCHED).sum())
-    lives = float(surviving(values, system.period, RESOLVABLE)) > _REMAINS
-    needed = method is auto and reach.max() > RESOLVABLE and lives
+    fast = int((np.sort(reach)[::2] > _FOLLOWED).sum())
+    survives = float(surviving(values, system.period, RESOLVABLE)) > _SURVIVES
+    needed = method is auto and reach.max() > RESOLVABLE and survives
     return fast if needed and fast < system.n else 0
 
 
-def _watching(batch: Batch, count: Callable[[int], None]) -> Judge:
-    """The judge of watched modes, by the batch's method, Radau; `count` is told of every number of points
-    solved. Unstable: a multiplier on which both grids agree is outside the unit circle by more than their
-    difference."""
+def _judge_of_followed(batch: Batch, count: Callable[[int], None]) -> Judge:
+    """The judge of the modes that are followed, by the batch's method, Radau; `count` is called with the
+    number of points each time. Unstable: a multiplier on which both grids agree is outside the unit circle
+    by more than their difference."""
 
     def judged(points: Array) -> Judged:
         coarse, fine = (batch.multipliers(points, steps) for steps in _STEPS)
         error = np.abs(fine[:, :, None] - coarse[:, None, :]).min(axis=2)
-        agreed = (error < _AGREED) & (fine != 0)
+        agreed = (error < _AGREEMENT) & (fine != 0)
         beyond = (agreed & (np.abs(fine) - 1 > np.maximum(error, UNIT_CIRCLE))).any(axis=1)
         known = agreed.any(axis=1)
         kept = np.where(agreed, fine, 0.0)

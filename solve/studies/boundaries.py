@@ -16,7 +16,7 @@ _STABILITY = Kept(warnings=False, meetings=False)
 _TOGETHER = 64
 """Points that one call of the judge should have at least."""
 
-ALIVE = 0.5
+LIGHTLY_DAMPED = 0.5
 """Modulus of the largest multiplier from which instability is looked for next to stable points."""
 
 _PARABOLAS, _GAIN = 10, 0.5
@@ -24,7 +24,7 @@ _PARABOLAS, _GAIN = 10, 0.5
 
 _CLOSE = 1e-10
 _NEAR = 1e-5
-"""Part of the scale to which an edge is bracketed before its kind is told."""
+"""Part of the scale to which an edge is bracketed before its kind is determined."""
 
 _FAR = 1e6
 _NOISE = 1e-6
@@ -35,8 +35,7 @@ _NOISE = 1e-6
 class Judged:
     """Points (k, v) and what is known of them: unstable (k,), that a multiplier lies outside the unit circle
     by more than its error; stable (k,), that none does; neither where the point failed or its errors leave
-    that open. multipliers (k, N),
-    falling in modulus."""
+    that open. multipliers (k, N), falling in modulus."""
 
     points: Array
     stable: Array
@@ -88,7 +87,7 @@ Judge = Callable[[Array], Judged]
 
 
 def judge(batch: Batch, count: Callable[[int], None] | None = None) -> Judge:
-    """The judge that solves; `count` is told of every number of points solved."""
+    """The judge that solves; `count` is called with the number of points each time."""
 
     def judged(points: Array) -> Judged:
         known = Judged.of(points, gathered(batch, points, _STABILITY))
@@ -117,7 +116,7 @@ class Search:
     ) -> tuple[Array, Array]:
         """Bracket changes between points low and high (E, v), to this tolerance or the search's own.
 
-        differs(points (k, v), line (k,)) tells which points already belong to the high end of their line.
+        differs(points (k, v), line (k,)): which points belong to the high end of their line (k,).
         """
         low, high = low.copy(), high.copy()
         close = (self.tolerance if tolerance is None else tolerance) * self.scale
@@ -140,8 +139,8 @@ class Search:
         """Where stability is lost between stable and unstable points (E, v): places (E, v) and kinds (E,);
         NaN where a point that failed stands in the way.
 
-        Near a multiplier at +1 or -1 the signs of det(I - Φ) and det(I + Φ) tell the sides apart, which
-        unlike moduli pass through zero smoothly.
+        Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli these
+        pass through zero smoothly.
         """
         if len(stable) == 0:
             return stable, np.zeros(0, dtype=int)
@@ -201,14 +200,14 @@ class Search:
         stable, unstable = (np.where(known.stable[one] == side, one, other) for side in (True, False))
         places, kinds = self.edges(known.points[stable], known.points[unstable])
         sure = np.isfinite(places).all(axis=1)
-        apart, further, others = self._slivers(known, first[neighbours], last[neighbours])
+        apart, further, others = self._narrow_stable(known, first[neighbours], last[neighbours])
         return Crossings(
             np.concatenate((lines[one[sure]], lines[apart])),
             np.concatenate((places[sure], further))[:, along],
             np.concatenate((kinds[sure], others)),
         )
 
-    def _slivers(self, known: Judged, first: Array, last: Array) -> tuple[Array, Array, Array]:
+    def _narrow_stable(self, known: Judged, first: Array, last: Array) -> tuple[Array, Array, Array]:
         """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
         a neighbour (c,), place (c, v) and kind (c,) of each edge."""
         plus, minus = known.gaps[:, 0] < 0, known.gaps[:, 1] < 0
@@ -234,9 +233,9 @@ def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promisin
     of the middle's gap below which the first parabola must predict the minimum.
     """
     gaps = np.stack([part.gaps for part in (before, middle, after)], axis=1)
-    alright = before.stable & middle.stable & after.stable
-    alright &= np.abs(middle.multipliers[:, 0]) > ALIVE
-    least = (gaps[:, 1] < np.minimum(gaps[:, 0], gaps[:, 2])) & alright[:, None]
+    all_stable = before.stable & middle.stable & after.stable
+    all_stable &= np.abs(middle.multipliers[:, 0]) > LIGHTLY_DAMPED
+    least = (gaps[:, 1] < np.minimum(gaps[:, 0], gaps[:, 2])) & all_stable[:, None]
     line, way = np.nonzero(least)
     place = np.linalg.norm(middle.points - before.points, axis=1)[line]
     whole = np.linalg.norm(after.points - before.points, axis=1)[line]

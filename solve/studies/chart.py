@@ -13,7 +13,7 @@ from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
 from solve.batch.gathering import Count, task_of
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.loading import load
-from solve.methods.auto import Rule
+from solve.methods.choice import Rule
 from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept
 from solve.results.stability import Stability
@@ -50,8 +50,8 @@ def chart(
     model: a name or path, a system (a generated one varies in its parameters, any other in its speed), or
     a function that builds a system from the two values by name. speed: where it is not among the two, by
     default that of the case. Boundaries are found between the points to `tolerance` of the range of the
-    values, thin unstable tongues between stable points among them. progress is told the number of points
-    solved so far. engine: as in `sweep`. With an executor parts of the grid are handed to it. Raises
+    values, thin unstable tongues between stable points among them. progress is called with the number of
+    points solved so far. engine: as in `sweep`. With an executor parts of the grid are handed to it. Raises
     SolveError subclasses for bad input; a point that fails, such as a linkage that cannot turn, is NaN with
     its reason, and boundaries end beside it.
     """

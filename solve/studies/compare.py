@@ -13,8 +13,7 @@ from solve.certify.estimates import differences
 from solve.certify.refinement import Refinement
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY
-from solve.methods.auto import Rule, chosen_for
-from solve.methods.choice import METHODS, chosen
+from solve.methods.choice import METHODS, Rule, chosen, chosen_for
 from solve.methods.method import Method, Solutions
 from solve.period.frozen import frozen
 from solve.period.multipliers import VERDICTS, verdicts
@@ -56,9 +55,9 @@ def compare(
 
     At equal steps: each number in `steps`, by default four about the number that resolves the fastest
     mode. At equal accuracy: the least steps whose orbit is right to the target, or whose multipliers are
-    where there is no load. All methods run in NumPy. `progress` is told what is under way. Raises
-    SolveError subclasses for bad input and where no periodic solution exists; a method that fails says so
-    in its row.
+    where there is no load. All methods run in NumPy. `progress` is called with the name of what is under
+    way. Raises SolveError subclasses for bad input and where no periodic solution exists; a method that
+    fails says so in its row.
     """
     omega = speed_in_si(speed)
     for count in steps or []:
@@ -151,8 +150,8 @@ class _Contestant:
         """The least steps that reach the goal, by bisection between two points of the trace."""
         reached = next((k for k, row in enumerate(trace) if row.error(self.judged_by) <= goal), None)
         if reached is None:
-            out = Row(self.name, self.method.order, None, "equal accuracy", target=goal)
-            return replace(out, reason=f"out of reach: {self._obstacle(goal, trace)}")
+            reason = f"out of reach: {self._obstacle(goal, trace)}"
+            return Row(self.name, self.method.order, None, "equal accuracy", target=goal, reason=reason)
         high = trace[reached].asked or 1
         low = (trace[reached - 1].asked or 1) if reached else self.least - 1
         while high > _CLOSE * low and high - low > 1:
@@ -202,8 +201,7 @@ class _Contestant:
 
     @property
     def _limit(self) -> str:
-        n = self.point.n
-        return f"takes at most {self.refinement.most} steps a period for n = {n}"
+        return f"takes at most {self.refinement.most} steps a period for n = {self.point.n}"
 
     def _obstacle(self, goal: float, trace: list[Row]) -> str:
         done = [row for row in trace if row.reason is None]

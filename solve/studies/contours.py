@@ -39,7 +39,9 @@ def contours(
     for (i, j), rim in rims.cells():
         if len(rim) % 2 or np.isnan(stable[j : j + 2, i : i + 2]).any():
             continue
-        arcs = _unstable_arcs(rim, bool(stable[j, i]))
+        # Pairs of neighbouring crossings with an unstable stretch of the rim between them.
+        turned = rim if stable[j, i] else [*rim[1:], *rim[:1]]
+        arcs = list(zip(turned[::2], turned[1::2], strict=True))
         if len(arcs) > 1:
             open_.append(arcs)
         else:
@@ -89,12 +91,6 @@ def _by_edge(crossings: Crossings, nodes: Array, offset: int) -> dict[tuple[int,
     for at in np.argsort(crossings.place, kind="stable").tolist():
         found.setdefault((int(crossings.line[at]), int(cell[at])), []).append(at + offset)
     return found
-
-
-def _unstable_arcs(rim: list[int], starts_stable: bool) -> list[tuple[int, int]]:
-    """Pairs of neighbouring crossings with an unstable stretch of the rim between them."""
-    turned = rim if starts_stable else [*rim[1:], *rim[:1]]
-    return list(zip(turned[::2], turned[1::2], strict=False))
 
 
 def _decided(

@@ -6,7 +6,9 @@ divisions of the natural frequencies' means over the cycle.
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import Count, gathered, task_of
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
-from solve.methods.auto import Rule
+from solve.methods.choice import Rule
 from solve.period.multipliers import VERDICTS
 from solve.results.critical_speeds import Combination, Critical, CriticalSpeeds, Maximum
 from solve.results.points import FIGURES, Kept, PointResults
@@ -45,16 +47,28 @@ _SECANTS = 4
 @dataclass(frozen=True)
 class MeanFrequencies:
     """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a
-    speed: values (P, n), rising, in rad/s at speeds (P,). Where K is not positive they count as 0; NaN at
-    speeds without matrices."""
+    speed: rising, in rad/s, at speeds (P,), 0 for the mechanism at rest. Where K is not positive they count
+    as 0; NaN at speeds without matrices."""
 
     system: PeriodicSystem
     speeds: Array
-    values: Array
+
+    @cached_property
+    def values(self) -> Array:
+        """(P, n)."""
+        phase = (np.arange(_PHASES) + 0.5) * (self.system.period / _PHASES)
+        means = np.full((len(self.speeds), self.system.n), np.nan)
+        for mean, speed in zip(means, self.speeds, strict=True):
+            # Where there are no matrices, the solution at this speed says why.
+            with suppress(SolveError):
+                M, _, K, _ = self.system.at(phase, float(speed))
+                squares = np.sort(np.real(np.linalg.eigvals(np.linalg.solve(M, K))), axis=1)
+                mean[:] = np.sqrt(np.maximum(squares, 0.0)).mean(axis=0)
+        return means
 
     def at(self, speed: float) -> Array:
         """The same (n,) at a speed."""
-        return mean_frequencies(self.system, np.array([speed])).values[0]
+        return MeanFrequencies(self.system, np.array([speed])).values[0]
 
 
 def critical_speeds(
@@ -75,7 +89,7 @@ def critical_speeds(
     quantity: a coordinate or output, by default the first coordinate; figure: its max_abs, rms, max, min
     or mean. Speeds are added where fewer than 24 lie between two divisions of the lowest frequency of an
     order up to `orders`; below those no maxima are looked for. Maxima are found to `tolerance`, relative.
-    progress is told the number of points solved so far. engine: as in `sweep`. Raises SolveError
+    progress is called with the number of points solved so far. engine: as in `sweep`. Raises SolveError
     subclasses for bad input.
     """
     omegas = np.array(speeds_between(speeds, "critical speeds"))
@@ -85,12 +99,12 @@ def critical_speeds(
         raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
     require_size("orders", orders, len(omegas) * system.n**2)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
-    rest = mean_frequencies(system, np.array([0.0]))
+    rest = MeanFrequencies(system, np.array([0.0]))
     grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
     batch = task.batch(grid[:, None])
     search = _Search(batch, task.kept, figure, checked_tolerance(tolerance), Count(progress))
     found = search.solved(grid)
-    frequencies = mean_frequencies(system, grid)
+    frequencies = MeanFrequencies(system, grid)
     skipped = frequencies.values[:, 0] > (orders + 0.5) * grid
     if skipped.any():
         limit = float(grid[skipped].max()) * 30 / np.pi
@@ -210,21 +224,6 @@ def _assigned(
         else:
             alone.append(replace(Critical(), **{way: maximum}))
     return rows + alone
-
-
-def mean_frequencies(system: PeriodicSystem, speeds: Array) -> MeanFrequencies:
-    """At speeds (P,) in rad/s, 0 for the mechanism at rest."""
-    phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
-    means = np.full((len(speeds), system.n), np.nan)
-    for mean, speed in zip(means, speeds, strict=True):
-        try:
-            M, _, K, _ = system.at(phase, float(speed))
-        except SolveError:
-            # The solution at this speed fails for the same reason, and says so.
-            continue
-        squares = np.sort(np.real(np.linalg.eigvals(np.linalg.solve(M, K))), axis=1)
-        mean[:] = np.sqrt(np.maximum(squares, 0.0)).mean(axis=0)
-    return MeanFrequencies(system, speeds, means)
 
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:

@@ -1,7 +1,7 @@
 """Floating-point operations of four ways to a periodic solution, as the thesis counts them (Table 6.1 and
 the formula above Table 6.3): n coordinates, N steps a period, Newmark's method.
 
-`stored` tells whether the matrices of all steps are kept. The counts are the thesis' models of
+`stored`: whether the matrices of all steps are kept. The counts are the thesis' models of
 algorithms that form and invert those matrices; they are not counts of this package's own code.
 """
 

@@ -10,7 +10,7 @@ from solve.arrays import Array
 from solve.batch.family import over_speed
 from solve.batch.gathering import Count, task_of
 from solve.errors import StepsError, ValueOutOfBoundsError, require_name
-from solve.methods.auto import Rule
+from solve.methods.choice import Rule
 from solve.model.model import Model
 from solve.results.points import Kept
 from solve.results.sweep import Sweep, Sweeps
@@ -37,16 +37,17 @@ def sweep(
     quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
     are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
     which no periodic solution is found gives NaN and the reason; the sweep goes on. With an executor
-    parts of the sweep are handed to it; progress is told the number of points done. engine: "compiled",
-    "numpy", or "auto" for the first where there is a C compiler. Raises SolveError subclasses for what no
-    speed could mend.
+    parts of the sweep are handed to it; progress is called with the number of points done. engine:
+    "compiled", "numpy", or "auto" for the first where there is a C compiler. Raises SolveError subclasses for
+    what no speed could mend.
     """
     omegas = np.array(speeds_given(speeds))
     names = system.known_quantities(quantities)
     kept = Kept(names, system.known_quantities(spectra), harmonics if spectra else 0)
     if steps is not None and not (isinstance(steps, int | np.integer) and steps >= 1):
         raise StepsError(
-            f"steps is {steps!r}; allowed: whole numbers of at least 1; leave --steps out to have it chosen"
+            f"steps is {steps!r}; allowed: whole numbers of at least 1; leave steps out to have their number "
+            "chosen"
         )
     task, notes = task_of(over_speed(system), method, rtol, engine, kept, steps)
     points = omegas[:, None]
@@ -77,8 +78,8 @@ def sweeps(
     progress: Callable[[int], None] | None = None,
 ) -> Sweeps:
     """Each of the systems over the speeds (rad/s, or texts with unit), keeping the figures of some
-    coordinates and outputs that all of them have, or that names of `largest_of` stand for. progress is told
-    the number of points done. Raises SolveError subclasses for bad input."""
+    coordinates and outputs that all of them have, or that names of `largest_of` stand for. progress is called
+    with the number of points done. Raises SolveError subclasses for bad input."""
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
     omegas = np.array(speeds_given(speeds))

@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
-from solve.methods.auto import Rule
+from solve.methods.choice import Rule
 from solve.results.validity import Validity
 from solve.single import periodic
 from solve.system import PeriodicSystem

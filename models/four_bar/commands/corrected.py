@@ -78,7 +78,7 @@ def _largest(orbit: "Orbit", name: str) -> "tuple[str, Statistics]":
 
 
 def _record(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -> dict[str, Any]:
-    from solve.results.record import model_record, plain
+    from solve.results.contents import model_record, plain
 
     first = orbits["reference"]
     reference = _largest(first, name)[1].max_abs
@@ -132,8 +132,7 @@ def _report(
 def _contents(model: "StructureModel", orbits: "Mapping[str, Orbit]", name: str) -> "Contents":
     import numpy as np
 
-    from solve.results.contents import table_contents
-    from solve.results.record import model_record
+    from solve.results.contents import model_record, table_contents
 
     first = orbits["reference"]
     phase = np.linspace(0.0, first.system.period, _SAMPLES)

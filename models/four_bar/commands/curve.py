@@ -60,9 +60,10 @@ def _columns(paths: "CouplerCurve") -> "dict[str, tuple[Any, str, str]]":
 
 
 def _record(orbit: "Orbit", paths: "CouplerCurve", along: float, across: float) -> dict[str, Any]:
-    from solve.results.record import model_record, plain
 
     distance = abs(paths.deviation)
+    from solve.results.contents import model_record, plain
+
     return plain(
         {
             **model_record(orbit.system),
@@ -102,7 +103,6 @@ def _report(orbit: "Orbit", paths: "CouplerCurve", choices: "list[str]") -> "Ren
 
 
 def _contents(orbit: "Orbit", paths: "CouplerCurve") -> "Contents":
-    from solve.results.contents import table_contents
-    from solve.results.record import model_record
+    from solve.results.contents import model_record, table_contents
 
     return table_contents(_columns(paths), {**model_record(orbit.system), "speed": orbit.speed})

@@ -55,7 +55,7 @@ def design(
     from models.four_bar.design_report import outcome_contents, outcome_report
     from models.four_bar.outcome import carry_out, outcome_record
     from solve.commands.deliver import deliver
-    from solve.results.record import plain
+    from solve.results.contents import plain
     from solve.units import speed_in_si
 
     stresses = _allowable(model, allowable)

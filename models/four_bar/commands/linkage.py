@@ -99,7 +99,7 @@ def _deliver(record: Mapping[str, Any], as_json: bool, written: Sequence[Path]) 
     from rich.console import Console
 
     from models.four_bar.rigid.report import linkage_report
-    from solve.results.record import plain
+    from solve.results.contents import plain
 
     if as_json:
         print(json.dumps(plain(record), ensure_ascii=False, allow_nan=False), flush=True)

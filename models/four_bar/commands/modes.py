@@ -61,9 +61,10 @@ def modes(
 
 
 def _record(orbit: "Orbit", contributions: "Contributions", alone: "Array | None") -> dict[str, Any]:
-    from solve.results.record import model_record, plain
 
     beside = {} if alone is None else {"uncoupled": {"values": alone, "error": _error(contributions, alone)}}
+    from solve.results.contents import model_record, plain
+
     return plain(
         {
             **model_record(orbit.system),
@@ -119,8 +120,7 @@ def _report(
 
 
 def _contents(orbit: "Orbit", contributions: "Contributions", alone: "Array | None") -> "Contents":
-    from solve.results.contents import table_contents
-    from solve.results.record import model_record
+    from solve.results.contents import model_record, table_contents
 
     unit = orbit.system.units[contributions.output]
     columns: dict[str, tuple[Any, str, str]] = {

@@ -116,7 +116,8 @@ def _warnings(compared: "Sweeps") -> list[str]:
 def _record(
     model: "StructureModel", compared: "Sweeps", names: "Sequence[str]", figure: str
 ) -> dict[str, Any]:
-    from solve.results.record import model_record, plain
+
+    from solve.results.contents import model_record, plain
 
     values = {name: compared.figures(name, figure) for name in names}
     return plain(
@@ -171,8 +172,7 @@ def _report(
 
 
 def _contents(model: "StructureModel", compared: "Sweeps", names: "Sequence[str]", figure: str) -> "Contents":
-    from solve.results.contents import table_contents
-    from solve.results.record import model_record
+    from solve.results.contents import model_record, table_contents
 
     columns: dict[str, tuple[Any, str, str]] = {"speed": (compared.speeds, "rad/s", "speed of rotation")}
     values = {name: compared.figures(name, figure) for name in names}

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from solve import Newmark, Radau, RungeKutta4, SolveError, periodic
-from solve.methods.auto import auto
 from solve.methods.bahgat_willmert import BahgatWillmert
+from solve.methods.choice import auto
 from solve.methods.fourier import Fourier
 from solve.methods.gauss import Gauss
 from solve.methods.hill import Hill

@@ -246,7 +246,7 @@ def oscillator(omega):
 @each(EVERY)
 @pytest.mark.parametrize("steps", [0, -3, 2.5, True, "many"])
 def test_what_is_no_number_of_steps_is_refused(method, steps):
-    with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; leave --steps out"):
+    with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; leave steps out"):
         periodic(SYSTEM, 1.0, method, steps=steps)
 
 

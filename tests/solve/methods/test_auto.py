@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solve import load, periodic
-from solve.methods.auto import RESOLVABLE, auto
+from solve.methods.choice import RESOLVABLE, auto
 from solve.period.points import OnePoint
 from tests.solve.systems import constant
 

@@ -10,8 +10,8 @@ from rich.console import Console
 
 import solve
 from solve.errors import MatricesError
+from solve.results.contents import plain
 from solve.results.orbit import QuasiStatic
-from solve.results.record import plain
 from solve.results.report import described
 from tests.solve.results.problems import SPEED, chain, orbit, oscillators
 
