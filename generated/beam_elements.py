@@ -6,7 +6,7 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "a089b17fb15e28206dd9f0fd28a1700c24d00b1aa25e66ffbaa561db9f4b48a5"
+DERIVE_SHA256 = "be264cc1f3a31b538d37b3d098664bc6aa1dff4e0ddeae16690c34fe78446f50"
 SYMPY_VERSION = "1.14.0"
 BODY_SHA256 = "08214016695c19ad867a812f77068bc6837ffaa8332ed149a90d25869d65836f"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.

@@ -9,6 +9,7 @@ import typer
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Problem, Results, Settings, Speed
 from solve.commands.parse import number, whole
+from solve.errors import NoResultError
 from solve.methods.auto import Rule
 from solve.methods.choice import METHODS, chosen, settings_of
 from solve.studies.compare import TARGETS
@@ -42,6 +43,8 @@ def compare(
     omega, methods = speed.omega(model), _methods(method, settings.settings)
     with _progress() as progress:
         result = compared(model, omega, methods, steps, rtol or TARGETS, progress)
+    if all(row.reason for row in result.rows):
+        raise NoResultError(f"no method gives a result; {result.rows[0].method}: {result.rows[0].reason}")
     deliver_result(results, result, problem.choices)
 
 

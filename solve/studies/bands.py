@@ -16,6 +16,7 @@ from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import Count, gathered
 from solve.batch.spread import task_of
+from solve.errors import NoResultError
 from solve.methods.auto import RESOLVABLE, Rule, auto
 from solve.methods.radau import Radau
 from solve.period.frozen import frozen, surviving
@@ -94,6 +95,8 @@ def bands(
     middle = np.arange(1, len(known.points) - 1)
     spacing = float(np.diff(known.points[:, 0]).max())
     known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
+    if known.failed.all():
+        raise NoResultError(_failures(batch, known.points))
     if known.failed.any():
         notes = [*notes, _failures(batch, known.points[known.failed])]
     found = _Runs(asked, checked_tolerance(tolerance)).bands(_rising(known))

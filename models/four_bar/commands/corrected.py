@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Results
+from solve.commands.groups import Results, progressing
 from solve.commands.parse import number
 from solve.errors import ValueOutOfBoundsError
 
@@ -53,7 +53,11 @@ def corrected(
     omega, systems = speed_in_si(speed), _systems(model, elements)
     for system in systems.values():
         checked_turn(system, of, len(systems))
-    orbits = {label: solve.periodic(system, omega, rtol=rtol) for label, system in systems.items()}
+    orbits: dict[str, Orbit] = {}
+    with progressing("solutions", len(systems)) as progress:
+        for label, system in systems.items():
+            orbits[label] = solve.periodic(system, omega, rtol=rtol)
+            progress(len(orbits))
     deliver(
         results,
         list(dict.fromkeys(text for orbit in orbits.values() for text in orbit.warnings)),

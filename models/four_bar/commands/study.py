@@ -67,6 +67,8 @@ def study(
     names = shown(model, of or ["follower_midpoint_stress_plus"])
     with progressing("study", len(omegas) * len(systems)) as progress:
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
+    if all(each.results.failed.all() for each in compared.sweeps.values()):
+        next(iter(compared.sweeps.values())).results.require_any()
     deliver(
         results,
         _warnings(compared),
