@@ -1,15 +1,14 @@
 """The command `derive`: generate, check or show a mechanism's equations."""
 
-import sys
 from collections.abc import Sequence
 
-from derive.door import door
+from derive.door import enter
 from derive.errors import DeriveError
 
 
 def main() -> None:
     """Entry point of the console command."""
-    sys.exit(door("derive", _run, sys.argv[1:], DeriveError))
+    enter("derive", _run, DeriveError)
 
 
 def _run(arguments: Sequence[str]) -> int | None:

@@ -9,10 +9,11 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
-from typing import Any
+from typing import Any, NoReturn
 
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130
 
@@ -140,6 +141,14 @@ def _insistent() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for each, how in usual.items():
             signal.signal(each, how)
+
+
+def enter(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[Exception]) -> NoReturn:
+    """The command as a program with the arguments that the user typed. What libraries warn of is left out,
+    unless Python was asked for it: results that are doubtful say so themselves."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    sys.exit(door(name, work, sys.argv[1:], refusals))
 
 
 def _misused(name: str, error: Any) -> int:

@@ -62,7 +62,7 @@ def find(model: str, out: Path | None = None) -> Source:
     """The source that a name or a path ending in .py stands for; UnknownMechanismError if none."""
     path = Path(model)
     if model.endswith(".py"):
-        if not path.is_file():
+        if not _is_file(path):
             raise UnknownMechanismError(
                 f"there is no file {model}; give a mechanism's name or the path of its file"
             )
@@ -77,6 +77,14 @@ def find(model: str, out: Path | None = None) -> Source:
     if model == BEAM_ELEMENTS:
         source = HOME / "derive" / "beam.py"
     return Source(model, source, (out or HOME / "generated") / f"{model}.py", model, out)
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; names that no file can have name none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def load(source: Source) -> "Mechanism":
@@ -120,7 +128,7 @@ def _run(source: Source) -> object:
         stated = function() if callable(function) else None
     except DeriveError as error:
         raise type(error)(f"{source.path}{_line(error, source.path)}: {error}") from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         what = f"{type(error).__name__}: {error}"
         raise MechanismFileError(f"{source.path}{_line(error, source.path)}: {what}") from error
     if not callable(function):
@@ -130,7 +138,7 @@ def _run(source: Source) -> object:
     return stated
 
 
-def _line(error: Exception, path: Path) -> str:
+def _line(error: BaseException, path: Path) -> str:
     """Where in the mechanism file an exception arose, such as ", line 12"."""
     if isinstance(error, SyntaxError):
         return f", line {error.lineno}"

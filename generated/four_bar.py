@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "393ea01a7b96feaee08c9d9ba34bfa6c43ac9fd9212f7da73ce2857565045189"
+DERIVE_SHA256 = "bdb0c0ef62fe13b9787ab4028763bf342daa751d167cfe20f67cc1be790c485b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8a64166c32bd9da2293e5188639e4d1dbcad0bb17f3a78b7ba5e46e8dcf3cd24"
+FILE_SHA256 = "81c6b48dad0fb4de8e24aaf2654919eed5ae550dbf6a856f8a2bb1d036b15f54"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

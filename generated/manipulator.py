@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "393ea01a7b96feaee08c9d9ba34bfa6c43ac9fd9212f7da73ce2857565045189"
+DERIVE_SHA256 = "bdb0c0ef62fe13b9787ab4028763bf342daa751d167cfe20f67cc1be790c485b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "435e0ea4d9c7affd76e23650a755647952dfff3a3761cb956cbd06ec1d2d7275"
+FILE_SHA256 = "f444eba91aeb3848983462f2ef24efeb55963399d7b3d9968ce0878143a30eab"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "393ea01a7b96feaee08c9d9ba34bfa6c43ac9fd9212f7da73ce2857565045189"
+DERIVE_SHA256 = "bdb0c0ef62fe13b9787ab4028763bf342daa751d167cfe20f67cc1be790c485b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "64b7795030b9441bd6b6d6cd7a3254a96a61888cc101eeb1082fb1b4f404755e"
+FILE_SHA256 = "657cc4d31a83e0a5fff88ffc447cae8c62f9db130eed9571a7657281f1ba8002"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -1,15 +1,14 @@
 """The command `solve`: periodic vibration, stability and studies of a model."""
 
-import sys
 from collections.abc import Sequence
 
-from solve.commands.door import door
+from solve.commands.door import enter
 from solve.errors import SolveError
 
 
 def main() -> None:
     """Entry point of the console command."""
-    sys.exit(door("solve", _run, sys.argv[1:], SolveError))
+    enter("solve", _run, SolveError)
 
 
 def _run(arguments: Sequence[str]) -> int | None:

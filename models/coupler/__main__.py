@@ -1,9 +1,8 @@
 """The command of the flexible coupler: `python -m models.coupler`."""
 
-import sys
 from collections.abc import Sequence
 
-from solve.commands.door import door
+from solve.commands.door import door, enter
 from solve.errors import SolveError
 
 _NAME = "python -m models.coupler"
@@ -24,7 +23,7 @@ def _called(arguments: Sequence[str]) -> int | None:
 
 def main() -> None:
     """Entry point of the module."""
-    sys.exit(run(sys.argv[1:]))
+    enter(_NAME, _called, SolveError)
 
 
 if __name__ == "__main__":

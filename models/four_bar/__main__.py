@@ -1,9 +1,8 @@
 """The commands of the four-bar linkage: `python -m models.four_bar COMMAND`."""
 
-import sys
 from collections.abc import Sequence
 
-from solve.commands.door import door
+from solve.commands.door import door, enter
 from solve.errors import SolveError
 
 _NAME = "python -m models.four_bar"
@@ -31,7 +30,7 @@ def _called(arguments: Sequence[str]) -> int | None:
 
 def main() -> None:
     """Entry point of the module."""
-    sys.exit(run(sys.argv[1:]))
+    enter(_NAME, _called, SolveError)
 
 
 if __name__ == "__main__":

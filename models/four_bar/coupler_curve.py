@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,6 +36,8 @@ def coupler_curve(
 
     Raises ValueOutOfBoundsError.
     """
+    if not np.isfinite(across):
+        raise ValueOutOfBoundsError(f"distance beside the coupler is {across} m; allowed: finite numbers")
     q, _, _ = turn.state(phase)
     return CouplerCurve(phase, *model.path("coupler", along, across, phase, q))
 

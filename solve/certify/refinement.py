@@ -201,9 +201,18 @@ class Refinement:
         """On as many steps as each point needs."""
         wanted = np.maximum(first_steps(self.method), len(self.points.breaks))
         first = np.maximum(wanted, np.ceil(1.2 * self.least[positions])).astype(int)
+        for position in positions[first > self.most].tolist():
+            yield Failed(position, self._out_of_reach(int(self.least[position])))
+        positions, first = positions[first <= self.most], first[first <= self.most]
         for steps in np.unique(first):
             these = positions[first == steps]
             yield from self._on(Pace(rung(int(steps))), _Trail(these, np.full((len(these), 2), np.inf)))
+
+    def _out_of_reach(self, least: int) -> StepsError:
+        return StepsError(
+            f"{self.method.name} is stable from {least} steps a period on and takes at most {self.most}; "
+            "use a method without limit (radau)"
+        )
 
     def _on(self, pace: Pace, trail: _Trail) -> Iterator[Certified | Failed]:
         """The points that need at least this many steps, and then those that need more."""

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Settings, Speed
+from solve.errors import NoResultError
 from solve.methods.choice import METHODS, Rule, chosen, settings_of
 from solve.studies.compare import TARGETS
 from solve.studies.compare import compare as compared
@@ -34,6 +35,8 @@ def compare(
     omega, methods = speed.omega(model), _methods(method, settings.settings)
     with _progress() as progress:
         result = compared(model, omega, methods, steps, rtol or TARGETS, progress)
+    if all(row.reason for row in result.rows):
+        raise NoResultError(f"no method gives a result; {result.rows[0].method}: {result.rows[0].reason}")
     deliver_result(results, result, problem.choices)
 
 

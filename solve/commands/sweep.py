@@ -39,6 +39,7 @@ def sweep(
     asked = accuracy.rule, accuracy.steps, accuracy.rtol
     with progressing("sweep", len(omegas)) as progress:
         result = solve.sweep(model, omegas, *asked, progress=progress, spectra=spectra, harmonics=orders)
+    result.results.require_any()
 
     def figure() -> Figure:
         if turn:

@@ -20,6 +20,9 @@ from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
 from solve.period.points import Points, affine, matrices
 from solve.sizes import most_numbers
 
+MOST_STEPS = 2**40
+"""More than any memory allows."""
+
 _LARGE_SYSTEMS = 4
 """Times the numbers that may be held that one period may take where fewer steps would be too few."""
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from solve.arrays import Array, solved
 from solve.errors import ValueOutOfBoundsError
-from solve.methods.method import Discretisation, OneStep
+from solve.methods.method import MOST_STEPS, Discretisation, OneStep
 from solve.period.curve import Curve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
@@ -57,7 +57,7 @@ class Newmark(OneStep):
         if self.gamma < 0.5 or np.isinf(limit):
             return super().least_steps(modes)
         reach = np.where(np.isfinite(modes.reach), modes.reach, 0.0)
-        return np.maximum(1, np.ceil(reach / limit)).astype(int)
+        return np.ceil(np.clip(reach / limit, 1, MOST_STEPS)).astype(int)
 
     def phase_error(self, angle: Array, steps: int) -> Array:
         """With γ = 1/2 a mode's period is longer by (β - 1/12) (ωh)²/2 of itself; otherwise modes grow or

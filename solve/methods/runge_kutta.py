@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.methods.method import Discretisation, OneStep
+from solve.methods.method import MOST_STEPS, Discretisation, OneStep
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.points import Points, state_rate
@@ -42,7 +42,7 @@ class RungeKutta4(OneStep):
             inside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) <= 1 + 1e-12
             low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         needed = np.where(decaying, size * modes.period / np.where(low > 0, low, 1.0), 1.0)
-        return np.ceil(needed.max(axis=(1, 2))).astype(int)
+        return np.ceil(np.minimum(needed.max(axis=(1, 2)), MOST_STEPS)).astype(int)
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         n = points.n

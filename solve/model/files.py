@@ -37,7 +37,11 @@ def model_files(model: str) -> Files:
 def _located(model: str) -> Files:
     if model.endswith(".py"):
         mechanism = Path(model)
-        if not mechanism.is_file():
+        try:
+            found = mechanism.is_file()
+        except OSError:
+            found = False
+        if not found:
             raise ModelFileError(f"no mechanism file '{model}'; give the path of a file that exists")
         generated = mechanism.parent / "generated" / mechanism.name
         return Files(generated, mechanism.with_suffix(".toml"), mechanism)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import NoResultError
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
 from solve.sizes import NUMBERS_A_POINT, require_size
@@ -86,6 +87,12 @@ class PointResults:
     def failed(self) -> Array:
         """Where there is no result (P,)."""
         return self.verdicts == FAILED
+
+    def require_any(self) -> None:
+        """Raise NoResultError where every point failed."""
+        if self.failed.all():
+            reason = next(iter(self.failures.values()), "")
+            raise NoResultError(f"none of the {len(self)} points gives a result: {reason}")
 
     @property
     def outside(self) -> Array:

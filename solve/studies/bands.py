@@ -15,6 +15,7 @@ from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import Count, gathered, task_of
+from solve.errors import NoResultError
 from solve.methods.choice import RESOLVABLE, Rule, auto
 from solve.methods.radau import Radau
 from solve.period.frozen import frozen, surviving
@@ -100,6 +101,8 @@ def bands(
     middle = np.arange(1, len(known.points) - 1)
     spacing = float(np.diff(known.points[:, 0]).max())
     known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
+    if known.failed.all():
+        raise NoResultError(_failures(batch, known.points))
     if known.failed.any():
         notes = [*notes, _failures(batch, known.points[known.failed])]
     found = _Runs(asked, checked_tolerance(tolerance)).bands(_rising(known))

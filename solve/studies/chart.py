@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
 from solve.batch.gathering import Count, task_of
-from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
+from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.choice import Rule
 from solve.results.chart import BoundaryCurve, Chart, Cut
@@ -64,9 +64,7 @@ def chart(
     task, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     batch = task.batch(points)
     results = task.solved(batch, points, executor, progress)
-    if results.failed.all():
-        reason = next(iter(results.failures.values()))
-        raise NoResultError(f"none of the {len(points)} points gives a result: {reason}")
+    results.require_any()
     search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
     solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
     parts = x_name, xs, y_name, ys, family.example, results

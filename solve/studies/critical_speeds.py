@@ -104,6 +104,7 @@ def critical_speeds(
     batch = task.batch(grid[:, None])
     search = _Search(batch, task.kept, figure, checked_tolerance(tolerance), Count(progress))
     found = search.solved(grid)
+    found.require_any()
     frequencies = MeanFrequencies(system, grid)
     skipped = frequencies.values[:, 0] > (orders + 0.5) * grid
     if skipped.any():

@@ -263,6 +263,7 @@ def test_show_of_the_cam_reads_like_the_chapter(derive):
         (["models/cam"], '"models/cam" is neither a name nor a file: a path must end in .py'),
         (["..\\cam"], "a path must end in .py"),
         (["nowhere/cam.py"], "there is no file nowhere/cam.py"),
+        (["x" * 300 + ".py"], "there is no file xxx"),
         (["cam", "--full"], "--full goes with --check"),
         (["cam", "--check", "--show"], "--show with neither"),
         (["cam", "--frobnicate"], "No such option: --frobnicate"),
@@ -288,6 +289,9 @@ def test_bad_arguments(derive, arguments, message):
         ("def mechanism(:\n", ", line 1: SyntaxError: "),
         ("import nothing_of_that_name\n", ", line 1: ModuleNotFoundError: No module named"),
         ("raise ValueError('two\\nlines')\n", "ValueError: two lines"),
+        ("raise SystemExit(0)\n", ", line 1: SystemExit: 0"),
+        ("def mechanism():\n    return mechanism()\n", "RecursionError: maximum recursion depth exceeded"),
+        (ROTOR.replace("kg m^2", "kg m^99999999"), 'is not understood at "m^99999999"'),
         ("from derive import nothing\n", "ImportError: cannot import name 'nothing'"),
         (
             ROTOR.replace('"rotor", "Rotor', '"other", "Rotor'),

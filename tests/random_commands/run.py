@@ -11,12 +11,18 @@ import warnings
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from rich.progress import Progress
+
+from solve.commands.door import INTERRUPTED
 from tests.random_commands.lines import line
 
 SECONDS = 60
-"""Of this process's own time that a command may take."""
+"""Of this process's own time that a command may take without telling how far it is."""
+
+_LONG, _TICK = 20, 10
+"""Seconds after which a command that tells it is interrupted, and between two looks."""
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
 _LINES_OF_A_REFUSAL = 3
@@ -44,7 +50,7 @@ def complaint(ended: Ended) -> str:
     lines = ended.error.strip().splitlines()
     if ended.status is None:
         return f"took more than {SECONDS} s"
-    if ended.status not in (0, 1, 2):
+    if ended.status not in (0, 1, 2, INTERRUPTED):
         return f"status {ended.status}: {lines[-1] if lines else ''}"
     if ended.status == 2 and not 1 <= len(lines) <= _LINES_OF_A_REFUSAL:
         return f"{len(lines)} lines of refusal"
@@ -61,7 +67,7 @@ def inside(program: str, arguments: list[str], folder: Path) -> Ended:
     with chdir(folder), redirect_stdout(streams[0]), redirect_stderr(streams[1]), warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         try:
-            with _at_most(SECONDS):
+            with _watched():
                 status: int | None = _run(program, arguments)
         except TooLongError:
             status = None
@@ -91,14 +97,29 @@ def _run(program: str, arguments: list[str]) -> int:
 
 
 @contextmanager
-def _at_most(seconds: int) -> Iterator[None]:
-    def stop(*_: object) -> None:
-        raise TooLongError
+def _watched() -> Iterator[None]:
+    """Stop a command that works long: one that tells how far it is by an interruption, any other at the end
+    of its time."""
+    told, used = [0], [0]
 
-    before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    def update(*given: Any, **named: Any) -> None:
+        told[0] += 1
+        usual(*given, **named)
+
+    def tick(*_: object) -> None:
+        used[0] += _TICK
+        if told[0] and used[0] >= _LONG:
+            raise KeyboardInterrupt
+        told[0] = 0
+        if used[0] >= SECONDS:
+            raise TooLongError
+
+    usual, Progress.update = Progress.update, update
+    before = signal.signal(signal.SIGPROF, tick)
+    signal.setitimer(signal.ITIMER_PROF, _TICK, _TICK)
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, before)
+        Progress.update = usual

@@ -143,3 +143,37 @@ def test_a_unit_may_follow_its_number_without_a_space(text, omega):
 def test_ranges_of_speeds_without_a_space():
     assert speeds_in_si("100:300:3rpm") == speeds_in_si("100:300:3 rpm")
     assert speeds_in_si("100 200rpm") == speeds_in_si("100 200 rpm")
+
+
+@pytest.mark.parametrize(
+    "unit",
+    [
+        "kg**(9**9**9)",
+        "m*9**9**9",
+        "m^999",
+        "m**9**9",
+        "m^2^3",
+        "(" * 3000,
+        "m " * 3000,
+        "m/" * 50 + "s",
+        "((m))",
+        "m^-",
+    ],
+)
+def test_units_are_read_and_never_computed(unit):
+    with pytest.raises(UnitError, match="does not convert to 'm'; allowed: units of the same kind"):
+        conversion(unit, "m")
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "size"),
+    [("N/(m s)", "kg/s^3", 1.0), ("kg * mm**2 / s", "kg m^2/s", 1e-6), ("(mm/s)^2", "m^2/s^2", 1e-6)],
+)
+def test_units_with_one_pair_of_brackets(given, unit, size):
+    assert conversion(given, unit) == pytest.approx(size, rel=1e-14)
+
+
+@pytest.mark.parametrize("speed", [1e61, 1e-61, 5e-324, "1e300 rpm", "1e-300 Hz"])
+def test_speeds_that_cannot_be_calculated_with_are_refused(speed):
+    with pytest.raises(ValueOutOfBoundsError, match=r"allowed: 0, or 1e-60 … 1e\+60 in size"):
+        speed_in_si(speed)

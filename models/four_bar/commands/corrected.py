@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Flag, Results
+from solve.commands.groups import Flag, Results, progressing
 from solve.errors import ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -45,7 +45,11 @@ def corrected(
     omega, systems = speed_in_si(speed), _systems(model, elements)
     for system in systems.values():
         checked_turn(system, system.parts(of)[0], len(systems))
-    orbits = {label: solve.periodic(system, omega, rtol=rtol) for label, system in systems.items()}
+    orbits: dict[str, Orbit] = {}
+    with progressing("solutions", len(systems)) as progress:
+        for label, system in systems.items():
+            orbits[label] = solve.periodic(system, omega, rtol=rtol)
+            progress(len(orbits))
     deliver(
         results,
         list(dict.fromkeys(text for orbit in orbits.values() for text in orbit.warnings)),

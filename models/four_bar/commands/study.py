@@ -57,6 +57,8 @@ def study(
     shown(model, [model.parts(name)[0] for name in names])
     with progressing("study", len(omegas) * len(systems)) as progress:
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
+    if all(each.results.failed.all() for each in compared.sweeps.values()):
+        next(iter(compared.sweeps.values())).results.require_any()
     deliver(
         results,
         _warnings(compared),

@@ -2,6 +2,8 @@
 
 import pytest
 
+from tests.random_commands.lines import CASES
+
 SPEED = ("--speed", "600 rpm")
 CAM = ("periodic", "cam", *SPEED)
 
@@ -76,6 +78,85 @@ BAD = {
     "case file that is none": ((*CAM, "--cases", "none.toml"), ("none.toml", "cannot be read")),
     "case file that is no TOML": ((*CAM, "--cases", "broken.toml"), ("broken.toml", "not TOML")),
     "case file with a misspelt key": ((*CAM, "--cases", "misspelt.toml"), ("'valeu'", "'value'")),
+    "speed in a unit to be computed": (
+        (*CAM[:2], "--speed", "600 rpm*9**9**9"),
+        ("rpm*9**9**9", "rpm, rad/s"),
+    ),
+    "speed in a tower of powers": (
+        (*CAM[:2], "--speed", "600 kg**(9**9**9)"),
+        ("does not convert",),
+    ),
+    "speed in a large power": (
+        (*CAM[:2], "--speed", "600 rpm^999999999"),
+        ("does not convert",),
+    ),
+    "speed in a unit of 3000 brackets": ((*CAM[:2], "--speed", "600 " + "(" * 3000), ("does not convert",)),
+    "speed of 5000 digits": ((*CAM[:2], "--speed", "9" * 5000 + " rpm"), ("allowed: finite and > 0",)),
+    "speed too small": ((*CAM[:2], "--speed", "1e-300 rpm"), ("1e-60 … 1e+60",)),
+    "speed too large": (("floquet", "cam", "--speed", "1e300 rpm"), ("1e-60 … 1e+60",)),
+    "parameter too large": ((*CAM, "--set", "k1=1e300"), ("k1", "1e+300", "1e-60 … 1e+60")),
+    "parameter too small": ((*CAM, "--set", "m2=5e-324"), ("m2", "4.94066e-324", "1e-60 … 1e+60")),
+    "force too large": ((*CAM, "--set", "F=1e308"), ("F", "1e+308", "1e-60 … 1e+60")),
+    "number of a flag too large": ((*CAM, "--rtol", "1e-300"), ("1e-300", "1e-60 … 1e+60")),
+    "whole number of 5000 digits": ((*CAM, "--harmonics", "9" * 5000), ("is not a whole number",)),
+    "flag twice": ((*CAM, "--rtol", "1e-3", "--rtol", "1e-4"), ("--rtol is given 2 times", "once")),
+    "limit zero": ((*CAM, "--limit", "0"), ("limit is 0", "1 … 1e15")),
+    "limit infinite": ((*CAM, "--limit", "inf"), ("limit is inf", "1 … 1e15")),
+    "steps beyond the limit": (
+        (*CAM, "--method", "radau", "--steps", "2000", "--limit", "2e5"),
+        ("radau takes at most", "given: 2000", "--limit"),
+    ),
+    "case file that nests deeply": ((*CAM, "--cases", "deep.toml"), ("deep.toml", "nests too deeply")),
+    "case file with a number of 5000 digits": ((*CAM, "--cases", "digits.toml"), ("digits.toml", "not TOML")),
+    "case file with a count of a hundred million": (
+        (*CAM, "--cases", "count.toml"),
+        ("'a13'", "did you mean"),
+    ),
+    "case file with a tower of powers": ((*CAM, "--cases", "tower.toml"), ("k1", "does not convert")),
+    "case file that is endless": ((*CAM, "--cases", "/dev/zero"), ("/dev/zero", "is no file")),
+    "case file that is large": (
+        (*CAM, "--cases", "long.toml", "--limit", "1e5"),
+        ("2000 bytes", "allowed: up to 1562", "--limit 1.28e+05"),
+    ),
+    "case file with a long name": ((*CAM, "--cases", "x" * 300), ("cannot be read",)),
+    "path of 300 letters": (("periodic", "x" * 300 + ".py", *SPEED), ("no mechanism file",)),
+    "picture of a long name": ((*CAM, "--plot", "x" * 300 + ".png"), ("cannot be written",)),
+    "picture onto a device": ((*CAM, "--plot", "device.png"), ("device.png", "is a device")),
+    "sweep: no speeds": (("sweep", "cam"), ("no speeds given", "--speeds")),
+    "sweep: too many speeds": (
+        ("sweep", "cam", "--speeds", "1:2:100000000 rpm"),
+        ("1e+08 values", "allowed: up to 1048576", "--limit 6.4e+09"),
+    ),
+    "sweep: too many amplitudes": (
+        ("sweep", "cam", "--speeds", "1:2:1000 rpm", "--waterfall", "q1", "--harmonics", "10000"),
+        ("1000 points", "--limit"),
+    ),
+    "bands: one speed": (("bands", "cam", "--speeds", "600 rpm"), ("at least two speeds",)),
+    "chart: no range": (("chart", "mathieu", "--x", "delta=0:1:3"), ("no --y given",)),
+    "chart: one quantity twice": (
+        ("chart", "mathieu", "--x", "delta=0:1:3", "--y", "delta=0:1:3"),
+        ("both delta",),
+    ),
+    "chart: too many points": (
+        ("chart", "mathieu", "--x", "delta=0:1:100000", "--y", "epsilon=0:1:100000"),
+        ("1e+10 points", "--limit"),
+    ),
+    "critical: too many orders": (
+        ("critical", "cam", "--speeds", "600 700 rpm", "--orders", "1000000000"),
+        ("1e+09 orders", "--limit"),
+    ),
+    "frequencies: too many positions": (
+        ("frequencies", "cam", "--turn", "1000000000"),
+        ("1e+09 positions", "--limit"),
+    ),
+    "frequencies: too many values": (
+        ("frequencies", "cam", "--over", "k1=1:2:900000"),
+        ("3.24e+07 values at all positions", "--limit"),
+    ),
+    "frequencies: position too large": (
+        ("frequencies", "cam", "--position", "1e300 rad"),
+        ("1e-60 … 1e+60",),
+    ),
     "compare: unknown method": (("compare", "cam", *SPEED, "--method", "rk5"), ("rk5", "rk4")),
     "compare: a setting that no method has": (
         ("compare", "cam", *SPEED, "--method", "rk4", "--gamma", "0.5"),
@@ -91,6 +172,10 @@ def test_bad_input_is_refused_in_one_line(command, tmp_path, name):
     (tmp_path / "folder.csv").mkdir()
     (tmp_path / "file.txt").touch()
     (tmp_path / "broken.toml").write_text("[case.1\n")
+    (tmp_path / "device.png").symlink_to("/dev/null")
+    (tmp_path / "long.toml").write_text("#" * 2000)
+    for file, content in CASES.items():
+        (tmp_path / file).write_text(content)
     (tmp_path / "misspelt.toml").write_text('[case.1.parameters]\nk1 = { valeu = 1, unit = "N m/rad" }\n')
     arguments, words = BAD[name]
     before = sorted(tmp_path.iterdir())

@@ -58,10 +58,8 @@ def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeyp
     from solve.commands import deliver
 
     figures = []
-    keep = deliver.save_figure
-    monkeypatch.setattr(
-        deliver, "save_figure", lambda figure, file: (figures.append(figure), keep(figure, file))
-    )
+    keep = deliver.drawn
+    monkeypatch.setattr(deliver, "drawn", lambda figure, file: (figures.append(figure), keep(figure, file)))
     assert command("compare", *ARGUMENTS, "--plot", "work.png").status == 0
     assert (tmp_path / "work.png").read_bytes().startswith(b"\x89PNG")
     (figure,) = figures

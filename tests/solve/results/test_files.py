@@ -166,3 +166,20 @@ def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tiny, name):
     assert ran.returncode == 2, ran.stderr
     assert ran.stderr == f"solve: '{tiny / name}' cannot be written (No space left on device); nothing was\n"
     assert list(tiny.iterdir()) == []
+
+
+@pytest.mark.parametrize("mode", [0o500, 0o300, 0o000])
+def test_an_ordinary_user_is_told_where_it_may_not_write(tmp_path, as_ordinary_user, mode):
+    """A folder that can be written, but not listed, is no obstacle."""
+    place = tmp_path / "place"
+    place.mkdir(mode=mode)
+    os.chown(place, tmp_path.stat().st_uid, tmp_path.stat().st_gid)
+    file = place / "a.csv"
+    ran = as_ordinary_user("floquet", "mathieu", "--speed", "1 rad/s", "--save", str(file))
+    place.chmod(0o700)
+    if mode == 0o300:
+        assert (ran.returncode, ran.stderr.splitlines()[-1]) == (0, f"wrote {file}")
+        return
+    message = f"solve: data file '{file}' cannot be written; give a place where you may write\n"
+    assert (ran.returncode, ran.stderr) == (2, message)
+    assert list(place.iterdir()) == []
