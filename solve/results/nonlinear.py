@@ -13,7 +13,6 @@ from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
 from solve.results.orbit import Orbit, QuasiStatic
 from solve.results.plot import Motion, checked_scale, orbit_figure, shown
-from solve.results.record import plain
 from solve.results.report import Table
 from solve.results.style import Figure
 
@@ -89,10 +88,11 @@ class NonlinearOrbit(Orbit):
         q, later = self.at(phase), self.at(phase + self.system.period / self.periods)
         return bool((np.abs(later - q).max(axis=1) <= _REPEATS * np.abs(q).max(axis=1)).all())
 
-    def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
-        """Of `solve periodic --nonlinear --json`."""
+    @property
+    def problem(self) -> dict[str, Any]:
+        """What was solved, and how, as plain data."""
         found = {name: getattr(self, name) for name in ("iterations", "found_by", "periods")}
-        return {**super().record(harmonics, quasi_static), **plain(found)}
+        return {**super().problem, **found}
 
     def _heading(self, choices: Sequence[str]) -> Table:
         grid = super()._heading(choices)
