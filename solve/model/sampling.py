@@ -74,7 +74,8 @@ def tangent(residual: "casadi.Function", parameters: Array) -> "casadi.Function"
     matrices = [casadi.densify(casadi.jacobian(r, x)) for x in states]
     d = sum((A @ x for A, x in zip(matrices, states, strict=True)), -r)
     rows = [casadi.vec(A.T) for A in matrices]
-    return casadi.Function("tangent", inputs, [casadi.vertcat(*rows, casadi.densify(d))])
+    entries = casadi.cse(casadi.vertcat(*rows, casadi.densify(d)))
+    return casadi.Function("tangent", inputs, [entries])
 
 
 def parted(entries: Array, n: int) -> tuple[Array, Array, Array, Array]:

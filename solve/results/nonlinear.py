@@ -89,10 +89,11 @@ class NonlinearOrbit(Orbit):
         q, later = self.at(phase), self.at(phase + self.system.period / self.periods)
         return bool((np.abs(later - q).max(axis=1) <= _REPEATS * np.abs(q).max(axis=1)).all())
 
-    def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
-        """Of `solve periodic --nonlinear --json`."""
+    @property
+    def problem(self) -> dict[str, Any]:
+        """What was solved, and how, as plain data."""
         found = {name: getattr(self, name) for name in ("iterations", "found_by", "periods")}
-        return {**super().record(harmonics, quasi_static), **plain(found)}
+        return {**super().problem, **found}
 
     def _heading(self, choices: Sequence[str]) -> Table:
         grid = super()._heading(choices)

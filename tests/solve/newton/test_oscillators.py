@@ -1,5 +1,8 @@
 """Coexisting and subharmonic orbits against harmonic balance and time integration."""
 
+import json
+import pickle
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -124,3 +127,16 @@ def test_bad_input_is_refused(given, words):
     model, _ = known_system(0)
     with pytest.raises(ValueOutOfBoundsError, match=words):
         solve.nonlinear(model, 1.0, **given)
+
+
+def test_an_orbit_survives_copies_and_is_written_with_how_it_was_found(tmp_path):
+    orbit = solve.nonlinear(solve.load("cam"), "100 rpm", rtol=1e-6)
+    copied = pickle.loads(pickle.dumps(orbit))
+    np.testing.assert_array_equal(copied.q, orbit.q)
+    assert copied.residual == pytest.approx(orbit.residual, rel=1e-3, abs=1e-12)
+    orbit.save(tmp_path / "orbit.npz")
+    with np.load(tmp_path / "orbit.npz") as held:
+        metadata = json.loads(str(held["metadata"]))
+    assert metadata["found_by"] == "linear orbit"
+    assert metadata["iterations"] == orbit.iterations
+    assert float(orbit.to_xarray()["q3"].max()) == orbit.q[2].max()

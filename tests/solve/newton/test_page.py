@@ -1,0 +1,32 @@
+"""The page on nonlinear orbits: its example gives what it says, its refusal is the one that it shows."""
+
+import doctest
+from pathlib import Path
+
+import pytest
+
+import solve
+
+PAGE = Path(__file__).parents[3] / "docs" / "nonlinear.md"
+
+
+def test_the_example_gives_what_it_says():
+    found = doctest.testfile(str(PAGE), module_relative=False)
+    assert found.failed == 0
+    assert found.attempted >= 5
+
+
+def test_the_spectral_radius_of_the_costly_march_is_what_its_orbit_has():
+    from tests.solve.newton.mechanisms import duffing, model_of
+
+    orbit = solve.nonlinear(model_of(duffing(), zeta=0.0005, k=1.0, alpha=0.1, f=0.1), 0.5)
+    assert f"spectral radius of {orbit.spectral_radius:.3f}" in PAGE.read_text("utf-8")
+
+
+@pytest.mark.slow
+def test_the_refusal_is_the_one_that_the_page_shows():
+    with pytest.raises(solve.errors.NoOrbitError) as refused:
+        solve.nonlinear(solve.load("cam"), "450 rpm")
+    shown = " ".join(PAGE.read_text("utf-8").split())
+    # What a transient that does not settle changes by at its end is chaos, and differs between machines.
+    assert str(refused.value).split("by the transient")[0] in shown
