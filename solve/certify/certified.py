@@ -84,7 +84,9 @@ class Certified:
             )
         missed = [f"{name} to {error:.1e}" for name, error in parts if error > request.rtol]
         if request.steps is not None or multipliers > request.rtol:
-            warnings += unresolved_modes(method, float(self.modes[np.array([at])].reach[0]), self.steps)
+            reach = float(self.modes[np.array([at])].reach[0])
+            known = request.orbit and orbit <= request.rtol
+            warnings += unresolved_modes(method, reach, self.steps, orbit if known else None)
         if missed:
             where = "at the precision in reach" if request.steps is None else f"with {request.steps} steps"
             where = where if method.converges else "is an approximation that"
@@ -109,13 +111,15 @@ class Failed:
     reason: SolveError
 
 
-def unresolved_modes(method: Method, reach: float, steps: int) -> list[str]:
-    """A warning where the method keeps modes that its steps do not resolve; reach: ω_max T."""
+def unresolved_modes(method: Method, reach: float, steps: int, orbit: float | None = None) -> list[str]:
+    """A warning where the method keeps modes that its steps do not resolve; reach: ω_max T; orbit: its error,
+    where that is known to be small."""
     if method.l_stable or reach <= steps * method.follows:
         return []
     enough = f", or at least {enough_steps(reach, method.follows)} steps" if method.converges else ""
+    right = "" if orbit is None else f" though the orbit is right to {orbit:.1e}"
     return [
         f"ω_max h = {reach / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
-        f"{method.name} neither follows nor damps them: the multipliers may be false though the "
-        f"orbit is right; use radau{enough}"
+        f"{method.name} neither follows nor damps them: the multipliers may be false{right}; "
+        f"use radau{enough}"
     ]

@@ -1,6 +1,6 @@
 """python -m tests.benchmarks.population [--every K]: error estimates and verdicts against the truth, on the
-whole population (minutes: see docs/methods.md) or on each K-th system: rates by method, by kind and method,
-and the worst results."""
+whole population (half an hour) or on each K-th system: rates by method, by kind and method, and the worst
+results."""
 
 import argparse
 import sys

@@ -27,9 +27,10 @@ def test_critical_speeds_by_deflection_and_by_divisions_of_the_mean_frequency():
 
 
 def peak(quantity, L4, speed, elements=3):
-    """Largest stress over a turn in MPa, and the crank angle (degrees) where it occurs."""
+    """Largest stress of both surfaces over a turn in MPa, and the crank angle (degrees) where it occurs."""
     model = solve.load("four_bar", options={"elements": elements}, L4=L4)
-    found = solve.periodic(model, speed, rtol=1e-5).statistics(quantity)
+    orbit = solve.periodic(model, speed, rtol=1e-5)
+    found = max((orbit.statistics(part) for part in model.parts(quantity)), key=lambda each: each.max_abs)
     at = found.max_phase if found.max >= -found.min else found.min_phase
     return found.max_abs / 1e6, math.degrees(at)
 
@@ -39,18 +40,18 @@ def peak(quantity, L4, speed, elements=3):
 def test_the_followers_stress_over_l4_is_least_near_0_65_m_where_its_peak_jumps(speed):
     """Not at 0.66 m, as 8.5.1 has it; thesis Figs. 7.13 (30 rad/s) and 8.24 (17 rad/s)."""
     lengths = [0.547, 0.60, 0.62, 0.64, 0.65, 0.66, 0.68]
-    stress, angle = np.transpose([peak("follower_midpoint_stress_plus", L4, speed) for L4 in lengths])
+    stress, angle = np.transpose([peak("follower_midpoint_stress", L4, speed) for L4 in lengths])
     assert lengths[int(stress.argmin())] == 0.65
     assert (np.diff(stress[:5]) < 0).all()
     assert (np.diff(stress[4:]) > 0).all()
-    assert ((angle[:5] > 30) & (angle[:5] < 50)).all()
+    assert ((angle[:4] > 30) & (angle[:4] < 50)).all()
     assert ((angle[5:] > 182) & (angle[5:] < 195)).all()
 
 
 def test_the_cranks_stress_has_its_least_peak_between_0_64_and_0_65_m():
     """One element a link at 30 rad/s."""
     lengths = [0.63, 0.64, 0.645, 0.65, 0.66]
-    stress, angle = np.transpose([peak("crank_root_stress_plus", L4, 30.0, 1) for L4 in lengths])
+    stress, angle = np.transpose([peak("crank_root_stress", L4, 30.0, 1) for L4 in lengths])
     assert lengths[int(stress.argmin())] == 0.645
     assert (angle[:3] < 30).all()
     assert (angle[3:] > 170).all()
@@ -79,7 +80,7 @@ def test_the_critical_speeds_themselves_are_nearly_independent_of_l4():
 @pytest.mark.slow
 def test_damping_helps_at_peaks_and_hurts_some_links_at_quiet_speeds():
     """7.4.2: three elements a link; more damping lowers every peak, but not every stress at quiet speeds."""
-    names = [f"{place}_stress_plus" for place in ("crank_root", "coupler_midpoint", "follower_midpoint")]
+    names = [f"{place}_stress" for place in ("crank_root", "coupler_midpoint", "follower_midpoint")]
     model = solve.load("four_bar", options={"elements": 3})
     speeds = np.linspace(24.0, 44.0, 31)
     found = solve.sweeps(solve.variants(model, "zeta", [0.02, 0.06]), speeds, names, rtol=1e-5)

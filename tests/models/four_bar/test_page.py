@@ -1,11 +1,14 @@
 """The page on the elastic four-bar: its commands run as printed, but for fewer speeds."""
 
+import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from models.four_bar.__main__ import run as four_bar
+from solve import load, periodic
 from solve.commands.app import run as solve
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
@@ -25,13 +28,38 @@ def test_the_page_has_its_commands_and_pictures():
         assert (DOCS / picture).is_file()
 
 
+def run(command, capsys):
+    """What a command of the page writes to standard output."""
+    program = next(each for each in PROGRAMS if command.startswith(each))
+    text = fewer(command).removeprefix(program)
+    arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', text)]
+    status = PROGRAMS[program](arguments)
+    written = capsys.readouterr()
+    assert status == 0, written.err
+    return written.out
+
+
+@pytest.mark.slow
+def test_the_figures_of_7_3_are_rms_deflection_and_then_largest_stress_and_energy(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    printed = [command for command in COMMANDS if "--over L4=" in command]
+    first, second = (json.loads(run(f"{command} --json", capsys)) for command in printed)
+    assert (first["figure"], set(first["extremes"])) == ("rms", {"follower_midpoint_deflection"})
+    assert (second["figure"], set(second["extremes"])) == ("max_abs", {"crank_root_stress", "strain_energy"})
+    model = load("four_bar", L4=0.65)
+    orbit = periodic(model, second["speeds"][0], rtol=1e-6)
+    phase = np.linspace(0.0, 2 * np.pi, 4000)
+    surfaces = [model.stress("crank", 0.0, surface, phase, orbit.at(phase)) for surface in ("plus", "minus")]
+    found = second["systems"][-1]["responses"]["crank_root_stress"][0]
+    assert found == pytest.approx(np.abs(surfaces).max(), rel=1e-4)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS, ids=range(len(COMMANDS)))
 def test_every_command_of_the_page_runs(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    program = next(each for each in PROGRAMS if command.startswith(each))
-    text = fewer(command).removeprefix(program)
-    arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', text)]
-    assert PROGRAMS[program](arguments) == 0, capsys.readouterr().err
+    run(command, capsys)
     for picture in re.findall(r"--plot (\S+)", command):
         assert (tmp_path / picture).stat().st_size > 10_000

@@ -57,6 +57,18 @@ def test_doubts_about_the_equations_are_told_for_every_system(answer):
     assert "(at 859.437 rpm)" in err
 
 
+def test_the_largest_stress_is_that_of_both_surfaces(answer):
+    """At L4 = 0.66 m, 30 rad/s, the minus surface has it: 92.96 MPa at the crank's root, 86.20 MPa at the
+    follower's midpoint (another program)."""
+    names = {"crank_root_stress": 92.96, "follower_midpoint_stress": 86.20}
+    of = [part for name in names for part in ("--of", name)]
+    given = ("--speeds", "29:31:3 rad/s", "--option", "elements=3", "--over", "L4=0.66")
+    out, _ = answer("study", *given, *of, "--json")
+    (system,) = json.loads(out)["systems"]
+    for name, stress in names.items():
+        assert system["responses"][name][1] / 1e6 == pytest.approx(stress, abs=0.011)
+
+
 def test_several_quantities_rms_and_damping(answer):
     out, _ = answer(
         "study", *SPEEDS, "--over", "zeta=0.02,0.06", "--figure", "rms", "--json",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from solve.commands.app import run
 from solve.methods.choice import METHODS, chosen
 
 PAGE = Path(__file__).parents[3] / "docs" / "methods.md"
@@ -36,3 +37,13 @@ def test_orders_l_stability_and_reach_are_those_of_the_method(name):
     assert keeps_out.startswith("yes" if method.l_stable else "no")
     if follows != "π":
         assert float(follows.split()[0].rstrip(";")) == method.follows
+
+
+@pytest.mark.parametrize(("name", "place"), [("cam", 0), ("four_bar", 1)])
+def test_the_page_says_how_many_steps_fourier_takes(name, place, capsys):
+    """3 coordinates and 27."""
+    most = re.search(r"`--steps` takes half as many, (\d+) and (\d+)", PAGE.read_text("utf-8"))
+    elements = ("--option", "elements=3") if name == "four_bar" else ()
+    given = ("floquet", name, "--speed", "286 rpm", *elements, "--method", "fourier", "--steps")
+    assert run([*given, str(int(most[1 + place]) + 1)]) == 2
+    assert f"takes at most {most[1 + place]} steps" in capsys.readouterr().err
