@@ -11,7 +11,6 @@ from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
-from solve.results.contents import plain
 from solve.results.orbit import Orbit, QuasiStatic
 from solve.results.plot import Motion, checked_scale, orbit_figure, shown
 from solve.results.report import Table
