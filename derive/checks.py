@@ -14,7 +14,7 @@ from derive.structure import Structure
 from derive.switches import switches
 from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
-from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, short
+from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, require_coherent, short
 
 Dimensions = Mapping[sympy.Symbol, Dimension]
 
@@ -60,6 +60,10 @@ def _require_equations(mechanism: Mechanism) -> None:
     """There must be coordinates, and a drive torque that follows from the energies or is declined."""
     if not mechanism.declared_coordinates:
         raise DeclarationError(f"{mechanism.name} has no coordinates; declare one with coordinates(...)")
+    require_coherent("the energy", mechanism.energy)
+    for loop in mechanism.declared_loops:
+        for unknown, unit in zip(loop.unknowns, loop.units, strict=True):
+            require_coherent(unknown.name, unit)
     if mechanism.energy != "J" and not mechanism.no_drive_torque:
         raise DeclarationError(
             f"energies in {mechanism.energy} give no drive torque in N m; "

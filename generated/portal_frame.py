@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "3a32788918e29b1b008fd721cac773758db8da4147bf22223950a3cb95960d56"
+DERIVE_SHA256 = "24db98fa5ff888e7e0d10a2aa12f9d785f25b2b66fffb9c0452bdcd4958a61bc"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "32522a2c0b13a2ad80fb90018feb1bd2da32f8bb6533a1a5434bc649eab714b3"
+FILE_SHA256 = "9036f27daaa9b436730c1726ea8d447182b450df1b3d47ea7145c0ac284e29d9"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
