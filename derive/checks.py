@@ -48,6 +48,7 @@ def check(mechanism: Mechanism) -> None:
     known = _dimensions(mechanism)
     for each in statements:
         _require_finite(each)
+        _require_last_piece(each)
         _require_known(each, known)
         if each.unit is None:
             dimension_of(each.what, each.expression, known)
@@ -137,6 +138,15 @@ def _require_finite(statement: _Statement) -> None:
         raise DeclarationError(
             f"{statement.what} is not finite: {short(statement.expression)}; look for a division by zero"
         )
+
+
+def _require_last_piece(statement: _Statement) -> None:
+    for pieces in statement.expression.atoms(sympy.Piecewise):
+        if pieces.args[-1].args[1] != sympy.true:
+            raise DeclarationError(
+                f"{statement.what} has no value where no condition of {short(pieces)} holds; end it with a "
+                "piece for all else, such as (0, True)"
+            )
 
 
 def _dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:

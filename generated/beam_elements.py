@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "24db98fa5ff888e7e0d10a2aa12f9d785f25b2b66fffb9c0452bdcd4958a61bc"
+DERIVE_SHA256 = "6ca2c3850fb48f818e100d392899b1eba4b3d74f3480907a93442b83c09d7535"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "31c5f5ba0a857bcb1dc7f86243f3adc87c2b5aeb38305987501492cffa68bc78"
+FILE_SHA256 = "e5d0c4a656bc09d418f77bc24eb5462407a9e8f20acbbfcd6ccb96e7d8deb131"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
