@@ -14,7 +14,7 @@ from derive.structure import Structure
 from derive.switches import switches
 from derive.symbols import PHASE, SPEED
 from derive.transmission import PeriodicFunction
-from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, short
+from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, require_coherent, short
 
 Dimensions = Mapping[sympy.Symbol, Dimension]
 
@@ -48,6 +48,7 @@ def check(mechanism: Mechanism) -> None:
     known = _dimensions(mechanism)
     for each in statements:
         _require_finite(each)
+        _require_last_piece(each)
         _require_known(each, known)
         if each.unit is None:
             dimension_of(each.what, each.expression, known)
@@ -60,6 +61,10 @@ def _require_equations(mechanism: Mechanism) -> None:
     """There must be coordinates, and a drive torque that follows from the energies or is declined."""
     if not mechanism.declared_coordinates:
         raise DeclarationError(f"{mechanism.name} has no coordinates; declare one with coordinates(...)")
+    require_coherent("the energy", mechanism.energy)
+    for loop in mechanism.declared_loops:
+        for unknown, unit in zip(loop.unknowns, loop.units, strict=True):
+            require_coherent(unknown.name, unit)
     if mechanism.energy != "J" and not mechanism.no_drive_torque:
         raise DeclarationError(
             f"energies in {mechanism.energy} give no drive torque in N m; "
@@ -133,6 +138,15 @@ def _require_finite(statement: _Statement) -> None:
         raise DeclarationError(
             f"{statement.what} is not finite: {short(statement.expression)}; look for a division by zero"
         )
+
+
+def _require_last_piece(statement: _Statement) -> None:
+    for pieces in statement.expression.atoms(sympy.Piecewise):
+        if pieces.args[-1].args[1] != sympy.true:
+            raise DeclarationError(
+                f"{statement.what} has no value where no condition of {short(pieces)} holds; end it with a "
+                "piece for all else, such as (0, True)"
+            )
 
 
 def _dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:

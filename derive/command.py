@@ -88,6 +88,12 @@ def _text(source: Source, tell: Callable[[str], object] = lambda _: None) -> str
 
 def _write(sources: list[Source]) -> None:
     for source in sources:
+        if source.installed:
+            raise UsageError(
+                f"{source.name} came with the installed package, whose files stay as they are; give "
+                "--out DIR, or work in a checkout"
+            )
+    for source in sources:
         freshness.write(source.target, _text(source, partial(_noted, source)))
         typer.echo(f"wrote {source.target}", err=True)
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import sympy
@@ -22,6 +22,7 @@ from derive.losses import idle, losses
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
 from derive.recurrence import COMPONENTS, FOURIER
+from derive.units import size
 
 CHOICE = '''\
 def _choice(option, value):
@@ -86,7 +87,7 @@ def derive_equations(mechanism: Mechanism) -> Equations:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
         expression = lagrange.from_fundamental(mechanism, each.expression)
-        outputs.append(Output(each.name, expression, each.unit, each.meaning))
+        outputs.append(_in_its_unit(each, expression))
     q = [each.symbol for each in mechanism.declared_coordinates]
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
     moving = [s for each in q for s in (each, each.rate, each.rate.rate)]
@@ -106,8 +107,7 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
     projection = project(mechanism, deflection)
     outputs = [] if mechanism.no_drive_torque else [_torque(projection.drive_torque)]
     for each in mechanism.declared_outputs:
-        expression = each.expression.xreplace(projection.tensions)
-        outputs.append(Output(each.name, expression, each.unit, each.meaning))
+        outputs.append(_in_its_unit(each, each.expression.xreplace(projection.tensions)))
     options = [each.name for each in mechanism.declared_options]
     functions = field_functions(deflection, options_text(mechanism), options)
     tools = field_tools(projection)
@@ -202,6 +202,11 @@ def condition_functions(conditions: list[Condition]) -> list[GeneratedFunction]:
     margins = sympy.Matrix([each.margin for each in conditions])
     doc = "One number for each of CONDITIONS, positive where it holds."
     return [GeneratedFunction("conditions", doc, ("phase", "p"), {"margins": margins})]
+
+
+def _in_its_unit(output: Output, expression: Any) -> Output:
+    factor = size(output.unit)
+    return replace(output, expression=expression if factor == 1.0 else expression / sympy.Float(factor))
 
 
 def _torque(expression: Any) -> Output:

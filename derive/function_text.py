@@ -16,6 +16,7 @@ from derive.loop_text import loop_calls
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
 from derive.recurrence import series_calls, series_operations
+from derive.units import size
 
 WIDTH = 106
 NO_LOOPS: Mapping[Loop, list[Order]] = MappingProxyType({})
@@ -86,6 +87,7 @@ def breaks_text(mechanism: Mechanism, passages: Sequence[Passage]) -> str:
         '"""Phases at which the matrices jump or have kinks, some of them more than once."""',
         *(_option_line(each) for each in mechanism.declared_options if symbols & {*each.indicators}),
         f"{_wrapped(names)} = p" if names else "",
+        *in_si(mechanism),
         "return [",
         *(f"    {line}" for line in lines),
         "]",
@@ -118,7 +120,15 @@ def _inputs(mechanism: Mechanism, inputs: Sequence[str]) -> list[str]:
         lines.append(f'{VECTORS.get(name, name)} = casadi.SX.sym("{name}"{size})')
         if names.get(name):
             lines.append(f"{_wrapped(names[name])} = casadi.vertsplit({VECTORS[name]})")
+        if name == "p":
+            lines += in_si(mechanism)
     return lines
+
+
+def in_si(mechanism: Mechanism) -> list[str]:
+    """Lines that convert parameters whose unit is not one of coherent SI."""
+    sizes = {each.symbol.name: size(each.unit) for each in mechanism.declared_parameters}
+    return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]
 
 
 def _option_line(option: Option) -> str:

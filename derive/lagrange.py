@@ -55,9 +55,10 @@ def from_fundamental(mechanism: Mechanism, expression: Any) -> Any:
     expression = counted(expression)
     shift: dict[sympy.Basic, sympy.Expr] = {}
     for symbol, motion in mechanism.fundamental_motion.items():
-        for _ in range(3):
-            shift[symbol] = motion + symbol
+        shift[symbol] = motion + symbol
+        for _ in range(2):
             symbol, motion = symbol.rate, rate(motion)
+            shift[symbol] = motion + symbol
     return expression.xreplace(shift) if shift else expression
 
 

@@ -1,6 +1,8 @@
 """Mechanisms by name (models/NAME/mechanism.py beside this package) or by path; never by import."""
 
 import difflib
+import keyword
+import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -37,6 +39,11 @@ class Source:
         return f"{self.argument} --out {self.out}" if self.out else self.argument
 
     @property
+    def installed(self) -> bool:
+        """Whether the module lies in an installed package, not in a checkout or a user's folder."""
+        return self.target.parent == HOME / "generated" and not (HOME / "pyproject.toml").is_file()
+
+    @property
     def command(self) -> str:
         """The argument as the banner gives it: the same wherever the file lies."""
         return self.path.name if self.argument.endswith(".py") else self.name
@@ -66,6 +73,7 @@ def find(model: str, out: Path | None = None) -> Source:
             raise UnknownMechanismError(
                 f"there is no file {model}; give a mechanism's name or the path of its file"
             )
+        _require_own_name(path)
         return Source(path.stem, path, (out or path.parent / "generated") / path.name, model, out)
     if path.name != model or "\\" in model:
         raise UnknownMechanismError(f'"{model}" is neither a name nor a file: a path must end in .py')
@@ -85,6 +93,16 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:
         return False
+
+
+def _require_own_name(path: Path) -> None:
+    """Refuse the name of a Python module, which the mechanism's files would shadow, and what is no name."""
+    taken = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
+    if path.stem in taken or keyword.iskeyword(path.stem) or path.stem.startswith("_"):
+        raise MechanismFileError(
+            f'a mechanism cannot be called "{path.stem}": Python has a module or word of that name, or keeps '
+            f"names that start with _ for itself; rename {path.name} and its mechanism"
+        )
 
 
 def load(source: Source) -> "Mechanism":

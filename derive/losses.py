@@ -6,7 +6,7 @@ from typing import Any
 import sympy
 
 from derive.mechanism import Mechanism
-from derive.switches import outermost
+from derive.switches import outermost, switches
 from derive.symbols import counted
 from derive.transmission import PeriodicFunction
 from derive.units import short
@@ -60,4 +60,4 @@ def _steps(mechanism: Mechanism, energies: Iterable[Any]) -> list[Any]:
     """Steps and kinks that hold coordinates or their rates."""
     moving = {s for each in mechanism.declared_coordinates for s in (each.symbol, each.symbol.rate)}
     nodes = dict.fromkeys(node for each in energies for node in outermost(each))
-    return sorted((node for node in nodes if node.free_symbols & moving), key=sympy.default_sort_key)
+    return sorted((node for node in nodes if switches(node, moving)), key=sympy.default_sort_key)

@@ -23,7 +23,7 @@ from derive.field import Field
 from derive.kinematics import Loop, four_bar, full_turn
 from derive.symbols import PHASE, SPEED, Moving
 from derive.transmission import PeriodicFunction, Series
-from derive.units import parse
+from derive.units import parse, require_coherent
 
 
 @dataclass(slots=True)
@@ -77,6 +77,7 @@ class Mechanism:
             unit, meaning, bound = self._described(symbol.name, described)
             if bound:
                 raise DeclarationError(f"{symbol.name}: a coordinate has no bound; use trust(...)")
+            require_coherent(symbol.name, unit)
             self._require_unused_moving(symbol)
             self.declared_coordinates.append(Coordinate(symbol, unit, meaning))
         return symbols
@@ -93,6 +94,7 @@ class Mechanism:
     def parameters(self, **declared: tuple[str, ...]) -> tuple[sympy.Symbol, ...]:
         """Declare parameters as `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`.
 
+        Numbers are given in these units, any that pint knows; equations are in SI and convert them.
         A bound is text such as "> 0", ">= 0", "< 1" or "integer, >= 1"; without one any
         finite number is allowed. Returns the symbols in the same order. Raises DeclarationError.
         """

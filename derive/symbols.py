@@ -1,8 +1,10 @@
 """Symbols that move in time, and the total time derivative through them."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import sympy
+from sympy.core.relational import Relational
 
 from derive.errors import DeclarationError
 from derive.switches import STEPPING, Wrapped, is_own, slope, wrapped
@@ -46,7 +48,7 @@ def counted(expression: Any) -> Any:
     """The expression with the phase counted from 0 to 2π wherever a step, a kink or pieces depend on it
     itself, not on a periodic function of it. Raises DeclarationError where coordinates shift it there."""
     if isinstance(expression, STEPPING) and _whole_phase(expression):
-        if expression.atoms(Moving) != {PHASE}:
+        if any(_whole_phase(each) and each.atoms(Moving) != {PHASE} for each in _compared(expression)):
             raise DeclarationError(
                 f"{short(expression)} holds the phase with a coordinate; say from where to where the angle "
                 "counts: wrapped(phase + q) is between 0 and 2*pi"
@@ -55,6 +57,13 @@ def counted(expression: Any) -> Any:
     if not expression.has(*STEPPING):
         return expression
     return expression.func(*map(counted, expression.args))
+
+
+def _compared(expression: Any) -> Iterable[Any]:
+    """What decides on which side of a step or kink the expression is."""
+    if isinstance(expression, sympy.Piecewise):
+        return set().union(*(each.args[1].atoms(Relational) for each in expression.args))
+    return expression.args
 
 
 def _whole_phase(expression: Any) -> bool:

@@ -1,10 +1,11 @@
-"""Coherent SI units as dimensions, and the dimension of an expression."""
+"""Units as dimensions and sizes, and the dimension of an expression."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Protocol, runtime_checkable
+from functools import lru_cache
+from typing import Any, Protocol, runtime_checkable
 
 import sympy
 from sympy.core.relational import Relational
@@ -58,6 +59,7 @@ UNITS = {
     "J": _of(1, 2, -2, 0, 0),
     "W": _of(1, 2, -3, 0, 0),
 }
+_KINDS = ("[mass]", "[length]", "[time]", "[temperature]", "[current]")
 SECOND = UNITS["s"]
 
 
@@ -69,21 +71,56 @@ class Composed(Protocol):
 
 
 def parse(text: str) -> Dimension:
-    """Dimension of a unit such as "N m/rad" or "kg m^2", read from left to right.
+    """Dimension of a unit such as "N m/rad", "kg m^2" or "kN/mm". Raises UnitError."""
+    return _coherent(text) or _known_to_pint(text)[0]
 
-    Raises UnitError where a factor is no coherent SI unit.
-    """
+
+def size(text: str) -> float:
+    """Size of a unit in the coherent unit of its kind: 0.001 for "mm". Raises UnitError."""
+    return 1.0 if _coherent(text) else _known_to_pint(text)[1]
+
+
+def require_coherent(what: str, text: str) -> None:
+    """Raise UnitError unless a unit is one of coherent SI."""
+    if size(text) != 1.0:
+        raise UnitError(
+            f'{what} is in "{text}", which is {size(text):g} of the SI unit; coordinates and energies are in '
+            f"SI, from {', '.join(UNITS)} (parameters and outputs may have any unit)"
+        )
+
+
+def _coherent(text: str) -> Dimension | None:
+    """Dimension of a coherent unit of SI, read from left to right; None for any other."""
     dimension = ONE
     for sign, factor in re.findall(r"\s*(/?)\s*([^\s/]*)", text.strip())[:-1] or [("", text)]:
         name, _, power = factor.partition("^")
         if name not in UNITS or not re.fullmatch(r"-?\d{1,2}|", power) or factor.endswith("^"):
-            raise UnitError(
-                f'the unit "{text}" is not understood at "{sign}{factor}"; '
-                f'write coherent SI such as "N m/rad" or "kg m^2" from {", ".join(UNITS)}'
-            )
+            return None
         exponent = int(power or 1)
         dimension *= UNITS[name] ** (-exponent if sign else exponent)
     return dimension
+
+
+@lru_cache
+def _known_to_pint(text: str) -> tuple[Dimension, float]:
+    registry, refused = _registry(), f'the unit "{text}" is not understood'
+    try:
+        units = registry.parse_units(text)
+        zero, one = (registry.Quantity(x, units).to_base_units().magnitude for x in (0.0, 1.0))
+    except Exception:
+        raise UnitError(f'{refused}; write it such as "N m/rad", "kg m^2" or "kN/mm"') from None
+    powers = dict(registry.get_dimensionality(units))
+    exponents = [Fraction(powers.pop(kind, 0)).limit_denominator(60) for kind in _KINDS]
+    if powers or zero != 0 or not text.strip():
+        raise UnitError(f"{refused}: it has another zero, or another kind than {', '.join(BASE)} make")
+    return Dimension(tuple(exponents)), float(one)
+
+
+@lru_cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
 
 
 def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.Symbol, Dimension]) -> None:

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0a7077f4722b2fd341c5f9770ab01671cae6245d029c8206989fc60c3acf9443"
-DERIVE_SHA256 = "bdb0c0ef62fe13b9787ab4028763bf342daa751d167cfe20f67cc1be790c485b"
+DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d954152a8bd4a8cf2912407e0b29888bddd5eb12719b239ac2ef2c604d5e4927"
+FILE_SHA256 = "ca51b8f9e0dab91369fb9ba8decde83946bb258fc5ae33cedb30cd07c4a27a15"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

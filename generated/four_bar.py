@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "bdb0c0ef62fe13b9787ab4028763bf342daa751d167cfe20f67cc1be790c485b"
+DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "81c6b48dad0fb4de8e24aaf2654919eed5ae550dbf6a856f8a2bb1d036b15f54"
+FILE_SHA256 = "0bcefefc5e96698a805496a18a8ed366c7bc5bc4ae37207edbef3fe0f8ddd027"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

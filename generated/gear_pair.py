@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "bdb0c0ef62fe13b9787ab4028763bf342daa751d167cfe20f67cc1be790c485b"
+DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2bd60899b7039331ce10b3d8effd77fdc3beeadb778afe7e1d79144d1de12a19"
+FILE_SHA256 = "7bab5d2938a5c6624c9fbacf1d9a0294df7f042c88f4d998c92ccbc62c450376"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "bdb0c0ef62fe13b9787ab4028763bf342daa751d167cfe20f67cc1be790c485b"
+DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f444eba91aeb3848983462f2ef24efeb55963399d7b3d9968ce0878143a30eab"
+FILE_SHA256 = "7a01c978eec1c48d9b3abd146e0caf19dc423088f2724d6f85a026c613a788c9"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

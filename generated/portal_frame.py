@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "bdb0c0ef62fe13b9787ab4028763bf342daa751d167cfe20f67cc1be790c485b"
+DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "657cc4d31a83e0a5fff88ffc447cae8c62f9db130eed9571a7657281f1ba8002"
+FILE_SHA256 = "e8cdd6c0909145c5b91768d5974d9b1236a848e44c621ac3e262befaac22c6f5"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

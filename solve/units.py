@@ -105,6 +105,24 @@ def speeds_in_si(text: str) -> list[float]:
     return [speed_in_si(f"{number} {unit}") for number in numbers]
 
 
+def evenly(text: str, name: str) -> list[float]:
+    """N numbers from A to B, both ends, from a text "A:B:N"; `name` is what they are given for. Raises
+    ValueOutOfBoundsError.
+
+    >>> evenly("0.2:0.6:3", "L2")
+    [0.2, 0.4, 0.6]
+    """
+    usage = f"{name}={text}: write {name}=A:B:N, N numbers from A to B in SI units, N > 1"
+    try:
+        first, last, number = text.split(":")
+        low, high, count = float(first), float(last), int(number)
+    except ValueError:
+        raise ValueOutOfBoundsError(usage) from None
+    if count < 2:
+        raise ValueOutOfBoundsError(usage)
+    return spaced(low, high, count)
+
+
 def _apart(text: str) -> str:
     """The text with a space between a number and its unit.
 

@@ -6,7 +6,7 @@ from typing import Any
 import typer
 
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.units import quantity, require_size_of_number, spaced
+from solve.units import evenly, quantity, require_size_of_number
 
 
 def whole(text: str) -> int:
@@ -93,15 +93,7 @@ def points(flag: str, text: str) -> tuple[str, list[float]]:
     ('L2', [0.2, 0.4, 0.6])
     """
     ((name, range_),) = assignments(flag, [text], "NAME=A:B:N").items()
-    usage = f"{flag} {name}={range_}: write {flag} {name}=A:B:N, N numbers from A to B in SI units, N > 1"
-    try:
-        first, last, number = range_.split(":")
-        low, high, count = float(first), float(last), int(number)
-    except ValueError:
-        raise ValueOutOfBoundsError(usage) from None
-    if count < 2:
-        raise ValueOutOfBoundsError(usage)
-    return name, spaced(low, high, count)
+    return name, evenly(range_, f"{flag} {name}")
 
 
 def figure_kept(text: str) -> str:

@@ -22,7 +22,7 @@ from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.studies.boundaries import Judged, Search, hidden, judge
 from solve.studies.contours import Crossings, contours
 from solve.system import PeriodicSystem
-from solve.units import checked_tolerance, speed_in_si
+from solve.units import checked_tolerance, evenly, speed_in_si, speeds_given
 
 Names = tuple[str, str]
 Speed = float | str | None
@@ -33,8 +33,8 @@ _PROMISING = 0.3
 
 def chart(
     model: str | PeriodicSystem | Callable[..., PeriodicSystem],
-    x: Mapping[str, Sequence[float | str] | Array],
-    y: Mapping[str, Sequence[float | str] | Array],
+    x: str | Mapping[str, str | Sequence[float | str] | Array],
+    y: str | Mapping[str, str | Sequence[float | str] | Array],
     speed: float | str | None = None,
     case: str | None = None,
     method: str | Rule = "auto",
@@ -45,7 +45,8 @@ def chart(
     engine: str = "auto",
     executor: Executor | None = None,
 ) -> Chart:
-    """Stability over two quantities, each {name: values}: parameters in SI units, or "speed".
+    """Stability over two quantities: parameters in SI units, or "speed". Each is {name: values}, or a text as
+    on the command line: "delta=0:10:60", "speed=100:400:40 rpm".
 
     model: a name or path, a system (a generated one varies in its parameters, any other in its speed), or
     a function that builds a system from the two values by name. speed: where it is not among the two, by
@@ -98,15 +99,19 @@ def _truth(known: Judged) -> Array:
     return np.where(known.failed, np.nan, known.stable)
 
 
-def _axis(which: str, given: Mapping[str, Sequence[float | str] | Array]) -> tuple[str, Array]:
-    if len(given) != 1:
+def _axis(which: str, given: str | Mapping[str, str | Sequence[float | str] | Array]) -> tuple[str, Array]:
+    if isinstance(given, str):
+        name, _, text = given.partition("=")
+        given = {name.strip(): text.strip()}
+    if not isinstance(given, Mapping) or len(given) != 1:
         raise ValueOutOfBoundsError(
-            f"{which} has {len(given)} quantities; give one, such as {{'speed': speeds}}"
+            f"{which} is {given!r}; give one quantity, such as {{'speed': speeds}} or 'delta=0:10:60'"
         )
     ((name, values),) = given.items()
-    numbers = (
-        [speed_in_si(value) for value in values] if name == SPEED else [float(value) for value in values]
-    )
+    if isinstance(values, str):
+        numbers = speeds_given(values) if name == SPEED else evenly(values, name)
+    else:
+        numbers = speeds_given(list(values)) if name == SPEED else [float(value) for value in values]
     found = np.array(numbers)
     if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
         raise ValueOutOfBoundsError(

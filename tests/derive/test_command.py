@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 import sympy
 
-from derive import freshness
+from derive import freshness, loader
 from derive.__main__ import main
 from derive.show import abbreviated
 
@@ -299,8 +300,8 @@ def test_bad_arguments(derive, arguments, message):
         ),
         (ROTOR.replace("J * rate", "k * rate"), "rotor.py: kinetic energy must be in "),
         (
-            ROTOR.replace("kg m^2", "kg mm^2"),
-            'rotor.py, line 8: the unit "kg mm^2" is not understood at "mm^2"',
+            ROTOR.replace("kg m^2", "kg mq^2"),
+            'rotor.py, line 8: the unit "kg mq^2" is not understood',
         ),
         (
             ROTOR.replace("rotor.potential", "rotor.potentail"),
@@ -315,6 +316,34 @@ def test_bad_files(derive, rotor, text, message):
     assert message in err
     assert err.count("\n") == 1
     assert not (rotor.parent / "generated").exists()
+
+
+@pytest.mark.parametrize("name", ["math", "casadi", "class", "__init__", "solve", "random"])
+def test_names_that_would_shadow_a_module(derive, tmp_path, name):
+    path = tmp_path / f"{name}.py"
+    path.write_text(ROTOR.replace('"rotor", "Rotor', f'"{name}", "Rotor'), encoding="utf-8")
+    status, out, err = derive(path)
+    assert (status, out) == (2, "")
+    assert f'a mechanism cannot be called "{name}"' in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "generated").exists()
+
+
+def test_an_installed_package_is_not_written_over(derive, tmp_path, monkeypatch):
+    """A package without the checkout's pyproject.toml: `derive cam` needs --out, `--check` does not."""
+    home = tmp_path / "site-packages"
+    for folder in ("models/cam", "generated"):
+        shutil.copytree(ROOT / folder, home / folder)
+    monkeypatch.setattr(loader, "HOME", home)
+    before = (home / "generated" / "cam.py").read_bytes()
+    for arguments in (["cam"], ["--all"]):
+        status, out, err = derive(*arguments)
+        assert (status, out) == (2, "")
+        assert "came with the installed package, whose files stay as they are; give --out DIR" in err
+    assert (home / "generated" / "cam.py").read_bytes() == before
+    assert derive("--check", "cam")[0] == 0
+    assert derive("cam", "--out", tmp_path / "mine")[0] == 0
+    assert (tmp_path / "mine" / "cam.py").read_bytes() == before
 
 
 def test_a_file_that_is_no_text(derive, rotor):

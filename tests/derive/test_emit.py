@@ -10,10 +10,12 @@ from pathlib import Path
 from types import ModuleType
 
 import casadi
+import numpy as np
 import pytest
-from modules import module_of
+from modules import module_of, values
 
-from derive import Mechanism, loader, rate
+from derive import Mechanism, cos, loader, rate, rectangle
+from derive.errors import UnitError
 from derive.freshness import derive_sha256, sha256
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -153,3 +155,47 @@ def test_a_mechanism_without_parameters_and_excitation():
     assert module.OUTPUTS == ()
     assert module.outputs().n_out() == 0
     assert module.NO_DRIVE_TORQUE == "it has no units"
+
+
+def shaken(length: str, stiffness: str, angle: str, force: str) -> Mechanism:
+    """A mass on a spring whose foot is shaken, with a step in its load, in units of any size."""
+    one = Mechanism("shaken", "A mass on a shaken spring")
+    q = one.coordinate("q", "m", "deflection")
+    r, m = one.parameter("r", length, "amplitude"), one.parameter("m", "kg", "mass", "> 0")
+    k, a = one.parameter("k", stiffness, "spring"), one.parameter("a", angle, "where the load ends")
+    one.kinetic = m * rate(q) ** 2 / 2
+    one.potential = k * (q - r * cos(one.phase)) ** 2 / 2
+    one.force(k * r * rectangle(one.phase, 0, a), along=q)
+    one.output("spring_force", k * (q - r * cos(one.phase)), force, "force in the spring")
+    return one
+
+
+def test_parameters_and_outputs_in_units_of_other_sizes():
+    si = module_of(shaken("m", "N/m", "rad", "N"))
+    other = module_of(shaken("mm", "kN/mm", "deg", "kN"))
+    numbers, given = [0.03, 2.0, 5e6, math.radians(70)], [30.0, 2.0, 5.0, 70.0]
+    for phase in (0.4, 1.2, 1.3):
+        for theirs, ours in zip(
+            values(si.linearised(), phase, 3.0, numbers),
+            values(other.linearised(), phase, 3.0, given),
+            strict=True,
+        ):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-14)
+        states = [0.01, 0.2, 0.5]
+        (residual,), (same,) = (
+            values(module.residual(), phase, 3.0, *states, p) for module, p in ((si, numbers), (other, given))
+        )
+        np.testing.assert_allclose(same, residual, rtol=1e-13)
+        force, in_kN = (
+            values(module.outputs(), phase, 3.0, *states, p)[-1]
+            for module, p in ((si, numbers), (other, given))
+        )
+        np.testing.assert_allclose(1e3 * in_kN, force, rtol=1e-13)
+    assert sorted(other.breaks(3.0, given)) == pytest.approx(sorted(si.breaks(3.0, numbers)), rel=1e-15)
+    assert [unit for _, unit, *_ in other.PARAMETERS] == ["mm", "kg", "kN/mm", "deg"]
+
+
+@pytest.mark.parametrize("unit", ["mm", "deg"])
+def test_coordinates_are_in_si(unit):
+    with pytest.raises(UnitError, match=rf'q is in "{unit}", which is 0.0.* of the SI unit'):
+        Mechanism("one", "One").coordinate("q", unit, "deflection")

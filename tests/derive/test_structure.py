@@ -6,7 +6,7 @@ import casadi
 import numpy as np
 import pytest
 
-from derive import Section, Structure, cos, pi, sqrt
+from derive import Piecewise, Section, Structure, cos, pi, sqrt
 from derive.checks import check
 from derive.errors import DeclarationError, UnitError, UnknownSymbolError, UnusedParameterError
 from derive.show import elements, equations
@@ -203,3 +203,12 @@ def test_show_prints_the_links_and_the_elements():
     assert "% link arm, from knee to tip" in text
     assert "2 L" in text
     assert "\\frac{13}{35}" in elements()
+
+
+def test_links_have_no_steps():
+    frame, parts = stated()
+    frame.support("foot")
+    angle = Piecewise((0, frame.phase < 2), (1, True))
+    frame.link("wheel", "tip", "rim", parts["L"], angle, parts["section"])
+    with pytest.raises(DeclarationError, match="angle of link wheel has a step or kink in the phase"):
+        check(frame)

@@ -251,6 +251,27 @@ def test_a_prescribed_motion_may_jump_in_its_second_derivative(rise, allowed):
     assert d == pytest.approx(-2 * 9 * 0.1 * curvature, rel=1e-12)
 
 
+def test_a_desired_motion_may_jump_in_its_second_derivative():
+    """q̄ = g max(0, sin φ)² has q̄″ = 2g cos 2φ on its first half; m (q̈ + Ω² q̄″) + k (q + q̄) = 0."""
+    one, _, p = oscillator(g=("m", "lift"))
+    one.fundamental(q=p["g"] * Max(0, sin(one.phase)) ** 2)
+    module = module_of(one)
+    for phase in (0.7, 2.0, 4.0):
+        d = values(module.linearised(), phase, 3.0, [2, 5, 0.1])[3][0, 0]
+        moved = 0.1 * max(0.0, math.sin(phase)) ** 2
+        bent = 0.2 * math.cos(2 * phase) if phase < math.pi else 0.0
+        assert d == pytest.approx(-2 * 9 * bent - 5 * moved, rel=1e-12, abs=1e-15)
+    assert {0.0, math.pi} == set(module.BREAKS)
+
+
+def test_pieces_may_hold_coordinates_where_conditions_hold_the_phase():
+    one, q, p = oscillator(F=("N", "load"))
+    one.force(p["F"], along=Piecewise((q, one.phase < 1), (2 * q, True)))
+    module = module_of(one)
+    loads = [values(module.linearised(), phase, 1.0, [2, 5, 1])[3][0, 0] for phase in (0.5, 1.5, 6.5)]
+    assert loads == [1, 2, 1]
+
+
 def moved_lift(rise):
     one, q, p = oscillator(h=("m", "lift"), J=("kg m^2", "shaft", "> 0"))
     (twist,) = one.coordinates(a=("rad", "twist"))
@@ -273,6 +294,7 @@ REFUSED = {
     "stop": (ImpulseError, r"jumps where .*gap.* = 0, and its derivative by q would be an impulse"),
     "shifted": (DeclarationError, r"holds the phase with a coordinate; .*wrapped\(phase \+ q\)"),
     "square": (UnsupportedExpressionError, "are not known; let steps and kinks depend on the phase by"),
+    "open": (DeclarationError, r"has no value where no condition of .* holds; end it with a piece for all"),
     "pieces": (UnitError, "cannot be added or compared"),
     "compared": (UnitError, "cannot be added or compared"),
 }
@@ -290,6 +312,7 @@ def test_steps_that_cannot_be(kind):
             "stop": k * q**2 * Heaviside(q - gap),
             "shifted": k * gap**2 * Max(0, phase + q / gap) ** 2,
             "square": k * q**2 * Heaviside(phase**2 - 2),
+            "open": k * q**2 * Piecewise((1, phase < 1)),
             "pieces": Piecewise((k * q**2, phase < 1), (k * q, True)),
             "compared": k * q**2 * Piecewise((1, q < phase), (0, True)),
         }[kind]

@@ -177,3 +177,15 @@ def test_the_picture_names_its_boundaries(undamped):
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["boundary ρ = +1: period T", "boundary ρ = −1: period 2T"]
     assert len(figure.axes[0].get_lines()) == len(undamped.boundaries)
+
+
+def test_axes_may_be_texts_as_on_the_command_line():
+    model = solve.load("cam")
+    texts = solve.chart(model, "k1=8e4:9e4:2", "speed=100:200:3rpm", boundaries=False)
+    k1, speeds = np.array([8e4, 9e4]), np.pi / 30 * np.array([100.0, 150.0, 200.0])
+    numbers = solve.chart(model, {"k1": k1}, {"speed": speeds}, boundaries=False)
+    half = solve.chart(model, {"k1": "8e4:9e4:2"}, {"speed": "100 150 200 rpm"}, boundaries=False)
+    for found in (texts, half):
+        np.testing.assert_array_equal(found.x, numbers.x)
+        np.testing.assert_allclose(found.y, numbers.y, rtol=1e-15)
+        np.testing.assert_allclose(found.spectral_radius, numbers.spectral_radius, rtol=1e-10)
