@@ -50,7 +50,7 @@ def linkage(
     of_case = case.speed if speed is None else speed
     omega = None if of_case is None else speed_in_si(of_case)
     t1 = None if position is None else with_unit(position, "rad")
-    if t1 is not None and not math.isfinite(t1):
+    if t1 is not None and math.isinf(t1):
         raise ValueOutOfBoundsError(f"--position is '{position}'; allowed: finite angles, such as '70 deg'")
     points = [_point(text) for text in coupler_point or ()] or [complex(links.L2 / 2)]
     record = linkage_record(case.name, case.parameters, links, omega, t1, points)

@@ -59,7 +59,9 @@ def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeyp
 
     figures = []
     keep = deliver.drawn
-    monkeypatch.setattr(deliver, "drawn", lambda figure, file: (figures.append(figure), keep(figure, file)))
+    monkeypatch.setattr(
+        deliver, "drawn", lambda figure, file: (figures.append(figure), keep(figure, file))[1]
+    )
     assert command("compare", *ARGUMENTS, "--plot", "work.png").status == 0
     assert (tmp_path / "work.png").read_bytes().startswith(b"\x89PNG")
     (figure,) = figures
