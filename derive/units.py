@@ -63,6 +63,13 @@ _KINDS = ("[mass]", "[length]", "[time]", "[temperature]", "[current]")
 SECOND = UNITS["s"]
 
 
+_LONGEST = 80
+"""Characters."""
+
+_COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(?!\d|\.|\*\*|\^))")
+"""A power that is more than a number of one or two digits."""
+
+
 @runtime_checkable
 class Composed(Protocol):
     """A function whose dimension follows from those of its arguments, which need not be numbers."""
@@ -104,6 +111,8 @@ def _coherent(text: str) -> Dimension | None:
 @lru_cache
 def _known_to_pint(text: str) -> tuple[Dimension, float]:
     registry, refused = _registry(), f'the unit "{text}" is not understood'
+    if len(text) > _LONGEST or _COMPUTED.search(text):
+        raise UnitError(f"{refused}: powers are whole numbers of one or two digits")
     try:
         units = registry.parse_units(text)
         zero, one = (registry.Quantity(x, units).to_base_units().magnitude for x in (0.0, 1.0))

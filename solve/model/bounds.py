@@ -64,6 +64,8 @@ def checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"
             )
-        require_size_of_number(f"{name} ({meaning})", value)
+        # A small number beside others is none; one that must not be 0 may be divided by.
+        if abs(value) > 1 or "> 0" in clauses(bound):
+            require_size_of_number(f"{name} ({meaning})", value)
         checked[name] = value
     return checked

@@ -91,7 +91,8 @@ def test_the_command_draws_it(tmp_path, capsys):
 )
 def test_the_command_refuses_in_one_line(arguments, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert run(["sweep", "coupler", "--speeds", "600 900 rpm", *arguments]) == 2
+    speeds = [] if "--speeds" in arguments else ["--speeds", "600 900 rpm"]
+    assert run(["sweep", "coupler", *speeds, *arguments]) == 2
     written = capsys.readouterr()
     assert written.out == ""
     assert message in written.err
@@ -113,5 +114,5 @@ def test_a_speed_without_result_is_left_out(tmp_path, capsys):
 def test_no_result_at_all_is_refused(tmp_path, capsys):
     file = tmp_path / "turn.png"
     assert run([*AT_REST, "--speeds", "1 rad/s", "--plot", str(file)]) == 2
-    assert "--turn q: no speed has a result to draw; I - Φ is singular" in capsys.readouterr().err
+    assert "none of the 1 points gives a result: I - Φ is singular" in capsys.readouterr().err
     assert not file.exists()
