@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0a7077f4722b2fd341c5f9770ab01671cae6245d029c8206989fc60c3acf9443"
-DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
+DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ca51b8f9e0dab91369fb9ba8decde83946bb258fc5ae33cedb30cd07c4a27a15"
+FILE_SHA256 = "89d78569196a2d76c2ee6060b97137e2524b90bdc8fdefeb10bf37ae09066e83"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
+DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0bcefefc5e96698a805496a18a8ed366c7bc5bc4ae37207edbef3fe0f8ddd027"
+FILE_SHA256 = "f6e74b0e1d9f4e9e1a62bda86acd0681188c78fbced0f9b6c4fcf5da15ff8c8b"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
+DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "7a01c978eec1c48d9b3abd146e0caf19dc423088f2724d6f85a026c613a788c9"
+FILE_SHA256 = "fabf240092bb3d532b70b4dfd669d8f868eb2d6169702d6ce2d71e63d4683fb7"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "deac01aafd5a5d4784ba672ffdbfa8d69ab77338f6232e9a07db8ec56c7d6fbc"
+DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e8cdd6c0909145c5b91768d5974d9b1236a848e44c621ac3e262befaac22c6f5"
+FILE_SHA256 = "933d61e14418760439d3a3cc0c5b6e62a3e08e4ab1c4ebf6b237d793a90c9919"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

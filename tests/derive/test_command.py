@@ -292,7 +292,10 @@ def test_bad_arguments(derive, arguments, message):
         ("raise ValueError('two\\nlines')\n", "ValueError: two lines"),
         ("raise SystemExit(0)\n", ", line 1: SystemExit: 0"),
         ("def mechanism():\n    return mechanism()\n", "RecursionError: maximum recursion depth exceeded"),
-        (ROTOR.replace("kg m^2", "kg m^99999999"), 'the unit "kg m^99999999" is not understood: powers are whole numbers'),
+        (
+            ROTOR.replace("kg m^2", "kg m^99999999"),
+            'the unit "kg m^99999999" is not understood: powers are whole numbers',
+        ),
         ("from derive import nothing\n", "ImportError: cannot import name 'nothing'"),
         (
             ROTOR.replace('"rotor", "Rotor', '"other", "Rotor'),
