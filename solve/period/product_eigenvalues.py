@@ -17,9 +17,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs, matrix_balance
+from scipy.linalg import get_lapack_funcs
 
 from solve.arrays import Array
+from solve.period.multipliers import scaled_alike
 
 EPS = float(np.finfo(float).eps)
 
@@ -143,8 +144,7 @@ def _balanced(blocks: Blocks) -> Blocks:
     """The blocks in units that balance the mean of |A|."""
     A = blocks.factors
     size = np.abs(A) / np.maximum(np.abs(A).max(axis=(2, 3), keepdims=True), np.finfo(float).tiny)
-    finer = [matrix_balance(mean, permute=False, separate=True)[1][0] for mean in size.mean(axis=1)]
-    return blocks.in_units(blocks.units * np.stack(finer))
+    return blocks.in_units(blocks.units * scaled_alike(size.mean(axis=1))[1])
 
 
 def _point(A: Array, rounding: Array, vectors: bool) -> tuple[Array, Array, Array | None, Array | None]:
