@@ -15,7 +15,7 @@ from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
-from solve.period.multipliers import verdicts
+from solve.period.multipliers import roughly
 from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
 from solve.single import request
@@ -84,7 +84,7 @@ class _Keeper:
         at, results, solutions = self.start + found.positions, self.results, found.solutions
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
-        results.verdicts[at] = verdicts(solutions.Phi, rho, found.absolute, results.kept.meetings)
+        results.verdicts[at] = found.verdicts if results.kept.meetings else roughly(rho, found.absolute)
         results.steps[at], results.methods[at] = found.steps, found.method.name
         if results.kept.warnings:
             self._keep_warnings(found)

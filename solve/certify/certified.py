@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from solve.certify.estimates import enough_steps
 from solve.errors import SolveError
 from solve.methods.method import Method, Solutions
 from solve.period.frozen import Frozen
+from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, verdicts
 from solve.period.points import Points
 
 NEAR_ONE = 1e-3
@@ -56,12 +58,23 @@ class Certified:
         """Steps per period."""
         return self.solutions.grid.steps
 
+    @cached_property
+    def verdicts(self) -> Array:
+        """Positions (k,) in VERDICTS, see `solve.period.multipliers.verdicts`."""
+        found = self.solutions
+        return verdicts(found.Phi, found.multipliers, self.absolute, self.modes.drifts)
+
+    @cached_property
+    def _may_be_defective(self) -> Array:
+        """Points (k,) that are undetermined for no other reason than that."""
+        return (self.absolute <= KNOWN_ON_CIRCLE) & (self.verdicts == UNDETERMINED)
+
     @property
     def doubtful(self) -> Array:
         """Points (k,) that deserve a warning."""
         multipliers = self.solutions.multipliers
         found = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
-        found |= (multipliers.resolved == 0) | bool(self.method.warnings)
+        found |= (multipliers.resolved == 0) | self._may_be_defective | bool(self.method.warnings)
         if self.request.steps is not None and not self.method.l_stable:
             found |= ~self.modes.within(self.steps * self.method.follows / self.modes.period)
         return found
@@ -99,6 +112,11 @@ class Certified:
             warnings.append(
                 f"a multiplier is only {near:.1e} from +1 (resonance or a stability boundary): "
                 "the height of the response means little here"
+            )
+        if self._may_be_defective[at]:
+            warnings.append(
+                f"multipliers on the unit circle meet within their error ({float(self.absolute[at]):.1e}): "
+                "whether the motion stays bounded or grows with time cannot be told"
             )
         return warnings
 

@@ -159,14 +159,13 @@ def _content(points: Points) -> tuple[Array, Array]:
 
 def raised(errors: Array, floors: Array, alias: Array, hidden: Array, sizes: Array) -> Array:
     """Errors (P, 2) estimated from two grids, raised by what no two grids show: rounding, orders that they
-    see alike (P, 2), and modes that neither follows (P,).
+    see alike, and modes that neither follows, (P, 2) each.
 
     They are relative to a size that is itself known to its error only: the orbit's to that of the orbit,
     the spectral radius to `sizes` (P,). Of what this leaves of the size they are a larger part; where it
     leaves nothing, no error is known.
     """
-    errors = np.maximum(np.maximum(errors, floors), alias)
-    errors[:, 1] = np.maximum(errors[:, 1], hidden)
+    errors = np.maximum(np.maximum(errors, floors), np.maximum(alias, hidden))
     left = 1 - np.column_stack((errors[:, 0], sizes))
     return np.where(left > 0, errors / np.where(left > 0, left, 1.0), np.inf)
 

@@ -26,23 +26,24 @@ _SAME, _CLOSE = 0.1, 0.3
 _DOUBT = 10.0
 """Times what frozen modes leave that may be left: their damping is not that of the modes."""
 
-Witness = Callable[[Array], Multipliers]
-"""Multipliers of points at positions (k,) by an L-stable method."""
+Witness = Callable[[Array], tuple[Multipliers, Array]]
+"""Multipliers of points at positions (k,) by an L-stable method, and the errors (k,) of their orbits as this
+shows them, 0 where it is not needed."""
 
 
 def hidden(
     modes: Frozen, method: Method, steps: int, multipliers: Multipliers, rtol: float, witness: Witness
 ) -> Array:
-    """Errors (P, 2) of the multipliers of points, relative to the spectral radius and absolute, that both of
-    two grids may have from frozen modes that `steps` do not follow, or that they misplace by so much of a
-    turn that the grids may agree by chance.
+    """Errors (P, 3) of the orbits of points, and of the multipliers relative to the spectral radius and
+    absolute, that both of two grids may have from frozen modes that `steps` do not follow, or that they
+    misplace by so much of a turn that the grids may agree by chance.
 
     An L-stable method loses modes that it does not follow, which is wrong where they truly live on; any
     other may turn them into anything, and is judged by one that is L-stable.
     """
     limit = steps * method.follows
     followed = modes.within(limit / modes.period)
-    errors = np.zeros((len(modes), 2))
+    errors = np.zeros((len(modes), 3))
     open_ = np.flatnonzero(~followed)
     if method.l_stable:
         if len(open_):
@@ -51,15 +52,15 @@ def hidden(
             radius = np.maximum(radius, NEGLIGIBLE)
             kept = lost < radius
             share = np.where(kept, lost / np.where(kept, radius, 1.0), 1.0)
-            errors[open_] = np.column_stack((share, _DOUBT * lost)) * ~followed[open_, None]
+            errors[open_, 1:] = np.column_stack((share, _DOUBT * lost)) * ~followed[open_, None]
         return errors
     if len(open_):
         followed[open_] = modes[open_].reach <= limit
     doubtful = np.flatnonzero(~followed | ~_in_phase(modes, method, steps))
     if len(doubtful):
-        ours, truth = multipliers[doubtful], witness(doubtful)
+        ours, (truth, orbits) = multipliers[doubtful], witness(doubtful)
         absolute = np.maximum(ours.distance(truth), truth.bound)
-        errors[doubtful] = np.column_stack((ours.difference(truth), absolute))
+        errors[doubtful] = np.column_stack((orbits, ours.difference(truth), absolute))
     return errors
 
 

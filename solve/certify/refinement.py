@@ -28,7 +28,7 @@ from solve.errors import StepsError
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, frozen
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers
+from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, Multipliers, roughly
 from solve.period.points import Points
 
 _FEW_STEPS = 360
@@ -189,12 +189,12 @@ class Refinement:
             if not len(part):
                 continue
             errors = judged(differences(coarse, fine, self.burdens(part)), self.orders)
-            unseen = self._hidden(steps, part, coarse.multipliers)
+            unseen = self._hidden(steps, part, coarse)
             alias = aliasing(self.points[part], self.method, 2 * steps, given=True)
             radii = radius_changes(coarse.multipliers, fine.multipliers)
             with np.errstate(over="ignore", invalid="ignore"):
-                absolute = np.fmax(errors[:, 1] * fine.multipliers.spectral_radius, unseen[:, 1])
-            errors = raised(errors, rounding(coarse), alias, unseen[:, 0], radii)
+                absolute = np.fmax(errors[:, 1] * fine.multipliers.spectral_radius, unseen[:, 2])
+            errors = raised(errors, rounding(coarse), alias, unseen[:, :2], radii)
             yield self._certified(part, coarse, errors, absolute)
 
     def refined(self, positions: Array) -> Iterator[Certified | Failed]:
@@ -242,6 +242,7 @@ class Refinement:
         small = radius < UNDERFLOW
         done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
         done = done & (fine.rounding < 1.0)
+        done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
         leap = done | far(pace, errors, wanted, self.orders)
         last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
         ended = np.zeros(len(fine), dtype=bool)
@@ -256,6 +257,16 @@ class Refinement:
             for way in (False, True)
             if len(chosen := np.flatnonzero(~ended & (leap == way)))
         ]
+
+    def _nearly_decided(self, fine: Solutions, errors: Array, found: Array, before: Array) -> Array:
+        """Points (k,) whose multipliers leave the verdict open only because they are not known to be on the
+        unit circle, which twice the steps will tell if differences go on to fall."""
+        e = errors * fine.multipliers.spectral_radius
+        near = (e > KNOWN_ON_CIRCLE) & (e <= KNOWN_ON_CIRCLE * 2**self.method.order) & (found < before / 2)
+        at = np.flatnonzero(near)
+        if len(at):
+            near[at] = roughly(fine.multipliers[at], e[at]) == UNDETERMINED
+        return near
 
     def _begun(self, pace: Pace, trail: _Trail, first: Solutions) -> Iterator[Certified | Failed]:
         """The first grid; points that overflow begin with twice the steps."""
@@ -280,9 +291,9 @@ class Refinement:
         """Points whose grids agree, unless modes that these do not follow, or orders that they do not see,
         matter and the grids are not their `last` (k,); returns which points have ended (k,)."""
         positions = trail.positions
-        unseen = self._hidden(seen_by_both(pace, self.method), positions, fine.multipliers)
+        unseen = self._hidden(seen_by_both(pace, self.method), positions, fine)
         alias = aliasing(self.points[positions], self.method, pace.steps)
-        doubt = np.maximum(unseen[:, 0], alias.max(axis=1) / _ALIAS)
+        doubt = np.maximum(unseen[:, :2], alias / _ALIAS).max(axis=1)
         ended = (doubt <= self.request.rtol) | last
         assert trail.reference is not None
         coarse = trail.reference.multipliers
@@ -293,30 +304,35 @@ class Refinement:
             good = np.flatnonzero(ended & ~resonant & (small == kind))
             if len(good):
                 chosen = fine[good]
-                found = raised(errors[good], rounding(chosen), alias[good], unseen[good, 0], radii[good])
+                found = raised(errors[good], rounding(chosen), alias[good], unseen[good, :2], radii[good])
                 if kind:
                     chosen = chosen.with_multipliers(chosen.multipliers.with_digits(found[:, 1]))
-                yield self._certified(positions[good], chosen, found, unseen[good, 1])
+                yield self._certified(positions[good], chosen, found, unseen[good, 2])
         return ended
 
-    def _hidden(self, steps: int, positions: Array, multipliers: Multipliers) -> Array:
-        def witness(at: Array) -> Multipliers:
-            return self._witnessed(positions[at])
+    def _hidden(self, steps: int, positions: Array, solutions: Solutions) -> Array:
+        def witness(at: Array) -> tuple[Multipliers, Array]:
+            return self._witnessed(positions[at], solutions[at])
 
         modes = self.modes if len(positions) == len(self.points) else self.modes[positions]
-        return hidden(modes, self.method, steps, multipliers, self.request.rtol, witness)
+        return hidden(modes, self.method, steps, solutions.multipliers, self.request.rtol, witness)
 
-    def _witnessed(self, positions: Array) -> Multipliers:
-        """Multipliers of the points by the witness; zero with an infinite bound where it cannot tell."""
+    def _witnessed(self, positions: Array, solutions: Solutions) -> tuple[Multipliers, Array]:
+        """Multipliers of the points by the witness, zero with an infinite bound where it cannot tell; and the
+        errors of orbits that are series, which agree however long they lack a resonant harmonic."""
         values = np.zeros((len(positions), 2 * self.points.n), dtype=complex)
         resolved, bound = np.zeros(len(positions), dtype=int), np.full(len(positions), np.inf)
-        request = replace(self.request, orbit=False, rtol=WITNESS_RTOL, steps=None)
+        orbits = np.zeros(len(positions))
+        orbit = self.request.orbit and self.method.spectral
+        request = replace(self.request, orbit=orbit, rtol=WITNESS_RTOL, steps=None)
         for found in certified(self.points[positions], self.request.witness, request):
             if isinstance(found, Certified):
-                rho = found.solutions.multipliers
-                values[found.positions], resolved[found.positions] = rho.values, rho.resolved
-                bound[found.positions] = rho.bound
-        return Multipliers(values, resolved, bound)
+                at, rho = found.positions, found.solutions.multipliers
+                values[at], resolved[at], bound[at] = rho.values, rho.resolved, rho.bound
+                if orbit:
+                    burdens = self.burdens(positions[at])
+                    orbits[at] = differences(solutions[at], found.solutions, burdens)[:, 0]
+        return Multipliers(values, resolved, bound), orbits
 
     def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: float) -> Array:
         """Points (k,) with a multiplier that goes to +1, where an orbit is asked for."""

@@ -6,13 +6,16 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array, solved, whole
-from solve.period.multipliers import scaled_alike
+from solve.period.multipliers import EPS, scaled_alike
 from solve.period.points import Points, parted, rate_of
 
 PHASES = 128
 """At which the coefficients are frozen unless a caller asks for fewer."""
 
 _ITERATIONS = 6
+
+_NULL = 64 * EPS
+"""Remainder of an equation whose largest coefficient is about 1 that counts as rounding."""
 
 
 class Frozen:
@@ -50,6 +53,12 @@ class Frozen:
         largest = units * (load / units).max(axis=1, keepdims=True)
         own = 1.0 + np.einsum("pii->pi", coupling)
         return (np.einsum("pij,pj->pi", coupling, sizes) + largest) / own
+
+    def drifts(self, points: Array) -> Array:
+        """Whether points at positions (k,) move freely in some direction v: C v = K v = 0 at every phase, but
+        for rounding. Then q = v t is a solution, and the multiplier +1 is defective."""
+        rows = self._matrices[1:, :, :, points].transpose(3, 0, 1, 4, 2).reshape(len(points), -1, self._n)
+        return np.array([_has_null_vector(each) for each in rows], dtype=bool)
 
     @cached_property
     def reach(self) -> Array:
@@ -136,6 +145,15 @@ def _eigenvalues(matrices: Array) -> Array:
         return np.linalg.eigvals(matrices)
     values = np.linalg.eigvals(np.where(finite[..., None, None], matrices, 0.0))
     return np.where(finite[..., None], values, np.inf)
+
+
+def _has_null_vector(rows: Array) -> bool:
+    """Whether equations (k, n) have a solution other than 0, in whatever units they and it are."""
+    for axis in (1, 0):
+        largest = np.abs(rows).max(axis=axis, keepdims=True)
+        rows = rows / np.where(largest > 0, largest, 1.0)
+    smallest = np.linalg.svd(rows, full_matrices=False)[2][-1]
+    return bool((np.abs(rows @ smallest) <= _NULL).all())
 
 
 def _quadratic(M: Array, C: Array, K: Array) -> Array:

@@ -4,6 +4,7 @@ Every array may have a leading axis of points, here `…`.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,11 +21,17 @@ UNIT_CIRCLE = 1e-9
 KNOWN_ON_CIRCLE = 1e-6
 """Absolute error of a modulus up to which a multiplier counts as being on the unit circle."""
 
+_TIMES_ESTIMATE = 10.0
+"""Times its estimate that an error may be: what tears a double multiplier apart takes it off the circle."""
+
 _APART = 1e3
 """Errors by which multipliers are known to be distinct."""
 
 _SWEEPS, _GAIN = 8, 0.95
 """Of balancing a pair: at most so often, and only where norms fall to this part of themselves."""
+
+Drifts = Callable[[Array], Array]
+"""`Frozen.drifts` of points at positions (k,)."""
 
 VERDICTS: tuple[str, ...] = ("asymptotically stable", "stable", "unstable", "undetermined")
 ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
@@ -192,54 +199,69 @@ def scaled_alike(matrices: Array) -> tuple[Array, Array]:
     return matrices * units[..., None, :] / units[..., :, None], units
 
 
-def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, meetings: bool = True) -> Array:
-    """Positions (…) in VERDICTS.
+def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, drifts: Drifts) -> Array:
+    """Positions (P,) in VERDICTS, of monodromy matrices (P, N, N).
 
-    errors (…): of the multipliers, absolute; e is that, or the bound of unresolved ones where it is larger.
-    Asymptotically stable: all |ρ| + e < 1 - 1e-9. Unstable: some |ρ| - e > 1 + 1e-9, or one on the unit
-    circle whose algebraic exceeds its geometric multiplicity (chapter Section 2). Stable: those that are not
-    inside have e ≤ 1e-6, and none is defective. Else undetermined.
-    Without `meetings` defects are not looked at.
+    errors (P,): of the multipliers, absolute; e is that, or the bound of unresolved ones where it is larger.
+    Asymptotically stable: all |ρ| + e < 1 - 1e-9. Unstable: some |ρ| - e > 1 + 1e-9, or a coordinate that
+    drifts freely. Stable: those that are not inside have e ≤ 1e-6, and none may be defective (chapter
+    Section 2). Else undetermined. Where two are so near that they may be one, 10 e takes the place of e in
+    the first two.
     """
-    values = multipliers.values
-    modulus, unresolved = np.abs(values), np.arange(values.shape[-1]) >= multipliers.resolved[..., None]
-    absolute = np.asarray(errors)[..., None]
-    e = np.where(unresolved, np.maximum(multipliers.bound[..., None], absolute), absolute)
-    inside, outside = modulus + e < 1 - UNIT_CIRCLE, modulus - e > 1 + UNIT_CIRCLE
-    on_circle = ~inside & ~outside
-    judged = np.where(on_circle.any(axis=-1), STABLE, ASYMPTOTICALLY_STABLE)
-    judged = np.where((on_circle & ~(e <= KNOWN_ON_CIRCLE)).any(axis=-1), UNDETERMINED, judged)
-    judged = np.where(outside.any(axis=-1), UNSTABLE, judged)
-    if not meetings:
-        return judged
-    tolerance = np.maximum(errors, UNIT_CIRCLE)
-    reach = _reach(tolerance)
-    distance = np.abs(values[..., :, None] - values[..., None, :])
-    both = on_circle[..., :, None] & ~np.eye(values.shape[-1], dtype=bool)
-    close = (both & (distance <= reach[..., None, None])).any(axis=(-2, -1))
-    for point in map(tuple, np.argwhere((judged == STABLE) & close)):
-        known = values[point][on_circle[point]]
-        judged[point] = _met(Phi[point], known, float(tolerance[point]), float(reach[point]))
+    values, e = multipliers.values, _absolute(multipliers, errors)
+    near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
+    meet = _meetings(values, errors, near)
+    judged = _by_moduli(multipliers, e, np.where(meet.any(axis=-1), _TIMES_ESTIMATE, 1.0) * e)
+    open_ = np.flatnonzero(((judged == STABLE) | (judged == UNDETERMINED)) & meet.any(axis=(-2, -1)))
+    if len(open_):
+        judged[open_] = np.where(drifts(open_), UNSTABLE, judged[open_])
+    for at in np.flatnonzero((judged == STABLE) & meet.any(axis=(-2, -1))).tolist():
+        if _may_be_defective(_balanced(Phi[at]), values[at], meet[at], float(errors[at])):
+            judged[at] = UNDETERMINED
     return judged
 
 
-def _reach(error: Array) -> Array:
-    """Distance up to which multipliers known to an error may be one: a double multiplier of a defective block
-    splits by the square root of a perturbation, of which the error may show little."""
-    return np.minimum(np.sqrt(error), _APART * error)
+def roughly(multipliers: Multipliers, errors: Array) -> Array:
+    """The same by the moduli alone, whichever may be one."""
+    e = _absolute(multipliers, errors)
+    return _by_moduli(multipliers, e, e)
 
 
-def _met(Phi: Array, values: Array, error: float, reach: float) -> int:
-    """The verdict where multipliers (k,) on the unit circle are within `reach` of each other and may be
-    one: UNSTABLE with fewer eigenvectors than they count, STABLE with as many."""
-    for value in values:
-        algebraic = int(np.sum(np.abs(values - value) <= reach))
-        if algebraic > 1:
-            singular = np.linalg.svd(Phi - value * np.eye(len(Phi)), compute_uv=False)
-            scale = max(float(singular[0]), 1.0)
-            if np.sum(singular <= 10 * math.sqrt(error) * scale) < algebraic:
-                return UNSTABLE
-    return STABLE
+def _absolute(multipliers: Multipliers, errors: Array) -> Array:
+    """e (P, N) of `verdicts`."""
+    unresolved = np.arange(multipliers.values.shape[-1]) >= multipliers.resolved[:, None]
+    return np.where(unresolved, np.maximum(multipliers.bound[:, None], errors[:, None]), errors[:, None])
+
+
+def _by_moduli(multipliers: Multipliers, e: Array, margin: Array) -> Array:
+    """Positions (P,) in VERDICTS, with a `margin` (P, N) for moduli beside the unit circle."""
+    modulus = np.abs(multipliers.values)
+    inside, outside = modulus + margin < 1 - UNIT_CIRCLE, modulus - margin > 1 + UNIT_CIRCLE
+    on_circle = ~inside & ~outside
+    judged = np.where(on_circle.any(axis=-1), STABLE, ASYMPTOTICALLY_STABLE)
+    judged = np.where((on_circle & ~(e <= KNOWN_ON_CIRCLE)).any(axis=-1), UNDETERMINED, judged)
+    return np.where(outside.any(axis=-1), UNSTABLE, judged)
+
+
+def _meetings(values: Array, errors: Array, concerned: Array) -> Array:
+    """Which of the multipliers (P, N) that are `concerned` may be one with which other (P, N, N): a double
+    one of a defective block splits by the square root of a perturbation, of which the errors (P,) may show
+    little."""
+    error = np.maximum(errors, UNIT_CIRCLE)
+    reach = np.minimum(np.sqrt(error), _APART * error)
+    distance = np.abs(values[:, :, None] - values[:, None, :])
+    close = (distance <= reach[:, None, None]) & ~np.eye(values.shape[-1], dtype=bool)
+    return close & concerned[:, :, None] & concerned[:, None, :]
+
+
+def _may_be_defective(Phi: Array, values: Array, meet: Array, error: float) -> bool:
+    """Whether there may be fewer eigenvectors than multipliers (N,) that `meet` (N, N)."""
+    for at in np.flatnonzero(meet.any(axis=-1)):
+        singular = np.linalg.svd(Phi - values[at] * np.eye(len(Phi)), compute_uv=False)
+        small = 10 * math.sqrt(max(error, UNIT_CIRCLE)) * max(float(singular[0]), 1.0)
+        if np.sum(singular <= small) < 1 + np.sum(meet[at]):
+            return True
+    return False
 
 
 def _scaled(Phi: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified
 from solve.period.floquet_modes import FloquetMode
-from solve.period.multipliers import VERDICTS, Multipliers, verdicts
+from solve.period.multipliers import VERDICTS, Multipliers
 from solve.results.contents import Contents, Variable, model_record, plain
 from solve.results.plot import StabilityPanel, stability_figure
 from solve.results.report import RenderableType, Table, described, heading, stacked, table
@@ -129,7 +129,7 @@ class Stability:
     @cached_property
     def verdict(self) -> str:
         """ "asymptotically stable", "stable", "unstable" or "undetermined"."""
-        return VERDICTS[verdicts(self.certified.solutions.Phi, self._rho, self.certified.absolute)[0]]
+        return VERDICTS[self.certified.verdicts[0]]
 
     @property
     def stable(self) -> bool | None:

@@ -102,6 +102,7 @@ class _Contestant:
         self.point = OnePoint(reference.system, reference.speed)
         self.reference = reference.certified.solutions
         self.judged_by = judged_by
+        self._drifts = reference.certified.modes.drifts
         ((self.method, _),) = chosen_for(rule, self.point)
         self.name = label(self.method)
         asked = request(None, _REFERENCE_RTOL, NUMPY, orbit=True)
@@ -129,7 +130,7 @@ class _Contestant:
             orbit_error=float(orbit_error) if self.judged_by == ORBIT else math.nan,
             multiplier_error=float(multiplier_error),
             time=seconds,
-            verdict=VERDICTS[verdicts(solution.Phi, solution.multipliers, np.zeros(1))[0]],
+            verdict=VERDICTS[verdicts(solution.Phi, solution.multipliers, np.zeros(1), self._drifts)[0]],
             followed=not unresolved,
             warnings=[*map(self._unnamed, self.method.warnings), *unresolved],
         )

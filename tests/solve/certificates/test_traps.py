@@ -88,6 +88,18 @@ def test_gauss_on_the_slow_cam_invents_a_multiplier_beside_the_right_orbit():
     assert any("the multipliers to" in text for text in found.warnings)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["fourier", "hill"])
+def test_series_that_agree_without_a_resonant_harmonic_are_not_believed(method):
+    """The cam at 600 rpm: series of order 96 and 128 agree to 1e-7, and both lack order 353 of its mode."""
+    given, speed = cam("1"), 20 * np.pi
+    truth = periodic(given, speed, "gauss", rtol=1e-10)
+    found = periodic(given, speed, method, rtol=1e-6)
+    error = relative_error(found.at(PHASES), truth.at(PHASES))
+    assert 1e-6 < error <= 10 * found.error_estimate.orbit
+    assert any("gives the orbit to" in text for text in found.warnings)
+
+
 def test_piecewise_constant_steps_invent_growth_in_a_turning_beam():
     """Every frozen step is exact and damps; the chain of them grows, because the modes turn between."""
     found = floquet(turning_beam(), 1.0, "hsu", steps=101, rtol=0.9)

@@ -14,7 +14,6 @@ from solve.methods.hsu import Hsu
 from solve.methods.march import March
 from solve.methods.modal import Modal
 from solve.period.grid import Grid
-from solve.period.multipliers import verdicts
 from solve.period.points import Tables, matrices
 from solve.single import request
 from tests.solve import systems
@@ -106,9 +105,7 @@ def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points)
         for result in certified(some, method, asked):
             if isinstance(result, Certified):
                 for at in np.flatnonzero(result.positions == position):
-                    solutions, errors = result.solutions, result.errors
-                    judged = verdicts(solutions.Phi, solutions.multipliers, errors[:, 1])
-                    return result.steps, judged[at], result.warnings(int(at)), errors[at]
+                    return result.steps, result.verdicts[at], result.warnings(int(at)), result.errors[at]
             elif result.position == position:
                 return str(result.reason)
         raise AssertionError("a point without a result")
