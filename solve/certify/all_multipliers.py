@@ -14,6 +14,7 @@ from solve.errors import StepsError
 from solve.methods.method import Method, OneStep, Solutions
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.grid import Grid
+from solve.period.multipliers import matched
 from solve.period.points import OnePoint, matrices
 from solve.period.product_eigenvalues import (
     Blocks,
@@ -246,7 +247,7 @@ def _exponential(logarithms: Array) -> Array:
 def _errors(others: Array, own: ProductEigenvalues) -> Array:
     """Relative errors (N,) of multipliers from rounding and from the logarithms (N,) on other steps."""
     apart = _apart(own.logarithms[0], others)
-    return np.maximum(apart[np.arange(len(apart)), _assigned(apart)], own.errors[0])
+    return np.maximum(apart[matched(apart)], own.errors[0])
 
 
 def _known(errors: Array) -> Array:
@@ -256,13 +257,7 @@ def _known(errors: Array) -> Array:
 
 def _matched(some: Array, every: Array) -> Array:
     """Positions (k,) among the logarithms `every` (N,) of those that match the logarithms `some` (k,)."""
-    return _assigned(_apart(some, every))
-
-
-def _assigned(apart: Array) -> Array:
-    from scipy.optimize import linear_sum_assignment
-
-    return linear_sum_assignment(apart)[1]
+    return matched(_apart(some, every))[1]
 
 
 def _apart(ours: Array, theirs: Array) -> Array:

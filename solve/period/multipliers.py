@@ -99,7 +99,7 @@ class Multipliers:
         shared = (np.sort(nearest, axis=-1) != np.arange(nearest.shape[-1])).any(axis=-1)
         for point in zip(*np.nonzero(np.atleast_1d(shared)), strict=True) if shared.any() else ():
             at = point if largest.ndim else ()
-            largest[at] = _assigned(distance[at])
+            largest[at] = distance[at][matched(distance[at])].max()
         return largest
 
     def difference(self, other: "Multipliers") -> Array:
@@ -114,6 +114,13 @@ class Multipliers:
         bound = np.maximum(error * self.spectral_radius, self.bound)
         kept = np.abs(self.values) > bound[..., None]
         return Multipliers(np.where(kept, self.values, 0.0), kept.sum(axis=-1), bound)
+
+
+def matched(distance: Array) -> tuple[Array, Array]:
+    """Rows and columns of a matrix of distances (k, N), k ≤ N, that are paired so that their sum is least."""
+    from scipy.optimize import linear_sum_assignment
+
+    return linear_sum_assignment(distance)
 
 
 def frobenius(Phi: Array) -> Array:
@@ -289,9 +296,3 @@ def _put_positive_first(values: Array) -> None:
     for k in range(values.shape[-1] - 1) if wrong.any() else ():
         swap = (values[..., k + 1] == values[..., k].conj()) & (np.imag(values[..., k]) < 0)
         values[swap, k : k + 2] = values[swap, k : k + 2][..., ::-1]
-
-
-def _assigned(distance: Array) -> float:
-    from scipy.optimize import linear_sum_assignment
-
-    return float(distance[linear_sum_assignment(distance)].max())

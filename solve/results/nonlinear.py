@@ -1,9 +1,9 @@
 """The periodic solution of nonlinear equations, with the linear one beside it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,9 +12,7 @@ from solve.certify.correction import corrected
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
 from solve.results.orbit import Orbit, QuasiStatic
-from solve.results.plot import Motion, checked_scale, orbit_figure, shown
 from solve.results.report import Table
-from solve.results.style import Figure
 
 _REPEATS = 1e-6
 """Relative difference between the periods of an orbit of several below which it is one of a single period."""
@@ -32,6 +30,7 @@ class NonlinearOrbit(Orbit):
     where a transient from rest settles on no orbit.
     """
 
+    _curve_names: ClassVar[tuple[str, str]] = ("nonlinear", "linear")
     iterations: int = 0
     found_by: str = ""
     failed: tuple[str, ...] = ()
@@ -99,23 +98,8 @@ class NonlinearOrbit(Orbit):
         grid.add_row("found", f"by {self.found_by}, {self.iterations} corrections of Newton's method")
         return grid
 
-    def plot(
-        self,
-        names: Sequence[str] | None = None,
-        quasi_static: bool = False,
-        scale: str = "linear",
-        harmonics: int | None = None,
-    ) -> Figure:
-        """As `Orbit.plot`, the linear orbit beside. Raises UnknownNameError, ValueOutOfBoundsError."""
-        if quasi_static:
-            return self.quasi_static  # type: ignore[return-value]
-        checked_scale(scale)
-        phase = np.linspace(0.0, self.system.period, self.samples + 1)
-        motions = {}
-        for name in shown(self.system, names):
-            amplitudes, _ = self.harmonics(name, harmonics or self.samples // 8)
-            motions[name] = Motion(self.signal(name)(phase), self._linear_values(name, phase), amplitudes)
-        return orbit_figure(self.system, self.speed, motions, self._panel, scale, "nonlinear", "linear")
+    def _beside(self, quasi_static: bool) -> Callable[[str, Array], Array | None]:
+        return super()._beside(quasi_static) if quasi_static else self._linear_values
 
     def _linear_values(self, name: str, phase: Array) -> Array | None:
         if self.linear is None:

@@ -1,12 +1,12 @@
 """The periodic solution: a continuous curve over one turn, with its stability and its warnings."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -121,6 +121,8 @@ class QuasiStatic(Turn):
 @dataclass(frozen=True)
 class Orbit(Stability, Turn):
     """The T-periodic solution of M q̈ + C q̇ + K q = d."""
+
+    _curve_names: ClassVar[tuple[str, str]] = ("dynamic", "quasi-static")
 
     @property
     def _curve(self) -> PeriodicCurve:
@@ -313,13 +315,17 @@ class Orbit(Stability, Turn):
         UnknownNameError, ValueOutOfBoundsError.
         """
         checked_scale(scale)
+        beside = self._beside(quasi_static)
         phase = np.linspace(0.0, self.system.period, self.samples + 1)
         motions = {}
         for name in shown(self.system, names):
-            beside = self.quasi_static.signal(name)(phase) if quasi_static else None
             amplitudes, _ = self.harmonics(name, harmonics or self.samples // 8)
-            motions[name] = Motion(self.signal(name)(phase), beside, amplitudes)
-        return orbit_figure(self.system, self.speed, motions, self._panel, scale)
+            motions[name] = Motion(self.signal(name)(phase), beside(name, phase), amplitudes)
+        return orbit_figure(self.system, self.speed, motions, self._panel, scale, *self._curve_names)
+
+    def _beside(self, quasi_static: bool) -> Callable[[str, Array], Array | None]:
+        """From a quantity and phases (k,) to the values (k,) that are drawn beside."""
+        return lambda name, phase: self.quasi_static.signal(name)(phase) if quasi_static else None
 
     def save(self, path: str | Path) -> None:
         """Write the orbit as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.

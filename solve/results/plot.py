@@ -60,9 +60,9 @@ def orbit_figure(
     speed: float,
     motions: Mapping[str, Motion],
     panel: StabilityPanel,
-    scale: str = "linear",
-    label: str = "dynamic",
-    beside: str = "quasi-static",
+    scale: str,
+    label: str,
+    beside: str,
 ) -> Figure:
     """Time curve over one period and spectrum of each quantity, multipliers; speed in rad/s. label and beside
     name the solution and the one beside it.
