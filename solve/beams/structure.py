@@ -102,7 +102,10 @@ class StructureModel(Model):
             both = plus.removesuffix("_plus")
             self.largest_of = {**self.largest_of, both: (plus, f"{both}_minus")}
             self.units = {**self.units, both: self.units[plus]}
-            self.meanings = {**self.meanings, both: f"{self.meanings[plus]}, or on the other"}
+            self.meanings = {
+                **self.meanings,
+                both: self.meanings[plus].removesuffix("plus surface") + "either surface",
+            }
 
     @classmethod
     def of(cls, setup: Setup) -> Self:

@@ -39,6 +39,11 @@ class Member:
     def n(self) -> int:
         return self.system.n
 
+    @property
+    def formula(self) -> bool:
+        """Whether the truth is a formula, of which the system's matrices are rounded values."""
+        return self.kind in BUILT
+
 
 def kind_of(index: int) -> str:
     """The kinds take turns, in each half those of their own."""
