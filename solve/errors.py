@@ -84,10 +84,6 @@ class FileError(SolveError):
     """A file that cannot be read or written, or whose type is unknown."""
 
 
-class MissingExtraError(SolveError):
-    """An optional dependency that this request needs and that is not installed."""
-
-
 def _natural(name: str) -> tuple[str, int]:
     digits = name[len(name.rstrip("0123456789")) :]
     return name.removesuffix(digits), int(digits or 0)

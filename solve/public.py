@@ -25,6 +25,7 @@ from solve.results.validity import Validity
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.chart import chart
+from solve.studies.compare import compare
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.frequencies import frequencies, frequencies_over
@@ -58,6 +59,7 @@ __all__ = [
     "boundaries",
     "case_numbers",
     "chart",
+    "compare",
     "critical_speeds",
     "floquet",
     "frequencies",

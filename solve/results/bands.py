@@ -7,6 +7,7 @@ from typing import Any
 from solve.results.contents import Contents, model_record, plain, rows_contents
 from solve.results.quantities import RPM
 from solve.results.report import RenderableType, model_heading, stacked, table, text
+from solve.results.result import Result
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
 from solve.results.sweep_plot import radius_figure
@@ -32,7 +33,7 @@ class Band:
     open_high: bool = False
 
 
-class Bands(list[Band]):
+class Bands(list[Band], Result):
     """Bands, rising, within a range of speeds (rad/s). spacing: the largest distance in rad/s of neighbouring
     speeds that were solved; narrower bands may be missed. notes: how they were found, such as speeds without
     a result. warnings: about the equations themselves."""

@@ -16,6 +16,7 @@ from solve.results.plot import draw_map, title_of
 from solve.results.points import PointResults
 from solve.results.quantities import RPM
 from solve.results.report import RenderableType, model_heading, stacked, table, text
+from solve.results.result import Result
 from solve.results.stability import Stability
 from solve.results.style import BLACK, Axes, Figure, page
 from solve.results.sweep_plot import KIND_NAMES
@@ -78,7 +79,7 @@ class Cut:
 
 
 @dataclass(frozen=True)
-class Chart:
+class Chart(Result):
     """Stability at ny × nx points: y (ny,) over x (nx,), each a parameter in SI units or "speed" (rad/s).
 
     system: the model as it was given, or the first that could be built. boundaries: curves between stable
@@ -232,17 +233,23 @@ class Chart:
 
     def contents(self) -> Contents:
         """A row a point, for a file."""
-        xs, ys = (part.ravel() for part in np.meshgrid(self.x, self.y))
-        errors = [self.failures.get(at, "") for at in np.ndindex(self.shape)]
+        errors = [[self.failures.get((j, i), "") for i in range(len(self.x))] for j in range(len(self.y))]
         columns: dict[str, tuple[Any, str, str]] = {
-            self.x_name: (xs, "", "across"),
-            self.y_name: (ys, "", "upwards"),
-            "spectral_radius": (self.spectral_radius.ravel(), "1", "largest modulus of a Floquet multiplier"),
-            "verdict": (self.verdicts.ravel(), "", "stability"),
-            "kind": (self.kinds.ravel(), "", "largest multiplier of unstable points"),
+            self.x_name: (self.x, *self._labels(self.x_name)),
+            self.y_name: (self.y, *self._labels(self.y_name)),
+            "spectral_radius": (self.spectral_radius, "1", "largest modulus of a Floquet multiplier"),
+            "verdict": (self.verdicts, "", "stability"),
+            "kind": (self.kinds, "", "largest multiplier of unstable points"),
             "error": (errors, "", "why there is no result"),
         }
-        return table_contents(columns, {**model_record(self.system), "boundaries": self._boundary_records})
+        metadata = {**model_record(self.system), "boundaries": self._boundary_records}
+        return table_contents(columns, metadata, (self.y_name, self.x_name))
+
+    def _labels(self, name: str) -> tuple[str, str]:
+        """Unit and meaning of a quantity."""
+        if name == "speed":
+            return "rad/s", "speed of rotation"
+        return self.system.parameter_labels.get(name, ("", ""))
 
 
 def _range(name: str, values: Array) -> str:

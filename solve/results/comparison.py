@@ -12,6 +12,7 @@ from solve.results.contents import Contents, model_record, plain, rows_contents
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
 from solve.results.report import RenderableType, heading, stacked, table, text
+from solve.results.result import Result
 from solve.results.style import GREY, LIGHT, MANY, Figure, page
 
 ORBIT, MULTIPLIERS = "orbit", "multipliers"
@@ -62,7 +63,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Result):
     """reference: the converged orbit. judged_by: ORBIT or MULTIPLIERS, whose errors the targets are. rows:
     the comparison. measured: further points of each method, rising in steps, for a work–precision picture."""
 

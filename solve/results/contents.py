@@ -16,9 +16,9 @@ from solve.system import PeriodicSystem
 
 
 class Variable(NamedTuple):
-    """A named array: its axis ("phase", "multiplier", …), unit ("" for texts and counts), meaning."""
+    """A named array: its axis ("phase", "multiplier", …) or axes, unit ("" for texts and counts), meaning."""
 
-    axis: str
+    axis: str | tuple[str, ...]
     values: Array
     unit: str
     meaning: str
@@ -33,6 +33,18 @@ class Contents:
     further: Mapping[str, Variable]
     arrays: Mapping[str, Array]
     metadata: Mapping[str, Any]
+
+    @property
+    def table(self) -> dict[str, Array]:
+        """The columns with a row for each place on all their axes, in the order of the widest one."""
+        widest = max(self.columns.values(), key=lambda column: column.values.ndim)
+        axes, shape = _axes(widest), widest.values.shape
+        sizes = dict(zip(axes, shape, strict=True))
+        along = {
+            name: v.values.reshape([sizes[axis] if axis in _axes(v) else 1 for axis in axes])
+            for name, v in self.columns.items()
+        }
+        return {name: np.broadcast_to(values, shape).ravel() for name, values in along.items()}
 
     @property
     def metadata_text(self) -> str:
@@ -51,12 +63,18 @@ def require_different_names(variables: Sequence[tuple[str, Variable]]) -> None:
             )
 
 
+def _axes(variable: Variable) -> tuple[str, ...]:
+    return (variable.axis,) if isinstance(variable.axis, str) else variable.axis
+
+
 def table_contents(
-    columns: Mapping[str, tuple[Sequence[Any], str, str]], metadata: Mapping[str, Any]
+    columns: Mapping[str, tuple[Sequence[Any], str, str]],
+    metadata: Mapping[str, Any],
+    axes: tuple[str, ...] = ("row",),
 ) -> Contents:
-    """Columns of a table by name: values, unit, meaning."""
+    """Columns of a table by name: values, unit, meaning; over all axes, or over the one that they name."""
     made = {
-        name: Variable("row", np.array(values), unit, meaning)
+        name: Variable((name,) if name in axes else axes, np.array(values), unit, meaning)
         for name, (values, unit, meaning) in columns.items()
     }
     return Contents(made, {}, {name: column.values for name, column in made.items()}, plain(metadata))

@@ -12,6 +12,7 @@ from solve.results.contents import Contents, model_record, plain, rows_contents
 from solve.results.plot import label_quantity, label_speeds, title_of
 from solve.results.quantities import RPM, fixed, named, prefixed
 from solve.results.report import RenderableType, Table, model_heading, stacked, table
+from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
 
@@ -79,7 +80,7 @@ class Critical:
 
 
 @dataclass(frozen=True)
-class CriticalSpeeds:
+class CriticalSpeeds(Result):
     """rows: critical speeds, falling; combinations: (ω̄i ± ω̄j)/k. Behind them over speeds (P,), rising:
     response, the dominant multiplier's real part and modulus (P,), unstable (P,), mean frequencies (P, n)."""
 

@@ -14,6 +14,7 @@ from solve.results.contents import Contents, model_record, plain, table_contents
 from solve.results.frequencies_plot import shapes_figure, turn_figure, variation_figure
 from solve.results.quantities import fixed
 from solve.results.report import RenderableType, Table, model_heading, stacked, table
+from solve.results.result import Result
 from solve.results.style import Figure
 from solve.system import ModeShape, PeriodicSystem
 
@@ -22,7 +23,7 @@ _MOST_ROWS = 40
 
 
 @dataclass(frozen=True)
-class Frequencies:
+class Frequencies(Result):
     """values (m, k): the lowest k frequencies in rad/s, rising, at positions (m,) in rad.
 
     A frequency is NaN where the static stiffness is not positive: there the position is unstable.
@@ -62,6 +63,9 @@ class Frequencies:
         """Positions (rad), frequencies (rad/s), and figures of these over the positions."""
         return {"positions": self.positions, "frequencies": self.values, **_figures(self.values, 0)}
 
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        return stacked(model_heading(self.system, choices), self.table())
+
     def table(self) -> Table:
         """A row a position, and the figures below."""
         k = self.values.shape[1]
@@ -86,7 +90,7 @@ class Frequencies:
 
 
 @dataclass(frozen=True)
-class Variation:
+class Variation(Result):
     """Frequencies (v, m, k) in rad/s over a parameter, values (v,) in SI units, at positions (m,) in rad.
 
     NaN where errors (v,) says why there are none. pinned: the lowest frequency of each link by itself,
@@ -122,6 +126,9 @@ class Variation:
         over = {"parameter": self.parameter, "values": self.values, "positions": self.positions}
         return {**over, **self.figures, "pinned": self.pinned, "errors": self.errors}
 
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        return stacked(model_heading(self.system, choices), self.table())
+
     def table(self) -> Table:
         """A row a value of the parameter: the lowest frequency, and those of up to three links alone."""
         unit, _ = self.system.parameter_labels[self.parameter]
@@ -152,7 +159,7 @@ class Variation:
 
 
 @dataclass(frozen=True)
-class Findings:
+class Findings(Result):
     """Frequencies at a position; where asked for, over the turn and over a parameter, and mode shapes."""
 
     here: Frequencies

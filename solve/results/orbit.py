@@ -5,8 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,14 +18,10 @@ from solve.results.contents import Contents, Variable, plain, require_different_
 from solve.results.plot import Motion, checked_scale, orbit_figure, shown
 from solve.results.quantities import fixed, prefixed
 from solve.results.report import RenderableType, Table, stacked, table
-from solve.results.save import checked_data, dataset, save
 from solve.results.stability import Stability
 from solve.results.style import Figure
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
-
-if TYPE_CHECKING:
-    import xarray
 
 _LONGEST_NAME = 26
 _RANKS = ("strongest", "second", "third")
@@ -326,18 +321,6 @@ class Orbit(Stability, Turn):
     def _beside(self, quasi_static: bool) -> Callable[[str, Array], Array | None]:
         """From a quantity and phases (k,) to the values (k,) that are drawn beside."""
         return lambda name, phase: self.quasi_static.signal(name)(phase) if quasi_static else None
-
-    def save(self, path: str | Path) -> None:
-        """Write the orbit as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.
-
-        Raises FileError, and MissingExtraError for .nc without its packages.
-        """
-        save(self.contents(), checked_data(path))
-
-    def to_xarray(self) -> "xarray.Dataset":
-        """The orbit over the phase: a variable a coordinate and output; the rates of coordinate q1 are q1d
-        and q1dd. Raises MissingExtraError without xarray."""
-        return dataset(self.contents())
 
 
 def _broken(name: str) -> str:

@@ -2,7 +2,6 @@
 the calculation, and written whole or not at all."""
 
 import csv
-import importlib.util
 import os
 import platform
 import secrets
@@ -17,14 +16,11 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import FileError, MissingExtraError
+from solve.errors import FileError
 from solve.results.contents import Contents, Variable
 
 if TYPE_CHECKING:
     import xarray
-
-_NETCDF = ("xarray", "h5netcdf", "h5py")
-
 
 PICTURES = (".png", ".pdf", ".svg")
 """Endings of pictures."""
@@ -170,11 +166,8 @@ def _alive(process: int) -> bool:
 
 
 def checked_data(path: str | Path) -> Path:
-    """The path of a data file that can be written. Raises FileError, MissingExtraError."""
-    file = checked(path, DATA, "data")
-    if file.suffix.lower() == ".nc":
-        _require(*_NETCDF)
-    return file
+    """The path of a data file that can be written. Raises FileError."""
+    return checked(path, DATA, "data")
 
 
 def save(contents: Contents, file: Path) -> None:
@@ -188,13 +181,13 @@ def writer(contents: Contents, file: Path) -> Callable[[BinaryIO], None]:
 
 
 def dataset(contents: Contents) -> "xarray.Dataset":
-    """A variable a column, with `units` and `long_name`, over the phase where there is one. Raises
-    MissingExtraError without xarray."""
-    _require("xarray")
+    """A variable a column, with `units` and `long_name`; those that are named as an axis, and the time, are
+    coordinates."""
     import xarray
 
     entries = {name: _entry(column) for name, column in {**contents.columns, **contents.further}.items()}
-    axes = {name: entries.pop(name) for name in ("phase", "time") if name in entries}
+    named = [name for name, (axis, *_) in entries.items() if name == "time" or axis in (name, (name,))]
+    axes = {name: entries.pop(name) for name in named}
     # netCDF has no truth values; as numbers they are 0 and 1.
     known = {
         key: int(value) if isinstance(value, bool) else value
@@ -204,7 +197,7 @@ def dataset(contents: Contents) -> "xarray.Dataset":
     return xarray.Dataset(entries, axes, {**known, "metadata": contents.metadata_text})
 
 
-def _entry(variable: Variable) -> tuple[str, Array, dict[str, str]]:
+def _entry(variable: Variable) -> tuple[str | tuple[str, ...], Array, dict[str, str]]:
     attributes = {"units": variable.unit, "long_name": variable.meaning}
     return variable.axis, variable.values, {key: text for key, text in attributes.items() if text}
 
@@ -216,7 +209,7 @@ def _write_npz(contents: Contents, stream: BinaryIO) -> None:
 
 def _write_csv(contents: Contents, stream: BinaryIO) -> None:
     titles = [f"{name} ({v.unit})" if v.unit else name for name, v in contents.columns.items()]
-    rows = zip(*(column.values.tolist() for column in contents.columns.values()), strict=True)
+    rows = zip(*(column.tolist() for column in contents.table.values()), strict=True)
     text = TextIOWrapper(stream, encoding="utf-8", newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(titles)
@@ -237,15 +230,6 @@ def _write_mat(contents: Contents, stream: BinaryIO) -> None:
 
 def _write_nc(contents: Contents, stream: Any) -> None:
     dataset(contents).to_netcdf(stream, engine="h5netcdf")
-
-
-def _require(*packages: str) -> None:
-    missing = [name for name in packages if importlib.util.find_spec(name) is None]
-    if missing:
-        raise MissingExtraError(
-            f"{', '.join(missing)} not installed; install the extra: "
-            "pip install 'parametric-vibration[netcdf]'"
-        )
 
 
 DATA: dict[str, Callable[[Contents, BinaryIO], None]] = {

@@ -16,6 +16,7 @@ from solve.period.multipliers import VERDICTS, Multipliers
 from solve.results.contents import Contents, Variable, model_record, plain
 from solve.results.plot import StabilityPanel, stability_figure
 from solve.results.report import RenderableType, Table, described, heading, stacked, table
+from solve.results.result import Result
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
@@ -36,7 +37,7 @@ class ErrorEstimate(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stability:
+class Stability(Result):
     """Whether disturbances of the periodic motion die out, and how certain that is."""
 
     system: PeriodicSystem
@@ -166,6 +167,9 @@ class Stability:
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """Everything that `solve floquet` has to say but its warnings."""
         return stacked(self._heading(choices), self._multiplier_table(), self._verdict_line())
+
+    def _brief(self) -> RenderableType:
+        return stacked(self._heading(()), self._verdict_line())
 
     def _heading(self, choices: Sequence[str]) -> Table:
         grid = heading(self.system, self.speed, choices)

@@ -19,6 +19,7 @@ from solve.results.plot import label_quantity, label_speeds, shades, title_of
 from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.quantities import RPM, fixed, prefixed
 from solve.results.report import RenderableType, model_heading, stacked, table
+from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure, page
 from solve.results.sweep_plot import sweep_figure, waterfall_figure
@@ -82,7 +83,7 @@ class SweepPoint:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Result):
     """The results of many speeds (rad/s), in the order given. engine: what solved them; notes: how it
     was chosen, where that is not as asked."""
 
@@ -191,7 +192,9 @@ class Sweep:
         return waterfall_figure(self.system, self.speeds, name, self.spectrum(name))
 
     def report(self, choices: Sequence[str] = (), names: Sequence[str] = ()) -> RenderableType:
-        """A row a speed with the largest moduli of these quantities, as many as fit."""
+        """A row a speed with the largest moduli of these quantities, by default the coordinates, as many as
+        fit."""
+        names = names or [name for name in self.system.coordinates if name in self.results.kept.names]
         sizes = {name: float(np.nanmax(self.figures(name), initial=0.0)) for name in names}
         scales = {name: prefixed(self.system.units.get(name, ""), size) for name, size in sizes.items()}
         columns = [f"max|{name}| ({unit})" if unit else f"max|{name}|" for name, (_, unit) in scales.items()]
@@ -227,7 +230,7 @@ class Sweep:
             "steps": ([point.steps for point in points], "", "a period"),
             "error": ([point.error or "" for point in points], "", "why there is no result"),
         }
-        return table_contents(columns, model_record(system))
+        return table_contents(columns, model_record(system), ("speed",))
 
 
 def _where(speeds: list[float], total: int) -> str:

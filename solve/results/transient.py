@@ -13,6 +13,7 @@ from solve.results.orbit import Orbit
 from solve.results.plot import MOST_ROWS, label_quantity, titled
 from solve.results.quantities import fixed, prefixed
 from solve.results.report import RenderableType, heading, stacked, table, text
+from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Figure, page
 from solve.system import PeriodicSystem
 
@@ -21,7 +22,7 @@ _MOST_TURNS = 40
 
 
 @dataclass(frozen=True)
-class Transient:
+class Transient(Result):
     """Motions (turns, 3, n, k): q, dq/dφ, d²q/dφ² over the turns at nodes (k,), both ends included; speed in
     rad/s. orbit: what it is compared with, None where there is none; rtol: to which that counts as reached.
     """

@@ -11,12 +11,13 @@ from solve.results.contents import Contents, model_record, plain, table_contents
 from solve.results.plot import MOST_ROWS, label_speeds, shades, title_of
 from solve.results.quantities import RPM
 from solve.results.report import RenderableType, model_heading, stacked, table, text
+from solve.results.result import Result
 from solve.results.style import GREY, Figure, page
 from solve.system import PeriodicSystem
 
 
 @dataclass(frozen=True)
-class Validity:
+class Validity(Result):
     """At speeds (P,) in rad/s, rising, the linearisation error (P, n) of each coordinate, relative, NaN
     where there is none; allowed: the error up to which the linear model is trusted; failures: why a speed
     has none, by position."""
@@ -90,4 +91,4 @@ class Validity:
         for name, row in zip(self.system.coordinates, self.errors.T, strict=True):
             columns[f"{name}_error"] = row, "1", f"error of the linear orbit in {name}, relative"
         found = {"at": self.allowed, "trusted_to": self.trusted_to}
-        return table_contents(columns, {**model_record(self.system), **found})
+        return table_contents(columns, {**model_record(self.system), **found}, ("speed",))

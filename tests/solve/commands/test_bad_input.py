@@ -195,14 +195,3 @@ def test_an_unfit_file_is_refused_before_the_calculation(command, monkeypatch):
     monkeypatch.setattr("solve.periodic", calculated)
     for flag, file in (("--plot", "no/cam.png"), ("--save", "no/cam.csv"), ("--save", "/proc/cam.csv")):
         assert command(*CAM, flag, file).status == 2
-
-
-def test_a_missing_extra_is_named_before_the_calculation(command, monkeypatch):
-    import importlib.util
-
-    find = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "h5netcdf" else find(name))
-    ran = command(*CAM, "--save", "cam.nc")
-    assert ran.status == 2
-    assert "h5netcdf" in ran.err
-    assert "parametric-vibration[netcdf]" in ran.err

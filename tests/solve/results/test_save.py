@@ -5,11 +5,12 @@ import json
 
 import numpy as np
 import pytest
+import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
 import solve
 from solve import PeriodicSystem
-from solve.errors import FileError, MissingExtraError, ValueOutOfBoundsError
+from solve.errors import FileError, ValueOutOfBoundsError
 from solve.results.save import write_whole
 from tests.solve.results.problems import chain, orbit, x_of
 
@@ -73,7 +74,6 @@ def test_mat(result, tmp_path):
 
 
 def test_dataset(result):
-    pytest.importorskip("xarray", reason="the extra netcdf is not installed")
     made = result.to_xarray()
     assert made["x"].dims == ("phase",)
     assert_array_equal(made["phase"], result.phase)
@@ -90,18 +90,9 @@ def test_dataset(result):
 
 
 def test_nc(result, tmp_path):
-    xarray = pytest.importorskip("xarray", reason="the extra netcdf is not installed")
-    pytest.importorskip("h5netcdf", reason="the extra netcdf is not installed")
-    pytest.importorskip("h5py", reason="h5netcdf writes through h5py")
     result.save(tmp_path / "orbit.nc")
     with xarray.open_dataset(tmp_path / "orbit.nc", engine="h5netcdf") as read:
         xarray.testing.assert_identical(read.load(), result.to_xarray())
-
-
-def test_a_missing_extra_is_named(result, monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"xarray.*parametric-vibration\[netcdf\]"):
-        result.to_xarray()
 
 
 @pytest.mark.parametrize("name", ["orbit", "orbit.txt", "none/orbit.csv", "."])
