@@ -12,6 +12,9 @@ import numpy as np
 from solve.arrays import Array
 from solve.kernel.compiler import CompilerError, compiled
 
+INSTEAD = "NumPy is used, several times slower"
+"""What follows where nothing can be compiled."""
+
 _LOGGER = logging.getLogger(__name__)
 _SOURCE = Path(__file__).with_name("lanes.c")
 
@@ -70,7 +73,7 @@ def available(size: Size) -> bool:
     try:
         library(size)
     except CompilerError as error:
-        _LOGGER.warning("%s; NumPy is used", error)
+        _LOGGER.warning("%s; %s", error, INSTEAD)
         return False
     return True
 
@@ -89,4 +92,4 @@ def run(
         raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
 
 
-__all__ = ["CompilerError", "Size", "available", "lanes", "library", "run", "trouble"]
+__all__ = ["INSTEAD", "CompilerError", "Size", "available", "lanes", "library", "run", "trouble"]
