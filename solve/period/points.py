@@ -39,8 +39,14 @@ class Tables:
         if self._whole:
             return np.ascontiguousarray(np.moveaxis(self.table, -1, 0))
         made = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
-        for term, entry in enumerate(self.entry):
-            made[entry] += self.coefficients[:, term, None] * self.table[..., term]
+        last = -1
+        for term, entry in enumerate(self.entry.tolist()):
+            factors = self.coefficients[:, term, None], self.table[..., term]
+            if entry == last:
+                made[entry] += np.multiply(*factors)
+            else:
+                np.multiply(*factors, out=made[entry])
+            last = entry
         return made
 
     def entries(self) -> Array:
