@@ -182,8 +182,9 @@ def _balanced(Phi: Array) -> Array:
 
 def _by_entry(matrices: Array) -> Array:
     """Matrices (…, N, N) as fields (N², …): long rows to go along instead of many short ones."""
-    flat = matrices.reshape(*matrices.shape[:-2], -1)
-    return np.ascontiguousarray(np.moveaxis(flat, -1, 0))
+    *points, rows, columns = matrices.shape
+    fields = matrices.reshape(-1, rows * columns).T
+    return np.ascontiguousarray(fields).reshape(-1, *points)
 
 
 def scaled_alike(matrices: Array) -> tuple[Array, Array]:

@@ -1,9 +1,9 @@
 """python -m tests.benchmarks.heyoka_peers: heyoka's Taylor integrators beside this package's certified calls.
 
 F. Biscani, D. Izzo, MNRAS 504 (2021) 2614-2628. As its users would write it: the equations once in symbols,
-compiled once, points in batches as wide as it recommends, the loosest tolerance that reaches the accuracy. It
-gives monodromy matrices and the periodic state at the start of the turn; it estimates no error and looks for no
-extrema. Run it with OMP_NUM_THREADS=1.
+compiled once, points in batches as wide as it recommends, the loosest tolerance that reaches the accuracy.
+It gives monodromy matrices and the periodic state at the start of the turn; it estimates no error and looks
+for no extrema. Run it with OMP_NUM_THREADS=1.
 """
 
 import functools
