@@ -91,10 +91,11 @@ class Batch:
         system = self.family.example
         if system.n > SMALL or system.breaks:
             return False
+        if self._separation is not None:
+            return True
         try:
             system.checked(float(self.family.speeds(points[:1])[0]))
-            if self._separation is None:
-                self._separation = Separation(self.family, self._region, system.period, system.n)
+            self._separation = Separation(self.family, self._region, system.period, system.n)
         except SolveError:
             return False
         return True
