@@ -10,6 +10,7 @@ from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem
+from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
 
 
@@ -86,11 +87,12 @@ def _solved(
     asked = request(steps, rtol, used, orbit)
     system.checked(omega)
     point = OnePoint(system, omega)
-    ((settled, _),) = chosen_for(rule, point)
-    if every:
-        checked_maps(settled)
-    (result,) = certified(point, settled, asked)
-    if isinstance(result, Failed):
-        raise result.reason
-    every_one = refined(point, settled, asked, result.steps) if every else None
+    with one_thread(system.n):
+        ((settled, _),) = chosen_for(rule, point)
+        if every:
+            checked_maps(settled)
+        (result,) = certified(point, settled, asked)
+        if isinstance(result, Failed):
+            raise result.reason
+        every_one = refined(point, settled, asked, result.steps) if every else None
     return result, Spectrum(point, result, every_one), notes

@@ -9,6 +9,10 @@ from solve.errors import ValueOutOfBoundsError
 MOST = 2**26
 """Numbers that may be held at once by default: half a gigabyte."""
 
+SMALL = 40
+"""Coordinates up to which compiled lanes are quicker than BLAS, points gain from each other, and threads of
+BLAS only wait; tables of larger systems fill the memory."""
+
 NUMBERS_A_POINT = 64
 """At least, with its figures, multipliers and warnings."""
 

@@ -14,9 +14,8 @@ from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
-
-_LARGEST = 40
-"""Coordinates up to which points gain from each other; tables of larger ones only fill the memory."""
+from solve.sizes import SMALL
+from solve.threads import one_thread
 
 _LEAST_GROUP = 4
 """Least number of points with equal parameters for which terms over the speed alone are made."""
@@ -61,8 +60,9 @@ class Batch:
     def multipliers(self, points: Array, steps: int) -> Array:
         """Multipliers (k, N) of points (k, v) on one grid, not judged; zero where there are none."""
         values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
-        for positions, solutions in self.solutions(points, steps):
-            values[positions] = solutions.multipliers.values
+        with one_thread(self.family.example.n):
+            for positions, solutions in self.solutions(points, steps):
+                values[positions] = solutions.multipliers.values
         return values
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:
@@ -89,12 +89,13 @@ class Batch:
     def _together(self, points: Array) -> bool:
         """Whether the points can be solved side by side."""
         system = self.family.example
-        if system.n > _LARGEST or system.breaks:
+        if system.n > SMALL or system.breaks:
             return False
+        if self._separation is not None:
+            return True
         try:
             system.checked(float(self.family.speeds(points[:1])[0]))
-            if self._separation is None:
-                self._separation = Separation(self.family, self._region, system.period, system.n)
+            self._separation = Separation(self.family, self._region, system.period, system.n)
         except SolveError:
             return False
         return True

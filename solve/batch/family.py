@@ -86,7 +86,7 @@ class SystemFamily(Family):
 
     def entries(self, phase: Array, points: Array) -> Array:
         speeds, free = self._numbers(points)
-        if self._together is not None:
+        if self._together is not None and self._free:
             return self._together.entries(phase, speeds, free)
         n = self.example.n
         found = np.full((len(points), len(phase), 3 * n**2 + n), np.nan)

@@ -20,6 +20,7 @@ from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
 from solve.single import request
 from solve.statistics import Statistics
+from solve.threads import one_thread
 
 _FEWEST = 8
 """Points prepared together, however large."""
@@ -53,15 +54,16 @@ def gathered(
     n = batch.family.example.n
     results, count = PointResults.blank(len(points), n, kept or Kept()), Count(progress)
     size = chunk_size(n)
-    for start in range(0, len(points), size):
-        keeper = _Keeper(batch, points[start : start + size], results, start)
-        for result in batch.solved(keeper.points):
-            if isinstance(result, Certified):
-                keeper.keep(result)
-                count.add(len(result))
-            else:
-                results.failures[start + result.position] = str(result.reason)
-                count.add(1)
+    with one_thread(n):
+        for start in range(0, len(points), size):
+            keeper = _Keeper(batch, points[start : start + size], results, start)
+            for result in batch.solved(keeper.points):
+                if isinstance(result, Certified):
+                    keeper.keep(result)
+                    count.add(len(result))
+                else:
+                    results.failures[start + result.position] = str(result.reason)
+                    count.add(1)
     return results
 
 

@@ -31,7 +31,7 @@ def correction(motion: Motion, found: Solutions) -> Array:
     steps = found.grid.h[:, None] * ((np.arange(_COMPARED) + 0.5) / _COMPARED)
     phase = (found.grid.nodes[:-1, None] + steps).ravel()
     rounding = closing_rounding(found)
-    return orbit_differences(motion(phase)[None], phase, found.curve, rounding, _by_the_largest)[0]
+    return orbit_differences(motion(phase)[None], found.curve(phase), rounding, _by_the_largest)[0]
 
 
 def _by_the_largest(_: Array, sizes: Array) -> Array:

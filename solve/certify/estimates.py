@@ -8,7 +8,6 @@ import numpy as np
 
 from solve.arrays import Array, whole
 from solve.methods.method import Method, Solutions
-from solve.period.curve import PeriodicCurve
 from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
 from solve.period.points import Points, matrices
 
@@ -18,8 +17,8 @@ _AT_ONE = 0.1
 _ALIASING_PHASES = 1021
 """Evenly spaced phases at which the orders of the matrices are looked for: no multiple of any grid's."""
 
-_COMPARED = 4
-"""Phases a step at which curves are compared."""
+_COMPARED, _MOST_COMPARED = 4, 8
+"""Phases a step at which curves are compared at least, and at most to meet evenly those of the next grid."""
 
 Burdens = Callable[[Array, Array], Array]
 """`Frozen.burdens` of points at positions (k,), from sizes (k, n)."""
@@ -27,18 +26,20 @@ Burdens = Callable[[Array, Array], Array]
 
 class Reference:
     """What is known of points from another grid, for the next one to be compared with: multipliers, and
-    samples (P, n, k) of the curves at phases (k,)."""
+    samples (P, n, k) of the curves at phases (k,), evenly from 0 on where the grid is smooth."""
 
     def __init__(self, multipliers: Multipliers, phase: Array | None = None, samples: Array | None = None):
         self.multipliers, self.phase, self.samples = multipliers, phase, samples
 
     @classmethod
-    def of(cls, solutions: Solutions) -> "Reference":
+    def of(cls, solutions: Solutions, onward: int | None = None) -> "Reference":
+        """onward: steps of the next grid, where they are known."""
         if solutions.curve is None:
             return cls(solutions.multipliers)
         starts, h = solutions.grid.nodes[:-1, None], solutions.grid.h[:, None]
-        phase = (starts + h * (np.arange(_COMPARED) / _COMPARED)).ravel()
-        return cls(solutions.multipliers, phase, solutions.curve.sampled(_COMPARED))
+        a_step = _samples_a_step(solutions.grid.steps, onward)
+        phase = (starts + h * (np.arange(a_step) / a_step)).ravel()
+        return cls(solutions.multipliers, phase, solutions.curve.sampled(a_step))
 
     def __getitem__(self, points: Array) -> "Reference":
         if whole(points, len(self.multipliers.resolved)):
@@ -56,17 +57,23 @@ class Reference:
         multipliers = self.multipliers.difference(fine.multipliers)
         orbit = np.zeros_like(multipliers)
         if self.samples is not None and self.phase is not None and fine.curve is not None:
-            sampled = self.samples, self.phase
-            orbit = orbit_differences(*sampled, fine.curve, closing_rounding(fine), burdens).max(axis=1)
+            a_step, uneven = divmod(len(self.phase), fine.grid.steps)
+            even = fine.grid.smooth and not uneven
+            q = fine.curve.sampled(a_step) if even else fine.curve(self.phase)
+            orbit = orbit_differences(self.samples, q, closing_rounding(fine), burdens).max(axis=1)
         return np.column_stack((orbit, multipliers))
 
 
-def orbit_differences(
-    samples: Array, phase: Array, curve: PeriodicCurve, rounding: Array, burdens: Burdens
-) -> Array:
-    """Per coordinate max|difference|/max|q| (P, n) of curves from samples (P, n, k) at phases (k,), as
+def _samples_a_step(steps: int, onward: int | None) -> int:
+    """Samples a step that are samples of so many steps `onward` too, if these are a few."""
+    shared = 1 if onward is None else onward // math.gcd(steps, onward)
+    wanted = shared * -(-_COMPARED // shared)
+    return wanted if wanted <= _MOST_COMPARED else _COMPARED
+
+
+def orbit_differences(samples: Array, q: Array, rounding: Array, burdens: Burdens) -> Array:
+    """Per coordinate max|difference|/max|q| (P, n) of curves q (P, n, k) from samples at the same phases, as
     `Reference.differences` has it; rounding (P,): relative error that is none."""
-    q = curve(phase)
     scale = _sizes(np.abs(q).max(axis=2), rounding, burdens)
     return np.abs(samples - q).max(axis=2) / np.where(scale > 0, scale, 1.0)
 

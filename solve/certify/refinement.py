@@ -251,12 +251,14 @@ class Refinement:
             ended[at] = yield from self._ended(pace, trail[at], fine[at], errors[at], small[at], last[at])
         if ended.all():
             return []
-        onward = _Trail(trail.positions, found, Reference.of(fine))
-        return [
-            (pace.onward(way, self.most), onward[chosen])
-            for way in (False, True)
-            if len(chosen := np.flatnonzero(~ended & (leap == way)))
-        ]
+        further = []
+        for way in (False, True):
+            chosen = np.flatnonzero(~ended & (leap == way))
+            if len(chosen):
+                onward = pace.onward(way, self.most)
+                reference = Reference.of(fine[chosen], onward.steps)
+                further.append((onward, _Trail(trail.positions[chosen], found[chosen], reference)))
+        return further
 
     def _nearly_decided(self, fine: Solutions, errors: Array, found: Array, before: Array) -> Array:
         """Points (k,) whose multipliers leave the verdict open only because they are not known to be on the
@@ -279,8 +281,9 @@ class Refinement:
             if at not in again:
                 yield Failed(int(positions[at]), reason)
         if len(known):
-            begun = _Trail(positions[known], trail.differences[known], Reference.of(first[known]))
-            onward.append((pace.onward(False, self.most), begun))
+            second = pace.onward(False, self.most)
+            reference = Reference.of(first[known], second.steps)
+            onward.append((second, _Trail(positions[known], trail.differences[known], reference)))
         if again:
             onward.append((Pace(2 * pace.steps), trail[np.array(again)]))
         return onward

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.kernel.library import LANES, Size, run
+from solve.kernel.library import Size, lanes, run
 
 _POINT_TABLES, _SEGMENTS = 1, 2
 """`own` of lanes.c: every lane has tables of its own; the lanes are segments of one period."""
@@ -50,23 +50,23 @@ def solved(
 
     The lanes are points, or the segments of one.
     """
-    points, m = len(stages.coefficients), stages.table.shape[-2] // size.stages
-    segments = points == 1 and m % LANES == 0 and stages.own and size.orbit
-    groups, steps = -(-points // LANES), m // LANES if segments else m
+    points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
+    segments = points == 1 and m % width == 0 and stages.own and size.orbit
+    groups, steps = -(-points // width), m // width if segments else m
     n, N, D = size.n, 2 * size.n, len(weights["powers"])
-    Phi, closed = (np.zeros((groups, *shape, LANES)) for shape in ((N, N), (2, N, N)))
-    curves = np.zeros((groups * LANES if size.orbit else 0, n, steps, D))
+    Phi, closed = (np.zeros((groups, *shape, width)) for shape in ((N, N), (2, N, N)))
+    curves = np.zeros((groups * width if size.orbit else 0, n, steps, D))
     arrays = {
-        "stages": _laid_out(stages, groups, segments),
-        "nodes": np.zeros(1) if nodes is None else _laid_out(nodes, groups, segments),
-        "coefficients": _grouped(stages.coefficients, groups),
+        "stages": _laid_out(stages, groups, width, segments),
+        "nodes": np.zeros(1) if nodes is None else _laid_out(nodes, groups, width, segments),
+        "coefficients": _grouped(stages.coefficients, groups, width),
         **weights,
         "Phi": Phi,
         "closed": closed,
         "curves": curves,
     }
     if points == 1 and size.orbit:
-        arrays["maps"] = np.zeros((LANES, steps, N, N + 1))
+        arrays["maps"] = np.zeros((width, steps, N, N + 1))
     own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
     numbers = {"groups": groups, "steps": steps, "h": period / m, "terms": len(stages.entry), "own": own}
     run("segments" if segments else "level", size, arrays, stages.entry, **numbers)
@@ -78,20 +78,20 @@ def solved(
     return Periods(Phi, curves, _by_points(closed, points), maps)
 
 
-def _laid_out(samples: Samples, groups: int, segments: bool) -> Array:
-    """The table; where each point has its own (P, k, R), by groups (groups, k, R, LANES)."""
+def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:
+    """The table; where each point has its own (P, k, R), by groups (groups, k, R, width)."""
     if samples.own and not segments:
-        return _grouped(samples.table, groups)
+        return _grouped(samples.table, groups, width)
     return np.ascontiguousarray(samples.table)
 
 
-def _grouped(values: Array, groups: int) -> Array:
-    """(P, …) as (groups, …, LANES); the last point fills the lanes that are left."""
-    filled = np.concatenate((values, np.repeat(values[-1:], groups * LANES - len(values), axis=0)))
-    return np.ascontiguousarray(np.moveaxis(filled.reshape(groups, LANES, *values.shape[1:]), 1, -1))
+def _grouped(values: Array, groups: int, width: int) -> Array:
+    """(P, …) as (groups, …, width); the last point fills the lanes that are left."""
+    filled = np.concatenate((values, np.repeat(values[-1:], groups * width - len(values), axis=0)))
+    return np.ascontiguousarray(np.moveaxis(filled.reshape(groups, width, *values.shape[1:]), 1, -1))
 
 
 def _by_points(values: Array, points: int) -> Array:
-    """(groups, …, LANES) as (P, …)."""
+    """(groups, …, width) as (P, …)."""
     moved = np.moveaxis(values, -1, 1)
     return np.ascontiguousarray(moved.reshape(-1, *moved.shape[2:])[:points])

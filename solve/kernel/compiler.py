@@ -12,7 +12,10 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-_FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
+MACHINE = ("-march=native",)
+"""Flags that tell the compiler what the processor can do."""
+
+_FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
 _SECONDS = 120.0
 _LOGGER = logging.getLogger(__name__)
 
@@ -26,13 +29,13 @@ def compiled(source: Path, sizes: Mapping[str, int]) -> ctypes.CDLL:
     logger of this module. Raises CompilerError."""
     compiler, identity = _compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
-    text = "\0".join((source.read_text(encoding="utf-8"), identity, *_FLAGS, *macros))
+    text = "\0".join((source.read_text(encoding="utf-8"), identity, *MACHINE, *_FLAGS, *macros))
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
         if not _sound(library):
             what = ", ".join(f"{name} = {value}" for name, value in sizes.items())
             _LOGGER.warning("compiling %s for this machine, once: %s", source.stem, what)
-            _compile([compiler, *_FLAGS, *macros, str(source), "-lm"], library)
+            _compile([compiler, *MACHINE, *_FLAGS, *macros, str(source), "-lm"], library)
         return ctypes.CDLL(str(library))
     except OSError as error:
         raise CompilerError(f"compiled code cannot be kept or loaded: {error}") from None
@@ -72,7 +75,7 @@ def _compiler() -> tuple[str, str]:
     found = next(filter(None, map(shutil.which, wanted)), None)
     if found is None:
         raise CompilerError(f"no C compiler ({', '.join(wanted)}) on this machine")
-    command = [found, "-march=native", "-dM", "-E", "-x", "c", os.devnull]
+    command = [found, *MACHINE, "-dM", "-E", "-x", "c", os.devnull]
     return found, _run(command)
 
 

@@ -1,7 +1,7 @@
 """Which engine solves: compiled code where the machine has a C compiler, NumPy elsewhere."""
 
 from solve.errors import SolveError, UnknownNameError
-from solve.kernel.library import trouble
+from solve.kernel.library import INSTEAD, trouble
 
 AUTO, COMPILED, NUMPY = ENGINES = ("auto", "compiled", "numpy")
 
@@ -24,4 +24,4 @@ def chosen_engine(name: str) -> tuple[str, list[str]]:
         return COMPILED, []
     if name == COMPILED:
         raise EngineError(f"{obstacle}; leave the engine out to use NumPy")
-    return NUMPY, [] if obstacle.startswith("no C compiler") else [f"{obstacle}; NumPy is used"]
+    return NUMPY, [f"{obstacle}; {INSTEAD}"]

@@ -9,7 +9,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#if defined(__AVX512F__)           /* doubles in one vector register */
 #define LANES 8
+#elif defined(__AVX__)
+#define LANES 4
+#else
+#define LANES 2
+#endif
 #define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
 #define LANE 1
 #define SEGMENT 2
@@ -22,6 +28,7 @@
 #define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
 #define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
 #define PANEL 4                    /* columns eliminated before the rest is updated */
+#define TILE 6                     /* columns of a product that are summed at once */
 #define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
 
 typedef double lane __attribute__((vector_size(8 * LANES)));
@@ -43,6 +50,8 @@ typedef struct {
     double *curves;                /* (groups LANES, N, steps, D) */
     double *maps;                  /* (groups LANES, steps, NX, W): of the steps; or null */
 } problem;
+
+const int lanes = LANES;
 
 static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
 
@@ -130,65 +139,114 @@ static int pivot(const lane *rows, int k) {
     return found;
 }
 
-/* rows[i][j] -= sum of rows[i][k] rows[k][j], k of one panel, for two rows i at once. */
-static inline void update(lane *restrict rows, int from, int width, int i, int both) {
-    lane *x = rows + i * COLS, *y = x + (both ? COLS : 0);
-    lane l[PANEL], r[PANEL];
-    for (int k = 0; k < width; k++) l[k] = x[from + k], r[k] = y[from + k];
+/* Reduce the rows to upper triangular form, exchanging them, and give the inverses of the pivots. */
+static void eliminate_with_exchanges(lane *rows, lane *inverse) {
+    for (int k = 0; k < ROWS; k++) {
+        const int best = pivot(rows, k);
+        if (best != k) exchange(rows + k * COLS, rows + best * COLS, COLS);
+        inverse[k] = 1.0 / rows[k * COLS + k];
+        for (int i = k + 1; i < ROWS; i++) {
+            const lane l = rows[i * COLS + k] * inverse[k];
+            for (int j = k + 1; j < COLS; j++) rows[i * COLS + j] -= l * rows[k * COLS + j];
+        }
+    }
+}
+
+/* Subtract from row i, and with `both` from the next one, what makes `width` of its columns vanish; tells in
+   which lanes a multiplier is so large that rows should have been exchanged. */
+static inline __attribute__((always_inline)) mask
+subtract(lane *rows, const lane *inverse, int from, const int width, int i, const int both) {
+    const lane *restrict pivots = rows + from * COLS;
+    lane *restrict x = rows + i * COLS, *restrict y = x + (both ? COLS : 0);
+    lane l[PANEL], r[PANEL], largest = {0};
+    for (int k = 0; k < width; k++) {
+        lane s = x[from + k], t = y[from + k];
+        for (int m = 0; m < k; m++) {
+            s -= l[m] * pivots[m * COLS + from + k];
+            t -= r[m] * pivots[m * COLS + from + k];
+        }
+        l[k] = s * inverse[from + k], r[k] = t * inverse[from + k];
+        largest = larger(largest, larger(absolute(l[k]), absolute(r[k])));
+    }
     for (int j = from + width; j < COLS; j++) {
         lane s = x[j], t = y[j];
         for (int k = 0; k < width; k++) {
-            const lane u = rows[(from + k) * COLS + j];
+            const lane u = pivots[k * COLS + j];
             s -= l[k] * u;
             t -= r[k] * u;
         }
         x[j] = s;
         if (both) y[j] = t;
     }
+    return largest > EXCESS;
 }
 
-/* Reduce the rows to upper triangular form, panel by panel. With `careful` rows are exchanged; without,
-   tells in which lanes they should have been. */
-static mask eliminate(lane *rows, int careful) {
+/* The rows of one panel among themselves. */
+static inline __attribute__((always_inline)) mask own(lane *rows, lane *inverse, int from, const int width) {
     mask excess = {0};
-    for (int from = 0; from < ROWS; from += PANEL) {
-        const int width = ROWS - from < PANEL ? ROWS - from : PANEL;
-        for (int k = from; k < from + width; k++) {
-            if (careful) {
-                const int best = pivot(rows, k);
-                if (best != k) exchange(rows + k * COLS, rows + best * COLS, COLS);
-            }
-            const lane inverse = 1.0 / rows[k * COLS + k];
-            for (int i = k + 1; i < ROWS; i++) {
-                lane *row = rows + i * COLS;
-                const lane l = row[k] * inverse;
-                row[k] = l;
-                excess |= absolute(l) > EXCESS;
-                for (int j = k + 1; j < from + width; j++) row[j] -= l * rows[k * COLS + j];
-            }
-        }
-        /* The panel's own rows behind its columns, then all rows below. */
-        for (int k = from; k < from + width; k++)
-            for (int i = k + 1; i < from + width; i++)
-                for (int j = from + width; j < COLS; j++) rows[i * COLS + j] -= rows[i * COLS + k] * rows[k * COLS + j];
-        int i = from + width;
-        for (; i + 1 < ROWS; i += 2) update(rows, from, width, i, 1);
-        if (i < ROWS) update(rows, from, width, i, 0);
+    inverse[from] = 1.0 / rows[from * COLS + from];
+#define NEXT(k) \
+    if (width > k) { \
+        excess |= subtract(rows, inverse, from, k, from + k, 0); \
+        inverse[from + k] = 1.0 / rows[(from + k) * COLS + from + k]; \
     }
+    NEXT(1)
+    NEXT(2)
+    NEXT(3)
+#undef NEXT
     return excess;
 }
 
-/* The right sides become the solutions. */
-static void substitute(lane *rows) {
-    for (int k = ROWS - 1; k >= 0; k--) {
-        lane *x = rows + k * COLS;
-        const lane inverse = 1.0 / x[k];
-        for (int j = 0; j < W; j++) {
-            lane s = x[ROWS + j];
-            for (int i = k + 1; i < ROWS; i++) s -= x[i] * rows[i * COLS + ROWS + j];
-            x[ROWS + j] = s * inverse;
-        }
+/* The same as above without exchanges, panel by panel; tells in which lanes there should have been some. */
+static mask eliminate(lane *rows, lane *inverse) {
+    mask excess = {0};
+    for (int from = 0; from + PANEL <= ROWS; from += PANEL) {
+        excess |= own(rows, inverse, from, PANEL);
+        int i = from + PANEL;
+        for (; i + 1 < ROWS; i += 2) excess |= subtract(rows, inverse, from, PANEL, i, 1);
+        if (i < ROWS) excess |= subtract(rows, inverse, from, PANEL, i, 0);
     }
+    if (ROWS % PANEL) excess |= own(rows, inverse, ROWS - ROWS % PANEL, ROWS % PANEL);
+    return excess;
+}
+
+/* Products of two rows x and y (count) with `width` columns of b, whose rows are `stride` long. */
+static inline __attribute__((always_inline)) void
+products(const lane *restrict x, const lane *restrict y, const lane *restrict b, int stride, int count, const int width, lane sum[2][TILE]) {
+    for (int m = 0; m < width; m++) sum[0][m] = sum[1][m] = (lane){0};
+    for (int k = 0; k < count; k++)
+        for (int m = 0; m < width; m++) {
+            sum[0][m] += x[k] * b[k * stride + m];
+            sum[1][m] += y[k] * b[k * stride + m];
+        }
+}
+
+/* So many right sides, from column j of them on, of rows k and k + 1, the ones below being solved. */
+static inline __attribute__((always_inline)) void
+solve_two(lane *rows, const lane *inverse, int k, int j, const int width) {
+    lane *x = rows + k * COLS, *y = x + COLS, sum[2][TILE];
+    products(x + k + 2, y + k + 2, y + COLS + ROWS + j, COLS, ROWS - k - 2, width, sum);
+    for (int m = 0; m < width; m++) {
+        const lane below = (y[ROWS + j + m] - sum[1][m]) * inverse[k + 1];
+        y[ROWS + j + m] = below;
+        x[ROWS + j + m] = (x[ROWS + j + m] - sum[0][m] - x[k + 1] * below) * inverse[k];
+    }
+}
+
+/* The right sides become the solutions. */
+static void substitute(lane *rows, const lane *inverse) {
+    int k = ROWS - 2;
+    for (; k >= 0; k -= 2) {
+        int j = 0;
+        for (; j + TILE <= W; j += TILE) solve_two(rows, inverse, k, j, TILE);
+        if (W % TILE) solve_two(rows, inverse, k, j, W % TILE);
+    }
+    if (k == -1)
+        for (int j = ROWS; j < COLS; j++) {
+            lane s = rows[j];
+            for (int i = 1; i < ROWS; i++) s -= rows[i] * rows[i * COLS + j];
+            rows[j] = s * inverse[0];
+        }
 }
 
 /* x over the step, (NX, W), from the stage accelerations (ROWS of COLS, the last W of each). */
@@ -212,15 +270,25 @@ static void step_map(const problem *p, const lane *rows, lane *map) {
     }
 }
 
+/* So many columns, from j on, of two rows of to = map after `from`. */
+static inline __attribute__((always_inline)) void
+follow_two(const lane *map, const lane *from, lane *to, int i, int j, const int width) {
+    lane sum[2][TILE];
+    products(map + i * W, map + (i + 1) * W, from + j, W, NX, width, sum);
+    for (int m = 0; m < width; m++) {
+        const int load = ORBIT && j + m == NX;
+        to[i * W + j + m] = load ? sum[0][m] + map[i * W + NX] : sum[0][m];
+        to[(i + 1) * W + j + m] = load ? sum[1][m] + map[(i + 1) * W + NX] : sum[1][m];
+    }
+}
+
 /* to = map after `from`: (NX, W) affine maps. */
 static void follow(const lane *restrict map, const lane *restrict from, lane *restrict to) {
-    for (int i = 0; i < NX; i++)
-        for (int j = 0; j < W; j++) {
-            lane s = {0};
-            if (ORBIT && j == NX) s = map[i * W + NX];
-            for (int k = 0; k < NX; k++) s += map[i * W + k] * from[k * W + j];
-            to[i * W + j] = s;
-        }
+    for (int i = 0; i < NX; i += 2) {
+        int j = 0;
+        for (; j + TILE <= W; j += TILE) follow_two(map, from, to, i, j, TILE);
+        if (W % TILE) follow_two(map, from, to, i, j, W % TILE);
+    }
 }
 
 static void identity(lane *map) {
@@ -461,9 +529,12 @@ static void trace(const problem *p, long length, const lane *starts, const lane 
     memcpy(x + p->steps * NX, x, NX * sizeof(lane));
 }
 
-static lane next_lane(lane x) { return (lane){x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[0]}; }
-
-static lane last_lane(lane x) { return (lane){x[7], x[0], x[1], x[2], x[3], x[4], x[5], x[6]}; }
+/* Every lane takes the value of the one so many places behind it, around the circle. */
+static lane rotated(lane x, int places) {
+    lane r;
+    for (int l = 0; l < LANES; l++) r[l] = x[(l + places) % LANES];
+    return r;
+}
 
 /* Powers of theta in every step, from states and accelerations. */
 static void draw(const problem *p, long group, const lane *x, const lane *a, const lane *starts) {
@@ -472,11 +543,11 @@ static void draw(const problem *p, long group, const lane *x, const lane *a, con
         for (int i = 0; i < N; i++) {
             lane data[NODES], power[D];
             data[0] = h * h * (STIFF ? a[(k ? k - 1 : p->steps - 1) * ROWS + (S - 1) * N + i] : starts[k * N + i]);
-            if (STIFF && !k && p->own == SEGMENT) data[0] = last_lane(data[0]);
+            if (STIFF && !k && p->own == SEGMENT) data[0] = rotated(data[0], LANES - 1);
             for (int j = 0; j < S; j++) data[1 + j] = h * h * a[k * ROWS + j * N + i];
             if (NODES > S + 1) {
                 data[NODES - 1] = h * h * starts[(k + 1) % p->steps * N + i];
-                if (k + 1 == p->steps && p->own == SEGMENT) data[NODES - 1] = next_lane(data[NODES - 1]);
+                if (k + 1 == p->steps && p->own == SEGMENT) data[NODES - 1] = rotated(data[NODES - 1], 1);
             }
             power[0] = x[k * NX + i];
             power[1] = h * x[k * NX + N + i];
@@ -494,7 +565,7 @@ static void draw(const problem *p, long group, const lane *x, const lane *a, con
 /* Room for the work on one group. */
 typedef struct {
     long length, blocks;           /* steps a block, blocks of a lane */
-    lane *memory, *e, *rows, *map, *sum, *next, *maps, *z, *saved, *chain, *x0, *stages, *a, *x, *starts;
+    lane *memory, *e, *rows, *inverse, *map, *sum, *next, *maps, *z, *saved, *chain, *x0, *stages, *a, *x, *starts;
 } room;
 
 static int open_room(const problem *p, long most_blocks, room *r) {
@@ -503,11 +574,11 @@ static int open_room(const problem *p, long most_blocks, room *r) {
     r->length = (p->steps + wanted - 1) / wanted;
     r->blocks = (p->steps + r->length - 1) / r->length;
     const size_t B = r->blocks + LANES;
-    size_t size = ENTRIES + (size_t)ROWS * COLS + 3 * NX * W + B * NX * W;
+    size_t size = ENTRIES + (size_t)ROWS * (COLS + 1) + 3 * NX * W + B * NX * W;
     if (ORBIT) size += widest + B * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + N) + NX;
     r->memory = aligned_alloc(sizeof(lane), size * sizeof(lane));
     if (!r->memory) return 1;
-    r->e = r->memory, r->rows = r->e + ENTRIES, r->map = r->rows + ROWS * COLS;
+    r->e = r->memory, r->rows = r->e + ENTRIES, r->inverse = r->rows + ROWS * COLS, r->map = r->inverse + ROWS;
     r->sum = r->map + NX * W, r->next = r->sum + NX * W, r->maps = r->next + NX * W;
     r->z = r->maps + B * NX * W, r->saved = r->z + widest, r->chain = r->saved + B * NX * CYCLIC;
     r->x0 = r->chain + B * NX * ROW, r->stages = r->x0 + B * NX, r->a = r->stages + p->steps * ROWS * W;
@@ -531,12 +602,12 @@ static void advance(const problem *p, long group, room *r) {
         identity(r->sum);
         for (long k = block * r->length; k < (block + 1) * r->length && k < p->steps; k++) {
             build(p, group, k, r->e, r->rows);
-            if (any(eliminate(r->rows, careful)) && !careful) {
+            if (!careful && any(eliminate(r->rows, r->inverse))) {
                 careful = 1;
                 build(p, group, k, r->e, r->rows);
-                eliminate(r->rows, careful);
             }
-            substitute(r->rows);
+            if (careful) eliminate_with_exchanges(r->rows, r->inverse);
+            substitute(r->rows, r->inverse);
             if (ORBIT)
                 for (int i = 0; i < ROWS; i++)
                     memcpy(r->stages + (k * ROWS + i) * W, r->rows + i * COLS + ROWS, W * sizeof(lane));

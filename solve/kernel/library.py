@@ -1,4 +1,4 @@
-"""The compiled kernels of lanes.c: eight points, or eight segments of one period, side by side."""
+"""The compiled kernels of lanes.c: points, or segments of one period, side by side in vector registers."""
 
 import ctypes
 import logging
@@ -12,7 +12,9 @@ import numpy as np
 from solve.arrays import Array
 from solve.kernel.compiler import CompilerError, compiled
 
-LANES = 8
+INSTEAD = "NumPy is used, several times slower"
+"""What follows where nothing can be compiled."""
+
 _LOGGER = logging.getLogger(__name__)
 _SOURCE = Path(__file__).with_name("lanes.c")
 
@@ -50,6 +52,11 @@ def library(size: Size) -> ctypes.CDLL:
     return compiled(_SOURCE, dict(zip(names, map(int, size), strict=True)))
 
 
+def lanes(size: Size) -> int:
+    """Numbers that a vector register of this machine holds, as the library has it. Raises CompilerError."""
+    return ctypes.c_int.in_dll(library(size), "lanes").value
+
+
 @lru_cache
 def trouble() -> str:
     """Why nothing can be compiled on this machine, or an empty text."""
@@ -66,7 +73,7 @@ def available(size: Size) -> bool:
     try:
         library(size)
     except CompilerError as error:
-        _LOGGER.warning("%s; NumPy is used", error)
+        _LOGGER.warning("%s; %s", error, INSTEAD)
         return False
     return True
 
@@ -85,4 +92,4 @@ def run(
         raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
 
 
-__all__ = ["LANES", "CompilerError", "Size", "available", "library", "run", "trouble"]
+__all__ = ["INSTEAD", "CompilerError", "Size", "available", "lanes", "library", "run", "trouble"]

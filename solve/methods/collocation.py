@@ -22,12 +22,10 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, closed_condition
 from solve.period.points import Points, Tables, affine, matrices
+from solve.sizes import SMALL
 
 _MEMORY = 2**25
 """Bytes that the stages' matrices of the steps may take that are sampled at a time."""
-
-_LARGEST = 40
-"""Coordinates up to which compiled lanes are quicker than NumPy's BLAS."""
 
 _SYSTEMS = 2**19
 """Bytes of stage systems that are built and solved at once: what stays in a processor's cache."""
@@ -216,7 +214,7 @@ class Collocated(OneStep):
         return _collocation(self)
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = NUMPY) -> int:
-        if engine == COMPILED and n <= _LARGEST:
+        if engine == COMPILED and n <= SMALL:
             return kernel.bytes_a_step(n, len(self.collocation.curve_powers), orbit)
         return self.collocation.bytes_a_step(n)
 
@@ -237,7 +235,7 @@ class Collocated(OneStep):
         return Discretisation(method.steps(grid.h, a), curve)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
-        if engine != COMPILED or not grid.smooth or points.n > _LARGEST:
+        if engine != COMPILED or not grid.smooth or points.n > SMALL:
             return super().solutions(points, grid, orbit)
         method, n = self.collocation, points.n
         # A single point takes the library with orbits for its multipliers too: one less to compile.

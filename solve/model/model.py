@@ -72,6 +72,12 @@ class Model(PeriodicSystem):
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
 
+    def entries_over(self, phase: Array, speeds: Array) -> Array:
+        sampler = self._matrices
+        if not isinstance(sampler, MatrixSampler):
+            return super().entries_over(phase, speeds)
+        return _by_the_phase(sampler.entries(phase, speeds), speeds, self.n)
+
     def many_points(self, names: Sequence[str]) -> "ModelPoints | None":
         return ModelPoints(self.setup, self.n, names)
 
@@ -196,14 +202,11 @@ class ModelPoints:
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str]):
         self._setup, self._n, self._names = setup, n, names
-        self._matrices = setup.sampler("linearised", names)
 
     def entries(self, phase: Array, speeds: Array, values: Array) -> Array:
         P, k, n = len(speeds), len(phase), self._n
         entries = self._matrices(np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0))
-        entries = entries.reshape(P, k, 3 * n**2 + n)
-        entries[:, :, : n**2] *= (speeds**2)[:, None, None]
-        entries[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
+        entries = _by_the_phase(entries.reshape(P, k, 3 * n**2 + n), speeds, n)
         if self._names:
             entries[~self._admitted(values)] = np.nan
         return entries
@@ -213,6 +216,10 @@ class ModelPoints:
         states = (np.swapaxes(part, 1, 2).reshape(P * k, n) for part in (q, qd, qdd))
         outputs = self._outputs(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
         return np.swapaxes(outputs.reshape(P, k, -1), 1, 2)
+
+    @cached_property
+    def _matrices(self) -> Sampler:
+        return self._setup.sampler("linearised", self._names)
 
     @cached_property
     def _outputs(self) -> Sampler:
@@ -242,6 +249,13 @@ class ModelPoints:
             margins = self._margins(np.tile(phase, len(at)), np.repeat(different[at], len(phase), axis=0))
             hold[at] = (margins > 0).reshape(len(at), -1).all(axis=1)
         return hold[group.ravel()]
+
+
+def _by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
+    """Entries (P, k, 3n² + n) of derivatives by time as those of derivatives by the phase, in place."""
+    entries[:, :, : n**2] *= (speeds**2)[:, None, None]
+    entries[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
+    return entries
 
 
 def _rebuilt(kind: type[Model], origin: str | Path, case: Case, options: Mapping[str, Any]) -> Model:

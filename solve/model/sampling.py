@@ -104,19 +104,20 @@ class MatrixSampler:
         self._kept: dict[bytes, Array] = {}
 
     def __call__(self, phase: Array, speed: float) -> tuple[Array, Array, Array, Array]:
-        return parted(self._entries(phase, speed), self.n)
+        return parted(self.entries(phase, np.array([speed]))[0], self.n)
 
-    def _entries(self, phase: Array, speed: float) -> Array:
-        """M, C, K by rows and d (m, 3n² + n)."""
+    def entries(self, phase: Array, speeds: Array) -> Array:
+        """M, C, K by rows and d (P, m, 3n² + n) at speeds (P,)."""
+        P, m, E = len(speeds), len(phase), 3 * self.n**2 + self.n
         if self._terms is None:
-            return self._evaluate(phase, np.full(len(phase), speed))
+            return self._evaluate(np.tile(phase, P), np.repeat(speeds, m)).reshape(P, m, E)
         key = phase.tobytes()
         if key not in self._kept:
             if sum(table.nbytes for table in self._kept.values()) > _MOST_KEPT:
                 self._kept.clear()
             self._kept[key] = self._evaluate(phase)
-        rows = np.zeros((len(self._terms.entry), 3 * self.n**2 + self.n))
-        rows[range(len(rows)), self._terms.entry] = speed**self._terms.power
+        rows = np.zeros((P, len(self._terms.entry), E))
+        rows[:, range(rows.shape[1]), self._terms.entry] = speeds[:, None] ** self._terms.power
         return self._kept[key] @ rows
 
 

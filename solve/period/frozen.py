@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array, solved, whole
 from solve.period.multipliers import EPS, scaled_alike
-from solve.period.points import Points, parted, rate_of
+from solve.period.points import Points, Tables, parted, rate_of
 
 PHASES = 128
 """At which the coefficients are frozen unless a caller asks for fewer."""
@@ -19,20 +19,31 @@ _NULL = 64 * EPS
 
 
 class Frozen:
-    """Of P points, at the middles of k equal parts of the period, from fields (3n² + n, P, k) of their
-    entries."""
+    """Of P points, at the middles of k equal parts of the period."""
 
-    def __init__(self, fields: Array, n: int, period: float):
-        self._fields, self._n, self.period = fields, n, period
-        self._matrices = fields[: 3 * n**2].reshape(3, n, n, *fields.shape[1:])
+    def __init__(self, tables: Tables, period: float):
+        self._tables, self._n, self.period = tables, tables.n, period
 
     def __len__(self) -> int:
-        return self._fields.shape[1]
+        return len(self._tables.coefficients)
 
     def __getitem__(self, points: Array) -> "Frozen":
         if whole(points, len(self)):
             return self
-        return Frozen(self._fields[:, points], self._n, self.period)
+        some = Frozen(self._tables[points], self.period)
+        if "_fields" in self.__dict__:
+            some.__dict__["_fields"] = self._fields[:, points]
+        return some
+
+    @cached_property
+    def _fields(self) -> Array:
+        """Entries (3n² + n, P, k)."""
+        return self._tables.fields()
+
+    @property
+    def _matrices(self) -> Array:
+        n, fields = self._n, self._fields
+        return fields[: 3 * n**2].reshape(3, n, n, *fields.shape[1:])
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
         """Eigenvalues (P, k, 2n), by the phase, at some of the phases, all by default."""
@@ -68,7 +79,11 @@ class Frozen:
     def faster(self, rate: float) -> Array:
         """Whether sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any of the phases (P,)."""
         if self._n == 1:
-            return np.any(self._fastest() > rate, axis=1)
+            faster = ~self._surely_within(rate)
+            open_ = np.flatnonzero(faster)
+            if len(open_):
+                faster[open_] = (self[open_]._fastest() > rate).any(axis=1)
+            return faster
         faster = ~self._slow(rate)
         open_ = np.flatnonzero(faster)
         if len(open_) > 1:
@@ -81,15 +96,31 @@ class Frozen:
     def within(self, reach: float) -> Array:
         """Whether all eigenvalues are sure to have moduli of at most `reach` (P,): λ²M + λC + K
         is regular beyond where (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v (Perron, Collatz)."""
-        C, K = self._ratios()
-        if self._n == 1:
+        if self._n > 1:
+            C, K = self._ratios()
+            return _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+        inside = self._surely_within(reach)
+        open_ = np.flatnonzero(~inside)
+        if len(open_):
+            C, K = self[open_]._ratios()
             # Schur and Cohn's criterion, sharp for a single mode.
-            inside = (np.abs(K) <= reach**2) & (np.abs(C) <= reach + K / reach)
-            return np.all(inside, axis=(0, 1, 3))
-        return _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+            within = (np.abs(K) <= reach**2) & (np.abs(C) <= reach + K / reach)
+            inside[open_] = np.all(within, axis=(0, 1, 3))
+        return inside
+
+    def _surely_within(self, rate: float) -> Array:
+        """Whether |C/M| + |K/M|/rate ≤ rate follows for a single mode (P,) from the ranges of terms that the
+        points share; it is then within the rate, and no faster."""
+        if self._tables.own:
+            return np.zeros(len(self), dtype=bool)
+        low, high = self._tables.ranges()
+        C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3]))
+        with np.errstate(all="ignore"):
+            return (low[0] > 0) & (C / low[0] + K / low[0] / rate <= rate)
 
     def _at(self, phase: int) -> "Frozen":
-        return Frozen(self._fields[..., phase : phase + 1], self._n, self.period)
+        entries = np.moveaxis(self._fields[..., phase : phase + 1], 0, -1)
+        return Frozen(Tables.of(entries, self._n), self.period)
 
     def _stiffest(self) -> int:
         """The phase at which the point in the middle is stiffest: a guess for the others."""
@@ -126,7 +157,7 @@ class Frozen:
 def frozen(points: Points, phases: int = PHASES) -> Frozen:
     """The points with their coefficients frozen at so many phases."""
     middles = (np.arange(phases) + 0.5) * (points.period / phases)
-    return Frozen(points.tables(middles).fields(), points.n, points.period)
+    return Frozen(points.tables(middles), points.period)
 
 
 def surviving(eigenvalues: Array, period: float, limit: float) -> Array:

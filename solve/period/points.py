@@ -29,6 +29,11 @@ class Tables:
         count = entries.shape[-1]
         return cls(entries, np.ones((len(entries), count)), np.arange(count), n)
 
+    def __getitem__(self, points: Array) -> "Tables":
+        """Those of some points."""
+        table = self.table[points] if self.own else self.table
+        return Tables(table, self.coefficients[points], self.entry, self.n)
+
     @property
     def own(self) -> bool:
         """Whether every point has a table of its own."""
@@ -39,9 +44,26 @@ class Tables:
         if self._whole:
             return np.ascontiguousarray(np.moveaxis(self.table, -1, 0))
         made = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
-        for term, entry in enumerate(self.entry):
-            made[entry] += self.coefficients[:, term, None] * self.table[..., term]
+        last = -1
+        for term, entry in enumerate(self.entry.tolist()):
+            factors = self.coefficients[:, term, None], self.table[..., term]
+            if entry == last:
+                made[entry] += np.multiply(*factors)
+            else:
+                np.multiply(*factors, out=made[entry])
+            last = entry
         return made
+
+    def ranges(self) -> tuple[Array, Array]:
+        """Numbers (3n² + n, P) between which the entries are at all of the phases, from the ranges of the
+        terms that all points share."""
+        low, high = self.table.min(axis=0), self.table.max(axis=0)
+        made = np.zeros((2, 3 * self.n**2 + self.n, len(self.coefficients)))
+        for term, entry in enumerate(self.entry.tolist()):
+            factor = self.coefficients[:, term]
+            made[0, entry] += np.minimum(factor * low[term], factor * high[term])
+            made[1, entry] += np.maximum(factor * low[term], factor * high[term])
+        return made[0], made[1]
 
     def entries(self) -> Array:
         """The same as (P, k, 3n² + n)."""

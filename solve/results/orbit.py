@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.certify.correction import corrected, correction
 from solve.errors import MatricesError, SolveError, UnknownNameError
 from solve.period.curve import PeriodicCurve
-from solve.period.quantities import LEAST_SAMPLES, Signal, harmonics, samples_a_step, statistics
+from solve.period.quantities import LEAST_SAMPLES, Quantities, Signal, harmonics, samples_a_step, statistics
 from solve.results.contents import Contents, Variable, plain, require_different_names
 from solve.results.plot import Motion, checked_scale, orbit_figure, shown
 from solve.results.quantities import fixed, prefixed
@@ -37,6 +37,10 @@ class Turn:
         """q, q̇, q̈ (n, k), derivatives by time, at phases (k,)."""
         raise NotImplementedError
 
+    def at(self, phase: Array) -> Array:
+        """q (n, k) at phases (k,)."""
+        return self.state(phase)[0]
+
     @property
     def samples(self) -> int:
         """Samples a turn that resolve the curve."""
@@ -49,7 +53,7 @@ class Turn:
         """
         if name in self.system.coordinates:
             row = self.system.coordinates.index(name)
-            return lambda phase: self.state(phase)[0][row]
+            return lambda phase: self.at(phase)[row]
         if name in self.system.outputs:
             return lambda phase: self.system.output_values(phase, self.speed, *self.state(phase))[name]
         raise UnknownNameError("coordinate or output", name, [*self.system.coordinates, *self.system.outputs])
@@ -138,6 +142,29 @@ class Orbit(Stability, Turn):
     def samples(self) -> int:
         """As many for every step."""
         return self.steps * samples_a_step(self.steps)
+
+    def statistics(self, name: str) -> Statistics:
+        """Extrema and mean of a coordinate or output, of the continuous curve. Raises UnknownNameError."""
+        if name in self.coordinates:
+            return Statistics(*self._figures[self.coordinates.index(name)].tolist())
+        if name in self.system.outputs:
+            return Statistics(*self._output_figures[self.system.outputs.index(name)].tolist())
+        return super().statistics(name)
+
+    @cached_property
+    def _figures(self) -> Array:
+        """Of the coordinates (n, 7)."""
+        return Quantities(self._curve[None], np.array([self.speed])).figures()[0]
+
+    @cached_property
+    def _output_figures(self) -> Array:
+        """Of the outputs (o, 7)."""
+
+        def outputs(phase: Array, *state: Array) -> Array:
+            values = self.system.output_values(phase[0], self.speed, *(part[0] for part in state))
+            return np.array([[values[name] for name in self.system.outputs]])
+
+        return Quantities(self._curve[None], np.array([self.speed]), outputs).figures()[0, self.system.n :]
 
     @property
     def phase(self) -> Array:

@@ -1,9 +1,11 @@
-"""python -m tests.benchmarks.kernel: the inner kernels beside dgemm, and how the cost grows.
+"""python -m tests.benchmarks.kernel [--avx2]: the inner kernels beside dgemm, and how the cost grows.
 
-Run it with OMP_NUM_THREADS=1.
+Run it with OMP_NUM_THREADS=1. --avx2: compiled as for a processor without AVX-512; let OpenBLAS be as poor,
+by OPENBLAS_CORETYPE=Haswell.
 """
 
 import ctypes
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -11,14 +13,15 @@ from pathlib import Path
 import numpy as np
 
 import solve
-from solve.kernel import collocation, library
-from solve.kernel.compiler import compiled
+from solve.kernel import collocation, compiler
+from solve.kernel.library import Size
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy
 from solve.period.points import OnePoint
 from tests.benchmarks.timing import best
 
 STEPS, POINTS = 256, 64
+AVX2 = (*compiler.MACHINE, "-mno-avx512f", "-mavx2", "-mfma")
 
 CHAIN = """
 void chain(const double *maps, double *product, long count) {
@@ -49,26 +52,27 @@ def products(n: int) -> float:
 def chain(n: int) -> tuple[float, float]:
     """Flops a second of products of maps in lanes, n × n, n even, 2n³ each and lane, by the function that
     lanes.c itself uses; and the error of a product of them all."""
-    text = Path(library.__file__).with_name("lanes.c").read_text(encoding="utf-8") + CHAIN
+    text = Path(compiler.__file__).with_name("lanes.c").read_text(encoding="utf-8") + CHAIN
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "chain.c")
         source.write_text(text, encoding="utf-8")
-        run = compiled(source, {"N": n // 2, "S": 2, "NODES": 3, "STIFF": 1, "ORBIT": 0}).chain
+        made = compiler.compiled(source, {"N": n // 2, "S": 2, "NODES": 3, "STIFF": 1, "ORBIT": 0})
+    width = ctypes.c_int.in_dll(made, "lanes").value
     count = max(4, min(64, 2 * (30_000 // n**2 // 2)))
-    maps, product = aligned((count, n, n, library.LANES)), aligned((n, n, library.LANES))
+    maps, product = aligned((count, n, n, width)), aligned((n, n, width))
     maps[:] = np.random.default_rng(0).standard_normal(maps.shape) / np.sqrt(n)
     pointers = [part.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for part in (maps, product)]
-    seconds = best(lambda: run(*pointers, ctypes.c_long(count)))
-    truth = np.linalg.multi_dot(maps[::-1, :, :, 3])
-    error = np.abs(product[..., 3] - truth).max() / np.abs(truth).max()
-    return 2.0 * n**3 * count * library.LANES / seconds, float(error)
+    seconds = best(lambda: made.chain(*pointers, ctypes.c_long(count)))
+    truth = np.linalg.multi_dot(maps[::-1, :, :, -1])
+    error = np.abs(product[..., -1] - truth).max() / np.abs(truth).max()
+    return 2.0 * n**3 * count * width / seconds, float(error)
 
 
 def aligned(shape: tuple[int, ...]) -> np.ndarray:
     """Numbers that begin where a vector register may be loaded from."""
-    room = np.empty(int(np.prod(shape)) + library.LANES)
-    start = -(room.ctypes.data // 8) % library.LANES
-    return room[start : start + room.size - library.LANES].reshape(shape)
+    room = np.empty(int(np.prod(shape)) + shape[-1])
+    start = -(room.ctypes.data // 8) % shape[-1]
+    return room[start : start + room.size - shape[-1]].reshape(shape)
 
 
 def stages(n: int) -> float:
@@ -80,7 +84,7 @@ def stages(n: int) -> float:
     table[:, : n**2] += np.eye(n).ravel()
     points = max(8, POINTS // n)
     samples = collocation.Samples(table, np.ones((points, len(entry))), entry)
-    size = library.Size(n, s, len(method.curve_nodes), method.stiffly_accurate, False)
+    size = Size(n, s, len(method.curve_nodes), method.stiffly_accurate, False)
     rows, N = s * n, 2 * n
     flops = 2 / 3 * rows**3 + 2 * rows**2 * N + 2 * N**3
     return (
@@ -113,18 +117,20 @@ def one_grid(n: int, steps: int) -> Callable[[], object]:
 
 
 def main() -> None:
+    if "--avx2" in sys.argv[1:]:
+        compiler.MACHINE = AVX2
     peak = dgemm()
     print(f"dgemm, n = 1000: {peak / 1e9:.1f} GF/s")
     for n in (3, 6, 10, 20, 50):
         rate = products(n)
         print(f"products of maps in NumPy, {n:3d} × {n}: {rate / 1e9:6.1f} GF/s, {100 * rate / peak:4.0f} %")
-    for n in (4, 6, 8, 10, 20, 50):
+    for n in (4, 6, 8, 10, 12, 16, 20, 50):
         rate, error = chain(n)
         print(
             f"products of maps in lanes, {n:3d} × {n}: {rate / 1e9:6.1f} GF/s, {100 * rate / peak:4.0f} %,"
             f" error {error:.0e}"
         )
-    for n in (3, 6, 10, 20):
+    for n in (2, 3, 4, 5, 6, 8, 10, 20, 40):
         rate = stages(n)
         print(f"steps of Radau in lanes, n = {n:3d}: {rate / 1e9:6.1f} GF/s, {100 * rate / peak:4.0f} %")
     sizes = [20, 40, 80, 160]

@@ -20,7 +20,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.kernel import collocation
 from solve.kernel.compiler import compiled
-from solve.kernel.library import LANES, Size
+from solve.kernel.library import Size, lanes
 from solve.methods.radau import Radau
 from tests.benchmarks.timing import best
 
@@ -32,8 +32,8 @@ Run = Callable[[], Array]
 """Φ of every point (POINTS, 2n, 2n)."""
 
 DRIVER = """
-typedef double lane __attribute__((vector_size(64)));
-typedef double loose __attribute__((vector_size(64), aligned(8)));
+typedef double lane __attribute__((vector_size(8 * LANES)));
+typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
 typedef long long casadi_int;
 #define casadi_real lane
 static inline lane casadi_sq(lane x) { return x * x; }
@@ -43,7 +43,7 @@ void level(const double *stages, const double *coefficients, double *Phi) {
     const lane *arg[] = {e, x};
     lane *res[] = {y};
     for (long group = 0; group < GROUPS; group++) {
-        const loose *c = (const loose *)(coefficients + group * R * 8);
+        const loose *c = (const loose *)(coefficients + group * R * LANES);
         for (int i = 0; i < NX * NX; i++) x[i] = (lane){0} + (i / NX == i %% NX);
         for (long step = 0; step < STEPS; step++) {
             for (int i = 0; i < S * R; i++) e[i] = c[i %% R] * stages[step * S * R + i];
@@ -100,16 +100,17 @@ def vectorised(function: ca.Function) -> str:
 
 
 def by_casadi(n: int, table: Array, coefficients: Array) -> Run:
-    """CasADi's generated C with `casadi_real` a vector of eight doubles."""
-    function, groups, columns = advance(n), POINTS // LANES, table.shape[1]
-    sizes = {"S": STAGES, "R": columns, "NX": 2 * n, "GROUPS": groups, "STEPS": STEPS}
+    """CasADi's generated C with `casadi_real` a vector as wide as those of lanes.c."""
+    width = lanes(_size(n))
+    function, groups, columns = advance(n), POINTS // width, table.shape[1]
+    sizes = {"S": STAGES, "R": columns, "NX": 2 * n, "GROUPS": groups, "STEPS": STEPS, "LANES": width}
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "casadi_lanes.c")
         source.write_text(DRIVER % vectorised(function), encoding="utf-8")
         library = compiled(source, sizes)
-    lanes = np.ascontiguousarray(coefficients.reshape(groups, LANES, columns).transpose(0, 2, 1))
-    Phi = np.empty((groups, 2 * n, 2 * n, LANES))
-    pointers = [part.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for part in (table, lanes, Phi)]
+    grouped = np.ascontiguousarray(coefficients.reshape(groups, width, columns).transpose(0, 2, 1))
+    Phi = np.empty((groups, 2 * n, 2 * n, width))
+    pointers = [part.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for part in (table, grouped, Phi)]
 
     def run() -> Array:
         library.level(*pointers)
@@ -118,11 +119,14 @@ def by_casadi(n: int, table: Array, coefficients: Array) -> Run:
     return run
 
 
+def _size(n: int) -> Size:
+    return Size(n, STAGES, len(METHOD.curve_nodes), METHOD.stiffly_accurate, False)
+
+
 def by_lanes(n: int, table: Array, coefficients: Array) -> Run:
     """The package's own kernel."""
     samples = collocation.Samples(table, coefficients, np.arange(table.shape[1]))
-    size = Size(n, STAGES, len(METHOD.curve_nodes), METHOD.stiffly_accurate, False)
-    return lambda: collocation.solved(size, METHOD.weights, 2 * np.pi, samples, None).Phi
+    return lambda: collocation.solved(_size(n), METHOD.weights, 2 * np.pi, samples, None).Phi
 
 
 def by_numba(n: int, table: Array, coefficients: Array, lanes: int) -> Run:
@@ -159,7 +163,7 @@ def main() -> None:
 
 def measure() -> None:
     """A line for each way and size."""
-    ways = {"C by hand (lanes.c)": by_lanes, "CasADi's C, vectors of 8": by_casadi}
+    ways = {"C by hand (lanes.c)": by_lanes, "CasADi's C, vectors": by_casadi}
     try:
         import numba
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import solve
 from solve.batch import tables
 from solve.batch.family import BuiltFamily, over_speed
-from solve.batch.tables import Separation
+from solve.batch.tables import Separated, Separation
 from solve.errors import UnknownNameError
 from solve.period.frozen import Frozen
 from solve.period.multipliers import VERDICTS, Multipliers, rounding_errors, verdicts
@@ -234,16 +234,24 @@ def test_rounding_of_defective_and_semisimple_multipliers(matrix):
 def test_bounds_of_frozen_modes_are_never_wrong(seed, n, scale):
     system, speeds = systems.random_system(seed, n), np.array([0.5, 1.0, 2.0])
     phase = (np.arange(32) + 0.5) * (system.period / 32)
-    entries = over_speed(system).entries(phase, speeds[:, None])
-    modes = Frozen(np.moveaxis(entries, -1, 0), n, system.period)
+    family = over_speed(system)
+    separation = Separation(family, speeds[:, None], system.period, n)
+    coefficients, fits = separation.coefficients(speeds[:, None])
+    assert fits.all()
     fastest = np.array([fastest_of(system, phase, speed) for speed in speeds])
     rate = scale * np.median(fastest)
-    assert modes.faster(rate).tolist() == (fastest > rate).tolist()
     alone = np.array(
         [np.abs(systems.frozen_modes(system, speed, 32).eigenvalues()).max() for speed in speeds]
     )
-    assert not (modes.within(rate) & (alone > rate * (1 + 1e-12))).any()
-    np.testing.assert_allclose(modes.reach, alone * system.period, rtol=1e-9)
+    shared = Separated(separation, coefficients).tables(phase)
+    found = []
+    for made in (Tables.of(family.entries(phase, speeds[:, None]), n), shared):
+        modes = Frozen(made, system.period)
+        assert modes.faster(rate).tolist() == (fastest > rate).tolist()
+        found.append(modes.within(rate))
+        assert not (found[-1] & (alone > rate * (1 + 1e-12))).any()
+        np.testing.assert_allclose(modes.reach, alone * system.period, rtol=1e-9)
+    assert (found[0] == found[1]).all(), "ranges of shared terms tell more or less than the phases"
 
 
 def fastest_of(system, phase, speed):

@@ -1,4 +1,4 @@
-"""An empty cache of compiled code."""
+"""An empty cache of compiled code, and other widths of the lanes."""
 
 import pytest
 
@@ -6,15 +6,26 @@ from solve.kernel import compiler, library
 
 
 @pytest.fixture
-def own_cache(tmp_path, monkeypatch):
-    """An empty cache, and nothing remembered of earlier compilers."""
+def nothing_remembered():
+    """Of the compilers and libraries of this process, before and after."""
 
     def forget():
         for remembered in (compiler._compiler, library.library, library.trouble, library.available):
             remembered.cache_clear()
 
     forget()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    yield tmp_path / "cache" / "parametric-vibration"
-    monkeypatch.undo()
+    yield
     forget()
+
+
+@pytest.fixture
+def own_cache(tmp_path, nothing_remembered, monkeypatch):
+    """An empty cache, and nothing remembered of earlier compilers."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "parametric-vibration"
+
+
+@pytest.fixture
+def compiled_for(nothing_remembered, monkeypatch):
+    """Lets code be compiled as for a processor that lacks something."""
+    return lambda *flags: monkeypatch.setattr(compiler, "MACHINE", (*compiler.MACHINE, *flags))

@@ -1,0 +1,35 @@
+"""heyoka solves the same problems to the accuracy at which it is timed."""
+
+import numpy as np
+import pytest
+
+import solve
+from tests.benchmarks.cam import ACCURACY, SPECTRAL_RADIUS, error
+
+pytest.importorskip("heyoka")
+from tests.benchmarks import heyoka_peers
+
+
+def test_the_cam():
+    result = heyoka_peers.cam_single()
+    assert error(result) <= ACCURACY
+    assert np.abs(result[2]).max() == pytest.approx(SPECTRAL_RADIUS, rel=ACCURACY)
+
+
+@pytest.mark.slow
+def test_the_cam_at_many_speeds():
+    q, multipliers = heyoka_peers.cam_batch()
+    for at in (0, 77, 199):
+        orbit = solve.periodic(solve.load("cam", case="1"), heyoka_peers.SPEEDS[at], rtol=1e-9)
+        assert abs(q[at, 2] - orbit.q[2, 0]) <= ACCURACY * orbit.statistics("q3").max_abs
+        assert np.abs(multipliers[at]).max() == pytest.approx(orbit.spectral_radius, rel=ACCURACY)
+
+
+@pytest.mark.slow
+def test_mathieu():
+    found = heyoka_peers.mathieu_batch()
+    for column, row in ((0, 299), (150, 20), (299, 299)):
+        given = {"delta": heyoka_peers.DELTA[column], "epsilon": heyoka_peers.EPSILON[row], "zeta": 0.0}
+        truth = solve.floquet(solve.load("mathieu", **given), 1.0, rtol=1e-10)
+        trace = found[300 * row + column].sum()
+        assert abs(trace - truth.multipliers.sum()) <= ACCURACY * truth.spectral_radius

@@ -1,0 +1,65 @@
+"""BLAS works in one thread where matrices are small, and in as many as before everywhere else."""
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+import solve
+from solve.sizes import SMALL
+from solve.threads import one_thread
+from tests.solve import systems
+
+
+def threads():
+    return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
+
+
+@pytest.fixture(autouse=True)
+def two_threads():
+    with one_thread(1):
+        pass  # SciPy's library is loaded from here on.
+    with threadpool_limits(limits=2, user_api="blas"):
+        if threads() != {2}:
+            pytest.skip("BLAS has one thread here")
+        yield
+
+
+def test_the_last_to_leave_gives_the_threads_back():
+    with one_thread(SMALL):
+        assert threads() == {1}
+    assert threads() == {2}
+    first, second = one_thread(1), one_thread(1)
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert threads() == {1}
+    second.__exit__(None, None, None)
+    assert threads() == {2}
+
+
+def test_large_systems_keep_them():
+    with one_thread(SMALL + 1):
+        assert threads() == {2}
+
+
+@pytest.mark.parametrize(
+    "study", [lambda it: solve.periodic(it, 1.0), lambda it: solve.sweep(it, [1.0, 1.1])]
+)
+def test_solves_take_one_and_give_the_others_back(study):
+    found = set()
+
+    def matrices(phase, speed):
+        found.update(threads())
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, 2.0 * one, np.cos(phase)[:, None]
+
+    study(systems.system(matrices, 1))
+    assert 1 in found
+    assert threads() == {2}
+
+
+def test_a_failure_gives_them_back():
+    resonant = systems.constant([[1.0]], [[0.0]], [[1.0]], lambda phase: np.cos(phase)[:, None])
+    with pytest.raises(solve.SolveError):
+        solve.periodic(resonant, 1.0)
+    assert threads() == {2}
