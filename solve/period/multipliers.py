@@ -24,6 +24,9 @@ KNOWN_ON_CIRCLE = 1e-6
 _TIMES_ESTIMATE = 10.0
 """Times its estimate that an error may be: what tears a double multiplier apart takes it off the circle."""
 
+_NEAR_ONE = 1e-3
+"""Distance from +1 of two multipliers within which a drift is looked for."""
+
 _APART = 1e3
 """Errors by which multipliers are known to be distinct."""
 
@@ -225,7 +228,8 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, drifts: Drifts
     near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     meet = _meetings(values, errors, near)
     judged = _by_moduli(multipliers, e, np.where(meet.any(axis=-1), _TIMES_ESTIMATE, 1.0) * e)
-    open_ = np.flatnonzero(((judged == STABLE) | (judged == UNDETERMINED)) & meet.any(axis=(-2, -1)))
+    drifting = (np.abs(values - 1) <= _NEAR_ONE).sum(axis=-1) > 1
+    open_ = np.flatnonzero(((judged == STABLE) | (judged == UNDETERMINED)) & drifting)
     if len(open_):
         judged[open_] = np.where(drifts(open_), UNSTABLE, judged[open_])
     for at in np.flatnonzero((judged == STABLE) & meet.any(axis=(-2, -1))).tolist():
