@@ -14,6 +14,10 @@ from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
+from solve.progress import stage
+
+POINTS = "points"
+"""How stages name them."""
 
 _LARGEST = 40
 """Coordinates up to which points gain from each other; tables of larger ones only fill the memory."""
@@ -61,8 +65,10 @@ class Batch:
     def multipliers(self, points: Array, steps: int) -> Array:
         """Multipliers (k, N) of points (k, v) on one grid, not judged; zero where there are none."""
         values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
-        for positions, solutions in self.solutions(points, steps):
-            values[positions] = solutions.multipliers.values
+        with stage(POINTS, len(points)) as told:
+            for positions, solutions in self.solutions(points, steps):
+                values[positions] = solutions.multipliers.values
+                told.add(len(positions))
         return values
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:

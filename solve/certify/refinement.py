@@ -23,13 +23,27 @@ from solve.certify.estimates import (
     within_reach,
 )
 from solve.certify.hidden import hidden
-from solve.certify.pace import Pace, estimated, far, finished, first_steps, judged, rung, seen_by_both
+from solve.certify.pace import (
+    Pace,
+    estimated,
+    far,
+    finished,
+    first_steps,
+    judged,
+    needed_steps,
+    rung,
+    seen_by_both,
+)
 from solve.errors import StepsError
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
 from solve.period.points import Points
+from solve.progress import foreseen, stage
+
+STEPS = "steps"
+"""How the stage of a single solution names what is refined."""
 
 _FEW_STEPS = 360
 WITNESS_RTOL = 1e-10
@@ -146,7 +160,8 @@ class Refinement:
         """Those of the points at the positions (k,) on that many steps."""
         points = self.points if len(positions) == len(self.points) else self.points[positions]
         grid = Grid.uniform(steps, points.period, points.breaks)
-        return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
+        with stage(f"{self.method.name} on {steps} steps"):
+            return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
 
     def approximated(self, positions: Array) -> Iterator[Certified | Failed]:
         """A method that does not converge to the truth, judged by one that does."""
@@ -244,6 +259,7 @@ class Refinement:
         done = done & (fine.rounding < 1.0)
         leap = done | far(pace, errors, wanted, self.orders)
         last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
+        foreseen(STEPS, pace.steps, needed_steps(pace, errors, wanted, self.orders))
         ended = np.zeros(len(fine), dtype=bool)
         at = np.flatnonzero(done | last)
         if len(at):

@@ -16,6 +16,7 @@ from solve.period.curve import Curve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, Points
+from solve.progress import stage
 from solve.system import Motion, PeriodicSystem
 
 _MOST = 40
@@ -79,6 +80,11 @@ class Converged:
 
 def iterated(task: Task, start: Motion, grid: Grid, most: int = _MOST) -> Converged:
     """Newton's iteration on a grid from a motion. Raises NoOrbitError, which says how far it came."""
+    with stage(f"Newton's iteration on {grid.steps} steps"):
+        return _iterated(task, start, grid, most)
+
+
+def _iterated(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
     curve: Curve = on(grid, start)
     found, size = _corrected(task, curve, grid)
     part, smallest, count = 1.0, size, 0

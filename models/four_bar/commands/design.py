@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Flag, Results, progressing
+from solve.commands.groups import Flag, Results
 from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -62,13 +62,8 @@ def design(
     goal = None if target is None else speed_in_si(target)
     duration = _duration(time)
     lengths, count = _lengths(model, L4)
-    with progressing("design") as progress:
-
-        def show(what: str, done: int) -> None:
-            progress(done, what)
-
-        stress_map = design_map(model, stresses, _speeds(model, speeds), lengths, count, show)
-        result = carry_out(designed(stress_map), goal, duration, show)
+    stress_map = design_map(model, stresses, _speeds(model, speeds), lengths, count)
+    result = carry_out(designed(stress_map), goal, duration)
     deliver(
         results,
         result.warnings,
