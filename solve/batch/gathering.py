@@ -87,9 +87,9 @@ class _Keeper:
         if not (kept.names or kept.spectra):
             return
         system, at = family.example, self.start + positions
-        order = [*system.coordinates, *system.outputs]
-        with_outputs = any(name in system.outputs for name in (*kept.names, *kept.spectra))
-        outputs = (lambda phase, *state: family.outputs(phase, points, *state)) if with_outputs else None
+        wanted = [name for name in system.outputs if name in (*kept.names, *kept.spectra)]
+        order = [*system.coordinates, *wanted]
+        outputs = (lambda phase, *state: family.outputs(wanted, phase, points, *state)) if wanted else None
         quantities = Quantities(curve, family.speeds(points), outputs)
         self.results.figures[at] = quantities.figures()[:, [order.index(name) for name in kept.names]]
         if kept.spectra:

@@ -259,7 +259,7 @@ class Refinement:
         done = done & (fine.rounding < 1.0)
         leap = done | far(pace, errors, wanted, self.orders)
         last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
-        foreseen(STEPS, pace.steps, needed_steps(pace, errors, wanted, self.orders))
+        foreseen(STEPS, pace.steps, min(needed_steps(pace, errors, wanted, self.orders), self.most))
         ended = np.zeros(len(fine), dtype=bool)
         at = np.flatnonzero(done | last)
         if len(at):
@@ -327,11 +327,12 @@ class Refinement:
         values = np.zeros((len(positions), 2 * self.points.n), dtype=complex)
         resolved, bound = np.zeros(len(positions), dtype=int), np.full(len(positions), np.inf)
         request = replace(self.request, orbit=False, rtol=WITNESS_RTOL, steps=None)
-        for found in certified(self.points[positions], self.request.witness, request):
-            if isinstance(found, Certified):
-                rho = found.solutions.multipliers
-                values[found.positions], resolved[found.positions] = rho.values, rho.resolved
-                bound[found.positions] = rho.bound
+        with stage("multipliers by another method"):
+            for found in certified(self.points[positions], self.request.witness, request):
+                if isinstance(found, Certified):
+                    rho = found.solutions.multipliers
+                    values[found.positions], resolved[found.positions] = rho.values, rho.resolved
+                    bound[found.positions] = rho.bound
         return Multipliers(values, resolved, bound)
 
     def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: float) -> Array:

@@ -4,6 +4,7 @@ import importlib
 import io
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -26,6 +27,8 @@ _LONG, _TICK = 20, 10
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
 _LINES_OF_A_REFUSAL = 3
+_USUAL = re.compile(r"warning: |wrote |compiling |[a-z]\w*: ")
+"""How lines begin beside a result: those of derive with the name of the mechanism."""
 
 
 class Ended(NamedTuple):
@@ -54,17 +57,17 @@ def complaint(ended: Ended) -> str:
         return f"status {ended.status}: {lines[-1] if lines else ''}"
     if ended.status == 2 and not 1 <= len(lines) <= _LINES_OF_A_REFUSAL:
         return f"{len(lines)} lines of refusal"
-    if ended.status == 0 and not all(
-        each.startswith(("warning: ", "wrote ", "compiling ")) for each in lines
-    ):
+    if ended.status == 0 and not all(map(_USUAL.match, lines)):
         return f"unexpected: {lines}"
     return ""
 
 
 def inside(program: str, arguments: list[str], folder: Path) -> Ended:
-    """The command in this process; a warning of a library is a fault too."""
+    """The command in this process; a warning of a calculation is a fault too, others are left out as by a
+    program."""
     streams = io.StringIO(), io.StringIO()
     with chdir(folder), redirect_stdout(streams[0]), redirect_stderr(streams[1]), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         warnings.simplefilter("error", RuntimeWarning)
         try:
             with _watched():

@@ -109,6 +109,13 @@ def test_its_steps_and_points_are_told():
     assert max(fractions) == 1.0
 
 
+def test_speeds_whose_multipliers_are_not_known_at_all_are_told():
+    """At 1 rad/s those of the cam underflow, and with a loose tolerance their errors are infinite."""
+    found = solve.bands(solve.load("cam"), [1.0, 1.2], rtol=1e-2)
+    assert list(found) == []
+    assert any("give no result" in note for note in found.notes)
+
+
 def test_one_speed_is_no_range():
     with pytest.raises(ValueOutOfBoundsError, match="at least two speeds"):
         solve.bands(mathieu(), [2.0, 2.0])
