@@ -125,13 +125,12 @@ def design_map(
         interpolation_error=0.0,
         **_solved(stress_map, speeds, L4),
     )
-    stresses = _refined(stresses)
     if stresses.own_ratio[0] > 1:
         raise DesignError(
             f"at {stresses.speeds[0]:.4g} rad/s, the lowest speed, the stress is already "
             f"{stresses.own_ratio[0]:.4g} times the allowable one; begin --speeds lower or allow more"
         )
-    return stresses
+    return _refined(stresses)
 
 
 def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> None:

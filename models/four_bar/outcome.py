@@ -142,11 +142,8 @@ def carry_out(
     speeds = stresses.speeds
     if target is None:
         target = default_target(design)
-    elif not speeds[0] < target <= speeds[-1]:
-        raise DesignError(
-            f"the target, {target:.4g} rad/s, is not between {speeds[0]:.4g} and {speeds[-1]:.4g} rad/s, "
-            "the speeds of the map; widen --speeds"
-        )
+    else:
+        require_target(target, speeds)
     until = stresses.until(target)
     least = least_ratio(until, rate, False), least_ratio(until, rate, True)
     returns = least[1] <= 1
@@ -156,6 +153,15 @@ def carry_out(
     at = [*(peak.speed for peak in design.peaks), *(band.quietest for band in design.quiet[1:]), target]
     effects = damping_effects(stresses, np.unique(at))
     return Outcome(design, target, until, returns, least, plan, steady, trials, effects)
+
+
+def require_target(target: float, speeds: Array) -> None:
+    """Raise DesignError for a target (rad/s) outside the rising speeds of a map."""
+    if not speeds[0] < target <= speeds[-1]:
+        raise DesignError(
+            f"the target, {target:.4g} rad/s, is not between {speeds[0]:.4g} and {speeds[-1]:.4g} rad/s, "
+            "the speeds of the map; widen --speeds"
+        )
 
 
 def trials_of(

@@ -53,7 +53,7 @@ def design(
     from models.four_bar.design_draw import outcome_figure
     from models.four_bar.design_map import design_map
     from models.four_bar.design_report import outcome_contents, outcome_report
-    from models.four_bar.outcome import carry_out, outcome_record
+    from models.four_bar.outcome import carry_out, outcome_record, require_target
     from solve.commands.deliver import deliver
     from solve.results.contents import plain
     from solve.units import speed_in_si
@@ -62,7 +62,10 @@ def design(
     goal = None if target is None else speed_in_si(target)
     duration = _duration(time)
     lengths, count = _lengths(model, L4)
-    stress_map = design_map(model, stresses, _speeds(model, speeds), lengths, count)
+    start = _speeds(model, speeds)
+    if goal is not None:
+        require_target(goal, start)
+    stress_map = design_map(model, stresses, start, lengths, count)
     result = carry_out(designed(stress_map), goal, duration)
     deliver(
         results,
