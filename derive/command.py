@@ -1,6 +1,6 @@
 """The command `derive`: generate, check or show a mechanism's equations."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +13,7 @@ from derive import freshness, loader
 from derive.door import ReadOnce
 from derive.errors import UsageError
 from derive.loader import Source
+from derive.progress import part, shown, stage
 
 app = typer.Typer(
     add_completion=False,
@@ -28,7 +29,8 @@ class _Command(ReadOnce, TyperCommand):
 
 def run(arguments: Sequence[str]) -> int | None:
     """Carry out the command; 1 where a check fails."""
-    return app(list(arguments), prog_name="derive", standalone_mode=False)
+    with shown("derive"):
+        return app(list(arguments), prog_name="derive", standalone_mode=False)
 
 
 @app.command(cls=_Command)
@@ -57,7 +59,7 @@ def derive(
     if show:
         _show(sources)
     elif check:
-        raise typer.Exit(1 if sum(_is_stale(source, full) for source in sources) else 0)
+        raise typer.Exit(1 if sum(_is_stale(source, full) for source in _reported(sources)) else 0)
     else:
         _write(sources)
 
@@ -93,9 +95,17 @@ def _write(sources: list[Source]) -> None:
                 f"{source.name} came with the installed package, whose files stay as they are; give "
                 "--out DIR, or work in a checkout"
             )
-    for source in sources:
+    for source in _reported(sources):
         freshness.write(source.target, _text(source, partial(_noted, source)))
         typer.echo(f"wrote {source.target}", err=True)
+
+
+def _reported(sources: list[Source]) -> Iterator[Source]:
+    """The mechanisms one after the other, reported."""
+    with stage("mechanisms", len(sources)):
+        for source in sources:
+            with part("mechanisms"), stage(source.name):
+                yield source
 
 
 def _noted(source: Source, sentence: str) -> None:
@@ -118,7 +128,7 @@ def _is_stale(source: Source, full: bool) -> bool:
 def _show(sources: list[Source]) -> None:
     from derive.show import elements, equations
 
-    for source in sources:
+    for source in _reported(sources):
         if source.name == loader.BEAM_ELEMENTS:
             typer.echo(elements())
             continue

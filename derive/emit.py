@@ -21,6 +21,7 @@ from derive.loop_text import loop_orders, loop_text
 from derive.losses import idle, losses
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
+from derive.progress import steps
 from derive.recurrence import COMPONENTS, FOURIER
 from derive.units import size
 
@@ -135,10 +136,13 @@ def module_text(
 
     tell: is told what of the statement the equations ignore.
     """
-    equations = derive_equations(mechanism)
-    for sentence in (*equations.nonlinear, *equations.idle):
-        tell(sentence)
-    texts, counts = functions_text(mechanism, _functions(mechanism, equations))
+    with steps(2) as step:
+        step("equations")
+        equations = derive_equations(mechanism)
+        for sentence in (*equations.nonlinear, *equations.idle):
+            tell(sentence)
+        step("code")
+        texts, counts = functions_text(mechanism, _functions(mechanism, equations))
     texts += equations.functions
     if equations.passages:
         texts.append(breaks_text(mechanism, equations.passages))

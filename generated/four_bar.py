@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
+DERIVE_SHA256 = "4c9e00026bde2a3b64ef9880af4e2185c2be5e082cae22b7122fcd56bfb34109"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f6e74b0e1d9f4e9e1a62bda86acd0681188c78fbced0f9b6c4fcf5da15ff8c8b"
+FILE_SHA256 = "c3e5ac7d9652af10d534fdbeaebfc99db144dd944cf1e8ea8b061894d186f251"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

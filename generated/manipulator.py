@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
+DERIVE_SHA256 = "4c9e00026bde2a3b64ef9880af4e2185c2be5e082cae22b7122fcd56bfb34109"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "fabf240092bb3d532b70b4dfd669d8f868eb2d6169702d6ce2d71e63d4683fb7"
+FILE_SHA256 = "e9d7d87f0e19797a03deeaeb81d94ebedae9bd68b39f343b02a527df2c9942d5"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -1,5 +1,6 @@
 """The array type of this package: NumPy, float64 unless a docstring says complex."""
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,3 +24,21 @@ def solved(A: Array, b: Array) -> Array:
         regular = np.linalg.slogdet(A)[0] != 0
         x = np.linalg.solve(np.where(regular[..., None, None], A, np.eye(A.shape[-1])), b)
         return np.where(regular[..., None, None], x, np.nan)
+
+
+class Asked(Mapping[str, Array]):
+    """Values by name, each calculated when it is asked for."""
+
+    def __init__(self, names: Sequence[str], value: Callable[[str], Array]):
+        self._names, self._value = names, value
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self._names:
+            raise KeyError(name)
+        return self._value(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)

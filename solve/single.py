@@ -2,11 +2,12 @@
 
 from solve.certify.all_multipliers import Spectrum, checked_maps, refined
 from solve.certify.certified import Certified, Failed, Request
-from solve.certify.refinement import certified
+from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau
 from solve.period.points import OnePoint
+from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem
@@ -91,7 +92,8 @@ def _solved(
         ((settled, _),) = chosen_for(rule, point)
         if every:
             checked_maps(settled)
-        (result,) = certified(point, settled, asked)
+        with stage(STEPS):
+            (result,) = certified(point, settled, asked)
         if isinstance(result, Failed):
             raise result.reason
         every_one = refined(point, settled, asked, result.steps) if every else None

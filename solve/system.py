@@ -212,7 +212,9 @@ class PeriodicSystem:
         M, C, K, d = self.at(phase, speed)
         return speed**2 * M, speed * C, K, d
 
-    def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+    def output_values(
+        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+    ) -> Mapping[str, Array]:
         """Outputs (k,) by name at phases (k,) and states q, q̇, q̈ (n, k), derivatives by time."""
         return {}
 

@@ -4,7 +4,7 @@ Ratios are those of stress to allowable stress, the greatest of all links where 
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,16 +25,9 @@ _SHORTEST = 0.25
 
 _MOST_HALVINGS = 8
 
-Progress = Callable[[str, int], None]
-"""Called with the name of what is calculated and the number of its points that are done."""
-
 
 class DesignError(SolveError):
     """A design that is asked for what this mechanism cannot do at any stress: a length, a speed."""
-
-
-def no_progress(what: str, done: int) -> None:
-    """Progress that is not shown."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +108,6 @@ def design_map(
     speeds: Array,
     lengths: tuple[float, float],
     count: int = 48,
-    progress: Progress = no_progress,
 ) -> DesignMap:
     """The map of a mechanism with allowable stresses (Pa) by link, over L4 between two lengths (m).
 
@@ -131,15 +123,14 @@ def design_map(
         np.array([allowable[link] for link in stress_map.links]),
         L4=L4,
         interpolation_error=0.0,
-        **_solved(stress_map, speeds, L4, progress),
+        **_solved(stress_map, speeds, L4),
     )
-    stresses = _refined(stresses, progress)
     if stresses.own_ratio[0] > 1:
         raise DesignError(
             f"at {stresses.speeds[0]:.4g} rad/s, the lowest speed, the stress is already "
             f"{stresses.own_ratio[0]:.4g} times the allowable one; begin --speeds lower or allow more"
         )
-    return stresses
+    return _refined(stresses)
 
 
 def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> None:
@@ -157,11 +148,9 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
         )
 
 
-def _solved(
-    stress_map: StressMap, speeds: Array, L4: Array, progress: Progress = no_progress, before: int = 0
-) -> dict[str, Array]:
-    """What a map has by speed, at speeds (P,); `before`: points that are done already."""
-    peaks = stress_map.peaks(speeds, L4, lambda done: progress("stress map", before + done))
+def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]:
+    """What a map has by speed, at speeds (P,)."""
+    peaks = stress_map.peaks(speeds, L4)
     return {
         "speeds": speeds,
         "stress": peaks.stress,
@@ -170,7 +159,7 @@ def _solved(
     }
 
 
-def _refined(stresses: DesignMap, progress: Progress) -> DesignMap:
+def _refined(stresses: DesignMap) -> DesignMap:
     """The map with its intervals of speeds halved where interpolation in them is not good enough."""
     open_ = np.ones(len(stresses.speeds) - 1, dtype=bool)
     for _ in range(_MOST_HALVINGS):
@@ -179,7 +168,7 @@ def _refined(stresses: DesignMap, progress: Progress) -> DesignMap:
         if not open_.any():
             break
         middle = ((at[:-1] + at[1:]) / 2)[open_]
-        added = _solved(stresses.stress_map, np.exp(middle), stresses.L4, progress, len(at))
+        added = _solved(stresses.stress_map, np.exp(middle), stresses.L4)
         guess = np.exp(Akima1DInterpolator(at, np.log(stresses.stress))(middle))
         guess, solved = ((stress / stresses.allowable).max(axis=2) for stress in (guess, added["stress"]))
         error = np.abs(guess / solved - 1).max(axis=1)

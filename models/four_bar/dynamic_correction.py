@@ -10,12 +10,12 @@ inertia. That is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as
 ω1 and a_r is linear along a link: the secant of D over ω², where M(ω1) is its tangent.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Asked
 from solve.beams.elements import EXACT
 from solve.beams.frozen import exact_frequencies
 from solve.beams.motion import modal_damping
@@ -101,15 +101,17 @@ class Corrected(PeriodicSystem):
         point = self._exact.point(link, fraction)
         return point.stress(self._exact.beams.angle(phase), q, surface, self.lowest(phase))
 
-    def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
-        values = {}
-        for name, (kind, link, fraction) in self._observed.items():
+    def output_values(
+        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+    ) -> Mapping[str, Array]:
+        def value(name: str) -> Array:
+            kind, link, fraction = self._observed[name]
             if kind == "strain_energy":
                 omega, D, M = self._at_lowest(phase)
                 K = D + (omega**2)[:, None, None] * M
-                values[name] = np.einsum("ik,kij,jk->k", q, K, q, optimize=True) / 2
-            elif kind == "deflection":
-                values[name] = self.deflection(link, fraction, phase, q)
-            else:
-                values[name] = self.stress(link, fraction, kind.removeprefix("stress_"), phase, q)
-        return values
+                return np.einsum("ik,kij,jk->k", q, K, q, optimize=True) / 2
+            if kind == "deflection":
+                return self.deflection(link, fraction, phase, q)
+            return self.stress(link, fraction, kind.removeprefix("stress_"), phase, q)
+
+        return Asked(list(self._observed), value)

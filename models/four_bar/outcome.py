@@ -15,12 +15,13 @@ from models.four_bar.design import (
     plan_to_last,
     ratios_along,
 )
-from models.four_bar.design_map import DesignError, DesignMap, Progress, no_progress
+from models.four_bar.design_map import DesignError, DesignMap
 from models.four_bar.linkage import Linkage
 from models.four_bar.rigid.record import transmission_warnings
 from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.ramp import RunUp, Simulated, simulate
 from solve.arrays import Array
+from solve.progress import stage
 from solve.results.contents import model_record
 
 _HALVINGS = 6
@@ -134,7 +135,6 @@ def carry_out(
     design: Design,
     target: float | None = None,
     duration: float = 60.0,
-    progress: Progress = no_progress,
 ) -> Outcome:
     """Carry the method out to a target speed (rad/s), by default the design's own; duration (s) of the
     slowest run-up. Raises DesignError for a target outside the map."""
@@ -142,20 +142,26 @@ def carry_out(
     speeds = stresses.speeds
     if target is None:
         target = default_target(design)
-    elif not speeds[0] < target <= speeds[-1]:
-        raise DesignError(
-            f"the target, {target:.4g} rad/s, is not between {speeds[0]:.4g} and {speeds[-1]:.4g} rad/s, "
-            "the speeds of the map; widen --speeds"
-        )
+    else:
+        require_target(target, speeds)
     until = stresses.until(target)
     least = least_ratio(until, rate, False), least_ratio(until, rate, True)
     returns = least[1] <= 1
     plan = plan_to_last(until, rate, returns)
     steady = np.empty((0, len(stresses.links))) if plan is None else ratios_along(until, plan)
-    trials = [] if plan is None else trials_of(stresses, plan, returns, duration, progress)
+    trials = [] if plan is None else trials_of(stresses, plan, returns, duration)
     at = [*(peak.speed for peak in design.peaks), *(band.quietest for band in design.quiet[1:]), target]
     effects = damping_effects(stresses, np.unique(at))
     return Outcome(design, target, until, returns, least, plan, steady, trials, effects)
+
+
+def require_target(target: float, speeds: Array) -> None:
+    """Raise DesignError for a target (rad/s) outside the rising speeds of a map."""
+    if not speeds[0] < target <= speeds[-1]:
+        raise DesignError(
+            f"the target, {target:.4g} rad/s, is not between {speeds[0]:.4g} and {speeds[-1]:.4g} rad/s, "
+            "the speeds of the map; widen --speeds"
+        )
 
 
 def trials_of(
@@ -163,7 +169,6 @@ def trials_of(
     plan: Plan,
     returns: bool,
     duration: float,
-    progress: Progress = no_progress,
 ) -> list[Trial]:
     """The plan simulated within the duration (s) and, until the stress goes too high, within half of it,
     a quarter and so on."""
@@ -172,10 +177,8 @@ def trials_of(
     for halving in range(_HALVINGS):
         within = duration / 2**halving
         run_up = RunUp(plan, start, within, home, _PART_RETURNING * within)
-        what = f"run-up within {within:g} s"
-        simulated = simulate(
-            stresses.stress_map, run_up, run_up.turns, lambda done, what=what: progress(what, done)
-        )
+        with stage(f"run-up within {within:g} s"):
+            simulated = simulate(stresses.stress_map, run_up, run_up.turns)
         trials.append(Trial(run_up, simulated, simulated.stress / stresses.allowable))
         if trials[-1].worst >= 1:
             break

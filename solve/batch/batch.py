@@ -14,8 +14,12 @@ from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
+from solve.progress import stage
 from solve.sizes import SMALL
 from solve.threads import one_thread
+
+POINTS = "points"
+"""How stages name them."""
 
 _LEAST_GROUP = 4
 """Least number of points with equal parameters for which terms over the speed alone are made."""
@@ -60,9 +64,10 @@ class Batch:
     def multipliers(self, points: Array, steps: int) -> Array:
         """Multipliers (k, N) of points (k, v) on one grid, not judged; zero where there are none."""
         values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
-        with one_thread(self.family.example.n):
+        with one_thread(self.family.example.n), stage(POINTS, len(points)) as count:
             for positions, solutions in self.solutions(points, steps):
                 values[positions] = solutions.multipliers.values
+                count.add(len(positions))
         return values
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:

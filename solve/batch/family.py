@@ -50,13 +50,15 @@ class Family:
                 rows[:] = system.entries(phase, speed)
         return found
 
-    def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
+    def outputs(
+        self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
+    ) -> Array:
+        """Outputs of these names (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
         found = []
         for point, *state in zip(points, phase, q, qd, qdd, strict=True):
             system, speed = self.system(point)
             values = system.output_values(state[0], speed, *state[1:])
-            found.append([values[name] for name in system.outputs])
+            found.append([values[name] for name in names])
         return np.array(found).reshape(len(points), -1, phase.shape[1])
 
 
@@ -97,10 +99,13 @@ class SystemFamily(Family):
                 found[members] = self._varied(values).entries_over(phase, speeds[members])
         return found
 
-    def outputs(self, phase: Array, points: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        if self._together is not None:
-            return self._together.outputs(phase, *self._numbers(points), q, qd, qdd)
-        return super().outputs(phase, points, q, qd, qdd)
+    def outputs(
+        self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
+    ) -> Array:
+        if self._together is None:
+            return super().outputs(names, phase, points, q, qd, qdd)
+        every = self._together.outputs(phase, *self._numbers(points), q, qd, qdd)
+        return every[:, [self.example.outputs.index(name) for name in names]]
 
     def _varied(self, values: Array) -> PeriodicSystem:
         if not self._free:

@@ -1,6 +1,5 @@
 """Points solved here, or in parts by an executor, and what is kept of each put in its place."""
 
-from collections.abc import Callable
 from concurrent.futures import Executor
 from copy import copy
 from dataclasses import dataclass, replace
@@ -8,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.batch import Batch
+from solve.batch.batch import POINTS, Batch
 from solve.batch.family import Family
 from solve.certify.certified import Certified, Request
 from solve.kernel.engines import chosen_engine
@@ -17,6 +16,7 @@ from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import roughly
 from solve.period.quantities import Quantities
+from solve.progress import stage
 from solve.results.points import Kept, PointResults
 from solve.single import request
 from solve.statistics import Statistics
@@ -29,32 +29,12 @@ _MEMORY = 2**23
 """Bytes that the frozen coefficients of points prepared together may take."""
 
 
-class Count:
-    """The number of points solved so far, with which `progress` is called at every change."""
-
-    def __init__(self, progress: Callable[[int], None] | None, done: int = 0):
-        self.done, self._progress = done, progress
-
-    def add(self, more: int) -> None:
-        """So many more."""
-        self.done += more
-        if self._progress:
-            self._progress(self.done)
-
-    def onward(self) -> Callable[[int], None]:
-        """The `progress` of a call that starts now and counts its own points from 0."""
-        before = self.done
-        return lambda done: self.add(before + done - self.done)
-
-
-def gathered(
-    batch: Batch, points: Array, kept: Kept | None = None, progress: Callable[[int], None] | None = None
-) -> PointResults:
-    """All the points (P, v); progress is called with the number of points done."""
+def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:
+    """All the points (P, v)."""
     n = batch.family.example.n
-    results, count = PointResults.blank(len(points), n, kept or Kept()), Count(progress)
+    results = PointResults.blank(len(points), n, kept or Kept())
     size = chunk_size(n)
-    with one_thread(n):
+    with one_thread(n), stage(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
             keeper = _Keeper(batch, points[start : start + size], results, start)
             for result in batch.solved(keeper.points):
@@ -63,7 +43,7 @@ def gathered(
                     count.add(len(result))
                 else:
                     results.failures[start + result.position] = str(result.reason)
-                    count.add(1)
+                    count.add()
     return results
 
 
@@ -108,9 +88,9 @@ class _Keeper:
         if not (kept.names or kept.spectra):
             return
         system, at = family.example, self.start + positions
-        order = [*system.coordinates, *system.outputs]
-        with_outputs = any(name in system.outputs for name in (*kept.names, *kept.spectra))
-        outputs = (lambda phase, *state: family.outputs(phase, points, *state)) if with_outputs else None
+        wanted = [name for name in system.outputs if name in (*kept.names, *kept.spectra)]
+        order = [*system.coordinates, *wanted]
+        outputs = (lambda phase, *state: family.outputs(wanted, phase, points, *state)) if wanted else None
         quantities = Quantities(curve, family.speeds(points), outputs)
         self.results.figures[at] = quantities.figures()[:, [order.index(name) for name in kept.names]]
         if kept.spectra:
@@ -142,14 +122,11 @@ class Task:
         """For points like these (P, v)."""
         return Batch(self.family, points, self.method, self.request)
 
-    def solved(
-        self, batch: Batch, points: Array, executor: Executor | None, progress: Callable[[int], None] | None
-    ) -> PointResults:
-        """The points (P, v), in a batch for them here or by the executor; progress is called with the
-        number of points done."""
+    def solved(self, batch: Batch, points: Array, executor: Executor | None) -> PointResults:
+        """The points (P, v), in a batch for them here or by the executor."""
         if executor is not None:
-            return _spread(self, points, executor, progress)
-        return gathered(batch, points, self.kept, progress)
+            return _spread(self, points, executor)
+        return gathered(batch, points, self.kept)
 
     def __call__(self, points: Array) -> PointResults:
         # Samplers of a model serve one thread.
@@ -172,17 +149,16 @@ def task_of(
     return Task(family, chosen(method), request(steps, rtol, used, orbit), kept or Kept()), notes
 
 
-def _spread(
-    task: Task, points: Array, executor: Executor, progress: Callable[[int], None] | None
-) -> PointResults:
-    n, count = task.family.example.n, Count(progress)
+def _spread(task: Task, points: Array, executor: Executor) -> PointResults:
+    n = task.family.example.n
     results = PointResults.blank(len(points), n, task.kept)
     parts = np.array_split(np.arange(len(points)), max(1, -(-len(points) // chunk_size(n))))
     waiting = [executor.submit(task, points[part]) for part in parts]
     try:
-        for part, future in zip(parts, waiting, strict=True):
-            results.insert(part, future.result())
-            count.add(len(part))
+        with stage(POINTS, len(points)) as count:
+            for part, future in zip(parts, waiting, strict=True):
+                results.insert(part, future.result())
+                count.add(len(part))
     finally:
         # Nobody waits for the rest, where one fails or the user interrupts.
         for future in waiting:

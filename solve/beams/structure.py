@@ -1,13 +1,13 @@
 """A structure of beams from a generated module: a model whose matrices are assembled, not printed."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Asked
 from solve.beams.assembly import Beams, Positions, Properties
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frozen import lowest, shapes
@@ -159,15 +159,19 @@ class StructureModel(Model):
         alone = (np.pi / p.length) ** 2 * np.sqrt(p.EI / p.mu)
         return dict(zip((link.name for link in self.links), alone.tolist(), strict=True))
 
-    def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+    def output_values(
+        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+    ) -> Mapping[str, Array]:
         if not self.outputs:
             return {}
         state = State(self.motion, phase, speed, q, qd, qdd)
-        return {
+
+        def value(name: str) -> Array:
+            kind, link, place = self.observed[name]
             # What is of the whole structure names no link.
-            name: quantity(state, kind, self._member(link or self.links[0].name), place)
-            for name, (kind, link, place) in self.observed.items()
-        }
+            return quantity(state, kind, self._member(link or self.links[0].name), place)
+
+        return Asked(self.outputs, value)
 
     @cached_property
     def observed(self) -> dict[str, tuple[str, str, float]]:

@@ -63,6 +63,14 @@ def far(pace: Pace, errors: Array, wanted: Array, orders: Array) -> Array:
     return np.asarray((errors > wanted * nearest**orders).any(axis=-1))
 
 
+def needed_steps(pace: Pace, errors: Array, wanted: Array, orders: Array) -> float:
+    """Steps, two rungs on at least, on which errors (k, 2) come down to the `wanted` ones if they go on
+    falling with the order."""
+    with np.errstate(all="ignore"):
+        ratio = np.where(errors > wanted, (errors / wanted) ** (1 / orders), 1.0)
+    return pace.steps * float(max(2.0, ratio[np.isfinite(ratio)].max(initial=1.0)))
+
+
 def judged(found: Array, orders: Array) -> Array:
     """Errors (…, 2) of a grid, of orbit and multipliers, from the differences to one twice as fine. Where two
     multipliers nearly meet, theirs fall with half the order."""

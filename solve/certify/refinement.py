@@ -23,13 +23,27 @@ from solve.certify.estimates import (
     within_reach,
 )
 from solve.certify.hidden import hidden
-from solve.certify.pace import Pace, estimated, far, finished, first_steps, judged, rung, seen_by_both
+from solve.certify.pace import (
+    Pace,
+    estimated,
+    far,
+    finished,
+    first_steps,
+    judged,
+    needed_steps,
+    rung,
+    seen_by_both,
+)
 from solve.errors import StepsError
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, Multipliers, roughly
 from solve.period.points import Points
+from solve.progress import foreseen, stage
+
+STEPS = "steps"
+"""How the stage of a single solution names what is refined."""
 
 _FEW_STEPS = 360
 WITNESS_RTOL = 1e-10
@@ -146,7 +160,8 @@ class Refinement:
         """Those of the points at the positions (k,) on that many steps."""
         points = self.points if len(positions) == len(self.points) else self.points[positions]
         grid = Grid.uniform(steps, points.period, points.breaks)
-        return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
+        with stage(f"{self.method.name} on {steps} steps"):
+            return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
 
     def approximated(self, positions: Array) -> Iterator[Certified | Failed]:
         """A method that does not converge to the truth, judged by one that does."""
@@ -245,6 +260,7 @@ class Refinement:
         done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
         leap = done | far(pace, errors, wanted, self.orders)
         last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
+        foreseen(STEPS, pace.steps, min(needed_steps(pace, errors, wanted, self.orders), self.most))
         ended = np.zeros(len(fine), dtype=bool)
         at = np.flatnonzero(done | last)
         if len(at):
@@ -328,13 +344,14 @@ class Refinement:
         orbits = np.zeros(len(positions))
         orbit = self.request.orbit and self.method.spectral
         request = replace(self.request, orbit=orbit, rtol=WITNESS_RTOL, steps=None)
-        for found in certified(self.points[positions], self.request.witness, request):
-            if isinstance(found, Certified):
-                at, rho = found.positions, found.solutions.multipliers
-                values[at], resolved[at], bound[at] = rho.values, rho.resolved, rho.bound
-                if orbit:
-                    burdens = self.burdens(positions[at])
-                    orbits[at] = differences(solutions[at], found.solutions, burdens)[:, 0]
+        with stage("multipliers by another method"):
+            for found in certified(self.points[positions], self.request.witness, request):
+                if isinstance(found, Certified):
+                    at, rho = found.positions, found.solutions.multipliers
+                    values[at], resolved[at], bound[at] = rho.values, rho.resolved, rho.bound
+                    if orbit:
+                        burdens = self.burdens(positions[at])
+                        orbits[at] = differences(solutions[at], found.solutions, burdens)[:, 0]
         return Multipliers(values, resolved, bound), orbits
 
     def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: float) -> Array:

@@ -12,6 +12,7 @@ from typer.core import TyperCommand
 from solve.commands.door import ReadOnce, door
 from solve.commands.groups import flattened
 from solve.errors import SolveError
+from solve.progress import shown
 
 COMMANDS = {
     "periodic": "Periodic vibration, its spectrum and its stability.",
@@ -85,7 +86,8 @@ def called(arguments: Sequence[str], commands: typer.Typer | None = None, name: 
     os.environ["MPLBACKEND"] = "agg"
     commands = commands or solve_application(next(iter(arguments), None))
     try:
-        return commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False)
+        with shown(name):
+            return commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False)
     except _UsageError as error:
         _hint(error)
         raise

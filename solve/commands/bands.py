@@ -2,7 +2,7 @@
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Problem, Results, Speeds, progressing
+from solve.commands.groups import Accuracy, Problem, Results, Speeds
 
 
 def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results) -> None:
@@ -12,8 +12,7 @@ def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results
     """
     omegas, model = speeds.omegas(), problem.loaded()
     rule, rtol = accuracy.rule, accuracy.rtol
-    with progressing("points") as progress:
-        result = solve.bands(model, omegas, rule, rtol, progress=progress)
+    result = solve.bands(model, omegas, rule, rtol)
     deliver_result(
         results,
         result,

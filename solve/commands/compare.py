@@ -1,7 +1,6 @@
 """`solve compare`: methods side by side on one problem."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 from solve.commands.deliver import deliver_result
@@ -33,8 +32,7 @@ def compare(
     """Methods side by side: error, steps and time."""
     model = problem.loaded()
     omega, methods = speed.omega(model), _methods(method, settings.settings)
-    with _progress() as progress:
-        result = compared(model, omega, methods, steps, rtol or TARGETS, progress)
+    result = compared(model, omega, methods, steps, rtol or TARGETS)
     if all(row.reason for row in result.rows):
         raise NoResultError(f"no method gives a result; {result.rows[0].method}: {result.rows[0].reason}")
     deliver_result(results, result, problem.choices)
@@ -52,12 +50,3 @@ def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) 
         chosen(name, **{key: value for key, value in settings.items() if key in known.get(name, ())})
         for name in contestants
     ]
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
-    """Tell a person at a terminal which method is under way."""
-    from rich.console import Console
-
-    with Console(stderr=True).status("comparing") as status:
-        yield lambda name: status.update(f"comparing: {name}")

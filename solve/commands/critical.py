@@ -4,7 +4,7 @@ from typing import Annotated
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Flag, Problem, Results, Speeds, progressing
+from solve.commands.groups import Accuracy, Flag, Problem, Results, Speeds
 from solve.commands.parse import figure_kept
 
 
@@ -20,8 +20,5 @@ def critical(
 ) -> None:
     """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
     omegas, kept, model = speeds.omegas(), figure_kept(figure), problem.loaded()
-    with progressing("points") as progress:
-        result = solve.critical_speeds(
-            model, omegas, of, kept, orders, accuracy.rule, accuracy.rtol, progress=progress
-        )
+    result = solve.critical_speeds(model, omegas, of, kept, orders, accuracy.rule, accuracy.rtol)
     deliver_result(results, result, problem.choices, result.notes, figure=lambda: result.plot(campbell))

@@ -20,6 +20,8 @@ REFUSED, FAULT, INTERRUPTED = 2, 70, 130
 _LONGEST = 900
 """Characters of a message; what was given may be longer than any screen."""
 
+_TOO_LITTLE_MEMORY = "the memory of this machine does not suffice; ask for fewer points or steps"
+
 _AGAIN = 0.3
 """Seconds after which an interruption comes again."""
 
@@ -96,35 +98,42 @@ def door(
     """Exit status of a command under the name that the user typed, which `work` carries out; what it raises
     of the class `refusals`, or Typer for what was mistyped, is said in one line."""
     with redirect_stdout(_Stream(sys.stdout, False)), redirect_stderr(_Stream(sys.stderr, True)):
+        interruptions: list[object] = []
         try:
-            with _insistent():
+            with _insistent(interruptions):
                 status = work(arguments) or 0
                 sys.stdout.flush()
-        except refusals as error:
-            return _ended(name, str(error))
+            return _interrupted(name) if status == INTERRUPTED else status
+        except KeyboardInterrupt:
+            return _interrupted(name)
         except _StreamError as error:
             return 0 if error.gone else _ended(name, str(error))
-        except KeyboardInterrupt:
-            status = INTERRUPTED
-        except MemoryError:
-            return _ended(name, "the memory of this machine does not suffice; ask for fewer points or steps")
         except Exception as error:
+            # Libraries turn an interruption into errors of their own.
+            if interruptions:
+                return _interrupted(name)
+            if isinstance(error, refusals):
+                return _ended(name, str(error))
+            if isinstance(error, MemoryError):
+                return _ended(name, _TOO_LITTLE_MEMORY)
             if hasattr(error, "format_message"):
                 return _misused(name, error)
             return _fault(name, error, "--debug" in arguments)
-        if status != INTERRUPTED:
-            return status
-        # Python would end by the signal where it met the interruption within code made from a text.
-        exec("")
-        return _ended(name, "interrupted", INTERRUPTED)
+
+
+def _interrupted(name: str) -> int:
+    # Python would end by the signal where it met the interruption within code made from a text.
+    exec("")
+    return _ended(name, "interrupted", INTERRUPTED)
 
 
 @contextmanager
-def _insistent() -> Iterator[None]:
+def _insistent(came: list[object]) -> Iterator[None]:
     """An interruption that a library passes over, as some do while they are imported, comes again until the
-    command has ended."""
+    command has ended; those that came are kept."""
 
-    def interrupt(*_: object) -> None:
+    def interrupt(signal_number: object, _: object) -> None:
+        came.append(signal_number)
         signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         raise KeyboardInterrupt
 

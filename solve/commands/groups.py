@@ -1,12 +1,11 @@
-"""Flags that several commands share, each group stated once as a dataclass, and the bar that shows progress.
+"""Flags that several commands share, each group stated once as a dataclass.
 
 A command takes whole groups as its parameters; `flattened` shows their fields to Typer as the
 command's own flags, so that a new command is a short file.
 """
 
 import inspect
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
@@ -211,20 +210,6 @@ class Common:
         typer.Option(metavar="N", parser=number, help=f"Most numbers to hold at once; by default {MOST}."),
     ] = None
     debug: Annotated[bool, typer.Option("--debug", help="Show where a fault of this program arose.")] = False
-
-
-@contextmanager
-def progressing(what: str, total: int | None = None) -> Iterator[Callable[..., None]]:
-    """A progress bar with the remaining time on standard error, drawn only on a terminal. Call it with the
-    number of points done and, where this changes, with what they are."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda done, what=what: bar.update(task, completed=done, description=what)
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:

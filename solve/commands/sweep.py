@@ -4,7 +4,7 @@ from typing import Annotated
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Problem, Results, Speeds, Steps, progressing
+from solve.commands.groups import Flag, Problem, Results, Speeds, Steps
 from solve.commands.parse import harmonic_count
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.results.plot import shown
@@ -37,8 +37,7 @@ def sweep(
     if turn is not None:
         _check_turn(model, turn, len(omegas), results, waterfall)
     asked = accuracy.rule, accuracy.steps, accuracy.rtol
-    with progressing("sweep", len(omegas)) as progress:
-        result = solve.sweep(model, omegas, *asked, progress=progress, spectra=spectra, harmonics=orders)
+    result = solve.sweep(model, omegas, *asked, spectra=spectra, harmonics=orders)
     result.results.require_any()
 
     def figure() -> Figure:

@@ -6,7 +6,7 @@ import typer
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Problem, Results, Speeds, progressing
+from solve.commands.groups import Accuracy, Problem, Results, Speeds
 from solve.commands.parse import part
 
 
@@ -23,6 +23,5 @@ def validity(
     """How far the linear model is off over speed, and up to which speed to trust it."""
     omegas, model = speeds.omegas(), problem.loaded()
     asked = 0.05 if at is None else at, accuracy.rule, accuracy.rtol
-    with progressing("validity", len(omegas)) as progress:
-        result = solve.validity(model, omegas, *asked, progress=progress)
+    result = solve.validity(model, omegas, *asked)
     deliver_result(results, result, problem.choices)

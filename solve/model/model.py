@@ -139,7 +139,9 @@ class Model(PeriodicSystem):
     def _outputs(self) -> "casadi.Function":
         return self.setup.function("outputs")
 
-    def output_values(self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+    def output_values(
+        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+    ) -> Mapping[str, Array]:
         if not self.outputs:
             return {}
         values = self._outputs(phase[None], speed, q, qd, qdd, self.setup.p)

@@ -11,6 +11,7 @@ from solve.errors import NoOrbitError
 from solve.newton.iteration import Converged, Task, between, iterated
 from solve.period.curve import Curve
 from solve.period.grid import Grid
+from solve.progress import stage
 from solve.system import Matrices, Motion, PeriodicSystem
 
 _MOST = 10
@@ -78,21 +79,23 @@ def _followed(
     """Steps from the first value to the last, each begun on the secant through the two before."""
     length, step, at = last - first, _FIRST, 0.0
     before, found, steps = None, start, start.iterations
-    while at < 1:
-        to = min(1.0, at + step)
-        guess = _secant(before, (at, found.curve), to)
-        try:
-            reached = iterated(task_at(last if to == 1 else first + to * length), guess, grid, _MOST)
-        except NoOrbitError:
-            step /= _GROWTH
-            if step < _LEAST:
-                ends = (in_words(first + part * length) for part in (0, at, at + _GROWTH * step))
-                raise NoOrbitError(
-                    "followed from {} on, the orbit turns back or ends between {} and {}".format(*ends)
-                ) from None
-            continue
-        before, at, found, step = (at, found.curve), to, reached, _GROWTH * step
-        steps += found.iterations
+    with stage("% of the way", 100) as count:
+        while at < 1:
+            to = min(1.0, at + step)
+            guess = _secant(before, (at, found.curve), to)
+            try:
+                reached = iterated(task_at(last if to == 1 else first + to * length), guess, grid, _MOST)
+            except NoOrbitError:
+                step /= _GROWTH
+                if step < _LEAST:
+                    ends = (in_words(first + part * length) for part in (0, at, at + _GROWTH * step))
+                    raise NoOrbitError(
+                        "followed from {} on, the orbit turns back or ends between {} and {}".format(*ends)
+                    ) from None
+                continue
+            before, at, found, step = (at, found.curve), to, reached, _GROWTH * step
+            steps += found.iterations
+            count.add(100 * at - count.done)
     return replace(found, iterations=steps)
 
 

@@ -16,6 +16,7 @@ from solve.period.curve import Curve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, Points
+from solve.progress import stage
 from solve.system import Motion, PeriodicSystem
 from solve.threads import one_thread
 
@@ -80,7 +81,7 @@ class Converged:
 
 def iterated(task: Task, start: Motion, grid: Grid, most: int = _MOST) -> Converged:
     """Newton's iteration on a grid from a motion. Raises NoOrbitError, which says how far it came."""
-    with one_thread(task.system.n):
+    with one_thread(task.system.n), stage(f"Newton's iteration on {grid.steps} steps"):
         return _iterated(task, start, grid, most)
 
 

@@ -19,6 +19,7 @@ from solve.newton.iteration import Converged, Newton, Task, iterated
 from solve.newton.settling import by_transient
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
+from solve.progress import steps
 from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.single import request
@@ -94,18 +95,20 @@ class _Search:
         ways = _WAYS if self.task.periods == 1 else (_TRANSIENT, *_WAYS[:-1])
         failed: list[str] = []
         unstable: NonlinearOrbit | None = None
-        for way in ways:
-            if unstable is not None and way != _TRANSIENT:
-                continue
-            try:
-                orbit = self._by(way, failed)
-            except SolveError as error:
-                failed.append(f"by the {way}: {error}")
-                continue
-            if orbit.verdict != "unstable" or (way == _TRANSIENT and unstable is None):
-                return orbit
-            failed.append(f"by the {way}: an orbit that is unstable")
-            unstable = unstable or orbit
+        with steps(len(ways)) as step:
+            for way in ways:
+                if unstable is not None and way != _TRANSIENT:
+                    continue
+                step(f"by the {way}")
+                try:
+                    orbit = self._by(way, failed)
+                except SolveError as error:
+                    failed.append(f"by the {way}: {error}")
+                    continue
+                if orbit.verdict != "unstable" or (way == _TRANSIENT and unstable is None):
+                    return orbit
+                failed.append(f"by the {way}: an orbit that is unstable")
+                unstable = unstable or orbit
         if unstable is not None:
             return replace(unstable, settled=False)
         raise NoOrbitError(

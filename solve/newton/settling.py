@@ -10,6 +10,7 @@ from solve.errors import NoOrbitError, SolveError
 from solve.newton.iteration import Converged, Task, iterated
 from solve.period.curve import Curve
 from solve.period.grid import Grid
+from solve.progress import stage
 
 _TURNS = 80
 """Periods of the system after which a transient is given up."""
@@ -29,15 +30,17 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     """From near rest, in time, until period and period differ little, or Newton's iteration converges from
     one of them; whether it has settled. Raises NoOrbitError, which says how far it came."""
     change, tried = np.inf, _TRIED
-    for turns, motion, change in marched(task, grid):
-        settled = change < _SETTLED
-        if not (settled or turns >= tried):
-            continue
-        tried = 2 * turns
-        try:
-            return iterated(task, motion, grid), settled
-        except NoOrbitError:
-            continue
+    with stage("turns at most", _TURNS) as count:
+        for turns, motion, change in marched(task, grid):
+            count.add(turns - count.done)
+            settled = change < _SETTLED
+            if not (settled or turns >= tried):
+                continue
+            tried = 2 * turns
+            try:
+                return iterated(task, motion, grid), settled
+            except NoOrbitError:
+                continue
     raise NoOrbitError(
         f"after {_TURNS} turns from rest the motion still changes by {change:.0%} from period to period"
     )

@@ -9,6 +9,7 @@ from solve.arrays import Array, solved
 from solve.errors import FileError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.period.curve import Curve
+from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
@@ -16,6 +17,7 @@ from solve.system import Marcher, PeriodicSystem
 from solve.units import checked_rtol, speed_in_si
 
 REST, ORBIT = "rest", "orbit"
+TURNS = "turns"
 
 _COUNT = 256
 """States a period where an integrator is asked for them."""
@@ -53,9 +55,11 @@ def transient(
     linear = periodic(system, omega, rtol=min(1e-6, finer), engine=engine)
     state, parts = _state(given, linear), []
     march = _marcher(system, linear, finer) if nonlinear else StepMarcher.of(linear)
-    for turn in range(turns):
-        parts.append(march(state, turn * system.period, omega))
-        state = parts[-1][:2, :, -1].ravel()
+    with stage(TURNS, turns) as count:
+        for turn in range(turns):
+            parts.append(march(state, turn * system.period, omega))
+            state = parts[-1][:2, :, -1].ravel()
+            count.add()
     motion = np.stack(parts)
     orbit = _settled(system, omega, motion[-1], march.nodes, engine) if nonlinear else linear
     return Transient(system, omega, march.nodes, motion, orbit, rtol, nonlinear)

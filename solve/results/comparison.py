@@ -221,7 +221,7 @@ def work_precision_figure(
 
     with page(4.2, title) as figure:
         panels = figure.subplots(1, len(known_to), sharey=True, sharex=True, squeeze=False)[0]
-        floor = min(known_to.values())
+        floor = min(*known_to.values(), _WORST)
         for axes, (kind, error) in zip(panels, known_to.items(), strict=True):
             axes.set_prop_cycle(cycler(linestyle=_LINES) * (cycler(color=MANY) + cycler(marker=_MARKERS)))
             for name, work in methods.items():
@@ -230,7 +230,7 @@ def work_precision_figure(
             for target in targets.get(kind, ()):
                 axes.axhline(target, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
             axes.set_ylim(floor / 10, _WORST)
-            axes.axhspan(floor / 10, error, color=LIGHT, zorder=0.5, linewidth=0)
+            axes.axhspan(floor / 10, min(error, _WORST), color=LIGHT, zorder=0.5, linewidth=0)
             below = "below the reference's own error"
             axes.annotate(below, (0.02, 0.02), xycoords="axes fraction", color=GREY)
             axes.yaxis.set_major_locator(LogLocator(numticks=9))

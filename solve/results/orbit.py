@@ -207,7 +207,7 @@ class Orbit(Stability, Turn):
     @cached_property
     def outputs(self) -> Mapping[str, Array]:
         """Outputs at the nodes, (m+1,) each."""
-        return self.system.output_values(self.phase, self.speed, self.q, self.qd, self.qdd)
+        return dict(self.system.output_values(self.phase, self.speed, self.q, self.qd, self.qdd))
 
     @cached_property
     def residual(self) -> float:

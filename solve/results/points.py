@@ -98,7 +98,9 @@ class PointResults:
     def outside(self) -> Array:
         """Where a multiplier lies outside the unit circle by more than its error (P,)."""
         radius = self.spectral_radius
-        return ~self.failed & (radius - self.errors[:, 1] * radius > 1 + UNIT_CIRCLE)
+        # Where nothing is known of multipliers that underflow: an infinite part of 0.
+        with np.errstate(invalid="ignore"):
+            return ~self.failed & (radius - self.errors[:, 1] * radius > 1 + UNIT_CIRCLE)
 
     @property
     def undetermined(self) -> Array:

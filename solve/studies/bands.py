@@ -7,20 +7,21 @@ modes: a multiplier belongs to these where two grids agree on it.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.batch import Batch
+from solve.batch.batch import POINTS, Batch
 from solve.batch.family import over_speed
-from solve.batch.gathering import Count, gathered, task_of
+from solve.batch.gathering import gathered, task_of
 from solve.errors import NoResultError
 from solve.methods.choice import RESOLVABLE, Rule, auto
 from solve.methods.radau import Radau
 from solve.period.frozen import frozen, surviving
 from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.points import OnePoint
+from solve.progress import part, stage, steps
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
 from solve.studies.boundaries import LIGHTLY_DAMPED, Judge, Judged, Search, hidden, judge
@@ -65,7 +66,6 @@ def bands(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
     tolerance: float = 1e-7,
-    progress: Callable[[int], None] | None = None,
     engine: str = "auto",
 ) -> Bands:
     """Unstable bands between the lowest and the highest of the speeds (rad/s, texts with unit, or one
@@ -77,8 +77,8 @@ def bands(
     closest to each other, to +1 and to -1, and may be missed all the same; a growth below 1e-6 a turn
     makes no band. Where lightly damped modes turn too far in one turn to be followed at many speeds, `auto`
     looks for bands of the slower ones alone, and the notes say so. Edges are found to `tolerance`,
-    relative. progress is called with the number of points solved so far. engine: as in `sweep`. Raises
-    ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
+    relative. engine: as in `sweep`. Raises ValueOutOfBoundsError for fewer than two speeds, and SolveError
+    subclasses for what no speed could mend.
     """
     omegas = np.array(speeds_between(speeds, "bands"))
     system.checked(float(omegas[-1]))
@@ -94,18 +94,23 @@ def bands(
     coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
     turned = -np.diff(1 / coarse) * turning(coarse[1:])
     points = _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))[:, None]
-    count = Count(progress)
     batch = task.batch(points)
-    asked = (_judge_of_followed if fast else judge)(batch, count.add)
-    known = _closer(asked, asked(points), turning)
-    middle = np.arange(1, len(known.points) - 1)
-    spacing = float(np.diff(known.points[:, 0]).max())
-    known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
-    if known.failed.all():
-        raise NoResultError(_failures(batch, known.points))
-    if known.failed.any():
-        notes = [*notes, _failures(batch, known.points[known.failed])]
-    found = _Runs(asked, checked_tolerance(tolerance)).bands(_rising(known))
+    asked = (_judge_of_followed if fast else judge)(batch)
+    with steps(4) as step:
+        step("all speeds")
+        known = asked(points)
+        step("speeds where multipliers are near each other")
+        known = _closer(asked, known, turning)
+        middle = np.arange(1, len(known.points) - 1)
+        spacing = float(np.diff(known.points[:, 0]).max())
+        step("narrow bands")
+        known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
+        if known.failed.all():
+            raise NoResultError(_failures(batch, known.points))
+        if known.failed.any():
+            notes = [*notes, _failures(batch, known.points[known.failed])]
+        step("edges of bands")
+        found = _Runs(asked, checked_tolerance(tolerance), omegas[-1:]).bands(_rising(known))
     return Bands(found, system, (float(omegas[0]), float(omegas[-1])), spacing, notes)
 
 
@@ -174,10 +179,14 @@ def _rising(known: Judged) -> Judged:
 
 @dataclass(frozen=True)
 class _Runs:
-    """Runs of unstable speeds of one kind among known ones, rising."""
+    """Runs of unstable speeds of one kind among known ones, rising. highest (1,): of the speeds; what is
+    found between two speeds is kept for when other runs are split."""
 
     judge: Judge
     tolerance: float
+    highest: Array
+    _between: "dict[tuple[float, float], tuple[float, bool]]" = field(default_factory=dict)
+    _within: "dict[tuple[float, float], float]" = field(default_factory=dict)
 
     def bands(self, known: Judged) -> list[Band]:
         """The runs with their edges, split where points inside are stable or of another kind."""
@@ -194,34 +203,50 @@ class _Runs:
         state = _state(known)
         changes = np.flatnonzero(np.diff(state))
         speeds = known.points[:, 0]
-        between, unknown = self._borders(known, changes, state)
+        between, unknown = self._kept_borders(known, changes, state)
         borders = np.concatenate((speeds[:1], between, speeds[-1:]))
         unknown = np.concatenate(([True], unknown, [True]))
         starts, ends = np.append(0, changes + 1), np.append(changes, len(state) - 1)
         runs = np.flatnonzero(state[starts] >= 0)
         low, high = borders[runs], borders[runs + 1]
-        inside = low[:, None] + (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1) * (high - low)[:, None]
-        looked = self.judge(inside.reshape(-1, 1)) if len(runs) else known[runs]
-        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _POINTS_INSIDE).max(axis=1, initial=0.0)
-        mixed = (_state(looked).reshape(-1, _POINTS_INSIDE) != state[starts[runs], None]).any(axis=1)
-        found, split = [], np.zeros(len(runs), dtype=bool)
+        nothing = known[runs[:0]], np.zeros(0, dtype=bool)
+        within = list(zip(low.tolist(), high.tolist(), strict=True))
+        new = np.array([edges not in self._within for edges in within], dtype=bool)
+        looked, mixed = self._inside(low[new], high[new], state[starts[runs[new]]]) if new.any() else nothing
+        found, growing = [], np.zeros(len(runs), dtype=bool)
         for at, run in enumerate(runs):
             first, last = starts[run], ends[run]
-            radius = max(radii[at], np.abs(known.multipliers[first : last + 1, 0]).max())
-            if radius <= 1 + GROWTH:
-                continue
-            split[at] = mixed[at]
-            edge = float(low[at]), float(high[at])
-            open_ends = bool(unknown[run]), bool(unknown[run + 1])
-            found.append(Band(*edge, KINDS[state[first]], float(radius), *open_ends))
-        return found, looked[np.flatnonzero(np.repeat(split, _POINTS_INSIDE))]
+            radius = max(self._within[within[at]], np.abs(known.multipliers[first : last + 1, 0]).max())
+            growing[at] = radius > 1 + GROWTH
+            if growing[at]:
+                open_ends = bool(unknown[run]), bool(unknown[run + 1])
+                found.append(Band(*within[at], KINDS[state[first]], float(radius), *open_ends))
+        return found, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
+
+    def _inside(self, low: Array, high: Array, states: Array) -> tuple[Judged, Array]:
+        """Further points of runs of these states between their ends (k,), and which of the runs are mixed."""
+        parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
+        looked = self.judge((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
+        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _POINTS_INSIDE).max(axis=1, initial=0.0)
+        self._within.update(zip(zip(low.tolist(), high.tolist(), strict=True), radii.tolist(), strict=True))
+        return looked, (_state(looked).reshape(-1, _POINTS_INSIDE) != states[:, None]).any(axis=1)
+
+    def _kept_borders(self, known: Judged, changes: Array, state: Array) -> tuple[Array, Array]:
+        """`_borders`, solving those that were not met before."""
+        speeds = known.points[:, 0].tolist()
+        ends = [(speeds[at], speeds[at + 1]) for at in changes.tolist()]
+        new = changes[np.array([pair not in self._between for pair in ends], dtype=bool)]
+        borders = zip(*(part.tolist() for part in self._borders(known, new, state)), strict=True)
+        self._between.update(zip(((speeds[at], speeds[at + 1]) for at in new), borders, strict=True))
+        kept = np.array([self._between[pair] for pair in ends]).reshape(-1, 2)
+        return kept[:, 0], kept[:, 1].astype(bool)
 
     def _borders(self, known: Judged, changes: Array, state: Array) -> tuple[Array, Array]:
         """Speeds between known ones at which the state changes (k,), and whether there a speed without a
         result stands in the way (k,): the border is then the last that is known to be unstable."""
         low, high = known.points[changes], known.points[changes + 1]
         borders = np.empty(len(changes))
-        search = Search(self.judge, np.abs(high).max(axis=0, initial=0.0), self.tolerance)
+        search = Search(self.judge, self.highest, self.tolerance)
         loses, wins = state[changes] < 0, state[changes + 1] < 0
         kind_only = ~(loses | wins)
         stable, unstable = np.where(loses[:, None], low, high), np.where(loses[:, None], high, low)
@@ -259,20 +284,23 @@ def _unfollowed(system: PeriodicSystem, speed: float, method: Rule) -> int:
     return fast if needed and fast < system.n else 0
 
 
-def _judge_of_followed(batch: Batch, count: Callable[[int], None]) -> Judge:
-    """The judge of the modes that are followed, by the batch's method, Radau; `count` is called with the
-    number of points each time. Unstable: a multiplier on which both grids agree is outside the unit circle
-    by more than their difference."""
+def _judge_of_followed(batch: Batch) -> Judge:
+    """The judge of the modes that are followed, by the batch's method, Radau. Unstable: a multiplier on which
+    both grids agree is outside the unit circle by more than their difference."""
+
+    def on_grid(points: Array, steps: int) -> Array:
+        with part(POINTS, len(points) / len(_STEPS)):
+            return batch.multipliers(points, steps)
 
     def judged(points: Array) -> Judged:
-        coarse, fine = (batch.multipliers(points, steps) for steps in _STEPS)
+        with part(POINTS, len(points)), stage(POINTS, len(points)):
+            coarse, fine = (on_grid(points, steps) for steps in _STEPS)
         error = np.abs(fine[:, :, None] - coarse[:, None, :]).min(axis=2)
         agreed = (error < _AGREEMENT) & (fine != 0)
         beyond = (agreed & (np.abs(fine) - 1 > np.maximum(error, UNIT_CIRCLE))).any(axis=1)
         known = agreed.any(axis=1)
         kept = np.where(agreed, fine, 0.0)
         order = np.argsort(-np.abs(kept), axis=1, kind="stable")
-        count(len(points))
         return Judged(points, known & ~beyond, known & beyond, np.take_along_axis(kept, order, axis=1))
 
     return judged

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.batch import Batch
+from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered
+from solve.progress import part, stage
 from solve.results.points import KINDS, Kept, PointResults, kinds_of
 from solve.studies.contours import Crossings
 
@@ -86,14 +87,12 @@ Judge = Callable[[Array], Judged]
 """From points (k, v) to what is known of them."""
 
 
-def judge(batch: Batch, count: Callable[[int], None] | None = None) -> Judge:
-    """The judge that solves; `count` is called with the number of points each time."""
+def judge(batch: Batch) -> Judge:
+    """The judge that solves."""
 
     def judged(points: Array) -> Judged:
-        known = Judged.of(points, gathered(batch, points, _STABILITY))
-        if count:
-            count(len(points))
-        return known
+        with part(POINTS, len(points)):
+            return Judged.of(points, gathered(batch, points, _STABILITY))
 
     return judged
 
@@ -120,7 +119,7 @@ class Search:
         """
         low, high = low.copy(), high.copy()
         close = (self.tolerance if tolerance is None else tolerance) * self.scale
-        inside = max(1, min(15, _TOGETHER // max(len(low), 1)))
+        inside = _inside(len(low))
         fractions = (np.arange(inside) + 1) / (inside + 1)
         while len(low) and (np.abs(high - low) > close).any():
             trials = low[:, None] + fractions[:, None] * (high - low)[:, None]
@@ -144,6 +143,10 @@ class Search:
         """
         if len(stable) == 0:
             return stable, np.zeros(0, dtype=int)
+        with stage(POINTS, self._points(np.abs(unstable - stable))):
+            return self._edges(stable, unstable)
+
+    def _edges(self, stable: Array, unstable: Array) -> tuple[Array, Array]:
         judge = self.judge
         low, high = self.sectioned(lambda points, _: judge(points).unstable, stable, unstable, _NEAR)
         before, after = self._both(low, high)
@@ -158,6 +161,13 @@ class Search:
         smooth = np.flatnonzero(passes.any(axis=1))
         low[smooth], high[smooth] = self._aimed(before[smooth], after[smooth], kinds[smooth])
         return self._middles(*self.sectioned(lost, low, high)), kinds
+
+    def _points(self, across: Array) -> float:
+        """How many edges between ends so far apart (E, v) take at most."""
+        parts = (across / np.where(self.scale > 0, self.scale, 1.0)).max()
+        inside = _inside(len(across))
+        halvings = np.log(max(parts, _NEAR) / self.tolerance) / np.log(inside + 1)
+        return len(across) * (inside * max(1.0, np.ceil(halvings)) + 6)
 
     def _aimed(self, before: Judged, after: Judged, kinds: Array) -> tuple[Array, Array]:
         """Brackets (E, v) of zeros of the gaps of these kinds, which are positive before and negative after:
@@ -224,6 +234,11 @@ class Search:
         apart[apart] = self.judge((sides[0] + sides[1])[apart] / 2).stable
         kinds = np.repeat([0, 1], apart.sum())
         return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
+
+
+def _inside(lines: int) -> int:
+    """Points between the ends of each of so many lines."""
+    return max(1, min(15, _TOGETHER // max(lines, 1)))
 
 
 def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promising: float = 1.0) -> Judged:

@@ -10,10 +10,11 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
-from solve.batch.gathering import Count, task_of
+from solve.batch.gathering import task_of
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.choice import Rule
+from solve.progress import steps
 from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept
 from solve.results.stability import Stability
@@ -41,7 +42,6 @@ def chart(
     rtol: float = 1e-8,
     tolerance: float = 1e-9,
     boundaries: bool = True,
-    progress: Callable[[int], None] | None = None,
     engine: str = "auto",
     executor: Executor | None = None,
 ) -> Chart:
@@ -51,10 +51,9 @@ def chart(
     model: a name or path, a system (a generated one varies in its parameters, any other in its speed), or
     a function that builds a system from the two values by name. speed: where it is not among the two, by
     default that of the case. Boundaries are found between the points to `tolerance` of the range of the
-    values, thin unstable tongues between stable points among them. progress is called with the number of
-    points solved so far. engine: as in `sweep`. With an executor parts of the grid are handed to it. Raises
-    SolveError subclasses for bad input; a point that fails, such as a linkage that cannot turn, is NaN with
-    its reason, and boundaries end beside it.
+    values, thin unstable tongues between stable points among them. engine: as in `sweep`. With an executor
+    parts of the grid are handed to it. Raises SolveError subclasses for bad input; a point that fails, such
+    as a linkage that cannot turn, is NaN with its reason, and boundaries end beside it.
     """
     (x_name, xs), (y_name, ys) = _axis("x", x), _axis("y", y)
     if x_name == y_name:
@@ -64,16 +63,17 @@ def chart(
     family = _family(model, (x_name, y_name), points, speed, case)
     task, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     batch = task.batch(points)
-    results = task.solved(batch, points, executor, progress)
-    results.require_any()
-    search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
-    solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
-    parts = x_name, xs, y_name, ys, family.example, results
-    solved = Chart(*parts, [], partial(_at, batch), solve_cut, notes)
-    if not boundaries:
-        return solved
-    counting = replace(search, judge=judge(batch, Count(progress, len(points)).add))
-    return replace(solved, boundaries=_boundaries(counting, solved, Judged.of(points, results)))
+    with steps(3) as step:
+        step("the grid")
+        results = task.solved(batch, points, executor)
+        results.require_any()
+        search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
+        solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
+        parts = x_name, xs, y_name, ys, family.example, results
+        solved = Chart(*parts, [], partial(_at, batch), solve_cut, notes)
+        if not boundaries:
+            return solved
+        return replace(solved, boundaries=_boundaries(search, solved, Judged.of(points, results), step))
 
 
 def _at(batch: Batch, x: float, y: float) -> Stability:
@@ -159,7 +159,9 @@ def _held(speed: Speed, names: Names) -> float | None:
     return None if speed is None else speed_in_si(speed)
 
 
-def _boundaries(search: Search, chart: Chart, known: Judged) -> list[BoundaryCurve]:
+def _boundaries(
+    search: Search, chart: Chart, known: Judged, step: Callable[[str], None]
+) -> list[BoundaryCurve]:
     axes, index = (chart.x, chart.y), np.arange(len(known.points)).reshape(chart.shape)
 
     def crossings(index: Array, along: int) -> Crossings:
@@ -169,6 +171,9 @@ def _boundaries(search: Search, chart: Chart, known: Judged) -> list[BoundaryCur
         lines = np.searchsorted(axes[1 - along], every.points[:, 1 - along])
         return search.crossings(every, lines, along)
 
-    rows, columns = crossings(index, 0), crossings(index.T, 1)
+    step("boundaries across")
+    rows = crossings(index, 0)
+    step("boundaries upwards")
+    columns = crossings(index.T, 1)
     stable = _truth(known).reshape(chart.shape)
     return contours(axes, stable, rows, columns, lambda points: ~search.judge(points).unstable)

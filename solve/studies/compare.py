@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from solve.methods.method import Method, Solutions
 from solve.period.frozen import frozen
 from solve.period.multipliers import VERDICTS, verdicts
 from solve.period.points import OnePoint
+from solve.progress import part, stage
 from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row
 from solve.results.orbit import Orbit
 from solve.single import periodic, request
@@ -49,15 +50,13 @@ def compare(
     methods: Sequence[str | Rule] | None = None,
     steps: Sequence[int] | None = None,
     targets: Sequence[float] = TARGETS,
-    progress: Callable[[str], None] = lambda text: None,
 ) -> Comparison:
     """Every method (by default all that there are) against a converged reference.
 
     At equal steps: each number in `steps`, by default four about the number that resolves the fastest
     mode. At equal accuracy: the least steps whose orbit is right to the target, or whose multipliers are
-    where there is no load. All methods run in NumPy. `progress` is called with the name of what is under
-    way. Raises SolveError subclasses for bad input and where no periodic solution exists; a method that
-    fails says so in its row.
+    where there is no load. All methods run in NumPy. Raises SolveError subclasses for bad input and where no
+    periodic solution exists; a method that fails says so in its row.
     """
     omega = speed_in_si(speed)
     for count in steps or []:
@@ -65,18 +64,20 @@ def compare(
             raise ValueOutOfBoundsError(f"steps is {count}; allowed: whole numbers of at least 1")
     goals = sorted((checked_rtol(target) for target in targets), reverse=True)
     rules = [chosen(method) for method in methods or [name for name in METHODS if name != "auto"]]
-    progress("reference")
-    reference = periodic(system, omega, rtol=_REFERENCE_RTOL)
+    with stage("reference"):
+        reference = periodic(system, omega, rtol=_REFERENCE_RTOL)
     judged_by = ORBIT if reference.q.any() else MULTIPLIERS
     finest = max(_BEYOND * min(goals), 10 * max(reference.error_estimate))
     rows, measured = [], []
-    for rule in rules:
-        contestant = _Contestant(reference, rule, judged_by)
-        progress(contestant.name)
-        rows += [contestant.measured(count, "equal steps") for count in steps or usual_steps(system, omega)]
-        trace = contestant.refined(min(*goals, finest))
-        measured += trace
-        rows += [contestant.at_accuracy(goal, trace) for goal in goals]
+    counts = steps or usual_steps(system, omega)
+    with stage("methods", len(rules)):
+        for rule in rules:
+            contestant = _Contestant(reference, rule, judged_by)
+            with part("methods"), stage(contestant.name):
+                rows += [contestant.measured(count, "equal steps") for count in counts]
+                trace = contestant.refined(min(*goals, finest))
+                measured += trace
+                rows += [contestant.at_accuracy(goal, trace) for goal in goals]
     return Comparison(reference, judged_by, targets, rows, measured)
 
 

@@ -13,12 +13,13 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.batch import Batch
+from solve.batch.batch import POINTS, Batch
 from solve.batch.family import over_speed
-from solve.batch.gathering import Count, gathered, task_of
+from solve.batch.gathering import gathered, task_of
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.period.multipliers import VERDICTS
+from solve.progress import part, stage, steps
 from solve.results.critical_speeds import Combination, Critical, CriticalSpeeds, Maximum
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
@@ -60,7 +61,7 @@ class MeanFrequencies:
         means = np.full((len(self.speeds), self.system.n), np.nan)
         for mean, speed in zip(means, self.speeds, strict=True):
             # Where there are no matrices, the solution at this speed says why.
-            with suppress(SolveError):
+            with part("speeds"), suppress(SolveError):
                 M, _, K, _ = self.system.at(phase, float(speed))
                 squares = np.sort(np.real(np.linalg.eigvals(np.linalg.solve(M, K))), axis=1)
                 mean[:] = np.sqrt(np.maximum(squares, 0.0)).mean(axis=0)
@@ -80,7 +81,6 @@ def critical_speeds(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
     tolerance: float = 1e-5,
-    progress: Callable[[int], None] | None = None,
     engine: str = "auto",
 ) -> CriticalSpeeds:
     """Critical speeds between the lowest and the highest of the speeds (rad/s, texts with unit, or one text
@@ -89,8 +89,7 @@ def critical_speeds(
     quantity: a coordinate or output, by default the first coordinate; figure: its max_abs, rms, max, min
     or mean. Speeds are added where fewer than 24 lie between two divisions of the lowest frequency of an
     order up to `orders`; below those no maxima are looked for. Maxima are found to `tolerance`, relative.
-    progress is called with the number of points solved so far. engine: as in `sweep`. Raises SolveError
-    subclasses for bad input.
+    engine: as in `sweep`. Raises SolveError subclasses for bad input.
     """
     omegas = np.array(speeds_between(speeds, "critical speeds"))
     (name,) = system.known_quantities([quantity or system.coordinates[0]])
@@ -102,10 +101,16 @@ def critical_speeds(
     rest = MeanFrequencies(system, np.array([0.0]))
     grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
     batch = task.batch(grid[:, None])
-    search = _Search(batch, task.kept, figure, checked_tolerance(tolerance), Count(progress))
-    found = search.solved(grid)
-    found.require_any()
+    search = _Search(batch, task.kept, figure, checked_tolerance(tolerance))
     frequencies = MeanFrequencies(system, grid)
+    with steps(4) as step:
+        step("all speeds")
+        found = search.solved(grid)
+        found.require_any()
+        step("mean natural frequencies")
+        with stage("speeds", len(grid)):
+            frequencies.values  # noqa: B018 - cached from here on
+        rows = _rows(search, grid, found, frequencies, rest, orders, step)
     skipped = frequencies.values[:, 0] > (orders + 0.5) * grid
     if skipped.any():
         limit = float(grid[skipped].max()) * 30 / np.pi
@@ -117,7 +122,7 @@ def critical_speeds(
         system,
         name,
         figure,
-        _rows(search, grid, found, frequencies, rest, orders),
+        rows,
         combinations(frequencies, orders),
         grid,
         search.response(found),
@@ -152,10 +157,9 @@ class _Search:
     kept: Kept
     figure: str
     tolerance: float
-    count: Count
 
     def solved(self, speeds: Array) -> PointResults:
-        return gathered(self.batch, speeds[:, None], self.kept, self.count.onward())
+        return gathered(self.batch, speeds[:, None], self.kept)
 
     def response(self, found: PointResults) -> Array:
         return found.figures[:, 0, FIGURES.index(self.figure)]
@@ -173,13 +177,16 @@ class _Search:
         if len(top) == 0:
             return []
         low, high, best, height = speeds[top - 1], speeds[top + 1], speeds[top], filled[top]
-        while ((high - low) > 2 * self.tolerance * best).any():
-            trials = np.linspace(low, high, _ZOOM + 2, axis=1)
-            found = value(self.solved(trials[:, 1:-1].ravel())).reshape(len(top), _ZOOM)
-            at = np.where(np.isfinite(found), found, -np.inf).argmax(axis=1)
-            every = np.arange(len(top))
-            low, best, high = trials[every, at], trials[every, at + 1], trials[every, at + 2]
-            height = found[every, at]
+        times = np.log(((high - low) / (2 * self.tolerance * best)).max()) / np.log((_ZOOM + 1) / 2)
+        with stage(POINTS, len(top) * _ZOOM * max(1, np.ceil(times))):
+            while ((high - low) > 2 * self.tolerance * best).any():
+                trials = np.linspace(low, high, _ZOOM + 2, axis=1)
+                with part(POINTS, len(top) * _ZOOM):
+                    found = value(self.solved(trials[:, 1:-1].ravel())).reshape(len(top), _ZOOM)
+                at = np.where(np.isfinite(found), found, -np.inf).argmax(axis=1)
+                every = np.arange(len(top))
+                low, best, high = trials[every, at], trials[every, at + 1], trials[every, at + 2]
+                height = found[every, at]
         return [Maximum(float(speed), float(peak)) for speed, peak in zip(best, height, strict=True)]
 
 
@@ -190,6 +197,7 @@ def _rows(
     frequencies: MeanFrequencies,
     rest: MeanFrequencies,
     orders: int,
+    step: Callable[[str], None],
 ) -> list[Critical]:
     """Maxima of both kinds, each beside the integer division that it belongs to."""
     resolved = frequencies.values[:, 0] <= (orders + 0.5) * grid
@@ -201,7 +209,9 @@ def _rows(
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
         for order, speed in _crossed(frequencies, weights, orders)
     ]
+    step("maxima of the response")
     rows = _assigned(rows, search.maxima(grid, response, search.response), frequencies, "response")
+    step("maxima of the dominant multiplier")
     rows = _assigned(rows, search.maxima(grid, real_part, search.real_part), frequencies, "multiplier")
     rows = [replace(row, ratios=(frequencies.at(row.speed) / row.speed).tolist()) for row in rows]
     return sorted(rows, key=lambda row: -row.speed)

@@ -1,17 +1,18 @@
 """The periodic solution over many speeds, a row of figures a speed; of one system, or of several beside each
 other, such as one model with several lengths."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.family import over_speed
-from solve.batch.gathering import Count, task_of
+from solve.batch.gathering import task_of
 from solve.errors import StepsError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model
+from solve.progress import part, stage
 from solve.results.points import Kept
 from solve.results.sweep import Sweep, Sweeps
 from solve.system import PeriodicSystem
@@ -25,7 +26,6 @@ def sweep(
     steps: int | None = None,
     rtol: float = 1e-8,
     executor: Executor | None = None,
-    progress: Callable[[int], None] | None = None,
     quantities: Sequence[str] | None = None,
     spectra: Sequence[str] = (),
     harmonics: int = 60,
@@ -37,9 +37,8 @@ def sweep(
     quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
     are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
     which no periodic solution is found gives NaN and the reason; the sweep goes on. With an executor
-    parts of the sweep are handed to it; progress is called with the number of points done. engine:
-    "compiled", "numpy", or "auto" for the first where there is a C compiler. Raises SolveError subclasses for
-    what no speed could mend.
+    parts of the sweep are handed to it. engine: "compiled", "numpy", or "auto" for the first where there is a
+    C compiler. Raises SolveError subclasses for what no speed could mend.
     """
     omegas = np.array(speeds_given(speeds))
     names = system.known_quantities(quantities)
@@ -51,7 +50,7 @@ def sweep(
         )
     task, notes = task_of(over_speed(system), method, rtol, engine, kept, steps)
     points = omegas[:, None]
-    results = task.solved(task.batch(points), points, executor, progress)
+    results = task.solved(task.batch(points), points, executor)
     return Sweep(system, omegas, results, task.request.engine, notes)
 
 
@@ -75,18 +74,19 @@ def sweeps(
     title: str = "",
     method: str | Rule = "auto",
     rtol: float = 1e-6,
-    progress: Callable[[int], None] | None = None,
 ) -> Sweeps:
     """Each of the systems over the speeds (rad/s, or texts with unit), keeping the figures of some
-    coordinates and outputs that all of them have, or that names of `largest_of` stand for. progress is called
-    with the number of points done. Raises SolveError subclasses for bad input."""
+    coordinates and outputs that all of them have, or that names of `largest_of` stand for. Raises SolveError
+    subclasses for bad input."""
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
     omegas = np.array(speeds_given(speeds))
-    found, count = {}, Count(progress)
-    for label, system in systems.items():
-        parts = [part for quantity in quantities for part in system.parts(quantity)]
-        found[label] = sweep(system, omegas, method, rtol=rtol, progress=count.onward(), quantities=parts)
+    found = {}
+    with stage("curves", len(systems)):
+        for label, system in systems.items():
+            names = [name for quantity in quantities for name in system.parts(quantity)]
+            with part("curves"):
+                found[label] = sweep(system, omegas, method, rtol=rtol, quantities=names)
     return Sweeps(title, omegas, found)
 
 

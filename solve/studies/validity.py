@@ -1,13 +1,14 @@
 """Up to which speed the linear model is to be trusted."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
+from solve.progress import part, stage
 from solve.results.validity import Validity
 from solve.single import periodic
 from solve.system import PeriodicSystem
@@ -20,7 +21,6 @@ def validity(
     at: float = 0.05,
     method: str | Rule = "auto",
     rtol: float = 1e-6,
-    progress: Callable[[int], None] | None = None,
 ) -> Validity:
     """`Orbit.linearisation_error` at every speed (rad/s, texts with unit, or one text such as
     "100:900:81 rpm"), and the speed up to which it is at most `at`.
@@ -37,13 +37,13 @@ def validity(
         )
     omegas = np.sort(speeds_given(speeds))
     errors, failures = np.full((len(omegas), system.n), np.nan), {}
-    for position, omega in enumerate(omegas.tolist()):
-        try:
-            found = periodic(system, omega, method, rtol=rtol).linearisation_error
-            assert found is not None
-            errors[position] = list(found.values())
-        except SolveError as reason:
-            failures[position] = str(reason)
-        if progress:
-            progress(position + 1)
+    with stage("speeds", len(omegas)):
+        for position, omega in enumerate(omegas.tolist()):
+            with part("speeds"):
+                try:
+                    found = periodic(system, omega, method, rtol=rtol).linearisation_error
+                    assert found is not None
+                    errors[position] = list(found.values())
+                except SolveError as reason:
+                    failures[position] = str(reason)
     return Validity(system, omegas, errors, at, failures)

@@ -31,6 +31,7 @@ def test_the_same_seed_draws_the_same_lines():
         (Ended(None, ""), f"took more than {SECONDS} s"),
         (Ended(2, "solve: no\n"), ""),
         (Ended(0, "warning: w\nwrote a.csv\n"), ""),
+        (Ended(0, "solve: 10 s so far: 3 of 4 points\ncam: I0 moves nothing\nwrote cam.py\n"), ""),
     ],
 )
 def test_what_counts_as_a_fault(ended, says):

@@ -4,8 +4,9 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Flag, Results, progressing
+from solve.commands.groups import Flag, Results
 from solve.errors import ValueOutOfBoundsError
+from solve.progress import part, stage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,10 +47,10 @@ def corrected(
     for system in systems.values():
         checked_turn(system, system.parts(of)[0], len(systems))
     orbits: dict[str, Orbit] = {}
-    with progressing("solutions", len(systems)) as progress:
+    with stage("solutions", len(systems)):
         for label, system in systems.items():
-            orbits[label] = solve.periodic(system, omega, rtol=rtol)
-            progress(len(orbits))
+            with part("solutions"):
+                orbits[label] = solve.periodic(system, omega, rtol=rtol)
     deliver(
         results,
         list(dict.fromkeys(text for orbit in orbits.values() for text in orbit.warnings)),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Flag, Results, progressing
+from solve.commands.groups import Flag, Results
 from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def design(
     from models.four_bar.design_draw import outcome_figure
     from models.four_bar.design_map import design_map
     from models.four_bar.design_report import outcome_contents, outcome_report
-    from models.four_bar.outcome import carry_out, outcome_record
+    from models.four_bar.outcome import carry_out, outcome_record, require_target
     from solve.commands.deliver import deliver
     from solve.results.contents import plain
     from solve.units import speed_in_si
@@ -62,13 +62,11 @@ def design(
     goal = None if target is None else speed_in_si(target)
     duration = _duration(time)
     lengths, count = _lengths(model, L4)
-    with progressing("design") as progress:
-
-        def show(what: str, done: int) -> None:
-            progress(done, what)
-
-        stress_map = design_map(model, stresses, _speeds(model, speeds), lengths, count, show)
-        result = carry_out(designed(stress_map), goal, duration, show)
+    start = _speeds(model, speeds)
+    if goal is not None:
+        require_target(goal, start)
+    stress_map = design_map(model, stresses, start, lengths, count)
+    result = carry_out(designed(stress_map), goal, duration)
     deliver(
         results,
         result.warnings,

@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Flag, Results, Speeds, progressing
+from solve.commands.groups import Flag, Results, Speeds
 from solve.commands.parse import figure_kept
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 
@@ -55,8 +55,7 @@ def study(
 
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
     shown(model, [model.parts(name)[0] for name in names])
-    with progressing("study", len(omegas) * len(systems)) as progress:
-        compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, progress=progress)
+    compared = solve.sweeps(systems, omegas, names, title, rtol=rtol)
     if all(each.results.failed.all() for each in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()
     deliver(

@@ -22,6 +22,7 @@ from solve.arrays import Array
 from solve.beams.assembly import Positions
 from solve.beams.motion import Motion, inertia_load
 from solve.beams.structure import StructureModel
+from solve.progress import stage
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8
@@ -112,17 +113,16 @@ def simulate(
     stresses: StressMap,
     run_up: Callable[[Array], Drive],
     turns: int,
-    progress: Callable[[int], None] | None = None,
 ) -> Simulated:
     """The stresses during a run-up that begins in quasi-static equilibrium."""
     moving = _Moving(stresses, run_up)
     x = moving.at_rest()
     last, largest = np.zeros(len(x) // 2), []
-    for turn in range(turns):
-        x, last, peaks = moving.turn(turn, x, last)
-        largest.append(peaks)
-        if progress:
-            progress(turn + 1)
+    with stage("turns of the run-up", turns) as told:
+        for turn in range(turns):
+            x, last, peaks = moving.turn(turn, x, last)
+            largest.append(peaks)
+            told.add()
     at = run_up(np.arange(1, turns + 1) * TURN)
     return Simulated(at.time, at.speed, at.L4, np.array(largest))
 

@@ -17,6 +17,7 @@ from solve import PeriodicCurves, Radau
 from solve.arrays import Array
 from solve.beams.assembly import Beams
 from solve.beams.structure import StructureModel
+from solve.progress import stage
 
 METHOD = Radau(order=9)
 """L-stable: the axial modes are far too fast to be followed."""
@@ -100,13 +101,14 @@ class StressMap:
         """A function of the values (S,) at the places of each link: (links,)."""
         return np.array([function(own) for own in np.split(values, self._ends[1:-1])])
 
-    def peaks(self, speeds: Array, L4: Array, progress: Callable[[int], None] | None = None) -> Peaks:
-        """At speeds (P,) and lengths (g,) between the ends. progress gets the number of speeds done."""
+    def peaks(self, speeds: Array, L4: Array) -> Peaks:
+        """At speeds (P,) and lengths (g,) between the ends."""
         parts = []
-        for start in range(0, len(speeds), _TOGETHER):
-            parts.append(self._peaks(speeds[start : start + _TOGETHER], L4))
-            if progress:
-                progress(min(start + _TOGETHER, len(speeds)))
+        with stage("speeds of the stress map", len(speeds)) as count:
+            for start in range(0, len(speeds), _TOGETHER):
+                some = speeds[start : start + _TOGETHER]
+                parts.append(self._peaks(some, L4))
+                count.add(len(some))
         return Peaks(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
     def _peaks(self, speeds: Array, L4: Array) -> Peaks:

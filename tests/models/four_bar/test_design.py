@@ -16,6 +16,7 @@ from models.four_bar.design_report import outcome_contents
 from models.four_bar.linkage import Linkage
 from models.four_bar.outcome import carry_out
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.progress import heard
 from solve.results.save import save
 
 LINKS = ("crank", "coupler", "follower")
@@ -132,11 +133,17 @@ def test_a_need_within_the_error_of_the_map_is_no_proof(design):
 
 def test_progress_is_told_while_the_map_is_made():
     told = []
+
+    def listen(work):
+        stage = work.stages[0]
+        if stage.what == "speeds of the stress map" and stage.done:
+            told.append((stage.done, stage.total))
+
     model = solve.load("four_bar")
     start = np.geomspace(8.0, 12.0, 12)
-    design_map(model, dict.fromkeys(LINKS, 1e8), start, (0.53, 0.63), 9, lambda *said: told.append(said))
-    assert told[:2] == [("stress map", 8), ("stress map", 12)]
-    assert [done for _, done in told] == sorted(done for _, done in told)
+    with heard(listen):
+        design_map(model, dict.fromkeys(LINKS, 1e8), start, (0.53, 0.63), 9)
+    assert list(dict.fromkeys(told))[:2] == [(8, 12), (12, 12)]
 
 
 def test_the_worst_link_of_a_quiet_speed_decides_whether_damping_helps(design):
@@ -252,7 +259,8 @@ def test_refusals_are_one_line(arguments, message, capsys):
     assert run(["design", *arguments]) == 2
     written = capsys.readouterr()
     assert message in written.err
-    assert (written.out, written.err.count("\n")) == ("", 1)
+    assert written.out == ""
+    assert len([line for line in written.err.splitlines() if " so far" not in line]) == 1
 
 
 def test_allowable_stresses_are_checked():

@@ -19,6 +19,7 @@ from solve.errors import UnknownNameError
 from solve.period.frozen import Frozen
 from solve.period.multipliers import VERDICTS, Multipliers, rounding_errors, verdicts
 from solve.period.points import Tables
+from solve.progress import heard
 from tests.solve import systems
 
 FIGURES = ("max", "min", "max_abs", "mean", "rms")
@@ -268,24 +269,29 @@ def test_a_chart_in_parts_is_the_same(monkeypatch):
     model = solve.load("coupler", alpha=0, cx=0, cy=0)
     axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
     alone, seen = solve.chart(model, *axes), []
-    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as executor:
-        parts = solve.chart(model, *axes, executor=executor, progress=seen.append)
+    spawned = multiprocessing.get_context("spawn")
+    with (
+        ProcessPoolExecutor(2, mp_context=spawned) as executor,
+        heard(lambda work: seen.append(work.stages[-1].done)),
+    ):
+        parts = solve.chart(model, *axes, executor=executor)
     np.testing.assert_array_equal(parts.verdicts, alone.verdicts)
     np.testing.assert_allclose(parts.spectral_radius, alone.spectral_radius, rtol=SAME)
     assert parts.failures == alone.failures
     assert len(parts.boundaries) == len(alone.boundaries)
-    assert seen[:4] == [6, 12, 18, 24]
+    assert [done for done in dict.fromkeys(seen) if done in (6, 12, 18, 24)] == [6, 12, 18, 24]
 
 
 def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
     monkeypatch.setattr("solve.batch.gathering.chunk_size", lambda n: 1)
 
-    def interrupted(done):
-        raise KeyboardInterrupt
+    def interrupted(work):
+        if work.stages[-1].done:
+            raise KeyboardInterrupt
 
     with ThreadPoolExecutor(1) as executor:
-        with pytest.raises(KeyboardInterrupt):
-            solve.sweep(solve.load("cam"), np.linspace(30, 60, 400), executor=executor, progress=interrupted)
+        with pytest.raises(KeyboardInterrupt), heard(interrupted):
+            solve.sweep(solve.load("cam"), np.linspace(30, 60, 400), executor=executor)
         ended = executor.submit(time.perf_counter).result(timeout=30)
     assert ended
 
@@ -294,8 +300,8 @@ def test_an_executor_gets_parts_and_gives_the_same():
     model, speeds = solve.load("manipulator"), np.linspace(3, 30, 9)
     alone = solve.sweep(model, speeds)
     seen = []
-    with ThreadPoolExecutor(2) as executor:
-        spread = solve.sweep(model, speeds, executor=executor, progress=seen.append)
+    with ThreadPoolExecutor(2) as executor, heard(lambda work: seen.append(work.stages[-1].done)):
+        spread = solve.sweep(model, speeds, executor=executor)
     np.testing.assert_array_equal(spread.spectral_radius, alone.spectral_radius)
     np.testing.assert_array_equal(spread.figures("q1"), alone.figures("q1"))
     assert seen[-1] == len(speeds)
@@ -311,9 +317,10 @@ def test_models_travel_to_other_processes_and_threads():
             np.testing.assert_array_equal(ours, theirs)
 
 
-def test_progress_rises_to_the_number_of_points():
+def test_the_points_that_are_done_are_told():
     seen = []
-    solve.sweep(solve.load("mathieu"), np.linspace(0.5, 3, 30), progress=seen.append)
+    with heard(lambda work: seen.append(work.stages[0].done)):
+        solve.sweep(solve.load("mathieu"), np.linspace(0.5, 3, 30))
     assert seen == sorted(seen)
     assert seen[-1] == 30
 

@@ -80,6 +80,17 @@ def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeyp
     assert [text.get_text() for text in key.get_texts()] == ["newmark", "rk4"]
 
 
+def test_a_reference_that_is_not_known_at_all_shades_the_whole_picture():
+    from solve.results.comparison import Work, work_precision_figure
+
+    work = Work(np.arange(1.0, 3.0), {"orbit": np.array([0.1, 0.01])})
+    made = work_precision_figure("one", {"rk4": work}, {"orbit": np.inf}, {})
+    low, high = made.axes[0].get_ylim()
+    shade = made.axes[0].patches[0].get_extents().transformed(made.axes[0].transData.inverted())
+    assert 0 < low < high
+    assert (shade.y0, shade.y1) == pytest.approx((low, high))
+
+
 def test_the_picture_tells_every_method_and_draws_what_is_in_its_range():
     from solve.results.comparison import Work, work_precision_figure
 

@@ -107,6 +107,17 @@ def test_an_interruption_that_a_library_passes_over_comes_again():
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
+def test_an_interruption_that_a_library_turns_into_an_error_of_its_own_is_130():
+    def work(_):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(5)
+        except KeyboardInterrupt:
+            raise RefusedError("the integration failed") from None
+
+    assert ended(work) == (130, "", "program: interrupted\n")
+
+
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_an_interruption_while_packages_are_read_or_while_it_works_is_130(program):
     arguments = ("sweep", "four_bar", "--speeds", "20:400:4000 rad/s") if program == "solve" else ("--help",)

@@ -7,6 +7,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import solve
 from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.progress import heard
 from tests.solve import systems
 
 DELTA, EPSILON = 4.0, 2.0
@@ -93,11 +94,26 @@ def test_growth_within_rounding_is_no_band():
     assert solve.bands(mathieu(epsilon=1e-7), np.linspace(0.9, 4.0, 40)) == []
 
 
-def test_progress_rises():
-    seen = []
-    solve.bands(mathieu(), np.linspace(0.9, 4.0, 20), progress=seen.append)
-    assert seen == sorted(seen)
-    assert 20 <= seen[0] < seen[-1]
+def test_its_steps_and_points_are_told():
+    steps, fractions = [], []
+
+    def listen(work):
+        if len(work.stages) > 1:
+            steps.append(work.stages[0].what)
+            fractions.append(work.stages[1].fraction(0.0))
+
+    with heard(listen):
+        solve.bands(mathieu(), np.linspace(0.9, 4.0, 20))
+    assert list(dict.fromkeys(steps)) == ["all speeds", "edges of bands"]
+    assert fractions.count(1.0) >= 2
+    assert max(fractions) == 1.0
+
+
+def test_speeds_whose_multipliers_are_not_known_at_all_are_told():
+    """At 1 rad/s those of the cam underflow, and with a loose tolerance their errors are infinite."""
+    found = solve.bands(solve.load("cam"), [1.0, 1.2], rtol=1e-2)
+    assert list(found) == []
+    assert any("give no result" in note for note in found.notes)
 
 
 def test_one_speed_is_no_range():

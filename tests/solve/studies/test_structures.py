@@ -61,3 +61,26 @@ def test_a_chart_over_speed_and_a_length(four_bar):
         alone = solve.floquet(solve.load("four_bar", L4=L4), 29.0, rtol=1e-6)
         assert found.spectral_radius[row, 2] == pytest.approx(alone.spectral_radius, rel=SAME)
         assert found.verdicts[row, 2] == alone.verdict
+
+
+def test_only_the_outputs_that_are_kept_are_calculated(four_bar, monkeypatch):
+    from solve.beams import structure
+
+    asked = set()
+
+    def told(state, kind, *place):
+        asked.add(kind)
+        return quantity(state, kind, *place)
+
+    quantity = structure.quantity
+    monkeypatch.setattr(structure, "quantity", told)
+    kept = ["follower_midpoint_deflection", "strain_energy"]
+    found = solve.sweep(four_bar, [20.0], rtol=1e-3, quantities=kept)
+    assert asked == {"deflection", "strain_energy"}
+    assert list(found.points[0].statistics) == kept
+    orbit = solve.periodic(four_bar, 20.0, rtol=1e-3)
+    asked.clear()
+    assert orbit.statistics("strain_energy").max > 0
+    assert asked == {"strain_energy"}
+    with pytest.raises(KeyError):
+        four_bar.output_values(orbit.phase, 20.0, orbit.q, orbit.qd, orbit.qdd)["energy"]

@@ -5,6 +5,7 @@ import pytest
 
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.progress import heard
 from solve.studies.sweep import sweeps, variants
 from solve.system import PeriodicSystem
 
@@ -55,10 +56,13 @@ def test_the_picture_has_a_curve_a_system(found):
     assert figure.legends[0].get_title().get_text() == "zeta"
 
 
-def test_progress_counts_the_points_of_all_systems():
+def test_points_are_told_as_parts_of_the_curves():
     told = []
-    sweeps({"a": oscillator(0.1), "b": oscillator(0.2)}, [1.0, 1.5], ["q"], progress=told.append)
-    assert told[-1] == 4
+    with heard(lambda work: told.append(work.far(0.0).fraction)):
+        sweeps({"a": oscillator(0.1), "b": oscillator(0.2)}, [1.0, 1.5], ["q"])
+    known = [each for each in told if each is not None]
+    assert known == sorted(known)
+    assert {0.5, 1.0} <= set(known)
 
 
 def test_variants_of_a_parameter_and_of_an_option():

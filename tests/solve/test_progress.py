@@ -1,0 +1,244 @@
+"""How far long work is: told where it is done, shown on standard error where it takes long."""
+
+import io
+import os
+import pty
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+from contextlib import redirect_stderr
+from pathlib import Path
+
+import pytest
+
+from solve import progress
+from solve.progress import duration, foreseen, heard, part, shown, stage, steps
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def far(work, seconds=10.0):
+    """What is told so many seconds after the outermost stage began."""
+    return work.far(work.stages[0].begun + seconds)
+
+
+def test_derive_and_solve_have_the_same():
+    assert (ROOT / "derive" / "progress.py").read_bytes() == (ROOT / "solve" / "progress.py").read_bytes()
+
+
+def test_parts_of_parts_count_and_tell_the_time_to_go():
+    with heard() as work:
+        assert work.far(0.0) is None
+        with stage("curves", 4) as curves:
+            curves.add()
+            with part("curves"), stage("points", 10) as points:
+                points.add(5)
+                told = far(work)
+                assert told.fraction == 0.375
+                assert told.text == "10 s so far, about 17 s to go: 1 of 4 curves, 5 of 10 points"
+            assert curves.done == 2
+        assert work.stages == []
+
+
+def test_steps_that_have_little_in_common_tell_the_time_of_the_one_under_way():
+    with heard() as work, steps(3) as step:
+        step("the grid")
+        assert far(work).text == "10 s so far: the grid (step 1 of 3)"
+        step("edges")
+        with stage("points", 10) as points:
+            points.add(4)
+            points.begun = work.stages[0].begun + 6
+            told = far(work)
+        assert told.text == "10 s so far, about 6 s to go in this step: edges (step 2 of 3), 4 of 10 points"
+        assert told.fraction == 0.4
+
+
+def test_the_same_parts_are_said_once():
+    with heard() as work, stage("points", 100), part("points", 50), stage("points", 50) as some:
+        some.add(10)
+        assert far(work).text == "10 s so far, about 90 s to go: 10 of 100 points"
+
+
+def test_a_part_of_something_else_counts_nothing():
+    with heard() as work, stage("curves", 4) as curves:
+        with part("points", 3):
+            foreseen("steps", 5, 10)
+        assert (curves.done, curves.total) == (0, 4)
+        assert work.reports == 1
+
+
+def test_what_is_foreseen_replaces_what_was():
+    with heard() as work, stage("steps"):
+        assert far(work).text == "10 s so far: steps"
+        foreseen("steps", 100, 400)
+        assert far(work).text == "10 s so far, about 30 s to go: 100 of 400 steps"
+
+
+def test_a_stage_that_ends_by_an_error_is_left():
+    with heard() as work:
+        with pytest.raises(ZeroDivisionError), stage("points", 3), stage("steps"):
+            raise ZeroDivisionError
+        assert work.stages == []
+
+
+def test_nobody_hears_other_threads_and_who_does_not_listen_is_told_nothing():
+    with stage("points", 3) as alone:
+        alone.add()
+    with heard() as work, stage("points", 3) as points:
+        other = threading.Thread(target=lambda: stage("others", 3).__enter__().add(3))
+        other.start()
+        other.join()
+        assert [each.what for each in work.stages] == ["points"]
+        assert points.done == 0
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.4, "0 s"), (99.4, "99 s"), (99.6, "2 min"), (5969, "99 min"), (5971, "1.7 h")]
+)
+def test_times_in_words(seconds, words):
+    assert duration(seconds) == words
+
+
+class Waits:
+    """Stands for the end of the work: passes the time, and ends after so many pauses."""
+
+    def __init__(self, clock, pauses):
+        self.clock, self.left, self.pauses = clock, pauses, []
+
+    def wait(self, pause):
+        self.pauses.append(pause)
+        self.clock[0] += pause
+        self.left -= 1
+        return self.left < 0
+
+
+def test_a_log_gets_few_lines_and_fewer(monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    error, ended = io.StringIO(), Waits(clock, 6)
+    with heard() as work, stage("points", 1000) as points, redirect_stderr(error):
+        points.add(100)
+        progress._show("solve", work, progress._Screen(), ended)
+    assert ended.pauses == [10, 10, 20, 40, 60, 60, 60]
+    lines = error.getvalue().splitlines()
+    assert lines[0] == "solve: 10 s so far, about 90 s to go: 100 of 1000 points"
+    assert len(lines) == 6
+    assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f]", error.getvalue())
+
+
+def test_what_ends_soon_says_nothing():
+    error = io.StringIO()
+    with redirect_stderr(error), shown("solve"), stage("points", 3) as points:
+        points.add()
+    assert error.getvalue() == ""
+
+
+def test_nothing_is_said_where_nothing_is_under_way(monkeypatch):
+    clock, error = [0.0], io.StringIO()
+    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    with heard() as work, redirect_stderr(error):
+        progress._show("solve", work, progress._Screen(), Waits(clock, 3))
+    assert error.getvalue() == ""
+
+
+def shown_on_a_terminal(command, until, then):
+    """Start a command on a terminal of its own, call `then` with it when `until` has appeared, and give what
+    appeared, the exit status and the processor time (s) that passed after that."""
+    leader, follower = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "200", "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen(
+        command, cwd=ROOT, stdin=follower, stdout=follower, stderr=follower, env=environment
+    )
+    os.close(follower)
+    seen, spent = "", None
+    while True:
+        try:
+            more = os.read(leader, 65536)
+        except OSError:
+            break
+        if not more:
+            break
+        seen += more.decode(errors="replace")
+        if spent is None and until in seen:
+            spent = _spent(process.pid)
+            then(process)
+    os.close(leader)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert spent is not None, seen
+    return seen, process.returncode, used.ru_utime + used.ru_stime - spent
+
+
+def _spent(pid):
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+ON_A_TERMINAL = """
+import sys
+from solve import progress
+progress.DRAWN_AFTER = progress.DRAWN_EVERY = 0.01
+with progress.shown("solve"), progress.stage("points", 4) as points:
+    points.add()
+    sys.stdin.readline()
+print("result")
+"""
+
+
+def test_a_terminal_shows_one_line_that_disappears():
+    read = []
+    leader, follower = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
+    process = subprocess.Popen(
+        [sys.executable, "-c", ON_A_TERMINAL],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=follower,
+        stderr=follower,
+        env=environment,
+    )
+    os.close(follower)
+    while "1 of 4 points" not in "".join(read):
+        read.append(os.read(leader, 65536).decode())
+    assert process.stdin is not None
+    process.stdin.write(b"\n")
+    process.stdin.close()
+    while "result" not in "".join(read):
+        read.append(os.read(leader, 65536).decode())
+    assert process.wait() == 0
+    os.close(leader)
+    seen = "".join(read)
+    assert "0 s so far" in seen
+    assert re.search(r"\x1b\[2Kresult", seen)
+    assert seen.rindex("\x1b[?25h") > seen.rindex("\x1b[?25l")
+
+
+LONG = [
+    'solve sweep four_bar --speeds "20:60:4000 rad/s"',
+    'solve bands four_bar --option terms=full --set zeta=0 --speeds "50:100:26 rad/s"',
+    'solve chart cam --x "speed=300:900:90 rpm" --y k3=5e4:5e5:90',
+    'solve critical four_bar --speeds "10:100:300 rad/s"',
+    'solve compare manipulator --speed "10 rad/s"',
+    'solve validity cam --speeds "100:600:200 rpm"',
+    'solve transient cam --speed "300 rpm" --turns 4000 --nonlinear',
+    'solve periodic cam --speed "20 rpm" --nonlinear --rtol 1e-10',
+    'solve floquet cam --speed "60 rpm" --method fourier',
+    'models.four_bar study --speeds "15:50:71 rad/s" --over L4=0.5,0.6',
+    'models.four_bar design --allowable "100 MPa"',
+    "models.four_bar corrected --elements 4,5,6",
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", LONG)
+def test_a_long_command_tells_how_far_it_is_and_can_be_interrupted(line, tmp_path):
+    command = [sys.executable, "-m", *shlex.split(line), "--save", str(tmp_path / "result.npz")]
+    interrupt = lambda process: process.send_signal(signal.SIGINT)  # noqa: E731
+    seen, status, seconds = shown_on_a_terminal(command, " so far", interrupt)
+    assert status == 130, seen
+    assert seen.splitlines()[-1].endswith(": interrupted")
+    assert seconds < 1.0
+    assert list(tmp_path.iterdir()) == []
