@@ -121,6 +121,8 @@ class PeriodicSystem:
     """Whether the drive has positions: a structure may stand still."""
     outputs: tuple[str, ...] = ()
     """Names of the quantities that follow from the state; units and meanings hold theirs too."""
+    outputs_apart: bool = False
+    """Whether each output is calculated by itself when it is asked for, rather than all at once."""
     ignored: tuple[str, ...] = ()
     """What the linear equations leave out of the mechanism that they stand for, a sentence each."""
     largest_of: Mapping[str, tuple[str, ...]] = MappingProxyType({})

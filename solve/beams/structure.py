@@ -86,6 +86,8 @@ class Kinematics:
 class StructureModel(Model):
     """Links and joints of a generated module, with the elements that the options choose."""
 
+    outputs_apart = True
+
     def __init__(self, setup: Setup, motion: Motion):
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)

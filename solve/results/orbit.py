@@ -147,7 +147,7 @@ class Orbit(Stability, Turn):
         """Extrema and mean of a coordinate or output, of the continuous curve. Raises UnknownNameError."""
         if name in self.coordinates:
             return Statistics(*self._figures[self.coordinates.index(name)].tolist())
-        if name in self.system.outputs:
+        if name in self.system.outputs and not self.system.outputs_apart:
             return Statistics(*self._output_figures[self.system.outputs.index(name)].tolist())
         return super().statistics(name)
 
