@@ -1,13 +1,15 @@
-"""python -m tests.benchmarks.heyoka_peers: heyoka's Taylor integrators beside this package's certified calls.
+"""python -m tests.benchmarks.heyoka_peers [--avx2]: heyoka's Taylor integrators beside certified calls.
 
 F. Biscani, D. Izzo, MNRAS 504 (2021) 2614-2628. As its users would write it: the equations once in symbols,
 compiled once, points in batches as wide as it recommends, the loosest tolerance that reaches the accuracy.
 It gives monodromy matrices and the periodic state at the start of the turn; it estimates no error and looks
-for no extrema. Run it with OMP_NUM_THREADS=1.
+for no extrema. Run it with OMP_NUM_THREADS=1. --avx2: ours compiled as for a processor without AVX-512;
+heyoka takes what there is.
 """
 
 import functools
 import platform
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,8 +19,10 @@ import numpy as np
 
 import solve
 from solve.arrays import Array
+from solve.kernel import compiler
 from solve.kernel.library import Size, lanes
 from tests.benchmarks import peers
+from tests.benchmarks.kernel import AVX2
 from tests.benchmarks.timing import median
 
 SPEEDS = np.linspace(300, 900, 200) * np.pi / 30
@@ -130,6 +134,8 @@ def processor() -> str:
 
 
 def main() -> None:
+    if "--avx2" in sys.argv[1:]:
+        compiler.MACHINE = AVX2
     model, chart = solve.load("cam", case="1"), solve.load("mathieu", zeta=0.0)
 
     def single() -> list[float]:
