@@ -15,12 +15,14 @@ from derive.field import Field
 from derive.field_text import definitions, field_functions, field_tools
 from derive.freshness import banner, hashed_module
 from derive.function_text import GeneratedFunction, breaks_text, function_text, options_text
-from derive.galerkin import project
+from derive.galerkin import Projection, project
 from derive.linearise import clearances, linearise
 from derive.loop_text import loop_orders, loop_text
 from derive.losses import idle, losses
+from derive.mathml import mathml
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
+from derive.reading import Equation, read
 from derive.recurrence import COMPONENTS, FOURIER
 from derive.units import size
 
@@ -47,6 +49,8 @@ TOOLS = {
     "_angles(": ANGLES,
 }
 
+MOST_TO_READ = 2000
+"""Operations of M, C, K and d that are still printed for reading."""
 
 STATE = ("phase", "speed", "q", "qd", "qdd", "p")
 
@@ -58,7 +62,8 @@ class Equations:
     residual: None where `functions` contain it. definitions: text for symbols of the expressions that are
     no inputs. tools, functions: texts that go before and after the others. conditions: beyond those that
     the mechanism states. passages: where the matrices switch. nonlinear: what the linear answer ignores, a
-    sentence each; idle: what moves nothing. no_drive_torque: why there is none, if so.
+    sentence each; idle: what moves nothing. no_drive_torque: why there is none, if so. projection: of a
+    deflection, on its mode functions.
     """
 
     linearised: dict[str, Any]
@@ -72,6 +77,7 @@ class Equations:
     nonlinear: list[str] = field(default_factory=list)
     idle: list[str] = field(default_factory=list)
     no_drive_torque: str = ""
+    projection: Projection | None = None
 
 
 def derive_equations(mechanism: Mechanism) -> Equations:
@@ -121,6 +127,7 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
         functions,
         passages=passages(linearised, (), ()),
         no_drive_torque=mechanism.no_drive_torque,
+        projection=projection,
     )
 
 
@@ -142,6 +149,7 @@ def module_text(
     texts += equations.functions
     if equations.passages:
         texts.append(breaks_text(mechanism, equations.passages))
+    texts.append(_for_reading(mechanism, equations, counts["linearised"]))
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
     data = [
         constants(mechanism, equations.outputs, _operations(counts), equations.conditions),
@@ -161,6 +169,19 @@ def _reasons(equations: Equations) -> list[str]:
     if equations.nonlinear:
         lines += ["NONLINEAR = (", *(f"    {literal(each)}," for each in equations.nonlinear), ")"]
     return lines
+
+
+def _for_reading(mechanism: Mechanism, equations: Equations, operations: int) -> str:
+    """M, C, K and d as MathML, where they are not too long."""
+    if operations > MOST_TO_READ:
+        reason = f"M, C, K and d take {operations} operations; up to {MOST_TO_READ} are printed for reading"
+        return f"NO_EQUATIONS = {literal(reason)}"
+    return equations_text(read(mechanism, equations.linearised), equations.projection)
+
+
+def equations_text(found: Sequence[Equation], projection: Projection | None = None) -> str:
+    """EQUATIONS, a MathML element each."""
+    return "\n".join(["EQUATIONS = (", *(f"    {literal(each)}," for each in mathml(found, projection)), ")"])
 
 
 def functions_text(

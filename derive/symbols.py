@@ -91,6 +91,11 @@ def _parts(expression: Any) -> tuple[Any, ...]:
     return () if repeats else expression.args
 
 
+def primed(order: int) -> str:
+    """LaTeX after the name of a function that is differentiated so often."""
+    return "'" * order if order < 4 else f"^{{({order})}}"
+
+
 def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
     """A symbol of this name, with underscores added while it is taken; its name is then `taken` too."""
     while name in taken:

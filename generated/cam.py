@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "028a5ba26a626a2f1306e14f09413a931bc96b94c2e41d4186e461e2c20514b2"
-DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
+DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "41fa18e99ba87a24024d45b193e683015dc1d7c9d2f074c2bdd62d4029a254ed"
+FILE_SHA256 = "caa052951529400250e9d06c28df5d29ff3c0e1e373716907b19f3dee8be7593"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -251,3 +251,26 @@ def outputs():
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "shaft_torque", "contact_force", "output_displacement"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>M</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>I</mi><mi>1</mi></msub><mo>+</mo><mrow><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2032;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>12</mi></msub><mo>=</mo><msub><mi>M</mi><mi>21</mi></msub><mo>=</mo><mrow><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>13</mi></msub><mo>=</mo><msub><mi>M</mi><mi>31</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>3</mi></msub><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>22</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>23</mi></msub><mo>=</mo><msub><mi>M</mi><mi>32</mi></msub><mo>=</mo><msub><mi>m</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>33</mi></msub><mo>=</mo><msub><mi>m</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>c</mi><mi>1</mi></msub><mo>+</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>21</mi></msub><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>22</mi></msub><mo>=</mo><msub><mi>c</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>31</mi></msub><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>m</mi><mi>3</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>33</mi></msub><mo>=</mo><msub><mi>c</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>k</mi><mi>1</mi></msub><mo>+</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow><mo>+</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2033;</mo></msup><mn>2</mn></msup></mrow><mo>+</mo><mrow><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>21</mi></msub><mo>=</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>22</mi></msub><mo>=</mo><msub><mi>k</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>31</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>3</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>33</mi></msub><mo>=</mo><msub><mi>k</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>1</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mrow><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>2</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mi>F</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>3</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msub><mi>m</mi><mi>3</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mi>F</mi></mrow></mrow></math>",
+)

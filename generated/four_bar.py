@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
+DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f6e74b0e1d9f4e9e1a62bda86acd0681188c78fbced0f9b6c4fcf5da15ff8c8b"
+FILE_SHA256 = "811cae084cc506e296becd072b02c60f7c303cab71ce1bf78772de76545f3fd4"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -233,3 +233,28 @@ def conditions(*, branch="open"):
         ["phase", "p"],
         ["margins"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>&#952;</mi><mi>crank</mi></msub><mo>=</mo><mrow><mi>&#x3C6;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>crank</mi></msub><mo>=</mo><msub><mi>L</mi><mi>1</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>crank</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>crank</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>1</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>crank</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>1</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>crank</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>1</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>crank</mi></msub><mo>=</mo><msub><mi>h</mi><mi>1</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>&#952;</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>t</mi><mi>2</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>coupler</mi></msub><mo>=</mo><msub><mi>L</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>coupler</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>2</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>coupler</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>2</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>2</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>coupler</mi></msub><mo>=</mo><msub><mi>h</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>&#952;</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>t</mi><mi>3</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>follower</mi></msub><mo>=</mo><msub><mi>L</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>follower</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>3</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>follower</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>3</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>3</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>follower</mi></msub><mo>=</mo><msub><mi>h</mi><mi>3</mi></msub></mrow></math>",
+)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
+DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f6cb547c9483a47fee751eb5ce096398f249db5a39587cefb74e91871a0df1cb"
+FILE_SHA256 = "005802dadfd61374545622999e74af294fa42b6a94b1d5625b87a8847bf17b06"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -243,3 +243,13 @@ def outputs(*, load="tracking"):
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["transmission_error_rate", "mesh_force", "pinion_speed_ripple", "wheel_speed_ripple"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>&#963;</mi><mi>a</mi></msub><mo>=</mo><mrow><mrow><msub><mi>J</mi><mi>1</mi></msub><mo>&#x2062;</mo><msup><msub><mi>rb</mi><mi>2</mi></msub><mn>2</mn></msup></mrow><mo>+</mo><mrow><msub><mi>J</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><msub><mi>rb</mi><mi>1</mi></msub><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>c</mi><mi>a</mi></msub><mo>=</mo><msqrt><mrow><mfrac><mrow><msub><mi>J</mi><mi>1</mi></msub><mo>&#x2062;</mo><msub><mi>J</mi><mi>2</mi></msub><mo>&#x2062;</mo><msub><mi>k</mi><mi>0</mi></msub></mrow><msub><mi>&#963;</mi><mi>a</mi></msub></mfrac></mrow></msqrt></mrow></math>",
+    "<math><mrow><mi>M</mi><mo>=</mo><mrow><mrow><mfrac><mrow><msup><msub><mi>J</mi><mi>1</mi></msub><mn>2</mn></msup><mo>&#x2062;</mo><msub><mi>J</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><msub><mi>rb</mi><mi>2</mi></msub><mn>2</mn></msup></mrow><msup><msub><mi>&#963;</mi><mi>a</mi></msub><mn>2</mn></msup></mfrac></mrow><mo>+</mo><mrow><mfrac><mrow><msub><mi>J</mi><mi>1</mi></msub><mo>&#x2062;</mo><msup><msub><mi>J</mi><mi>2</mi></msub><mn>2</mn></msup><mo>&#x2062;</mo><msup><msub><mi>rb</mi><mi>1</mi></msub><mn>2</mn></msup></mrow><msup><msub><mi>&#963;</mi><mi>a</mi></msub><mn>2</mn></msup></mfrac></mrow></mrow></mrow></math>",
+    "<math><mrow><mi>C</mi><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>c</mi><mi>a</mi></msub><mo>&#x2062;</mo><mi>&#950;</mi></mrow></mrow></math>",
+    "<math><mrow><mi>K</mi><mo>=</mo><mrow><mi>k</mi><mrow><mo>&#x2061;</mo><mo>(</mo><mrow><mrow><mi>&#x3C6;</mi></mrow><mo>&#x2062;</mo><msub><mi>z</mi><mi>1</mi></msub></mrow><mo>)</mo></mrow></mrow></mrow></math>",
+    "<math><mrow><mi>d</mi><mo>=</mo><mrow><mrow><mo>-</mo><mn>2</mn><mo>&#x2062;</mo><msub><mi>c</mi><mi>a</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><mi>&#950;</mi><mo>&#x2062;</mo><msup><mi>e</mi><mo>&#x2032;</mo></msup></mrow><mo>+</mo><mrow><msub><mi>k</mi><mi>0</mi></msub><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><mrow><msub><mi>load</mi><mi>tracking</mi></msub><mo>&#x2062;</mo><mi>e</mi></mrow><mo>+</mo><msub><mi>q</mi><mi>0</mi></msub></mrow><mo>)</mo></mrow></mrow><mo>-</mo><mrow><mi>e</mi><mo>&#x2062;</mo><mrow><mi>k</mi><mrow><mo>&#x2061;</mo><mo>(</mo><mrow><mrow><mi>&#x3C6;</mi></mrow><mo>&#x2062;</mo><msub><mi>z</mi><mi>1</mi></msub></mrow><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
+)

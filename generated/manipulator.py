@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
+DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "fabf240092bb3d532b70b4dfd669d8f868eb2d6169702d6ce2d71e63d4683fb7"
+FILE_SHA256 = "1ee3d74aa456c0a0728c91bfd556090b0c1349c1eb02807abb842b8522641b99"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -201,3 +201,18 @@ def outputs():
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "load_torque", "hammer_displacement"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>M</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>I</mi><mi>1</mi></msub><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2032;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>12</mi></msub><mo>=</mo><msub><mi>M</mi><mi>21</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>22</mi></msub><mo>=</mo><msub><mi>m</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>c</mi><mi>1</mi></msub><mo>+</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>21</mi></msub><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>22</mi></msub><mo>=</mo><msub><mi>c</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>11</mi></msub><mo>=</mo><mrow><mrow><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>+</mo><msub><mi>k</mi><mi>1</mi></msub><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2033;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>21</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>22</mi></msub><mo>=</mo><msub><mi>k</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>1</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow><mo>-</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>2</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><mi>F</mi></mrow><mo>-</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+)

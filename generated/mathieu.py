@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "3d5d844475585a5a66f39c520098f2aaf6ccc6f6e51368c3868239da0db447f9"
-DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
+DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b01a3a9cbf4065ef499556ebd67fdb56eb304e017a13ad1ddf81b148bf471861"
+FILE_SHA256 = "3c6657d014cc5c1bab7d7b9e6b7b9cc5992ff5cfb8ff0d18ff7c3736af0ea940"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -95,3 +95,11 @@ def outputs():
         ["phase", "speed", "q", "qd", "qdd", "p"],
         [],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><mi>M</mi><mo>=</mo><mn>1</mn></mrow></math>",
+    "<math><mrow><mi>C</mi><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mi>&#950;</mi><mo>&#x2062;</mo><msqrt><mrow><mo>|</mo><mi>&#948;</mi><mo>|</mo></mrow></msqrt></mrow></mrow></math>",
+    "<math><mrow><mi>K</mi><mo>=</mo><mrow><mi>&#948;</mi><mo>+</mo><mrow><mi>&#949;</mi><mo>&#x2062;</mo><mrow><mi>cos</mi><mrow><mo>(</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mrow><mi>&#x3C6;</mi></mrow></mrow><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
+    "<math><mrow><mi>d</mi><mo>=</mo><mn>0</mn></mrow></math>",
+)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "ca4373168898fc2c14d68b308f43587c63bbe4ffd5944a68814ffb9e226af530"
+DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "933d61e14418760439d3a3cc0c5b6e62a3e08e4ab1c4ebf6b237d793a90c9919"
+FILE_SHA256 = "d45d642a89da09455852a0fa2438796ae76b2b3903d63fed481d6056a40e76e9"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -117,3 +117,28 @@ def properties():
         ["phase", "p"],
         ["angle", "length", "E", "EA", "EI", "mu", "height", "mass", "damping_ratio"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>&#952;</mi><mi>left</mi></msub><mo>=</mo><mrow><mfrac><mi>&#960;</mi><mn>2</mn></mfrac></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>left</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>left</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>left</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
+    "<math><mrow><msub><mi>&#952;</mi><mi>beam</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>beam</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>beam</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>beam</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
+    "<math><mrow><msub><mi>&#952;</mi><mi>right</mi></msub><mo>=</mo><mrow><mfrac><mi>&#960;</mi><mn>2</mn></mfrac></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>right</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>right</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>right</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
+)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -56,6 +57,11 @@ class Model(PeriodicSystem):
         """The model of a setup."""
         sampler = MatrixSampler(setup.function("linearised"), setup.p)
         return cls(setup, sampler, setup.module.COORDINATES[: sampler.n])
+
+    def _repr_html_(self) -> str:
+        """Title and linearised equations, in a notebook."""
+        equations = getattr(self.module, "EQUATIONS", (getattr(self.module, "NO_EQUATIONS", ""),))
+        return "".join(f"<p>{each}</p>" for each in (escape(self.title), *equations))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""

@@ -87,3 +87,18 @@ def test_the_case_file_gives_every_parameter(pump):
                 {f"{name}{i}" for i in range(1, len(entry["values"]) + 1)} if "values" in entry else {name}
             )
         assert given == {name for name, *_ in pump.PARAMETERS}
+
+
+def test_the_page_shows_the_pumps_equations(pump, capsys, monkeypatch):
+    for arguments in (["--show", "pump.py"], ["--show", "--numbers", "delivering", "pump.py"]):
+        assert " ".join(arguments[:-1]) in PAGE
+        Path("pump.toml").write_text(block("pump.toml"), encoding="utf-8")
+        monkeypatch.setattr(sys, "argv", ["derive", *arguments])
+        with pytest.raises(SystemExit):
+            main()
+    shown = capsys.readouterr().out
+    printed = re.findall(r"```text\n((?:l_a|M_).*?)```", PAGE, re.DOTALL)
+    assert len(printed) == 2
+    assert all(lines in shown for lines in printed)
+    assert "M_{11} = 4.5 l_b^2 + 0.05" in shown
+    assert "M_{11} = 4.5 l_b^2 + 0.05" in PAGE
