@@ -24,6 +24,7 @@ from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
 from derive.reading import Equation, read
 from derive.recurrence import COMPONENTS, FOURIER
+from derive.transmission import PeriodicFunction
 from derive.units import size
 
 CHOICE = '''\
@@ -259,6 +260,8 @@ def constants(
             (each.text, each.meaning, tuple(name for name in each.parameters if name in names))
             for each in conditions
         ]
+    if mechanism.declared_series:
+        rows["SERIES"] = [_series(each) for each in mechanism.declared_series]
     if mechanism.declared_field:
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
@@ -273,6 +276,14 @@ def constants(
         f"OPERATIONS = {json.dumps(operations)}",
     ]
     return "\n".join(lines)
+
+
+def _series(series: type[PeriodicFunction]) -> tuple:
+    """Name, form, whether the coefficients are those of the derivative, mean, prefixes of both kinds of
+    coefficients, harmonics."""
+    prefixes = (family[0].name.removesuffix("1") for family in (series.first, series.second))
+    mean = series.mean.name if series.mean else ""
+    return series.__name__, series.form, series.integrated, mean, *prefixes, len(series.first)
 
 
 def literal(value: str | float | range | tuple) -> str:

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "028a5ba26a626a2f1306e14f09413a931bc96b94c2e41d4186e461e2c20514b2"
-DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
+DERIVE_SHA256 = "4041a5069f0f3c49f70177cf441d5623735311be7c2caffd1e163cd4a0a6c133"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "caa052951529400250e9d06c28df5d29ff3c0e1e373716907b19f3dee8be7593"
+FILE_SHA256 = "f851a12c5309bc281f406dc37047b4bac6cba964040b03638ab5185317e4bbe5"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -78,6 +78,10 @@ OUTPUTS = (
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
+)
+SERIES = (
+    ("U", "cosine-sine", True, "", "a", "b", 12),
+    ("F", "cosine-sine", False, "F", "Fa", "Fb", 6),
 )
 VALIDITY = {"q1": 0.05}
 PERIOD = 2*math.pi

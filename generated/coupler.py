@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0a7077f4722b2fd341c5f9770ab01671cae6245d029c8206989fc60c3acf9443"
-DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
+DERIVE_SHA256 = "4041a5069f0f3c49f70177cf441d5623735311be7c2caffd1e163cd4a0a6c133"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e24f52809bc9c78365eb35e077ae2da64ea1ceaa32efecce4c2123c4d0cc3ed9"
+FILE_SHA256 = "af4c60a5e30a353011f82b56c3d62749639b18baa72e58835b63efaa5c94d42e"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

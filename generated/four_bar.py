@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
+DERIVE_SHA256 = "4041a5069f0f3c49f70177cf441d5623735311be7c2caffd1e163cd4a0a6c133"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "811cae084cc506e296becd072b02c60f7c303cab71ce1bf78772de76545f3fd4"
+FILE_SHA256 = "7c5307465b2cdbf13ca759c5d491261d3734c96164ce5630fd1cda1bdc791294"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
+DERIVE_SHA256 = "4041a5069f0f3c49f70177cf441d5623735311be7c2caffd1e163cd4a0a6c133"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "005802dadfd61374545622999e74af294fa42b6a94b1d5625b87a8847bf17b06"
+FILE_SHA256 = "7c13f71561633047f3d193b92dfe12ecea16dab421a74556c7e1c873146ca7cc"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -71,6 +71,10 @@ OUTPUTS = (
 )
 LIMITS = (
     ("mesh_force", ">= 0", "the teeth separate; backlash is not in the model"),
+)
+SERIES = (
+    ("k", "amplitude-phase", False, "k0", "k", "gamma", 10),
+    ("e", "amplitude-phase", False, "", "e", "alpha", 6),
 )
 VALIDITY = {}
 PERIOD = 2*math.pi

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "fea4dba57991f1cd776f3c698fcb07a19df7c278b0bd7cfcecdf9c7019f67cb3"
+DERIVE_SHA256 = "4041a5069f0f3c49f70177cf441d5623735311be7c2caffd1e163cd4a0a6c133"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1ee3d74aa456c0a0728c91bfd556090b0c1349c1eb02807abb842b8522641b99"
+FILE_SHA256 = "27af3f8d589fe19570e06a1d5a0735aeafd271e51748f95ccf0720d879679541"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -60,6 +60,9 @@ OUTPUTS = (
     ("hammer_displacement", "m", "position of the hammer"),
 )
 LIMITS = ()
+SERIES = (
+    ("U", "cosine-sine", True, "", "a", "b", 12),
+)
 VALIDITY = {"q1": 0.12}
 PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 279, "residual": 232, "outputs": 139}

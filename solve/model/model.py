@@ -47,7 +47,8 @@ class Model(PeriodicSystem):
         self.options = setup.options
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
-        self.ignored = getattr(module, "NONLINEAR", ())
+        self.fits = setup.case.fits
+        self.ignored = (*getattr(module, "NONLINEAR", ()), *(fit.sentence for fit in self.fits.values()))
         self.units = {name: unit for name, unit, _ in (*coordinates, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*coordinates, *module.OUTPUTS)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
