@@ -34,11 +34,14 @@ SPEED = sympy.Symbol("speed", real=True)
 PHASE = Phase("phase")
 
 
-def rate(expression: sympy.Expr | float) -> sympy.Expr:
-    """Total time derivative at constant speed, through phase, coordinates and their rates.
+def rate(expression: Any) -> Any:
+    """Total time derivative at constant speed, through phase, coordinates and their rates; of a vector or
+    matrix that of each entry.
 
     Raises ImpulseError where the expression jumps.
     """
+    if isinstance(expression, sympy.MatrixBase):
+        return expression.applyfunc(rate)
     stated = counted(sympy.sympify(expression))
     moving = sorted(stated.atoms(Moving), key=lambda symbol: symbol.name)
     return sympy.Add(*(slope(stated, symbol) * symbol.rate for symbol in moving))

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "4041a5069f0f3c49f70177cf441d5623735311be7c2caffd1e163cd4a0a6c133"
+DERIVE_SHA256 = "b94b097dddf9ebc7fdeba5a477d55a0bca81ffa801d7e6eb78ec058c10d8ae4c"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "7c5307465b2cdbf13ca759c5d491261d3734c96164ce5630fd1cda1bdc791294"
+FILE_SHA256 = "fbf223d2d73ca1f585a817d841f78b71454acb52e3700f68b3ab5b245180bb2c"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "4041a5069f0f3c49f70177cf441d5623735311be7c2caffd1e163cd4a0a6c133"
+DERIVE_SHA256 = "b94b097dddf9ebc7fdeba5a477d55a0bca81ffa801d7e6eb78ec058c10d8ae4c"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "27af3f8d589fe19570e06a1d5a0735aeafd271e51748f95ccf0720d879679541"
+FILE_SHA256 = "0b1cbc27524ca1387c23e3579f0677b1b981e8ac1b6af7b8c0fa93c9cfd77ac9"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "4041a5069f0f3c49f70177cf441d5623735311be7c2caffd1e163cd4a0a6c133"
+DERIVE_SHA256 = "b94b097dddf9ebc7fdeba5a477d55a0bca81ffa801d7e6eb78ec058c10d8ae4c"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ba3259229b255b33d7247f49d57b22e8ccace77f1d1d91e4afb979a4a18de599"
+FILE_SHA256 = "865791e554515177de3edfe8eb6892361828752af92579a14bf9b7249ed716d0"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
