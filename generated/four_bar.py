@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "b94b097dddf9ebc7fdeba5a477d55a0bca81ffa801d7e6eb78ec058c10d8ae4c"
+DERIVE_SHA256 = "3acc2198167efc90e126398e1616883657fd12ad2527e9825a214998ebdc23e8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "fbf223d2d73ca1f585a817d841f78b71454acb52e3700f68b3ab5b245180bb2c"
+FILE_SHA256 = "98c92d3c293257d8256c7da9fbaeb03ae0c614f5ee4858b401bb6bedbae9635f"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "b94b097dddf9ebc7fdeba5a477d55a0bca81ffa801d7e6eb78ec058c10d8ae4c"
+DERIVE_SHA256 = "3acc2198167efc90e126398e1616883657fd12ad2527e9825a214998ebdc23e8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0b1cbc27524ca1387c23e3579f0677b1b981e8ac1b6af7b8c0fa93c9cfd77ac9"
+FILE_SHA256 = "74e3cace70c72964f5af5b96c836bba94ae29e4b2819e046aad24dae0fa2ad38"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

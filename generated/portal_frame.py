@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "b94b097dddf9ebc7fdeba5a477d55a0bca81ffa801d7e6eb78ec058c10d8ae4c"
+DERIVE_SHA256 = "3acc2198167efc90e126398e1616883657fd12ad2527e9825a214998ebdc23e8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "865791e554515177de3edfe8eb6892361828752af92579a14bf9b7249ed716d0"
+FILE_SHA256 = "c88b787d7e1bfd42fa40f48910b48f1f21f301efa4c32a5faa5649842fa239bd"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -68,7 +68,9 @@ def over_figure(
     *others, along = moving
     lines: dict[str, list[int]] = {}
     for at in np.argsort(varied[along], kind="stable").tolist():
-        lines.setdefault(", ".join(_named(system, name, varied[name][at]) for name in others), []).append(at)
+        lines.setdefault(
+            ", ".join(_named(system, name, float(varied[name][at])) for name in others), []
+        ).append(at)
     if len(lines) > MOST_LINES:
         raise ValueOutOfBoundsError(
             f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
