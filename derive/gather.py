@@ -36,7 +36,8 @@ def unshifted(expression: Any) -> Any:
 def _shifted(part: Any) -> bool:
     if not isinstance(part, sympy.sin | sympy.cos):
         return False
-    angle, moving = part.args[0].as_independent(PHASE, as_Add=True)
+    inner: Any = part.args[0]
+    angle, moving = inner.as_independent(PHASE, as_Add=True)
     return angle != 0 and angle.is_number and moving == PHASE
 
 

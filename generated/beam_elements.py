@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "3acc2198167efc90e126398e1616883657fd12ad2527e9825a214998ebdc23e8"
+DERIVE_SHA256 = "072168ed8ed08f609cd55280dd2f8ee8daf33cf0025c60330c3da8073eadb8be"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5ef9e3fdf222627e92e70736c5ef695f7b0ee31ecc375a71b1a994ab7c8d9030"
+FILE_SHA256 = "0f2395a43864a6c2ae32107a9e980f5f15f16af7ac6bc42b33fbb770317602f2"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "3acc2198167efc90e126398e1616883657fd12ad2527e9825a214998ebdc23e8"
+DERIVE_SHA256 = "072168ed8ed08f609cd55280dd2f8ee8daf33cf0025c60330c3da8073eadb8be"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "98c92d3c293257d8256c7da9fbaeb03ae0c614f5ee4858b401bb6bedbae9635f"
+FILE_SHA256 = "cd29d9c144dd5d2ef303d6dba0bc02bd94383db43878c78d351381bfb8f359f2"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "3acc2198167efc90e126398e1616883657fd12ad2527e9825a214998ebdc23e8"
+DERIVE_SHA256 = "072168ed8ed08f609cd55280dd2f8ee8daf33cf0025c60330c3da8073eadb8be"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "74e3cace70c72964f5af5b96c836bba94ae29e4b2819e046aad24dae0fa2ad38"
+FILE_SHA256 = "605bc2f20d82df74ab3e3eb34b915cd0c3768dcd61972fa7c5c65d9e7f30a4a1"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "3acc2198167efc90e126398e1616883657fd12ad2527e9825a214998ebdc23e8"
+DERIVE_SHA256 = "072168ed8ed08f609cd55280dd2f8ee8daf33cf0025c60330c3da8073eadb8be"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c88b787d7e1bfd42fa40f48910b48f1f21f301efa4c32a5faa5649842fa239bd"
+FILE_SHA256 = "38dbf561bdc77cfdaf085588c6cef52dc18bde59035452ac3b209b1a90c0ecbd"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
