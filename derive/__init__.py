@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from sympy import (
         Abs,
         Heaviside,
+        Matrix,
         Max,
         Min,
         Piecewise,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Abs",
     "Heaviside",
+    "Matrix",
     "Max",
     "Mechanism",
     "Min",

@@ -45,7 +45,7 @@ def check(mechanism: Mechanism) -> None:
         _require_equations(mechanism)
         statements = list(_statements(mechanism))
     statements += _kinematic_statements(mechanism)
-    known = _dimensions(mechanism)
+    known = dimensions(mechanism)
     for each in statements:
         _require_finite(each)
         _require_last_piece(each)
@@ -149,7 +149,7 @@ def _require_last_piece(statement: _Statement) -> None:
             )
 
 
-def _dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
+def dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
     known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND}
     known |= {each.symbol: parse(each.unit) for each in mechanism.declared_parameters}
     known |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}

@@ -50,14 +50,19 @@ def derive(
     show: Annotated[
         bool, Option("--show", help="Print the linearised equations as LaTeX; write nothing.")
     ] = False,
+    numbers: Annotated[
+        str | None, Option(metavar="CASE", help="With --show: put in the numbers of a case.")
+    ] = None,
     debug: Annotated[bool, Option("--debug", help="Show where a fault of this program arose.")] = False,
 ) -> None:
     """Derive the equations of motion and generate CasADi code for them."""
     if (full and not check) or (show and check):
         raise UsageError("--full goes with --check, and --show with neither")
+    if numbers is not None and not show:
+        raise UsageError("--numbers goes with --show")
     sources = _sources(models or [], every or (check and not models), out)
     if show:
-        _show(sources)
+        _show(sources, numbers)
     elif check:
         raise typer.Exit(1 if sum(_is_stale(source, full) for source in _reported(sources)) else 0)
     else:
@@ -125,7 +130,8 @@ def _is_stale(source: Source, full: bool) -> bool:
     return bool(why)
 
 
-def _show(sources: list[Source]) -> None:
+def _show(sources: list[Source], case: str | None) -> None:
+    from derive.case_numbers import case_numbers
     from derive.show import elements, equations
 
     for source in _reported(sources):
@@ -133,5 +139,6 @@ def _show(sources: list[Source]) -> None:
             typer.echo(elements())
             continue
         mechanism = loader.load(source)
+        numbers = case_numbers(source.cases, case, mechanism) if case is not None else {}
         with loader.located(source):
-            typer.echo(equations(mechanism))
+            typer.echo(equations(mechanism, numbers))

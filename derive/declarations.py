@@ -44,6 +44,18 @@ def bound_of(name: str, text: str) -> str:
     return ", ".join(parts)
 
 
+def scalar(what: str, value: Any) -> Any:
+    """The one entry of a matrix of one entry, anything else as it is. Raises DeclarationError for a matrix of
+    several."""
+    if not isinstance(value, sympy.MatrixBase):
+        return value
+    if value.shape != (1, 1):
+        raise DeclarationError(
+            f"{what} is a matrix of {value.rows} by {value.cols}; give one entry, such as q.T * K * q / 2"
+        )
+    return value[0, 0]
+
+
 @dataclass(frozen=True)
 class Coordinate:
     symbol: Moving

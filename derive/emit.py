@@ -15,14 +15,17 @@ from derive.field import Field
 from derive.field_text import definitions, field_functions, field_tools
 from derive.freshness import banner, hashed_module
 from derive.function_text import GeneratedFunction, breaks_text, function_text, options_text
-from derive.galerkin import project
+from derive.galerkin import Projection, project
 from derive.linearise import clearances, linearise
 from derive.loop_text import loop_orders, loop_text
 from derive.losses import idle, losses
+from derive.mathml import mathml
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
 from derive.progress import steps
+from derive.reading import Equation, read
 from derive.recurrence import COMPONENTS, FOURIER
+from derive.transmission import PeriodicFunction
 from derive.units import size
 
 CHOICE = '''\
@@ -48,6 +51,8 @@ TOOLS = {
     "_angles(": ANGLES,
 }
 
+MOST_TO_READ = 2000
+"""Operations of M, C, K and d that are still printed for reading."""
 
 STATE = ("phase", "speed", "q", "qd", "qdd", "p")
 
@@ -59,7 +64,8 @@ class Equations:
     residual: None where `functions` contain it. definitions: text for symbols of the expressions that are
     no inputs. tools, functions: texts that go before and after the others. conditions: beyond those that
     the mechanism states. passages: where the matrices switch. nonlinear: what the linear answer ignores, a
-    sentence each; idle: what moves nothing. no_drive_torque: why there is none, if so.
+    sentence each; idle: what moves nothing. no_drive_torque: why there is none, if so. projection: of a
+    deflection, on its mode functions.
     """
 
     linearised: dict[str, Any]
@@ -73,6 +79,7 @@ class Equations:
     nonlinear: list[str] = field(default_factory=list)
     idle: list[str] = field(default_factory=list)
     no_drive_torque: str = ""
+    projection: Projection | None = None
 
 
 def derive_equations(mechanism: Mechanism) -> Equations:
@@ -122,6 +129,7 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
         functions,
         passages=passages(linearised, (), ()),
         no_drive_torque=mechanism.no_drive_torque,
+        projection=projection,
     )
 
 
@@ -146,6 +154,7 @@ def module_text(
     texts += equations.functions
     if equations.passages:
         texts.append(breaks_text(mechanism, equations.passages))
+    texts.append(_for_reading(mechanism, equations, counts["linearised"]))
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
     data = [
         constants(mechanism, equations.outputs, _operations(counts), equations.conditions),
@@ -165,6 +174,19 @@ def _reasons(equations: Equations) -> list[str]:
     if equations.nonlinear:
         lines += ["NONLINEAR = (", *(f"    {literal(each)}," for each in equations.nonlinear), ")"]
     return lines
+
+
+def _for_reading(mechanism: Mechanism, equations: Equations, operations: int) -> str:
+    """M, C, K and d as MathML, where they are not too long."""
+    if operations > MOST_TO_READ:
+        reason = f"M, C, K and d take {operations} operations; up to {MOST_TO_READ} are printed for reading"
+        return f"NO_EQUATIONS = {literal(reason)}"
+    return equations_text(read(mechanism, equations.linearised), equations.projection)
+
+
+def equations_text(found: Sequence[Equation], projection: Projection | None = None) -> str:
+    """EQUATIONS, a MathML element each."""
+    return "\n".join(["EQUATIONS = (", *(f"    {literal(each)}," for each in mathml(found, projection)), ")"])
 
 
 def functions_text(
@@ -242,6 +264,8 @@ def constants(
             (each.text, each.meaning, tuple(name for name in each.parameters if name in names))
             for each in conditions
         ]
+    if mechanism.declared_series:
+        rows["SERIES"] = [_series(each) for each in mechanism.declared_series]
     if mechanism.declared_field:
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
@@ -256,6 +280,14 @@ def constants(
         f"OPERATIONS = {json.dumps(operations)}",
     ]
     return "\n".join(lines)
+
+
+def _series(series: type[PeriodicFunction]) -> tuple:
+    """Name, form, whether the coefficients are those of the derivative, mean, prefixes of both kinds of
+    coefficients, harmonics."""
+    prefixes = (family[0].name.removesuffix("1") for family in (series.first, series.second))
+    mean = series.mean.name if series.mean else ""
+    return series.__name__, series.form, series.integrated, mean, *prefixes, len(series.first)
 
 
 def literal(value: str | float | range | tuple) -> str:

@@ -1,10 +1,11 @@
 """One form for sums: terms that vary alike are added up, so that what cancels is gone."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import sympy
 
-from derive.symbols import SPEED, Moving
+from derive.symbols import PHASE, SPEED, Moving
 from derive.transmission import PeriodicFunction
 
 
@@ -24,6 +25,20 @@ def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
     Gathering is shorter for transmission functions, and longer where kinematics are written out.
     """
     return min([matrix.applyfunc(gathered) for matrix in matrices], list(matrices), key=operations)
+
+
+def unshifted(expression: Any) -> Any:
+    """Sines and cosines of the phase with a fixed angle added by those of the phase alone, so that blades or
+    poles evenly around a turn cancel."""
+    return expression.replace(_shifted, sympy.expand_trig)
+
+
+def _shifted(part: Any) -> bool:
+    if not isinstance(part, sympy.sin | sympy.cos):
+        return False
+    inner: Any = part.args[0]
+    angle, moving = inner.as_independent(PHASE, as_Add=True)
+    return angle != 0 and angle.is_number and moving == PHASE
 
 
 def operations(matrices: Sequence[sympy.Matrix]) -> int:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import sympy
 
-from derive.symbols import PHASE, Moving
+from derive.symbols import PHASE, Moving, primed
 from derive.units import Dimension, parse
 
 Order = tuple[int, ...]
@@ -57,14 +57,19 @@ class LoopFunction(sympy.Function):
             dimension /= part**times
         return dimension
 
+    @property
+    def derivatives(self) -> tuple[int, list[tuple[Any, int]]]:
+        """How often it is differentiated by the phase, and by each other argument by which it is."""
+        orders = list(zip(self.arguments, self.order, strict=True))
+        others = [(argument, times) for argument, times in orders if times and argument != PHASE]
+        return sum(times for argument, times in orders if argument == PHASE), others
+
     def _latex(self, printer: Any, exp: str | None = None) -> str:
-        name = sympy.latex(sympy.Symbol(type(self).__name__))
-        by = " ".join(
-            rf"\partial {printer._print(argument)}{_exponent(times)}"
-            for argument, times in zip(self.arguments, self.order, strict=True)
-            if times
+        primes, others = self.derivatives
+        by = "".join(
+            rf"\partial_{{{printer._print(argument)}}}{_exponent(times)} " for argument, times in others
         )
-        text = rf"\frac{{\partial{_exponent(sum(self.order))} {name}}}{{{by}}}" if by else name
+        text = by + sympy.latex(sympy.Symbol(type(self).__name__)) + primed(primes)
         return text if exp is None else rf"\left({text}\right)^{{{exp}}}"
 
 

@@ -7,7 +7,7 @@ import sympy
 
 from derive.declarations import Condition
 from derive.errors import ExpansionError, SingularMassError
-from derive.gather import simplified
+from derive.gather import simplified, unshifted
 from derive.kinematics import LoopFunction
 from derive.kinks import at_desired_motion, open_clearances, require_tangents
 from derive.mechanism import Mechanism
@@ -46,7 +46,7 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving]) -> Linearised:
     jacobian, moving = _jacobian(residual, q)
     require_tangents(residual, jacobian, moving)
     parts = [jacobian[:, k * len(q) : (k + 1) * len(q)] for k in range(3)] + [-residual]
-    return Linearised(*(at_desired_motion(part, moving) for part in parts))
+    return Linearised(*(unshifted(at_desired_motion(part, moving)) for part in parts))
 
 
 def clearances(residual: sympy.Matrix, q: Sequence[Moving]) -> list[Condition]:

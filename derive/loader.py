@@ -44,6 +44,15 @@ class Source:
         return self.target.parent == HOME / "generated" and not (HOME / "pyproject.toml").is_file()
 
     @property
+    def cases(self) -> Path:
+        """The file of the mechanism's cases, which may be missing."""
+        return (
+            self.path.with_suffix(".toml")
+            if self.argument.endswith(".py")
+            else self.path.with_name("cases.toml")
+        )
+
+    @property
     def command(self) -> str:
         """The argument as the banner gives it: the same wherever the file lies."""
         return self.path.name if self.argument.endswith(".py") else self.name

@@ -17,13 +17,16 @@ from derive.declarations import (
     Parameter,
     bound_of,
     require_plain,
+    scalar,
 )
 from derive.errors import DeclarationError
 from derive.field import Field
 from derive.kinematics import Loop, four_bar, full_turn
 from derive.symbols import PHASE, SPEED, Moving
 from derive.transmission import PeriodicFunction, Series
-from derive.units import parse, require_coherent
+from derive.units import parse, require_coherent, short
+
+_ENERGIES = ("kinetic", "potential", "dissipation")
 
 
 @dataclass(slots=True)
@@ -56,6 +59,10 @@ class Mechanism:
     declared_loops: list[Loop] = field(default_factory=list, init=False)
     conditions: list[Condition] = field(default_factory=list, init=False)
     no_drive_torque: str = field(default="", init=False)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """An energy may be a product of vectors and matrices; it is then its one entry."""
+        object.__setattr__(self, name, scalar(name, value) if name in _ENERGIES else value)
 
     @property
     def phase(self) -> sympy.Symbol:
@@ -304,9 +311,16 @@ class Mechanism:
         self.declared_field = declared
         return declared
 
-    def force(self, force: sympy.Expr | float, along: sympy.Expr) -> None:
-        """Add the virtual work `force` δ`along` (a force and a displacement, or a torque and an angle)."""
-        self.forces.append((sympy.sympify(force), sympy.sympify(along)))
+    def force(self, force: Any, along: Any) -> None:
+        """Add the virtual work `force` δ`along` (a force and a displacement, or a torque and an angle), or
+        that of each entry of two vectors. Raises DeclarationError."""
+        F, y = sympy.sympify(force), sympy.sympify(along)
+        vectors = [isinstance(each, sympy.MatrixBase) for each in (F, y)]
+        if any(vectors) and not (all(vectors) and F.shape == y.shape):
+            raise DeclarationError(
+                f"force {short(F)} along {short(y)}: give two numbers, or two vectors of one shape"
+            )
+        self.forces += zip(F, y, strict=True) if all(vectors) else [(F, y)]
 
     def fundamental(self, **motions: sympy.Expr) -> None:
         """State the desired motion of coordinates as functions of the phase: `q1=expression`.

@@ -1,50 +1,156 @@
-"""The linearised equations as LaTeX, for reading."""
+"""The linearised equations of a mechanism as LaTeX, for reading at a terminal and for papers."""
 
-from collections.abc import Mapping, Set
+import re
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import sympy
 
 from derive.beam import FAMILIES
-from derive.galerkin import ZERO_COLUMN, ZERO_MATRIX, Projection, project
-from derive.lagrange import residual
-from derive.linearise import linearise
+from derive.emit import derive_equations
+from derive.galerkin import ZERO_COLUMN, ZERO_MATRIX, Projection
 from derive.mechanism import Mechanism
+from derive.reading import Equation, links, read, with_numbers
 from derive.structure import Structure
+from derive.symbols import PHASE, SPEED
+
+WIDTH = 80
+_INDENT = "    "
+_DEEPEST = 4
+_TALL = r"\\frac|\\begin|\\sum"
+_FRACTION = r"\\frac\{((?:[^{}]|\{[^{}]*\})*)\}\{([^{} ]*)\}"
+"""A fraction with one short factor below."""
+
+_BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
+"""Braces around the whole argument of a function."""
 
 
-def equations(mechanism: Mechanism) -> str:
-    """M, C, K, d of M q̈ + C q̇ + K q = d, series at the phase with primes only; of a structure its
-    links' properties."""
+def equations(mechanism: Mechanism, numbers: Mapping[sympy.Symbol, float] = MappingProxyType({})) -> str:
+    """M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, series at the phase with primes only; of a structure
+    its links' properties.
+
+    numbers: what to put in place of parameters; options then have their defaults.
+    """
+    numbers = {**numbers, **_defaults(mechanism)} if numbers else {}
+    names: dict[sympy.Symbol, str] = {PHASE: r"\varphi", SPEED: r"\Omega"}
+    comments = [mechanism.title]
     if isinstance(mechanism, Structure):
-        return _links(mechanism)
-    vector = sympy.latex(sympy.Matrix([each.symbol for each in mechanism.declared_coordinates]))
-    lines = [
-        f"% {mechanism.title}",
-        rf"% M \ddot q + C \dot q + K q = d,\quad \varphi = \Omega t,\quad q = {vector}",
-    ]
-    symbols = {mechanism.phase: r"\varphi", mechanism.speed: r"\Omega"}
-    if mechanism.declared_field:
-        projection = project(mechanism, mechanism.declared_field)
-        matrices, symbols = projection.linearised, symbols | _integrals(projection)
-        lines.append(r"% \psi: mode functions of \xi = x/l, integrated from 0 to 1; row i, column j")
+        found = links(mechanism)
+        comments.append("angle, length, stiffnesses, mass per length and height of each link")
     else:
-        matrices = linearise(mechanism, residual(mechanism))._asdict()
-    plain = [f"{name} = {sympy.latex(matrix, symbol_names=symbols)}" for name, matrix in matrices.items()]
-    short = [
-        f"{name if isinstance(name, str) else sympy.latex(name)} = {sympy.latex(part, symbol_names=symbols)}"
-        for name, part in abbreviated(matrices, mechanism.names()).items()
+        derived = derive_equations(mechanism)
+        found = read(mechanism, derived.linearised)
+        names |= _integrals(derived.projection) if derived.projection else {}
+        comments += _comments(mechanism, numbers)
+    lines = [line for each in comments for line in textwrap.wrap(f"% {each}", WIDTH, subsequent_indent="% ")]
+    return "\n".join([*lines, *(line for each in _numbered(found, numbers) for line in _lines(each, names))])
+
+
+def _numbered(found: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
+    """With numbers of six digits, if there are any; parts that are numbers then need no name."""
+    known = dict(numbers)
+    if not numbers:
+        yield from found
+        return
+    for each in found:
+        value = with_numbers(each.right, known)
+        if each.unit and value.is_number:
+            known[each.left[0]] = value
+        else:
+            rounded = value.xreplace({number: _rounded(number) for number in value.atoms(sympy.Float)})
+            yield replace(each, right=rounded)
+
+
+def _rounded(number: sympy.Float) -> Any:
+    text = f"{float(number):.6g}"
+    return sympy.Integer(text) if re.fullmatch(r"-?\d+", text) else sympy.Float(text, 6)
+
+
+def _defaults(mechanism: Mechanism) -> dict[sympy.Symbol, float]:
+    return {
+        indicator: float(value == option.default)
+        for option in mechanism.declared_options
+        for indicator, value in zip(option.indicators, option.values, strict=False)
+    }
+
+
+def _comments(mechanism: Mechanism, numbers: Mapping[sympy.Symbol, float]) -> list[str]:
+    """What the symbols of the equations mean, beyond the mechanism's own."""
+    if mechanism.declared_field:
+        vector = r"\psi: mode functions of \xi = x/l, integrals from 0 to 1; row i, column j"
+    else:
+        vector = "q = (" + ", ".join(latex(each.symbol) for each in mechanism.declared_coordinates) + ")"
+    return [
+        r"M \ddot q + C \dot q + K q = d, \varphi = \Omega t, primes: d/d\varphi; entries not given are 0",
+        vector,
+        *(
+            f"{latex(indicator)} is 1 for the option {option.name}={value}, else 0"
+            for option in mechanism.declared_options
+            for indicator, value in zip(option.indicators, option.values, strict=False)
+            if indicator not in numbers
+        ),
     ]
-    # Abbreviations are worth their names only where they make kinematics that are written out readable.
-    lines += short if 2 * len("".join(short)) < len("".join(plain)) else plain
-    return "\n".join(lines)
 
 
-def abbreviated(matrices: Mapping[str, Any], taken: Set[str]) -> dict[Any, Any]:
-    """Common parts by new symbols s1, s2, …, none of them `taken`, then the matrices in these."""
-    new = (symbol for symbol in sympy.numbered_symbols("s", start=1) if symbol.name not in taken)
-    common, reduced = sympy.cse(list(matrices.values()), new, order="canonical")
-    return {**dict(common), **dict(zip(matrices, reduced, strict=True))}
+def latex(expression: Any, names: Mapping[sympy.Symbol, str] | None = None) -> str:
+    """LaTeX without braces and sizes of brackets where it means the same without them.
+
+    >>> x, y = sympy.symbols("x_1 y")
+    >>> latex(sympy.sin(x + y) ** 2 / 2)
+    '\\sin^2(x_1 + y) / 2'
+    """
+    text = sympy.latex(expression, symbol_names=dict(names or {}), fold_short_frac=True)
+    text = re.sub(_FRACTION, _in_line, re.sub(r"([_^])\{(\w)\}", r"\1\2", text))
+    if not re.search(_TALL, text):
+        text = re.sub(r"\\(left|right)(?=[()|])", "", text)
+    return re.sub(_BRACES, r"\1\2", re.sub(r" +(?=[ )]|\\right)", "", text))
+
+
+def _in_line(fraction: re.Match[str]) -> str:
+    above, below = fraction.groups()
+    return f"({above}) / {below}" if len(_terms(above, 0)) > 1 else f"{above} / {below}"
+
+
+def _lines(equation: Equation, names: Mapping[sympy.Symbol, str]) -> list[str]:
+    """With the unit of what has one as a comment."""
+    text = " = ".join([*map(latex, equation.left), latex(equation.right, names)])
+    first, *others = _folded(text, WIDTH)
+    lines = [first, *(_INDENT + each for each in others)]
+    unit = f" % {equation.unit}" if equation.unit else ""
+    return (
+        [*lines[:-1], lines[-1] + unit]
+        if len(lines[-1] + unit) <= WIDTH
+        else [*lines, _INDENT + unit.strip()]
+    )
+
+
+def _folded(text: str, width: int, depth: int = 0) -> list[str]:
+    """Lines broken before + and −, outside brackets where that is enough."""
+    if len(text) <= width:
+        return [text]
+    if depth > _DEEPEST:
+        return textwrap.wrap(text, width - len(_INDENT), break_long_words=False, break_on_hyphens=False)
+    lines = [""]
+    for term in _terms(text, depth):
+        if lines[-1] and len(lines[-1] + term) > width - len(_INDENT):
+            lines.append(term.lstrip())
+        else:
+            lines[-1] += term
+    return [part for line in lines for part in _folded(line, width - len(_INDENT), depth + 1)]
+
+
+def _terms(text: str, depth: int) -> list[str]:
+    """The text cut before each + and − between spaces that so many brackets at most enclose."""
+    inside, start, terms = 0, 0, []
+    for at, letter in enumerate(text):
+        inside += (letter in "({") - (letter in ")}")
+        if inside <= depth and re.match(" [-+] ", text[at:]):
+            terms.append(text[start:at])
+            start = at
+    return [*terms, text[start:]]
 
 
 def _integrals(projection: Projection) -> dict[sympy.Symbol, str]:
@@ -66,16 +172,6 @@ def _weight(power: int) -> str:
 
 def _mode(number: str, derivative: int) -> str:
     return rf"\psi_{number}{derivative * chr(39)}"
-
-
-def _links(structure: Structure) -> str:
-    lines = [f"% {structure.title}"]
-    for link in structure.declared_links:
-        lines.append(
-            f"% link {link.name}, from {link.start} to {link.end}: angle, length, EA, EI, rhoA, height"
-        )
-        lines += [sympy.latex(expression) for expression, _ in link.properties.values()]
-    return "\n".join(lines)
 
 
 def elements() -> str:

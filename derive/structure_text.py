@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import sympy
 
-from derive.emit import TOOLS, condition_functions, constants, functions_text, literal
+from derive.emit import TOOLS, condition_functions, constants, equations_text, functions_text, literal
 from derive.freshness import banner, hashed_module
 from derive.function_text import GeneratedFunction
+from derive.reading import links
 from derive.structure import ELEMENT_NAMES, Structure
 from derive.structure_outputs import Observed, observed
 
@@ -42,6 +43,7 @@ def structure_text(structure: Structure, source_sha256: str, derive_sha256: str,
         _data(structure, of_interest),
         *(tool for call, tool in TOOLS.items() if any(call in text for text in texts)),
         *texts,
+        equations_text(links(structure)),
     ]
     head = banner(structure.title, command)
     body = "\n\n\n".join(parts) + "\n"

@@ -34,11 +34,14 @@ SPEED = sympy.Symbol("speed", real=True)
 PHASE = Phase("phase")
 
 
-def rate(expression: sympy.Expr | float) -> sympy.Expr:
-    """Total time derivative at constant speed, through phase, coordinates and their rates.
+def rate(expression: Any) -> Any:
+    """Total time derivative at constant speed, through phase, coordinates and their rates; of a vector or
+    matrix that of each entry.
 
     Raises ImpulseError where the expression jumps.
     """
+    if isinstance(expression, sympy.MatrixBase):
+        return expression.applyfunc(rate)
     stated = counted(sympy.sympify(expression))
     moving = sorted(stated.atoms(Moving), key=lambda symbol: symbol.name)
     return sympy.Add(*(slope(stated, symbol) * symbol.rate for symbol in moving))
@@ -89,6 +92,11 @@ def _parts(expression: Any) -> tuple[Any, ...]:
     """The arguments, but for those of functions that repeat with their angle."""
     repeats = isinstance(expression, Wrapped | sympy.sin | sympy.cos | sympy.tan) or is_own(expression)
     return () if repeats else expression.args
+
+
+def primed(order: int) -> str:
+    """LaTeX after the name of a function that is differentiated so often."""
+    return "'" * order if order < 4 else f"^{{({order})}}"
 
 
 def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol
 
 import sympy
 
-from derive.symbols import PHASE
+from derive.symbols import PHASE, primed
 from derive.units import Dimension
 
 
@@ -57,9 +57,7 @@ class PeriodicFunction(sympy.Function):
         return self.func(self.args[0], self.order + 1)
 
     def _latex(self, printer, exp: str | None = None) -> str:
-        order = self.order
-        primes = "'" * order if order < 4 else f"^{{({order})}}"
-        name = sympy.latex(sympy.Symbol(type(self).__name__)) + primes
+        name = sympy.latex(sympy.Symbol(type(self).__name__)) + primed(self.order)
         if self.args[0] != PHASE:
             name += r"\left(" + printer._print(self.args[0]) + r"\right)"
         return name if exp is None else rf"\left({name}\right)^{{{exp}}}"

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "028a5ba26a626a2f1306e14f09413a931bc96b94c2e41d4186e461e2c20514b2"
-DERIVE_SHA256 = "4c9e00026bde2a3b64ef9880af4e2185c2be5e082cae22b7122fcd56bfb34109"
+DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3cdbbda0d52ee21313ee7d0793d671229511a76117bedde22db58ab5921ff3fc"
+FILE_SHA256 = "9080865ff0c0b240f003d468955e12e553cb0365b3372fc3a75e26fdc029eb0a"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -78,6 +78,10 @@ OUTPUTS = (
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
+)
+SERIES = (
+    ("U", "cosine-sine", True, "", "a", "b", 12),
+    ("F", "cosine-sine", False, "F", "Fa", "Fb", 6),
 )
 VALIDITY = {"q1": 0.05}
 PERIOD = 2*math.pi
@@ -251,3 +255,26 @@ def outputs():
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "shaft_torque", "contact_force", "output_displacement"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>M</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>I</mi><mi>1</mi></msub><mo>+</mo><mrow><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2032;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>12</mi></msub><mo>=</mo><msub><mi>M</mi><mi>21</mi></msub><mo>=</mo><mrow><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>13</mi></msub><mo>=</mo><msub><mi>M</mi><mi>31</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>3</mi></msub><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>22</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>23</mi></msub><mo>=</mo><msub><mi>M</mi><mi>32</mi></msub><mo>=</mo><msub><mi>m</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>33</mi></msub><mo>=</mo><msub><mi>m</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>c</mi><mi>1</mi></msub><mo>+</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>21</mi></msub><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>22</mi></msub><mo>=</mo><msub><mi>c</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>31</mi></msub><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>m</mi><mi>3</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>33</mi></msub><mo>=</mo><msub><mi>c</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>k</mi><mi>1</mi></msub><mo>+</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow><mo>+</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2033;</mo></msup><mn>2</mn></msup></mrow><mo>+</mo><mrow><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>21</mi></msub><mo>=</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>22</mi></msub><mo>=</mo><msub><mi>k</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>31</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>3</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>33</mi></msub><mo>=</mo><msub><mi>k</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>1</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mrow><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>2</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mi>F</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>3</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msub><mi>m</mi><mi>3</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mi>F</mi></mrow></mrow></math>",
+)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "4c9e00026bde2a3b64ef9880af4e2185c2be5e082cae22b7122fcd56bfb34109"
+DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c3e5ac7d9652af10d534fdbeaebfc99db144dd944cf1e8ea8b061894d186f251"
+FILE_SHA256 = "ad111f7f0e539f1d60f621690250714d000618e6b4babfa69e929945f219f408"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -233,3 +233,28 @@ def conditions(*, branch="open"):
         ["phase", "p"],
         ["margins"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>&#952;</mi><mi>crank</mi></msub><mo>=</mo><mrow><mi>&#x3C6;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>crank</mi></msub><mo>=</mo><msub><mi>L</mi><mi>1</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>crank</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>crank</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>1</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>crank</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>1</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>crank</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>1</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>crank</mi></msub><mo>=</mo><msub><mi>h</mi><mi>1</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>&#952;</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>t</mi><mi>2</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>coupler</mi></msub><mo>=</mo><msub><mi>L</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>coupler</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>2</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>coupler</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>2</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>2</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>coupler</mi></msub><mo>=</mo><msub><mi>h</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>&#952;</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>t</mi><mi>3</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>follower</mi></msub><mo>=</mo><msub><mi>L</mi><mi>3</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>follower</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>3</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>follower</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>3</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>3</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>follower</mi></msub><mo>=</mo><msub><mi>h</mi><mi>3</mi></msub></mrow></math>",
+)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "4c9e00026bde2a3b64ef9880af4e2185c2be5e082cae22b7122fcd56bfb34109"
+DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1e697e2b1f017620b8fa3e67859f37d355df640a5f3305adba16103172b3460f"
+FILE_SHA256 = "6ec1aff6b0a6ec5a2ac1434296eea50c27fc89328c9f92808ad48236b96bcb53"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -71,6 +71,10 @@ OUTPUTS = (
 )
 LIMITS = (
     ("mesh_force", ">= 0", "the teeth separate; backlash is not in the model"),
+)
+SERIES = (
+    ("k", "amplitude-phase", False, "k0", "k", "gamma", 10),
+    ("e", "amplitude-phase", False, "", "e", "alpha", 6),
 )
 VALIDITY = {}
 PERIOD = 2*math.pi
@@ -243,3 +247,13 @@ def outputs(*, load="tracking"):
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["transmission_error_rate", "mesh_force", "pinion_speed_ripple", "wheel_speed_ripple"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>&#963;</mi><mi>a</mi></msub><mo>=</mo><mrow><mrow><msub><mi>J</mi><mi>1</mi></msub><mo>&#x2062;</mo><msup><msub><mi>rb</mi><mi>2</mi></msub><mn>2</mn></msup></mrow><mo>+</mo><mrow><msub><mi>J</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><msub><mi>rb</mi><mi>1</mi></msub><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>c</mi><mi>a</mi></msub><mo>=</mo><msqrt><mrow><mfrac><mrow><msub><mi>J</mi><mi>1</mi></msub><mo>&#x2062;</mo><msub><mi>J</mi><mi>2</mi></msub><mo>&#x2062;</mo><msub><mi>k</mi><mi>0</mi></msub></mrow><msub><mi>&#963;</mi><mi>a</mi></msub></mfrac></mrow></msqrt></mrow></math>",
+    "<math><mrow><mi>M</mi><mo>=</mo><mrow><mrow><mfrac><mrow><msup><msub><mi>J</mi><mi>1</mi></msub><mn>2</mn></msup><mo>&#x2062;</mo><msub><mi>J</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><msub><mi>rb</mi><mi>2</mi></msub><mn>2</mn></msup></mrow><msup><msub><mi>&#963;</mi><mi>a</mi></msub><mn>2</mn></msup></mfrac></mrow><mo>+</mo><mrow><mfrac><mrow><msub><mi>J</mi><mi>1</mi></msub><mo>&#x2062;</mo><msup><msub><mi>J</mi><mi>2</mi></msub><mn>2</mn></msup><mo>&#x2062;</mo><msup><msub><mi>rb</mi><mi>1</mi></msub><mn>2</mn></msup></mrow><msup><msub><mi>&#963;</mi><mi>a</mi></msub><mn>2</mn></msup></mfrac></mrow></mrow></mrow></math>",
+    "<math><mrow><mi>C</mi><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>c</mi><mi>a</mi></msub><mo>&#x2062;</mo><mi>&#950;</mi></mrow></mrow></math>",
+    "<math><mrow><mi>K</mi><mo>=</mo><mrow><mi>k</mi><mrow><mo>&#x2061;</mo><mo>(</mo><mrow><mrow><mi>&#x3C6;</mi></mrow><mo>&#x2062;</mo><msub><mi>z</mi><mi>1</mi></msub></mrow><mo>)</mo></mrow></mrow></mrow></math>",
+    "<math><mrow><mi>d</mi><mo>=</mo><mrow><mrow><mo>-</mo><mn>2</mn><mo>&#x2062;</mo><msub><mi>c</mi><mi>a</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><mi>&#950;</mi><mo>&#x2062;</mo><msup><mi>e</mi><mo>&#x2032;</mo></msup></mrow><mo>+</mo><mrow><msub><mi>k</mi><mi>0</mi></msub><mo>&#x2062;</mo><mrow><mo>(</mo><mrow><mrow><msub><mi>load</mi><mi>tracking</mi></msub><mo>&#x2062;</mo><mi>e</mi></mrow><mo>+</mo><msub><mi>q</mi><mi>0</mi></msub></mrow><mo>)</mo></mrow></mrow><mo>-</mo><mrow><mi>e</mi><mo>&#x2062;</mo><mrow><mi>k</mi><mrow><mo>&#x2061;</mo><mo>(</mo><mrow><mrow><mi>&#x3C6;</mi></mrow><mo>&#x2062;</mo><msub><mi>z</mi><mi>1</mi></msub></mrow><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
+)

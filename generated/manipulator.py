@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "4c9e00026bde2a3b64ef9880af4e2185c2be5e082cae22b7122fcd56bfb34109"
+DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e9d7d87f0e19797a03deeaeb81d94ebedae9bd68b39f343b02a527df2c9942d5"
+FILE_SHA256 = "c0c8ba1af4fd26ca3f3d71e43601d64306d85e3c2377edb1c1cddb9dbb429135"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -60,6 +60,9 @@ OUTPUTS = (
     ("hammer_displacement", "m", "position of the hammer"),
 )
 LIMITS = ()
+SERIES = (
+    ("U", "cosine-sine", True, "", "a", "b", 12),
+)
 VALIDITY = {"q1": 0.12}
 PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 279, "residual": 232, "outputs": 139}
@@ -201,3 +204,18 @@ def outputs():
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "load_torque", "hammer_displacement"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>M</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>I</mi><mi>1</mi></msub><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2032;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>12</mi></msub><mo>=</mo><msub><mi>M</mi><mi>21</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>22</mi></msub><mo>=</mo><msub><mi>m</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>c</mi><mi>1</mi></msub><mo>+</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>21</mi></msub><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>22</mi></msub><mo>=</mo><msub><mi>c</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>11</mi></msub><mo>=</mo><mrow><mrow><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>+</mo><msub><mi>k</mi><mi>1</mi></msub><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2033;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>21</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>22</mi></msub><mo>=</mo><msub><mi>k</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>1</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow><mo>-</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>2</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><mi>F</mi></mrow><mo>-</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+)

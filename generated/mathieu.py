@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "3d5d844475585a5a66f39c520098f2aaf6ccc6f6e51368c3868239da0db447f9"
-DERIVE_SHA256 = "4c9e00026bde2a3b64ef9880af4e2185c2be5e082cae22b7122fcd56bfb34109"
+DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b7ebb9ef903e17158233bd478243c768558ca2fcdca0b18a3f4e4b47d73877d8"
+FILE_SHA256 = "1d14cc52a1d11278aa8239ca9f28e254d12c1aa5ce72b8b7893f5035c568e604"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -95,3 +95,11 @@ def outputs():
         ["phase", "speed", "q", "qd", "qdd", "p"],
         [],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><mi>M</mi><mo>=</mo><mn>1</mn></mrow></math>",
+    "<math><mrow><mi>C</mi><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mi>&#950;</mi><mo>&#x2062;</mo><msqrt><mrow><mo>|</mo><mi>&#948;</mi><mo>|</mo></mrow></msqrt></mrow></mrow></math>",
+    "<math><mrow><mi>K</mi><mo>=</mo><mrow><mi>&#948;</mi><mo>+</mo><mrow><mi>&#949;</mi><mo>&#x2062;</mo><mrow><mi>cos</mi><mrow><mo>(</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mrow><mi>&#x3C6;</mi></mrow></mrow><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
+    "<math><mrow><mi>d</mi><mo>=</mo><mn>0</mn></mrow></math>",
+)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "4c9e00026bde2a3b64ef9880af4e2185c2be5e082cae22b7122fcd56bfb34109"
+DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b91c8f13e0afbe2057c4139b2028674c372250b880083c9b8a8bc2db20458315"
+FILE_SHA256 = "5eb7f99a7fa6d28c1e2b12da7278c34118f7c738c4b7ca6cd943fb3e93fa314e"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -117,3 +117,28 @@ def properties():
         ["phase", "p"],
         ["angle", "length", "E", "EA", "EI", "mu", "height", "mass", "damping_ratio"],
     )
+
+
+EQUATIONS = (
+    "<math><mrow><msub><mi>&#952;</mi><mi>left</mi></msub><mo>=</mo><mrow><mfrac><mi>&#960;</mi><mn>2</mn></mfrac></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>left</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>left</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>left</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
+    "<math><mrow><msub><mi>&#952;</mi><mi>beam</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>beam</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>beam</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>beam</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
+    "<math><mrow><msub><mi>&#952;</mi><mi>right</mi></msub><mo>=</mo><mrow><mfrac><mi>&#960;</mi><mn>2</mn></mfrac></mrow></mrow></math>",
+    "<math><mrow><msub><mi>L</mi><mi>right</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
+    "<math><mrow><msub><mi>E</mi><mi>right</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>h</mi><mi>right</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
+)

@@ -1,6 +1,7 @@
 """From the name of a model, the path of its mechanism, or the mechanism itself to a periodic system."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol
@@ -93,7 +94,7 @@ def case_numbers(
     """The numbers of a model's case in SI units, each within its bounds, some of them replaced; whether they
     fit together is not looked at. Raises as `load` does."""
     module, chosen = _chosen(model, case, cases, parameters or {})
-    return Case(chosen.name, chosen.speed, checked_parameters(module, chosen.parameters))
+    return replace(chosen, parameters=checked_parameters(module, chosen.parameters))
 
 
 def _chosen(

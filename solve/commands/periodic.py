@@ -8,6 +8,7 @@ from solve.commands.groups import Flag, OnePoint, Problem, Results, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import ValueOutOfBoundsError
 from solve.results.plot import checked_scale, shown
+from solve.results.turn_plot import fits_figure
 
 
 def periodic(
@@ -22,12 +23,16 @@ def periodic(
     ] = None,
     quasi_static: Annotated[bool, Flag("The kinetostatic solution beside the full one.")] = False,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
+    fits: Annotated[bool, Flag("With --plot: the case's tables and the series fitted to them.")] = False,
     scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:
     """Periodic vibration, its spectrum and its stability."""
     orders, model = harmonic_count(harmonics), problem.loaded()
     checked_scale(scale)
     shown(model, show)
+    if fits and results.plot is None:
+        raise ValueOutOfBoundsError("--fits chooses what is drawn; add --plot FILE")
+    picture = fits_figure(model) if fits else None
     if nonlinear:
         _check_nonlinear(accuracy, quasi_static)
         given = accuracy.rule, accuracy.steps, accuracy.rtol
@@ -42,7 +47,7 @@ def periodic(
         problem.choices,
         record=lambda: orbit.record(orders, quasi_static),
         report=lambda: orbit.report(problem.choices, quasi_static),
-        figure=lambda: orbit.plot(show, quasi_static, scale, harmonics),
+        figure=lambda: picture or orbit.plot(show, quasi_static, scale, harmonics),
     )
 
 

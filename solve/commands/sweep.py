@@ -1,11 +1,11 @@
 """`solve sweep`: response and stability over many speeds."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speeds, Steps
-from solve.commands.parse import harmonic_count
+from solve.commands.parse import harmonic_count, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.results.plot import shown
 from solve.results.style import Figure
@@ -26,18 +26,25 @@ def sweep(
         str | None, Flag("Draw this coordinate's or output's spectrum over speed instead.", "NAME")
     ] = None,
     harmonics: Annotated[int | None, Flag("Orders of the spectrum.", "N", "60")] = None,
+    over: Annotated[
+        list[str] | None, Flag("N values of a parameter from A to B, in SI; repeatable.", "NAME=A:B:N")
+    ] = None,
     turn: Annotated[
         str | None, Flag("Draw its curve over one turn instead, a line a speed: up to 12.", "NAME")
     ] = None,
 ) -> None:
-    """Periodic vibration and stability over many speeds."""
-    orders, omegas = harmonic_count(harmonics), speeds.omegas()
-    model = problem.loaded()
+    """Periodic vibration and stability over many speeds, and values of parameters."""
+    orders, varied = harmonic_count(harmonics), _varied(over)
+    omegas = None if varied and speeds.speeds is None else speeds.omegas()
+    model, count = problem.loaded(), 1 if omegas is None else len(omegas)
     names, spectra = shown(model, show), [waterfall] if waterfall else []
+    if over and (turn or waterfall):
+        raise ValueOutOfBoundsError("--over varies parameters; --turn and --waterfall show speeds alone")
     if turn is not None:
-        _check_turn(model, turn, len(omegas), results, waterfall)
+        _check_turn(model, turn, count, results, waterfall)
     asked = accuracy.rule, accuracy.steps, accuracy.rtol
-    result = solve.sweep(model, omegas, *asked, spectra=spectra, harmonics=orders)
+    kept: dict[str, Any] = {"spectra": spectra, "harmonics": orders, "over": varied or None}
+    result = solve.sweep(model, omegas, *asked, **kept)
     result.results.require_any()
 
     def figure() -> Figure:
@@ -55,6 +62,14 @@ def sweep(
         report=lambda: result.report(problem.choices, names),
         figure=figure,
     )
+
+
+def _varied(over: list[str] | None) -> dict[str, list[float]]:
+    """Values by name. Raises ValueOutOfBoundsError."""
+    pairs = [points("--over", text) for text in over or []]
+    for name in (name for at, (name, _) in enumerate(pairs) if name in dict(pairs[:at])):
+        raise ValueOutOfBoundsError(f"--over gives {name} twice; give it once")
+    return dict(pairs)
 
 
 def _check_turn(

@@ -3,26 +3,37 @@
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError
+from solve.model.tables import Fit, Series, fitted, series_of
 from solve.sizes import require_size
 from solve.units import conversion
 
 _ENTRY = {"value", "values", "count", "unit", "source"}
+_TABLE = {"table", "columns", "harmonics", "source"}
 _NUMBERS_A_BYTE = 64
 
 
 @dataclass(frozen=True)
 class Case:
-    """name, the speed that the case names (a text with unit) or None, and the parameters in SI."""
+    """name, the speed that the case names (a text with unit) or None, the parameters in SI, and by the names
+    of series what was fitted to tables."""
 
     name: str
     speed: str | None
     parameters: Mapping[str, Any]
+    fits: Mapping[str, Fit] = field(default_factory=dict)
+
+    def replaced(
+        self, parameters: Mapping[str, Any], fits: Mapping[str, Fit] = MappingProxyType({})
+    ) -> "Case":
+        """With further parameters and fits; a series of which a parameter is given is fitted no more."""
+        kept = {name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)}
+        return replace(self, parameters={**self.parameters, **parameters}, fits={**kept, **fits})
 
 
 def chosen_case(
@@ -40,7 +51,8 @@ def chosen_case(
     Raises UnknownNameError, CaseFileError and MissingValueError.
     """
     known = {name: unit for name, unit, *_ in module.PARAMETERS}
-    cases = read_cases(path, known) if path and (required or path.is_file()) else None
+    series = series_of(getattr(module, "SERIES", ()))
+    cases = read_cases(path, known, series) if path and (required or path.is_file()) else None
     if cases is None and case is not None:
         where = f"no case file '{path}'" if path else f"{module.NAME} is in no file and has no case file"
         raise CaseFileError(f"{where} for case '{case}'; write one, or name no case")
@@ -51,29 +63,32 @@ def chosen_case(
     for name in replaced:
         if name not in known:
             raise UnknownNameError(f"parameter of {module.NAME}", name, known)
-    values = {**chosen.parameters, **replaced}
-    missing = [name for name in known if name not in values]
+    chosen = chosen.replaced(replaced)
+    missing = [name for name in known if name not in chosen.parameters]
     if missing:
         where = f"case '{chosen.name}' of {module.NAME}" if chosen.name else f"{module.NAME} has no case and"
         raise MissingValueError(
             f"{where} gives no value for {', '.join(missing[:8])}; add it to the case file or set it: "
             f"{missing[0]}=NUMBER"
         )
-    return Case(chosen.name, chosen.speed, values)
+    return chosen
 
 
-def read_cases(path: Path, units: Mapping[str, str]) -> dict[str, Case]:
-    """The cases of a file, in its order; `units` are those that the model declares.
+def read_cases(
+    path: Path, units: Mapping[str, str], series: Mapping[str, Series] = MappingProxyType({})
+) -> dict[str, Case]:
+    """The cases of a file, in its order; `units` and `series` are those that the model declares.
 
     An entry is { value, unit, source }; { values = […] } gives NAME1, NAME2, …; { value, count } gives
-    the same value to NAME1 … NAMEcount. Entries of [common.parameters] hold for every case. Raises
-    CaseFileError, UnknownNameError for a misspelt key or parameter, UnitError for a unit of another kind.
+    the same value to NAME1 … NAMEcount; { table, columns, harmonics } fits a series to a CSV file beside.
+    Entries of [common.parameters] hold for every case. Raises CaseFileError, UnknownNameError for a misspelt
+    key or parameter, UnitError for a unit of another kind.
     """
     table = _read(path)
     _known(table, {"common", "case"}, f"key of {path.name}")
     common = _table(table.get("common", {}), "common", path)
     _known(common, {"parameters"}, f"key of [common] in {path.name}")
-    shared = _parameters(common.get("parameters", {}), units, path)
+    shared = Case("", None, {}).replaced(*_parameters(common.get("parameters", {}), units, series, path))
     cases = {}
     for name, raw in _table(table.get("case", {}), "case", path).items():
         entry = _table(raw, f"case.{name}", path)
@@ -83,7 +98,8 @@ def read_cases(path: Path, units: Mapping[str, str]) -> dict[str, Case]:
             raise CaseFileError(
                 f"speed of case '{name}' is {speed!r}; give a text with unit, such as '600 rpm'"
             )
-        cases[name] = Case(name, speed, {**shared, **_parameters(entry.get("parameters", {}), units, path)})
+        own = _parameters(entry.get("parameters", {}), units, series, path)
+        cases[name] = replace(shared, name=name, speed=speed).replaced(*own)
     if not cases:
         raise CaseFileError(f"case file '{path}' has no [case.NAME]; add one")
     return cases
@@ -106,20 +122,56 @@ def _read(path: Path) -> dict[str, Any]:
         raise CaseFileError(f"case file '{path}' is not TOML: {error}") from None
 
 
-def _parameters(raw: Any, units: Mapping[str, str], path: Path) -> dict[str, float]:
+def _parameters(
+    raw: Any, units: Mapping[str, str], series: Mapping[str, Series], path: Path
+) -> tuple[dict[str, float], dict[str, Fit]]:
     values: dict[str, float] = {}
+    fits: dict[str, Fit] = {}
     for name, raw_entry in _table(raw, "parameters", path).items():
         entry = _table(raw_entry, name, path)
-        _known(entry, _ENTRY, f"key of {name} in {path.name}")
-        unit = _text(entry, "unit", name, path)
-        _text(entry, "source", name, path)
-        for member, number in _members(name, entry, path):
-            if member not in units:
-                raise UnknownNameError(f"parameter in {path.name}", member, units)
-            try:
-                values[member] = number * conversion(unit, units[member])
-            except UnitError as error:
-                raise UnitError(f"{member} in {path.name}: {error}") from None
+        if "table" in entry:
+            fit = fits[name.removesuffix("'")] = _fit(name, entry, units, series, path)
+            found = fit.parameters
+        else:
+            found = _numbers(name, entry, units, path)
+        for member in found:
+            if member in values:
+                raise CaseFileError(f"{member} in {path.name} is given twice, the second time by {name}")
+        values |= found
+    return values, fits
+
+
+def _fit(
+    name: str, entry: dict[str, Any], units: Mapping[str, str], series: Mapping[str, Series], path: Path
+) -> Fit:
+    """Of a series to a table."""
+    _known(entry, _TABLE, f"key of {name} in {path.name}")
+    of, columns = name.removesuffix("'"), entry.get("columns")
+    if of not in series:
+        raise UnknownNameError(f"series in {path.name}", of, series)
+    texts = columns if isinstance(columns, list) else []
+    if len(texts) != 2 or not all(isinstance(each, str) for each in (entry["table"], *texts)):
+        raise CaseFileError(
+            f"{name} in {path.name} needs a table and two columns; write "
+            '{ table = "mine.csv", columns = ["angle (deg)", "pressure (bar)"], harmonics = 12 }'
+        )
+    unit = units[f"{series[of].first}1"]
+    return fitted(name, path.parent / entry["table"], texts, entry.get("harmonics"), series[of], unit)
+
+
+def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: Path) -> dict[str, float]:
+    """The parameters of an entry that has their numbers."""
+    _known(entry, _ENTRY, f"key of {name} in {path.name}")
+    unit = _text(entry, "unit", name, path)
+    _text(entry, "source", name, path)
+    values = {}
+    for member, number in _members(name, entry, path):
+        if member not in units:
+            raise UnknownNameError(f"parameter in {path.name}", member, units)
+        try:
+            values[member] = number * conversion(unit, units[member])
+        except UnitError as error:
+            raise UnitError(f"{member} in {path.name}: {error}") from None
     return values
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -46,7 +47,8 @@ class Model(PeriodicSystem):
         self.options = setup.options
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
-        self.ignored = getattr(module, "NONLINEAR", ())
+        self.fits = setup.case.fits
+        self.ignored = (*getattr(module, "NONLINEAR", ()), *(fit.sentence for fit in self.fits.values()))
         self.units = {name: unit for name, unit, _ in (*coordinates, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*coordinates, *module.OUTPUTS)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
@@ -56,6 +58,11 @@ class Model(PeriodicSystem):
         """The model of a setup."""
         sampler = MatrixSampler(setup.function("linearised"), setup.p)
         return cls(setup, sampler, setup.module.COORDINATES[: sampler.n])
+
+    def _repr_html_(self) -> str:
+        """Title and linearised equations, in a notebook."""
+        equations = getattr(self.module, "EQUATIONS", (getattr(self.module, "NO_EQUATIONS", ""),))
+        return "".join(f"<p>{each}</p>" for each in (escape(self.title), *equations))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""

@@ -41,8 +41,7 @@ class Setup:
 
     def varied(self, parameters: Mapping[str, float], options: Mapping[str, Any]) -> "Setup":
         """The same with some of them changed."""
-        case = replace(self.case, parameters={**self.case.parameters, **parameters})
-        return Setup.checked(self.module, case, {**self.options, **options})
+        return Setup.checked(self.module, self.case.replaced(parameters), {**self.options, **options})
 
     @cached_property
     def p(self) -> Array:

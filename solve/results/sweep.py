@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import require_name
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Contents, model_record, plain, table_contents
@@ -22,7 +22,7 @@ from solve.results.report import RenderableType, model_heading, stacked, table
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure, page
-from solve.results.sweep_plot import sweep_figure, waterfall_figure
+from solve.results.sweep_plot import SPEED, over_figure, sweep_figure, waterfall_figure
 from solve.system import PeriodicSystem
 
 _WIDTH = 48
@@ -40,11 +40,11 @@ _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One speed of a sweep: what is kept of its orbit, or the reason why there is none.
+    """One point of a sweep: what is kept of its orbit, or the reason why there is none.
 
-    statistics: of coordinates and outputs by name. multipliers: all 2n, falling in modulus, 0 where the
-    monodromy matrix holds no digit.
-    error: the reason; figures are then NaN.
+    parameters: those that vary beside the speed. statistics: of coordinates and outputs by name. multipliers:
+    all 2n, falling in modulus, 0 where the monodromy matrix holds no digit. error: the reason; figures are
+    then NaN.
     """
 
     speed: float
@@ -57,6 +57,7 @@ class SweepPoint:
     warnings: Sequence[str] = ()
     error: str | None = None
     multipliers: Sequence[complex] = ()
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def stable(self) -> bool | None:
@@ -65,11 +66,12 @@ class SweepPoint:
 
     def record(self, system: PeriodicSystem) -> dict[str, Any]:
         """As plain data; the system is that of the sweep."""
+        where = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
         if self.error is not None:
-            return {"speed": self.speed, "error": self.error}
+            return {**where, "error": self.error}
         names = "spectral_radius", "verdict", "stable", "method", "steps"
         return {
-            "speed": self.speed,
+            **where,
             "coordinates": self._figures(system, system.coordinates),
             "outputs": self._figures(system, system.outputs),
             **{name: getattr(self, name) for name in names},
@@ -85,13 +87,15 @@ class SweepPoint:
 @dataclass(frozen=True)
 class Sweep(Result):
     """The results of many speeds (rad/s), in the order given. engine: what solved them; notes: how it
-    was chosen, where that is not as asked."""
+    was chosen, where that is not as asked; parameters: values (P,) of those that vary too, a point each, as
+    the speeds then are."""
 
     system: PeriodicSystem
     speeds: Array
     results: PointResults
     engine: str = ""
     notes: Sequence[str] = ()
+    parameters: Mapping[str, Array] = field(default_factory=dict)
 
     @cached_property
     def points(self) -> Sequence[SweepPoint]:
@@ -100,8 +104,9 @@ class Sweep(Result):
 
     def _point(self, at: int) -> SweepPoint:
         results, speed = self.results, float(self.speeds[at])
+        parameters = {name: float(values[at]) for name, values in self.parameters.items()}
         if results.verdicts[at] == FAILED:
-            return SweepPoint(speed, error=results.failures[at])
+            return SweepPoint(speed, error=results.failures[at], parameters=parameters)
         figures = (Statistics(*row.tolist()) for row in results.figures[at])
         return SweepPoint(
             speed,
@@ -113,6 +118,7 @@ class Sweep(Result):
             ErrorEstimate(*results.errors[at].tolist()),
             results.warnings.get(at, ()),
             multipliers=results.multipliers[at].tolist(),
+            parameters=parameters,
         )
 
     @property
@@ -148,7 +154,9 @@ class Sweep(Result):
     def unstable(self) -> list[tuple[float, float, str]]:
         """Runs of neighbouring unstable speeds: from, to (rad/s, half way to stable neighbours, not beyond
         the last known speed beside failed ones) and the kind of the largest multiplier; `bands` refines
-        their edges."""
+        their edges. None where parameters vary too."""
+        if self.parameters:
+            return []
         order = np.argsort(self.speeds)
         speeds, kinds, failed = self.speeds[order], self.results.kinds[order], self.results.failed[order]
         between = np.where(failed[:-1], speeds[1:], (speeds[1:] + speeds[:-1]) / 2)
@@ -171,7 +179,11 @@ class Sweep(Result):
         for at in sorted(texts):
             for text in texts[at]:
                 groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(float(self.speeds[at]))
-        of_points = [f"{text} ({_where(at, len(self.speeds))})" for text, at in groups.values()]
+        total = len(self.speeds)
+        of_points = [
+            f"{text} ({f'at {len(at)} of {total} points' if self.parameters else _where(at, total)})"
+            for text, at in groups.values()
+        ]
         return [*self.system.ignored, *of_points]
 
     def record(self) -> dict[str, Any]:
@@ -181,18 +193,27 @@ class Sweep(Result):
         return plain({**model_record(self.system), **found})
 
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
-        """Response over speed with its maxima, the spectral radius below, unstable speeds shaded
-        (matplotlib Figure). Raises UnknownNameError."""
+        """Response over speed with its maxima, the spectral radius below, unstable speeds shaded; where
+        parameters vary, over what runs fastest, a line for each value of the rest (matplotlib Figure). Raises
+        UnknownNameError, and ValueOutOfBoundsError for more lines than can be told apart."""
         responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
+        if self.parameters:
+            return over_figure(
+                self.system, {**self.parameters, SPEED: self.speeds}, responses, self.spectral_radius, figure
+            )
         return sweep_figure(self.system, self.speeds, responses, self.spectral_radius, figure, self.unstable)
 
     def waterfall(self, name: str) -> Figure:
         """The spectrum of a quantity over speed (matplotlib Figure). Raises UnknownNameError for one whose
-        spectrum the sweep was not asked for."""
+        spectrum the sweep was not asked for, ValueOutOfBoundsError where parameters vary."""
+        if self.parameters:
+            raise ValueOutOfBoundsError(
+                f"a spectrum over speed cannot show {', '.join(self.parameters)} too; sweep the speed alone"
+            )
         return waterfall_figure(self.system, self.speeds, name, self.spectrum(name))
 
     def report(self, choices: Sequence[str] = (), names: Sequence[str] = ()) -> RenderableType:
-        """A row a speed with the largest moduli of these quantities, by default the coordinates, as many as
+        """A row a point with the largest moduli of these quantities, by default the coordinates, as many as
         fit."""
         names = names or [name for name in self.system.coordinates if name in self.results.kept.names]
         sizes = {name: float(np.nanmax(self.figures(name), initial=0.0)) for name in names}
@@ -201,8 +222,10 @@ class Sweep(Result):
         widths = itertools.accumulate(len(each) + 2 for each in columns)
         fitting = max(1, sum(width <= _WIDTH for width in widths))
         every = math.ceil(len(self.points) / _MOST_ROWS)
-        title = "Over speed" if every == 1 else f"Over speed: one in {every} of {len(self.points)}"
-        made = table(title, "rpm", *columns[:fitting], "|ρ|", "stability", left=0)
+        over = ", ".join([*self.parameters, "speed"])
+        title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(self.points)}"
+        labels = [f"{name} ({self.system.parameter_labels[name][0]})" for name in self.parameters]
+        made = table(title, *labels, "rpm", *columns[:fitting], "|ρ|", "stability", left=0)
         if fitting < len(names):
             made.caption = "others by --show NAME, all by --json"
         for at in range(0, len(self.points), every):
@@ -213,13 +236,16 @@ class Sweep(Result):
             ]
             verdict = "failed" if point.error else point.verdict.removesuffix("ally stable")
             radius = "–" if point.error else f"{point.spectral_radius:.6g}"
-            made.add_row(f"{point.speed * RPM:.7g}", *moduli, radius, verdict)
+            values = (f"{value:.6g}" for value in point.parameters.values())
+            made.add_row(*values, f"{point.speed * RPM:.7g}", *moduli, radius, verdict)
         return stacked(model_heading(self.system, choices), made)
 
     def contents(self) -> Contents:
-        """A row a speed, for a file."""
+        """A row a point, for a file."""
         system, points = self.system, self.points
         columns: dict[str, tuple[Any, str, str]] = {"speed": (self.speeds, "rad/s", "speed of rotation")}
+        for name, values in self.parameters.items():
+            columns[name] = values, *system.parameter_labels[name]
         for name in system.known_quantities():
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, name)
             for figure in ("max", "min", "max_abs", "mean", "rms"):
@@ -230,7 +256,7 @@ class Sweep(Result):
             "steps": ([point.steps for point in points], "", "a period"),
             "error": ([point.error or "" for point in points], "", "why there is no result"),
         }
-        return table_contents(columns, model_record(system), ("speed",))
+        return table_contents(columns, model_record(system), ("row" if self.parameters else "speed",))
 
 
 def _where(speeds: list[float], total: int) -> str:

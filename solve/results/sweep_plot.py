@@ -1,4 +1,4 @@
-"""Pictures over speed: response, spectral radius and unstable bands."""
+"""Pictures over speed or a parameter: response, spectral radius and unstable bands."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.plot import draw_map, label_quantity, label_speeds, title_of
+from solve.errors import ValueOutOfBoundsError
+from solve.results.plot import draw_map, label_quantity, label_speeds, labelled, shades, title_of
 from solve.results.quantities import RPM, prefixed
 from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
@@ -18,6 +19,9 @@ KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex"
 
 _FLOOR = -80.0
 """Decibels at and below which a spectrum shows nothing."""
+
+SPEED = "speed"
+MOST_LINES = 12
 
 Edges = Sequence[tuple[float, float, str]]
 """Unstable bands: from, to (rad/s), kind."""
@@ -48,6 +52,59 @@ def sweep_figure(
         _draw_radius(axes[-1], rpm, radius[order], bands)
         made.align_ylabels(axes)
     return made
+
+
+def over_figure(
+    system: PeriodicSystem,
+    varied: Mapping[str, Array],
+    responses: Mapping[str, Array],
+    radius: Array,
+    figure: str = "max_abs",
+) -> Figure:
+    """A row a quantity: its figure over the last of the quantities that vary, values (P,) by name, a line for
+    each combination of the others; below them the spectral radius. Raises ValueOutOfBoundsError for more
+    lines than can be told apart."""
+    moving = [name for name, values in varied.items() if np.ptp(values) > 0] or [SPEED]
+    *others, along = moving
+    lines: dict[str, list[int]] = {}
+    for at in np.argsort(varied[along], kind="stable").tolist():
+        lines.setdefault(
+            ", ".join(_named(system, name, float(varied[name][at])) for name in others), []
+        ).append(at)
+    if len(lines) > MOST_LINES:
+        raise ValueOutOfBoundsError(
+            f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
+        )
+    lines = dict(sorted(lines.items(), key=lambda line: min(line[1])))
+    x, label = (
+        varied[along],
+        labelled(along, system.parameter_labels.get(along, ("", ""))[0]).replace("\n", " "),
+    )
+    if along == SPEED:
+        x, label = x * RPM, "speed (rpm)"
+    title = f"{title_of(system)}: response over {along}"
+    with page(1.4 + 1.35 * (len(responses) + 1), title) as made:
+        axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
+        shapes = shades(len(lines))
+        for place, (name, values) in zip(axes, responses.items(), strict=False):
+            factor = label_quantity(place, system, name, values, figure)
+            for index, shade in zip(lines.values(), shapes, strict=True):
+                place.plot(x[index], values[index] * factor, **shade)
+        axes[-1].axhline(1.0, color=BLACK, linewidth=0.9)
+        for (words, index), shade in zip(lines.items(), shapes, strict=True):
+            axes[-1].plot(x[index], radius[index], label=words, **shade)
+        axes[-1].set_ylabel("spectral\nradius |ρ|")
+        axes[-1].set_xlabel(label)
+        if others:
+            made.legend(loc="outside right center")
+        made.align_ylabels(axes)
+    return made
+
+
+def _named(system: PeriodicSystem, name: str, value: float) -> str:
+    if name == SPEED:
+        return f"{value * RPM:.6g} rpm"
+    return f"{name} = {value:.6g} {system.parameter_labels[name][0]}".removesuffix(" 1")
 
 
 def waterfall_figure(system: PeriodicSystem, speeds: Array, name: str, amplitudes: Array) -> Figure:

@@ -1,4 +1,5 @@
-"""Pictures of one quantity over the turn: a curve a speed or a system, and what each mode gives to it."""
+"""Pictures over the turn: of one quantity a curve a speed or a system, and what each mode gives to it; of the
+tables of a case what was fitted to them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,12 +7,15 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.observations import Contributions
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import NoResultError, ValueOutOfBoundsError
+from solve.model.model import Model
 from solve.results.orbit import Orbit
 from solve.results.plot import label_phases, label_quantity, shades, title_of
 from solve.results.quantities import RPM, prefixed
 from solve.results.style import BLACK, GREY, VERMILION, Figure, page
 from solve.system import PeriodicSystem
+
+_SAMPLES = 721
 
 MOST_CURVES = 12
 """Speeds whose curves one picture can tell apart."""
@@ -74,4 +78,23 @@ def contributions_figure(
         label_phases(axes, model.period)
         axes.set_ylabel(f"{found.output.replace('_', ' ')} ({unit})")
         figure.legend(loc="outside right center", handlelength=2.4)
+    return figure
+
+
+def fits_figure(model: Model) -> Figure:
+    """What was fitted to the tables of the model's case, a panel each. Raises NoResultError where there is
+    none."""
+    if not model.fits:
+        raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")
+    turn = np.linspace(0.0, 2 * np.pi, _SAMPLES)
+    with page(0.8 + 2.4 * len(model.fits), f"{title_of(model)}: series fitted to tables") as figure:
+        panels = figure.subplots(len(model.fits), squeeze=False)[:, 0]
+        for axes, fit in zip(panels, model.fits.values(), strict=True):
+            angles = turn + fit.angles.min()
+            axes.plot(np.degrees(fit.angles), fit.values, ".", color=GREY, label=fit.table)
+            axes.plot(np.degrees(angles), fit.at(angles), color=VERMILION, label=f"{fit.harmonics} harmonics")
+            axes.set_title(fit.sentence, loc="left", color=GREY, wrap=True)
+            axes.set_ylabel(f"{fit.name} ({fit.unit})")
+            axes.legend()
+        panels[-1].set_xlabel("angle (deg)")
     return figure

@@ -1,27 +1,33 @@
-"""The periodic solution over many speeds, a row of figures a speed; of one system, or of several beside each
-other, such as one model with several lengths."""
+"""The periodic solution over many speeds and values of parameters, a row of figures a point; of one system,
+or of several beside each other, such as one model with several lengths."""
 
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.family import over_speed
+from solve.batch.family import SPEED, SystemFamily
 from solve.batch.gathering import task_of
-from solve.errors import StepsError, ValueOutOfBoundsError, require_name
+from solve.errors import MissingValueError, StepsError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model
 from solve.progress import part, stage
 from solve.results.points import Kept
 from solve.results.sweep import Sweep, Sweeps
+from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.system import PeriodicSystem
-from solve.units import speeds_given
+from solve.units import evenly, speeds_given
+
+Over = str | Sequence[str] | Mapping[str, str | Sequence[float] | Array]
+"""Values of parameters by name, or texts NAME=A:B:N."""
 
 
 def sweep(
     system: PeriodicSystem,
-    speeds: float | str | Sequence[float | str] | Array,
+    speeds: float | str | Sequence[float | str] | Array | None = None,
     method: str | Rule = "auto",
     steps: int | None = None,
     rtol: float = 1e-8,
@@ -30,17 +36,21 @@ def sweep(
     spectra: Sequence[str] = (),
     harmonics: int = 60,
     engine: str = "auto",
+    over: Over | None = None,
 ) -> Sweep:
     """`periodic` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm"), keeping
     the figures of each.
 
+    over: values of parameters in SI units, {name: values} or texts such as "k1=1e4:9e4:50"; every combination
+    is solved, the speeds running fastest; without speeds at that of the case.
     quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
     are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
     which no periodic solution is found gives NaN and the reason; the sweep goes on. With an executor
     parts of the sweep are handed to it. engine: "compiled", "numpy", or "auto" for the first where there is a
     C compiler. Raises SolveError subclasses for what no speed could mend.
     """
-    omegas = np.array(speeds_given(speeds))
+    values = _over(over)
+    omegas = np.array(speeds_given(_speeds(system, speeds, over)))
     names = system.known_quantities(quantities)
     kept = Kept(names, system.known_quantities(spectra), harmonics if spectra else 0)
     if steps is not None and not (isinstance(steps, int | np.integer) and steps >= 1):
@@ -48,10 +58,53 @@ def sweep(
             f"steps is {steps!r}; allowed: whole numbers of at least 1; leave steps out to have their number "
             "chosen"
         )
-    task, notes = task_of(over_speed(system), method, rtol, engine, kept, steps)
-    points = omegas[:, None]
+    require_size("points", math.prod(map(len, (omegas, *values.values()))), NUMBERS_A_POINT)
+    family = SystemFamily(system, [*values, SPEED])
+    points = np.column_stack([each.ravel() for each in np.meshgrid(*values.values(), omegas, indexing="ij")])
+    for extreme in (points.min(axis=0), points.max(axis=0)) if values else ():
+        system.require_bounds(dict(zip(values, extreme.tolist(), strict=False)))
+    task, notes = task_of(family, method, rtol, engine, kept, steps)
     results = task.solved(task.batch(points), points, executor)
-    return Sweep(system, omegas, results, task.request.engine, notes)
+    parameters = dict(zip(values, points.T, strict=False))
+    return Sweep(system, points[:, -1], results, task.request.engine, notes, parameters)
+
+
+def _over(given: Over | None) -> dict[str, Array]:
+    """Values of parameters by name. Raises ValueOutOfBoundsError."""
+    texts = [given] if isinstance(given, str) else given or ()
+    pairs = given.items() if isinstance(given, Mapping) else [_parted(text) for text in texts]
+    found: dict[str, Array] = {}
+    for name, values in pairs:
+        if name in found:
+            raise ValueOutOfBoundsError(f"over gives {name} twice; give it once")
+        try:
+            numbers = evenly(values, name) if isinstance(values, str) else [float(value) for value in values]
+        except (TypeError, ValueError):
+            numbers = []
+        found[name] = np.array(numbers)
+        if not numbers or not np.isfinite(found[name]).all():
+            raise ValueOutOfBoundsError(
+                f"over gives {name} = {values!r}; give finite numbers in SI units, or a text such as '1:9:5'"
+            )
+    return found
+
+
+def _parted(text: str) -> tuple[str, str]:
+    name, equals, values = text.partition("=")
+    if not equals:
+        raise ValueOutOfBoundsError(f"over is {text!r}; write NAME=A:B:N, such as 'k1=1e4:9e4:50'")
+    return name.strip(), values.strip()
+
+
+def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
+    """The speeds given; where parameters vary, that of the case by default. Raises MissingValueError."""
+    if speeds is not None or not over:
+        return speeds
+    if system.case_speed is None:
+        raise MissingValueError(
+            "no speeds given, and the case names none; give some, such as '100:900:81 rpm'"
+        )
+    return system.case_speed
 
 
 def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str, Model]:

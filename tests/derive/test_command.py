@@ -8,11 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-import sympy
 
 from derive import freshness, loader
 from derive.__main__ import main
-from derive.show import abbreviated
 
 ROOT = Path(__file__).resolve().parents[2]
 ROTOR = """
@@ -26,23 +24,6 @@ def mechanism():
     rotor.kinetic = J * rate(rotor.phase + q) ** 2 / 2
     rotor.potential = k * q**2 / 2
     return rotor
-"""
-
-SLIDER = """
-from derive import Mechanism, cos, rate, sin, sqrt
-
-
-def mechanism():
-    crank = Mechanism("slider", "Slider-crank with elastic shaft and rod")
-    q, u = crank.coordinates(q=("rad", "twist"), u=("m", "stretch"))
-    m, r, L, k, s1 = crank.parameters(
-        m=("kg", "slider"), r=("m", "crank"), L=("m", "rod"), k=("N m/rad", "shaft"), s1=("N/m", "rod")
-    )
-    phi = crank.phase + q
-    x = r * cos(phi) + sqrt((L + u) ** 2 - r**2 * sin(phi) ** 2)
-    crank.kinetic = m * (rate(x) ** 2 + r**2 * rate(phi) ** 2) / 2
-    crank.potential = (k * q**2 + s1 * u**2) / 2
-    return crank
 """
 
 
@@ -222,36 +203,49 @@ def test_an_unwritable_folder(derive, rotor, tmp_path):
 def test_show_prints_latex_and_writes_nothing(derive, rotor):
     status, out, err = derive("--show", rotor)
     assert (status, err) == (0, "")
-    assert r"M = \left[\begin{matrix}J\end{matrix}\right]" in out
+    assert out.splitlines()[-4:] == ["M = J", "C = 0", "K = k", "d = 0"]
     assert not (rotor.parent / "generated").exists()
-
-
-def test_show_abbreviates_kinematics_that_are_written_out(derive, tmp_path):
-    """A slider-crank's M would fill a page. The parameter s1 keeps its name, and what is shown is M again
-    once the abbreviations are put back."""
-    path = tmp_path / "slider.py"
-    path.write_text(SLIDER, encoding="utf-8")
-    _, out, _ = derive("--show", path)
-    lines = dict(line.split(" = ", 1) for line in out.splitlines() if not line.startswith("%"))
-    assert list(lines)[-4:] == ["M", "C", "K", "d"]
-    assert "s_{2}" in lines
-    assert "s_{1}" not in lines
-    assert len(out) < 5000
-
-    q, L = sympy.symbols("q L")
-    root = sympy.sqrt(L**2 - sympy.sin(q) ** 2)
-    matrices = {"M": sympy.Matrix([[root, q * root]]), "K": sympy.Matrix([[1 / root]])}
-    *names, M, K = abbreviated(matrices, {"s1", "q", "L"}).items()
-    put_back = [(symbol, part) for symbol, part in reversed(names)]
-    assert names
-    assert sympy.Symbol("s1") not in dict(names)
-    assert [part.subs(put_back) for _, part in (M, K)] == list(matrices.values())
 
 
 def test_show_of_the_cam_reads_like_the_chapter(derive):
     _, out, _ = derive("--show", "cam")
-    assert r"I_{1} + \left(m_{2} + m_{3}\right) \left(U'\right)^{2}" in out
-    assert r"c_{1} + 2 \Omega \left(m_{2} + m_{3}\right) U' U''" in out
+    assert "M_{11} = I_1 + (m_2 + m_3) (U')^2\nM_{12} = M_{21} = (m_2 + m_3) U'\n" in out
+    assert "C_{11} = c_1 + 2 \\Omega (m_2 + m_3) U' U''\n" in out
+    assert "K_{33} = k_3\n" in out
+    assert "K_{12}" not in out
+
+
+def test_show_with_the_numbers_of_a_case(derive):
+    """Of the chapter's Table 1: m2 + m3 = 28 kg + 50 kg."""
+    _, out, _ = derive("--show", "--numbers", "1", "cam")
+    assert "M_{11} = 78 (U')^2 + 0.12\nM_{12} = M_{21} = 78 U'\n" in out
+    assert "K_{22} = 8.2 \\cdot 10^8\n" in out
+    _, out, _ = derive("--show", "gear_pair", "--numbers", "1")
+    assert "\\sigma" not in out
+    assert "load" not in out
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "rotor.toml cannot be read as a case file (FileNotFoundError)"),
+        ("[case", "rotor.toml cannot be read as a case file (TOMLDecodeError)"),
+        ("x = 1", "rotor.toml cannot be read as a case file (KeyError)"),
+        ("[case.b]", 'rotor.toml has no case "a"; it has: b'),
+        ("[case.a.parameters]\nI = {value = 1, unit = 'm'}", "I = 1 is no number of a parameter of rotor"),
+        ("[case.a.parameters]\nJ = {value = 'x', unit = 'kg m^2'}", "J = 'x' is no number of a parameter"),
+        ("[case.a.parameters]\nJ = 3", "J is 3; give a table with value and unit"),
+        ("[case.a.parameters]\nJ = {value = 1, unit = 'm'}", 'J is in "m"; it must be in "kg m^2"'),
+        ("[case.a.parameters]\nJ = {value = 1, unit = 'ells'}", 'the unit "ells" is not understood'),
+    ],
+)
+def test_case_files_without_numbers_for_the_equations(derive, rotor, content, message):
+    if content is not None:
+        rotor.with_suffix(".toml").write_text(content, encoding="utf-8")
+    status, out, err = derive("--show", "--numbers", "a", rotor)
+    assert (status, out) == (2, "")
+    assert message in err
+    assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -267,6 +261,7 @@ def test_show_of_the_cam_reads_like_the_chapter(derive):
         (["x" * 300 + ".py"], "there is no file xxx"),
         (["cam", "--full"], "--full goes with --check"),
         (["cam", "--check", "--show"], "--show with neither"),
+        (["cam", "--numbers", "1"], "--numbers goes with --show"),
         (["cam", "--frobnicate"], "No such option: --frobnicate"),
         (["cam", "--out"], "--out"),
     ],

@@ -8,6 +8,8 @@ from modules import module_of
 from derive import Mechanism, cos, rate, sin, sqrt
 from derive.errors import ExpansionError, SingularMassError
 from derive.gather import gathered
+from derive.lagrange import residual
+from derive.linearise import linearise
 from derive.symbols import SPEED
 
 
@@ -102,3 +104,14 @@ def test_terms_that_cancel_are_gone():
     a, b = sympy.symbols("a b", real=True)
     assert gathered((a + b) * SPEED - a * SPEED) == b * SPEED
     assert gathered(a * SPEED + b * SPEED) == (a + b) * SPEED
+
+
+def test_blades_evenly_around_the_hub_leave_no_force():
+    """Σ cos(φ + 2πk/3) = 0, exactly."""
+    rotor = Mechanism("rotor", "Three blades on a hub that gives")
+    x = rotor.coordinate("x", "m", "hub")
+    m, r = rotor.parameters(m=("kg", "mass of a blade", "> 0"), r=("m", "radius", "> 0"))
+    for k in range(3):
+        root = rotor.phase + 2 * sympy.pi * k / 3
+        rotor.kinetic += m * (rate(x + r * cos(root)) ** 2 + rate(r * sin(root)) ** 2) / 2
+    assert linearise(rotor, residual(rotor)).d == sympy.zeros(1, 1)

@@ -1,7 +1,10 @@
 """The page on a mechanism of one's own: its files are derived as printed."""
 
 import importlib.util
+import os
 import re
+import shlex
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -11,7 +14,9 @@ import pytest
 
 from derive.__main__ import main
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parents[2]
+MEASURED = [("text", "angle"), ("toml", r"\[case.measured")]
+PAGE = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
 
 
 def block(name: str) -> str:
@@ -87,3 +92,35 @@ def test_the_case_file_gives_every_parameter(pump):
                 {f"{name}{i}" for i in range(1, len(entry["values"]) + 1)} if "values" in entry else {name}
             )
         assert given == {name for name, *_ in pump.PARAMETERS}
+
+
+def test_the_page_shows_the_pumps_equations(pump, capsys, monkeypatch):
+    for arguments in (["--show", "pump.py"], ["--show", "--numbers", "delivering", "pump.py"]):
+        assert " ".join(arguments[:-1]) in PAGE
+        Path("pump.toml").write_text(block("pump.toml"), encoding="utf-8")
+        monkeypatch.setattr(sys, "argv", ["derive", *arguments])
+        with pytest.raises(SystemExit):
+            main()
+    shown = capsys.readouterr().out
+    printed = re.findall(r"```text\n((?:l_a|M_).*?)```", PAGE, re.DOTALL)
+    assert len(printed) == 2
+    assert all(lines in shown for lines in printed)
+    assert "M_{11} = 4.5 l_b^2 + 0.05" in shown
+    assert "M_{11} = 4.5 l_b^2 + 0.05" in PAGE
+
+
+def test_the_pages_measured_pressure(pump):
+    rows, case = (re.findall(rf"```{kind}\n({start}.*?)```", PAGE, re.DOTALL)[0] for kind, start in MEASURED)
+    Path("pressure.csv").write_text(rows, encoding="utf-8")
+    Path("pump.toml").write_text(block("pump.toml") + case, encoding="utf-8")
+    (line,) = re.findall(r"python -m (solve periodic pump.py --case measured .*)\n", PAGE)
+    command = [sys.executable, "-m", *shlex.split(line)]
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    run = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
+    (said,) = re.findall(r"P is fitted to .*rms", PAGE)
+    assert f"warning: {said}\n" in run.stderr
+    assert Path("fit.png").stat().st_size > 10_000
+    idle = [each.replace("measured", "idle") for each in command]
+    refused = subprocess.run(idle, capture_output=True, text=True, env=env)
+    message = "solve: pump, case idle has no series from a table; nothing to draw for --fits\n"
+    assert (refused.returncode, refused.stderr) == (2, message)

@@ -5,7 +5,7 @@ import math
 import pytest
 import sympy
 
-from derive import Mechanism, cos, rate
+from derive import Matrix, Mechanism, cos, rate
 from derive.checks import check
 from derive.errors import (
     DeclarationError,
@@ -302,3 +302,13 @@ def test_one_coordinate_and_one_parameter():
     assert [each.bound for each in one.declared_parameters] == ["> 0", ""]
     with pytest.raises(DeclarationError, match='"q" is declared twice'):
         one.coordinate("q", "m", "displacement")
+
+
+def test_matrices_where_they_cannot_stand():
+    mine = Mechanism("mine", "With vectors")
+    q = Matrix(mine.coordinates(q1=("m", "one"), q2=("m", "other")))
+    with pytest.raises(DeclarationError, match=r"kinetic is a matrix of 2 by 2; give one entry, such as q.T"):
+        mine.kinetic = rate(q) * rate(q).T
+    for force, along in ((1, q), (q, 1), (q, q.T)):
+        with pytest.raises(DeclarationError, match="give two numbers, or two vectors of one shape"):
+            mine.force(force, along=along)

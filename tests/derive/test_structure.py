@@ -200,8 +200,7 @@ def test_show_prints_the_links_and_the_elements():
     frame, _ = stated()
     frame.clamp("foot")
     text = equations(frame)
-    assert "% link arm, from knee to tip" in text
-    assert "2 L" in text
+    assert "\nL_{arm} = 2 L\n" in text
     assert "\\frac{13}{35}" in elements()
 
 

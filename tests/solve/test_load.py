@@ -371,3 +371,9 @@ def test_the_cam_of_the_package_is_the_chapters(case):
     by_hand = cam_matrices(case)(phase, 20 * np.pi)
     for ours, theirs in zip(solve.load("cam", case=case).at(phase, 20 * np.pi), by_hand, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
+
+
+def test_a_notebook_shows_title_and_equations():
+    page = solve.load("mathieu")._repr_html_()
+    assert page.startswith("<p>Mathieu's equation".replace("'", "&#x27;"))
+    assert page.count("<math>") == 4

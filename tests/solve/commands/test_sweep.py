@@ -181,3 +181,19 @@ def test_the_table_of_twenty_modes_keeps_its_speeds(command):
     assert [row[0] for row in rows] == ["3000", "3500", "4000"]
     assert {row[-1] for row in rows} == {"asymptotic"}
     assert "--show NAME" in ran.out
+
+
+def test_over_parameters(command, tmp_path):
+    ran = command("sweep", "cam", "--speeds", "200:300:2 rpm", "--over", "k1=6e4:9e4:2", "--json")
+    points = json.loads(ran.out)["points"]
+    assert [point["parameters"]["k1"] for point in points] == [6e4, 6e4, 9e4, 9e4]
+    ran = command("sweep", "mathieu", "--over", "epsilon=0:2:3", "--plot", str(tmp_path / "over.png"))
+    assert "Over epsilon, speed" in ran.out
+    for flags, words in (
+        (["--over", "epsilon=0:2:3", "--over", "epsilon=0:2:3"], "--over gives epsilon twice"),
+        (["--over", "epsilon=0:2:3", "--waterfall", "q"], "--turn and --waterfall show speeds alone"),
+        (["--over", "epsilon"], "write --over NAME=A:B:N"),
+    ):
+        ran = command("sweep", "mathieu", *flags)
+        assert (ran.status, ran.out) == (2, "")
+        assert words in ran.err

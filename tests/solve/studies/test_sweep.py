@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.errors import StepsError, UnitError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import MissingValueError, StepsError, UnitError, UnknownNameError, ValueOutOfBoundsError
 from tests.solve import systems
 
 
@@ -120,3 +120,72 @@ def test_the_waterfall_has_a_column_a_speed_and_a_row_an_order():
     assert axes.collections[0].get_array().shape == (9, 7)
     assert axes.get_ylabel() == "order of rotation"
     assert "dB re" in bar.get_ylabel()
+
+
+OVER = {"k1": [6e4, 9e4], "m3": "40:60:3"}
+
+
+def test_over_parameters_every_point_is_that_of_its_own_model():
+    model = solve.load("cam")
+    found = solve.sweep(model, ["300 rpm", "200 rpm"], rtol=1e-9, over=OVER)
+    at = [(point.parameters["k1"], point.parameters["m3"], point.speed) for point in found.points]
+    speeds = [10 * np.pi, 20 * np.pi / 3]
+    assert at == [
+        (k1, m3, pytest.approx(speed)) for k1 in (6e4, 9e4) for m3 in (40, 50, 60) for speed in speeds
+    ]
+    for point in found.points:
+        alone = solve.periodic(solve.load("cam", **point.parameters), point.speed, rtol=1e-9)
+        assert point.spectral_radius == pytest.approx(alone.spectral_radius, rel=1e-7)
+        assert point.statistics["q1"].max_abs == pytest.approx(alone.statistics("q1").max_abs, rel=1e-7)
+
+
+def test_over_a_parameter_at_the_speed_of_the_case():
+    found = solve.sweep(solve.load("mathieu", zeta=0), over="epsilon=0:4:5")
+    assert found.speeds.tolist() == [1.0] * 5
+    for point in found.record()["points"]:
+        own = solve.floquet(solve.load("mathieu", zeta=0, **point["parameters"]), 1.0)
+        assert point["spectral_radius"] == pytest.approx(own.spectral_radius, rel=1e-7)
+    np.testing.assert_array_equal(found.contents().columns["epsilon"].values, [0, 1, 2, 3, 4])
+    assert found.unstable == []
+    assert found.plot().axes[-1].get_xlabel() == "epsilon (1/s^2)"
+
+
+def test_a_point_over_parameters_fails_alone():
+    found = solve.sweep(solve.load("coupler"), "600 rpm", over={"l2": [0.04, 0.9]})
+    failed, point = found.points[1], found.record()["points"][1]
+    assert "cannot turn fully" in failed.error
+    assert point["parameters"] == {"l2": 0.9}
+    assert found.points[0].error is None
+    assert "(at 1 of 2 points)" in found.warnings[-1]
+
+
+@pytest.mark.parametrize(
+    ("speeds", "over", "error", "message"),
+    [
+        (None, {"k1": [1.0]}, MissingValueError, "no speeds given, and the case names none; give some"),
+        (None, None, ValueOutOfBoundsError, "speeds are None; give numbers in rad/s"),
+        (50.0, {"k9": [1.0]}, UnknownNameError, "unknown quantity of cam 'k9'; did you mean 'k"),
+        (50.0, {"k1": [-1.0, 1.0]}, ValueOutOfBoundsError, "k1 .* is -1 N m/rad; allowed: > 0"),
+        (50.0, {"k1": []}, ValueOutOfBoundsError, r"over gives k1 = \[\]; give finite numbers in SI units"),
+        (50.0, {"k1": [np.nan]}, ValueOutOfBoundsError, "give finite numbers in SI units"),
+        (50.0, {"k1": ["stiff"]}, ValueOutOfBoundsError, "give finite numbers in SI units"),
+        (50.0, {"k1": 3.0}, ValueOutOfBoundsError, "give finite numbers in SI units"),
+        (50.0, "k1", ValueOutOfBoundsError, "over is 'k1'; write NAME=A:B:N"),
+        (50.0, ["k1=1:2:2", "k1=1:2:3"], ValueOutOfBoundsError, "over gives k1 twice; give it once"),
+        (50.0, "k1=1:2:99999999", ValueOutOfBoundsError, "values in one range; allowed"),
+        (50.0, "speed=1:2:3", ValueOutOfBoundsError, "speed is given twice"),
+    ],
+)
+def test_over_what_cannot_vary_so(speeds, over, error, message):
+    with pytest.raises(error, match=message):
+        solve.sweep(solve.load("cam"), speeds, over=over)
+
+
+def test_too_many_lines_for_one_picture():
+    found = solve.sweep(solve.load("mathieu"), "1:2:2 rad/s", over={"epsilon": np.linspace(0, 1, 13)})
+    with pytest.raises(
+        ValueOutOfBoundsError, match="13 lines to draw, one for each epsilon; allowed: up to 12"
+    ):
+        found.plot()
+    with pytest.raises(ValueOutOfBoundsError, match="a spectrum over speed cannot show epsilon too"):
+        found.waterfall("q")

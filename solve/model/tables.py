@@ -1,0 +1,222 @@
+"""Measured functions of an angle: CSV tables, and the Fourier series that fit them by least squares."""
+
+import csv
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import CaseFileError, UnitError
+from solve.sizes import require_size
+from solve.units import conversion
+
+_NUMBERS_A_BYTE = 8
+_TURN = 2 * math.pi
+_WHOLE = 1e-9
+"""Part of a turn by which angles may differ and be the same."""
+
+_DETERMINED = 1e-6
+"""Least singular value, relative to the largest, of angles that determine the coefficients."""
+
+
+class Series(NamedTuple):
+    """A periodic function as a generated module declares it: k = 1 … harmonics with parameters FIRST1, …
+    and SECOND1, …; form "cosine-sine" or "amplitude-phase"; integrated where the coefficients are those of
+    its derivative; mean "" where it has none."""
+
+    name: str
+    form: str
+    integrated: bool
+    mean: str
+    first: str
+    second: str
+    harmonics: int
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A series fitted to rows of a table.
+
+    name: of the series, with ' for its derivative. angles (m,) in rad, values (m,) in `unit`; coefficients
+    (1 + 2 harmonics,): mean, cosines, sines; parameters: what the model calls them.
+    """
+
+    name: str
+    table: str
+    unit: str
+    angles: Array
+    values: Array
+    coefficients: Array
+    parameters: Mapping[str, float]
+
+    @property
+    def harmonics(self) -> int:
+        return len(self.coefficients) // 2
+
+    def at(self, angles: Array) -> Array:
+        """The fitted function."""
+        return _columns(angles, self.harmonics) @ self.coefficients
+
+    @cached_property
+    def errors(self) -> Array:
+        """Of the fitted function at the rows (m,)."""
+        return self.at(self.angles) - self.values
+
+    @property
+    def sentence(self) -> str:
+        """What was fitted, and how well."""
+        largest, rms = np.abs(self.errors).max(), math.sqrt(np.mean(self.errors**2))
+        part = 100 * largest / (np.ptp(self.values) or 1.0)
+        return (
+            f"{self.name} is fitted to {self.table} by {self.harmonics} harmonics: off by up to "
+            f"{largest:.3g} {self.unit}, {part:.3g} % of its range, and by {rms:.3g} {self.unit} rms"
+        )
+
+
+def fitted(
+    name: str, path: Path, columns: Sequence[str], harmonics: int | None, series: Series, unit: str
+) -> Fit:
+    """A declared series from a table; harmonics beyond those fitted are 0.
+
+    name: of the series, or with ' of its derivative. columns: headers of angle and value, with units in
+    brackets. harmonics: all that are declared by default. unit: that of the parameters.
+    Raises CaseFileError, UnitError.
+    """
+    most = series.harmonics
+    if harmonics is not None and (type(harmonics) is not int or not 1 <= harmonics <= most):
+        raise CaseFileError(
+            f"{name} is fitted with harmonics = {harmonics}; allowed: 1 … {most}, as declared"
+        )
+    derivative = name.endswith("'")
+    if derivative and not series.integrated:
+        raise CaseFileError(f"{name} is given by its own coefficients; give a table of {name[:-1]}")
+    order = most if harmonics is None else harmonics
+    angles, values = _read(name, path, columns, unit)
+    _require_turn(name, path, angles, order)
+    has_mean = bool(series.mean) or (series.integrated and not derivative)
+    matrix = _columns(angles, order)[:, 0 if has_mean else 1 :]
+    solution, _, _, sizes = np.linalg.lstsq(matrix, values)
+    if sizes[-1] < _DETERMINED * sizes[0]:
+        raise CaseFileError(
+            f"{name}: the angles in {path.name} do not determine {order} harmonics; fit fewer"
+        )
+    coefficients = solution if has_mean else np.concatenate([[0.0], solution])
+    parameters = _parameters(series, derivative, coefficients)
+    return Fit(name, path.name, unit, angles, values, coefficients, parameters)
+
+
+def _columns(angles: Array, harmonics: int) -> Array:
+    phases = np.multiply.outer(angles, np.arange(1, harmonics + 1))
+    return np.concatenate([np.ones((len(angles), 1)), np.cos(phases), np.sin(phases)], axis=1)
+
+
+def _parameters(series: Series, derivative: bool, coefficients: Array) -> dict[str, float]:
+    """What the model calls the coefficients."""
+    k = np.arange(1, len(coefficients) // 2 + 1)
+    cosine, sine = coefficients[1:].reshape(2, -1)
+    if series.integrated and not derivative:
+        cosine, sine = k * sine, -k * cosine
+    if series.form == "amplitude-phase":
+        cosine, sine = np.hypot(cosine, sine), np.arctan2(-sine, cosine)
+    found = {series.mean: float(coefficients[0])} if series.mean else {}
+    for prefix, numbers in ((series.first, cosine), (series.second, sine)):
+        padded = [*numbers.tolist(), *[0.0] * (series.harmonics - len(k))]
+        found |= {f"{prefix}{i}": number for i, number in enumerate(padded, start=1)}
+    return found
+
+
+def _require_turn(name: str, path: Path, angles: Array, harmonics: int) -> None:
+    """Raise CaseFileError unless the angles are different and cover one turn densely enough."""
+    if len(angles) < 2 * harmonics + 1:
+        raise CaseFileError(
+            f"{name}: {path.name} has {len(angles)} rows; {harmonics} harmonics need {2 * harmonics + 1} or "
+            "more"
+        )
+    rising = np.sort(angles)
+    gaps, span = np.diff(rising), float(rising[-1] - rising[0])
+    if gaps.min() < _WHOLE * _TURN:
+        twice = math.degrees(rising[np.argmin(gaps)])
+        raise CaseFileError(f"{name}: {path.name} has the angle {twice:.6g} deg twice; give each once")
+    if span > _TURN * (1 + _WHOLE):
+        raise CaseFileError(
+            f"{name}: {path.name} covers {math.degrees(span):.6g} deg; give one turn, 360 deg"
+        )
+    gaps = np.append(gaps, _TURN - span)
+    widest, wave = float(gaps.max()), _TURN / harmonics
+    if widest > wave * (1 + _WHOLE):
+        start = math.degrees(rising[np.argmax(gaps)])
+        raise CaseFileError(
+            f"{name}: {path.name} does not cover the turn: no row between {start:.6g} deg and "
+            f"{start + math.degrees(widest):.6g} deg, more than a wave of harmonic {harmonics}; add rows or "
+            "fit fewer harmonics"
+        )
+
+
+def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Array, Array]:
+    """Angles in rad and values in `unit`."""
+    sizes = [_size(name, column, to) for column, to in zip(columns, ("rad", unit), strict=True)]
+    header, *rows = _rows(name, path)
+    places = []
+    for column in columns:
+        if header.count(column) != 1:
+            raise CaseFileError(
+                f"{name}: {path.name} has {header.count(column) or 'no'} column '{column}'; its header has: "
+                + ", ".join(header)
+            )
+        places.append(header.index(column))
+    numbers = np.array([[_number(name, path, row, place) for place in places] for row in rows])
+    return tuple(numbers.reshape(-1, 2).T * np.array(sizes)[:, None])
+
+
+def _rows(name: str, path: Path) -> list[list[str]]:
+    """Cells of the lines that are not empty, the header first; comma, semicolon or tab divide them."""
+    try:
+        if path.exists() and not path.is_file():
+            raise CaseFileError(f"{name}: table '{path}' is no file; give a CSV file")
+        require_size(f"bytes in table '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
+        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise CaseFileError(
+            f"{name}: table '{path}' cannot be read ({type(error).__name__}); give a CSV file, its path "
+            "relative to the case file"
+        ) from None
+    if not lines:
+        raise CaseFileError(f"{name}: table '{path}' is empty; give a header and rows")
+    divider = max(",;\t", key=lines[0].count)
+    return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=divider)]
+
+
+def _number(name: str, path: Path, row: Sequence[str], place: int) -> float:
+    text = row[place] if place < len(row) else ""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise CaseFileError(
+            f"{name}: {path.name} has '{text}' in the row '{', '.join(row)[:60]}'; give finite numbers with "
+            "a decimal point"
+        )
+    return number
+
+
+def _size(name: str, column: str, unit: str) -> float:
+    """Size of the unit that ends a column's header in brackets."""
+    found = re.search(r"\(([^()]*)\)\s*$", column)
+    if not found:
+        raise CaseFileError(f"{name}: column '{column}' has no unit; write it as in 'angle (deg)'")
+    try:
+        return conversion(found[1].strip(), unit)
+    except UnitError as error:
+        raise UnitError(f"{name}: column '{column}': {error}") from None
+
+
+def series_of(rows: Sequence[Sequence]) -> Mapping[str, Series]:
+    """By name, of the rows of a generated module."""
+    return {row[0]: Series(*row) for row in rows}

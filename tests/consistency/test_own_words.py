@@ -1,0 +1,102 @@
+"""The page's mechanisms of vectors, linkages, loops and fields, run by the page's own lines, against closed
+forms."""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def run(tmp_path):
+    """The record of the page's line that solves the page's mechanism of that name."""
+
+    def running(name):
+        found = re.search(rf"```python\n# {name}.py\n(.*?)```", PAGE, re.DOTALL)
+        assert found
+        (tmp_path / f"{name}.py").write_text(found.group(1), encoding="utf-8")
+        for line in re.findall(rf"python -m ((?:derive|solve \w+) {name}.py.*)\n", PAGE):
+            command = [sys.executable, "-m", *shlex.split(line), *(["--json"] if "solve" in line else [])]
+            environment = {"PYTHONPATH": str(ROOT), "PATH": ""}
+            done = subprocess.run(
+                command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+            )
+        return json.loads(done.stdout)
+
+    return running
+
+
+def harmonic(entry, order):
+    """Complex amplitude of A cos(order φ + phase)."""
+    return entry["harmonics"][order] * np.exp(1j * entry["phases"][order])
+
+
+def test_vectors_and_matrices(run):
+    """(K + iΩc − Ω²m) q = Ω² m a (−i), from sin φ, and at rest K q = −m g e3."""
+    record = run("chain")
+    m, k, c, g, a, speed = 2.0, 50.0, 0.4, 9.81, 1e-3, 3.0
+    K = k * np.array([[2, -1, 0], [-1, 2, -1], [0, -1, 1.0]])
+    dynamic = np.linalg.solve(
+        K + (1j * speed * c - speed**2 * m) * np.eye(3), np.full(3, -1j * speed**2 * m * a)
+    )
+    static = np.linalg.solve(K, [0, 0, -m * g])
+    for i, name in enumerate(("q1", "q2", "q3")):
+        entry = record["coordinates"][name]
+        assert harmonic(entry, 1) == pytest.approx(dynamic[i], rel=1e-7)
+        assert entry["mean"] == pytest.approx(static[i], rel=1e-9)
+    acceleration = -(speed**2) * (dynamic[2] - 1j * a)
+    assert harmonic(record["outputs"]["acceleration"], 1) == pytest.approx(acceleration, rel=1e-7)
+
+
+def test_a_four_bar_a_requirement_and_the_speed(run):
+    """J q̈ + c q̇ + k (1 + gain Ω) q = −J φ̈4 harmonic by harmonic, with φ4 from the triangle of crank pin,
+    joint and pivot by the law of cosines."""
+    record = run("rocker")
+    l1, l2, l3, l4, J, k, c, gain, speed = 0.4, 0.08, 0.35, 0.2, 0.02, 300.0, 0.05, 0.01, 20.0
+    count = 512
+    phase = 2 * np.pi * np.arange(count) / count
+    to_pin = l2 * np.exp(1j * phase) - l1
+    follower = np.angle(to_pin) - np.arccos((l4**2 + abs(to_pin) ** 2 - l3**2) / (2 * l4 * abs(to_pin)))
+    amplitudes = 2 * np.fft.fft(np.unwrap(follower)) / count
+    for order in range(1, 8):
+        pulse = 1j * order * speed
+        expected = -J * pulse**2 * amplitudes[order] / (J * pulse**2 + c * pulse + k * (1 + gain * speed))
+        found = harmonic(record["coordinates"]["q"], order)
+        assert found == pytest.approx(expected, rel=1e-6)
+        assert harmonic(record["outputs"]["swing"], order) == pytest.approx(
+            pulse**2 * amplitudes[order], rel=1e-8
+        )
+
+
+def test_a_loop(run):
+    """m q̈ + c q̇ + k q = −m s̈ harmonic by harmonic, with s from the right-angled triangle."""
+    record = run("press")
+    r, L, e, m, k, c, speed, count = 0.1, 0.3, 0.02, 2.0, 8e4, 40.0, 20.0, 256
+    phase = 2 * np.pi * np.arange(count) / count
+    slide = 2 * np.fft.fft(r * np.cos(phase) + np.sqrt(L**2 - (e - r * np.sin(phase)) ** 2)) / count
+    for order in range(1, 6):
+        pulse = 1j * order * speed
+        expected = -m * pulse**2 * slide[order] / (m * pulse**2 + c * pulse + k)
+        assert harmonic(record["coordinates"]["q"], order) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def test_a_field_and_its_period(run):
+    """Each mode obeys ẅ + ω²(1 − P/P_k) w = 0 (Euler's loads P_k) and the whole is Mathieu's equation, whose
+    growth at the middle of the first band is ω1²ε/(4ω), ε = P1/P_1, to second order."""
+    record = run("column")
+    L, mu, EI, P0, P1, speed = 2.0, 3.0, 500.0, 100.0, 40.0, 30.5
+    euler = np.pi**2 * EI / L**2
+    lowest = (np.pi / L) ** 2 * np.sqrt(EI / mu)
+    assert record["period"] == pytest.approx(np.pi / speed)
+    assert record["verdict"] == "unstable"
+    assert lowest * np.sqrt(1 - P0 / euler) == pytest.approx(speed, rel=2e-3)
+    growth = max(exponent[0] for exponent in record["exponents"])
+    assert growth == pytest.approx(lowest**2 * (P1 / euler) / (4 * speed), rel=0.01)

@@ -1,0 +1,128 @@
+"""Equations for reading: the same as those that are solved, and legible."""
+
+from xml.etree import ElementTree
+
+import mpmath
+import pytest
+import sympy
+from modules import module_of
+
+from derive import Mechanism, Piecewise, cos, emit, loader, pi, rate, sin, sqrt, wrapped
+from derive.case_numbers import case_numbers
+from derive.emit import derive_equations
+from derive.reading import read
+from derive.show import equations, latex
+from derive.switches import arbitrary_points, in_order
+from derive.transmission import PeriodicFunction
+from solve import load
+
+NAMES = [name for name in loader.names() if name != loader.BEAM_ELEMENTS]
+
+
+def slider():
+    """Its M, written out, would fill a page. It has a parameter l_a already."""
+    crank = Mechanism("slider", "Slider-crank with elastic shaft and rod")
+    q, u = crank.coordinates(q=("rad", "twist"), u=("m", "stretch"))
+    m, r, L, k, l_a = crank.parameters(
+        m=("kg", "slider"), r=("m", "crank"), L=("m", "rod"), k=("N m/rad", "shaft"), l_a=("N/m", "rod")
+    )
+    phi = crank.phase + q
+    x = r * cos(phi) + sqrt((L + u) ** 2 - r**2 * sin(phi) ** 2)
+    crank.kinetic = m * (rate(x) ** 2 + r**2 * rate(phi) ** 2) / 2
+    crank.potential = (k * q**2 + l_a * u**2) / 2
+    return crank
+
+
+def shaken():
+    """With every function that has a way of its own to be printed."""
+    mine = Mechanism("shaken", "With pieces of the phase")
+    q = mine.coordinate("q", "m", "deflection")
+    m, k, c = mine.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring"), c=("N/m", "less spring"))
+    s = mine.series("S", harmonics=2, unit="m", meaning="motion of the support")
+    stiffness = Piecewise((k, wrapped(3 * mine.phase) < pi), (c, True))
+    mine.kinetic = m * rate(q + s(2 * mine.phase)) ** 2 / 2
+    mine.potential = stiffness * q**2 / 2
+    return mine
+
+
+def value(expression, point):
+    """At an arbitrary point, with stand-ins for series."""
+    stood_in = expression.replace(
+        lambda part: isinstance(part, PeriodicFunction), lambda part: cos(part.args[0] + part.order)
+    )
+    return stood_in.subs(point).evalf(20)
+
+
+@pytest.mark.parametrize("name", ["slider", "cam", "gear_pair"])
+def test_what_is_read_is_what_is_solved(name):
+    mechanism = slider() if name == "slider" else loader.load(loader.find(name))
+    linearised = derive_equations(mechanism).linearised
+    found = read(mechanism, linearised)
+    point = arbitrary_points(in_order(*linearised.values()))[2]
+    values = dict(point)
+    for each in found:
+        for symbol in each.left:
+            assert symbol not in values, f"{symbol} has two meanings"
+            values[symbol] = value(each.right, values)
+    for name, matrix in linearised.items():
+        for i, j in ((i, j) for i in range(matrix.rows) for j in range(matrix.cols)):
+            index = "" if matrix.rows == 1 else f"_{i + 1}{j + 1}" if matrix.cols > 1 else f"_{i + 1}"
+            assert mpmath.almosteq(
+                value(matrix[i, j], point), values.get(sympy.Symbol(f"{name}{index}"), 0), 1e-15
+            )
+
+
+def test_kinematics_written_out_are_named_by_their_units_and_read_in_lines():
+    shown = equations(slider())
+    assert "l_b = \\sqrt{L^2 - r^2 \\sin^2(\\varphi)} % m\n" in shown
+    assert "M_{12} = M_{21} = - L l_c m / l_b\n" in shown
+    assert len(shown) < 2000
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_lines_fit_a_terminal(name):
+    assert max(map(len, equations(loader.load(loader.find(name))).splitlines())) <= 80
+
+
+def test_fractions_in_a_line_mean_the_same():
+    x, y, z = sympy.symbols("x y z")
+    assert latex((x + y) / z**2) == "(x + y) / z^2"
+    assert latex(x / (y + z) ** 2) == r"\frac{x}{\left(y + z\right)^2}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_numbers_of_cases_are_those_that_are_solved(name):
+    """What derive reads of a case is what solve reads, in whatever units they are given."""
+    source = loader.find(name)
+    mechanism = loader.load(source)
+    for case in [line[6:-1] for line in source.cases.read_text("utf-8").splitlines() if line[:6] == "[case."]:
+        if "." not in case:
+            ours = case_numbers(source.cases, case, mechanism)
+            theirs = load(name, case=case).parameters
+            assert {
+                symbol.name: pytest.approx(number, rel=1e-15) for symbol, number in ours.items()
+            } == theirs
+
+
+def text(element):
+    """What a reader sees of a formula, but for invisible signs."""
+    return "".join(ElementTree.fromstring(element).itertext()).replace("\u2062", "").replace("\u2061", "")
+
+
+def test_mathml_says_the_same():
+    cam = [text(each) for each in load("cam").module.EQUATIONS]
+    assert cam[:3] == ["M11=I1+(m2+m3)U\u20322", "M12=M21=(m2+m3)U\u2032", "M13=M31=m3U\u2032"]
+    pieces = [text(each) for each in module_of(shaken()).EQUATIONS]
+    assert pieces == ["M=m", "C=0", "K={k(3φmod2π)<πcelse", "d=-4mΩ2S\u2033(2φ)"]
+    coupler = [text(each) for each in load("coupler").module.EQUATIONS]
+    assert coupler[0] == "Mij=Al3ρ∫ψiψjdξ+Iρ∫ψi\u2032ψj\u2032dξl3"
+    assert "∂l3φ4φ4\u2033" in coupler[2]
+    assert "θcrank=φ" in [text(each) for each in load("four_bar").module.EQUATIONS]
+
+
+def test_what_is_too_long_to_be_read_is_said(monkeypatch):
+    monkeypatch.setattr(emit, "MOST_TO_READ", 3)
+    module = module_of(shaken())
+    assert not hasattr(module, "EQUATIONS")
+    words = "M, C, K and d take {} operations; up to 3 are printed for reading"
+    assert words.format(module.OPERATIONS["linearised"]) == module.NO_EQUATIONS

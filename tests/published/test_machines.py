@@ -1,0 +1,151 @@
+"""The worked machines of the page, each run as printed, against what the literature or a second derivation
+says of them."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.integrate
+
+import solve
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "machines.md").read_text(encoding="utf-8")
+BLOCKS = dict(re.findall(r"```python\n# (\w+)\.py\n(.*?)```", PAGE, re.DOTALL))
+HAMMOND = {"M": 8026.6, "K": 1240481.8, "m": 94.9, "S": 289.1, "I": 1084.7, "e": 0.3048}
+
+
+def stated(name):
+    namespace = {}
+    exec(BLOCKS[name], namespace)
+    return namespace["mechanism"]
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_a_machine_takes_at_most_forty_lines(name):
+    assert len(BLOCKS[name].splitlines()) <= 40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BLOCKS)
+def test_the_pages_lines_run(name, tmp_path):
+    (tmp_path / f"{name}.py").write_text(BLOCKS[name], encoding="utf-8")
+    lines = re.findall(rf"python -m (\w+ .*\b{name}\.py.*|\w+ {name}\.py.*)\n", PAGE)
+    assert [line.split()[0] for line in lines] == ["derive", "solve"]
+    for line in lines:
+        command = [sys.executable, "-m", *shlex.split(line)]
+        environment = {"PYTHONPATH": str(ROOT), "PATH": ""}
+        subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+
+
+SHAFT = {"m": 10.0, "g": 9.81, "k1": 9e4, "k2": 1.44e5}
+LOW, HIGH = np.sqrt(SHAFT["k1"] / SHAFT["m"]), np.sqrt(SHAFT["k2"] / SHAFT["m"])
+
+
+def test_a_shaft_of_two_stiffnesses_is_unstable_between_its_natural_frequencies():
+    """94.868… and 120 rad/s."""
+    model = solve.load(stated("flat_shaft"), c=0, **SHAFT)
+    sides = np.ravel([[edge * (1 - 1e-6), edge * (1 + 1e-6)] for edge in (LOW, HIGH)])
+    assert [point.stable for point in solve.sweep(model, sides).points] == [True, False, False, True]
+
+
+def test_gravity_excites_it_at_half_the_critical_speed():
+    """In turning coordinates ζ = A sin φ, η = B cos φ: (ω1² − 2Ω²)A + 2Ω²B = −g = (ω2² − 2Ω²)B + 2Ω²A, whose
+    determinant is zero at ω1ω2/√(2(ω1² + ω2²)); upwards the disc stands at A sin² φ + B cos² φ."""
+    model = solve.load(stated("flat_shaft"), c=0, **SHAFT)
+    secondary = LOW * HIGH / np.sqrt(2 * (LOW**2 + HIGH**2))
+    for speed in (0.7 * secondary, 0.999 * secondary, 1.3 * secondary):
+        square = 2 * speed**2
+        matrix = [[LOW**2 - square, square], [square, HIGH**2 - square]]
+        A, B = np.linalg.solve(matrix, [-SHAFT["g"]] * 2)
+        y = solve.periodic(model, speed).at(np.linspace(0, 6, 9))[1]
+        phase = np.linspace(0, 6, 9)
+        np.testing.assert_allclose(y, A * np.sin(phase) ** 2 + B * np.cos(phase) ** 2, rtol=1e-6)
+    assert abs(A + B) < 1e-2 < abs(y).max() * 1e2
+
+
+def test_hookes_joint_turns_between_the_cosine_and_its_inverse():
+    numbers = {"J": 0.1, "k": 1e5, "c": 0.5, "alpha": 30.0}
+    orbit = solve.periodic(solve.load(stated("hooke"), **numbers), 5.0)
+    ratio = orbit.statistics("ratio")
+    assert (ratio.min, ratio.max) == (pytest.approx(np.sqrt(3) / 2), pytest.approx(2 / np.sqrt(3)))
+
+
+def test_hookes_joint_is_unstable_where_it_should_be():
+    """u(φ) = cos α/(1 − sin²α cos²φ) is the ratio of the speeds: d/dt ∂T/∂q̇ − ∂T/∂q of T = J u²(1 + q′)²Ω²/2
+    gives J(u²q″ + 2uu′q′ + (uu″ + u′²)q) + (c/Ω)q′ + (k/Ω²)q about the rigid motion."""
+    J, k, c, alpha = 0.1, 1000.0, 0.02, np.radians(30)
+    model = solve.load(stated("hooke"), J=J, k=k, c=c, alpha=30.0)
+
+    def ratio(x):
+        below = 1 - np.sin(alpha) ** 2 * np.cos(x) ** 2
+        first = np.sin(alpha) ** 2 * np.sin(2 * x)
+        second = 2 * np.sin(alpha) ** 2 * np.cos(2 * x)
+        u = np.cos(alpha) / below
+        return u, -u * first / below, u * (2 * first**2 / below**2 - second / below)
+
+    for speed in (80.0, 100.0, 115.0):
+
+        def flow(x, state, speed=speed):
+            u, u1, u2 = ratio(x)
+            q, v = state.reshape(2, 2)
+            force = (2 * J * u * u1 + c / speed) * v + (J * (u * u2 + u1**2) + k / speed**2) * q
+            return np.concatenate([v, -force / (J * u**2)])
+
+        end = scipy.integrate.solve_ivp(flow, (0, 2 * np.pi), np.eye(2).ravel(), rtol=1e-11, atol=1e-12).y[
+            :, -1
+        ]
+        radius = abs(np.linalg.eigvals(end.reshape(2, 2))).max()
+        assert solve.floquet(model, speed).spectral_radius == pytest.approx(radius, rel=1e-7)
+
+
+@pytest.mark.parametrize("dampers", [(0.0, 0.0), (51078.7, 4067.5)])
+def test_ground_resonance_as_coleman_has_it(dampers):
+    """With z = x + iy and Z = Σ ζ_k exp(iψ_k) the coefficients are constant: (M + 3m)z̈ + Cż + Kz + iSZ̈ = 0,
+    I(Z̈ − 2iΩŻ − Ω²Z) + c(Ż − iΩZ) + Ω²eSZ − (3i/2)Sz̈ = 0; the mean lag stands alone."""
+    C, cz = dampers
+    M, K, m, S, inertia, e = HAMMOND.values()
+    model = solve.load(stated("ground"), **HAMMOND, C=C, cz=cz)
+    for rpm in (160, 230, 300):
+        speed = rpm * np.pi / 30
+        mass = np.array([[M + 3 * m, 1j * S], [-1.5j * S, inertia]])
+        damping = np.array([[C, 0], [0, cz - 2j * speed * inertia]])
+        stiffness = np.array([[K, 0], [0, speed**2 * (e * S - inertia) - 1j * speed * cz]])
+        inverse = np.linalg.inv(mass)
+        matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ stiffness, -inverse @ damping]])
+        whirls = np.linalg.eigvals(matrix)
+        mean = np.roots([inertia, cz, speed**2 * e * S])
+        exponents = np.concatenate([whirls, whirls.conj(), mean])
+        expected = np.exp(exponents * 2 * np.pi / speed)
+        found = solve.floquet(model, speed, rtol=1e-10).multipliers
+        for multiplier in expected:
+            assert abs(found - multiplier).min() < 1e-6
+        assert len(found) == len(expected)
+    verdicts = [solve.floquet(model, speed).stable for speed in ("160 rpm", "230 rpm")]
+    assert verdicts == [any(dampers), True]
+
+
+def test_a_flapping_blade_in_hover_and_in_forward_flight():
+    """In hover Johnson's exponents; in flight |det Φ| = exp(−2πγ/8) and the map by integration."""
+    gamma, nu, speed = 8.0, 1.1, 30.0
+    hover = solve.floquet(solve.load(stated("flapping"), I=1, gamma=gamma, mu=0, nu=nu), speed)
+    assert hover.exponents[0].real == pytest.approx(-gamma / 16 * speed, rel=1e-8)
+    turns = abs(hover.multipliers[0]), np.exp(2j * np.pi * np.sqrt(nu**2 - (gamma / 16) ** 2)).real
+    assert hover.multipliers[0].real == pytest.approx(turns[0] * turns[1], rel=1e-7)
+    mu = 0.3
+    flight = solve.floquet(solve.load(stated("flapping"), I=1, gamma=gamma, mu=mu, nu=nu), speed)
+
+    def flow(x, state):
+        q, v = state.reshape(2, 2)
+        damping = gamma / 8 * (1 + 4 / 3 * mu * np.sin(x))
+        stiffness = nu**2 + gamma / 8 * (4 / 3 * mu * np.cos(x) + mu**2 * np.sin(2 * x))
+        return np.concatenate([v, -damping * v - stiffness * q])
+
+    end = scipy.integrate.solve_ivp(flow, (0, 2 * np.pi), np.eye(2).ravel(), rtol=1e-11, atol=1e-13).y[:, -1]
+    expected = np.linalg.eigvals(end.reshape(2, 2))
+    np.testing.assert_allclose(np.sort_complex(flight.multipliers), np.sort_complex(expected), rtol=1e-7)
+    assert abs(np.prod(flight.multipliers)) == pytest.approx(np.exp(-2 * np.pi * gamma / 8), rel=1e-7)
