@@ -18,7 +18,7 @@ COMMANDS = {
     "periodic": "Periodic vibration, its spectrum and its stability.",
     "floquet": "Floquet multipliers, exponents and the verdict of stability.",
     "compare": "Methods side by side: error, steps and time.",
-    "sweep": "Periodic vibration and stability over many speeds.",
+    "sweep": "Periodic vibration and stability over many speeds, and values of parameters.",
     "bands": "Unstable bands between the lowest and the highest speed, their edges refined.",
     "chart": "Stability over two quantities, with named boundaries.",
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",

@@ -52,8 +52,9 @@ def test_points_without_a_result_are_counted_and_saved(command, tmp_path):
     assert found["verdicts"][2] == ["failed"] * 4
     assert [(one["row"], one["column"]) for one in found["failures"]] == [(2, k) for k in range(4)]
     saved = xarray.open_dataset(tmp_path / "chart.nc")
-    assert np.isnan(saved["spectral_radius"].values).tolist() == [False] * 8 + [True] * 4
-    assert all("cannot turn" in text for text in saved["error"].values[8:].tolist())
+    assert np.isnan(saved["spectral_radius"].values).tolist() == [[False] * 4] * 2 + [[True] * 4]
+    assert saved["spectral_radius"].dims == ("l2", "speed")
+    assert all("cannot turn" in text for text in saved["error"].values[2].tolist())
     assert json.loads(saved.attrs["metadata"])["boundaries"] == found["boundaries"]
 
 
