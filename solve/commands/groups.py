@@ -26,16 +26,19 @@ from solve.units import speed_in_si, speeds_in_si
 
 class Flag(NamedTuple):
     """What a flag is for, and the form of its value, as `--help` shows them; default: what stands there for a
-    default that is chosen later. Flags of truth have no value."""
+    default that is chosen later; read: how its value is read, if not as a number or text. Flags of truth have
+    no value."""
 
     help: str
     form: str | None = None
     default: str | None = None
+    read: Callable[[str], Any] | None = None
 
     def option(self, name: str, kind: Any) -> Any:
         """For Typer, the flag of a parameter of this kind. Numbers are read in one way."""
         names = [f"--{name.strip('_').replace('_', '-')}"] if kind is bool else []
         parser = next((read for each, read in ((int, whole), (float, number)) if _holds(kind, each)), None)
+        parser = self.read or parser
         shown = self.default or True
         return typer.Option(*names, help=self.help, metavar=self.form, parser=parser, show_default=shown)
 
@@ -205,11 +208,8 @@ class Results:
 class Common:
     """What every command takes."""
 
-    limit: Annotated[
-        float | None,
-        typer.Option(metavar="N", parser=number, help=f"Most numbers to hold at once; by default {MOST}."),
-    ] = None
-    debug: Annotated[bool, typer.Option("--debug", help="Show where a fault of this program arose.")] = False
+    limit: Annotated[float | None, Flag(f"Most numbers to hold at once; by default {MOST}.", "N")] = None
+    debug: Annotated[bool, Flag("Show where a fault of this program arose.")] = False
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
@@ -223,7 +223,7 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
         group = inspect.signature(groups[name]).parameters.values() if name in groups else alone
         parameters += [_for_typer(each) for each in group]
 
-    parameters += [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in common.values()]
+    parameters += [_for_typer(each) for each in common.values()]
 
     def flat(**values: Any) -> None:
         chosen = Common(**{name: values.pop(name) for name in common})

@@ -77,9 +77,10 @@ class Validity(Result):
             axes = figure.subplots()
             for name, row, shade in zip(names, self.errors.T, shades(len(names)), strict=False):
                 axes.semilogy(rpm, 100 * row, marker="o", label=name, **shade)
-            axes.axhline(100 * self.allowed, color=GREY, linewidth=0.8, linestyle="--")
+            limit = {"color": GREY, "linewidth": 0.8}
+            axes.axhline(100 * self.allowed, linestyle="--", label=f"{100 * self.allowed:g} %", **limit)
             if self.trusted_to is not None:
-                axes.axvline(self.trusted_to * RPM, color=GREY, linewidth=0.8, linestyle=":")
+                axes.axvline(self.trusted_to * RPM, linestyle=":", label="trusted to here", **limit)
             label_speeds(axes, rpm)
             axes.set_ylabel("max|difference| / max|q| (%)")
             axes.legend()
