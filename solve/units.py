@@ -24,6 +24,9 @@ _FACTOR = rf"({_NAME}|\({_PRODUCT}\){_POWER})"
 _UNIT = re.compile(rf"{_FACTOR}((\s*[*/]\s*|\s+){_FACTOR})*+")
 """Products and quotients of names with small powers, grouped once at most; nothing else is computed."""
 
+_PREFIXES = {"G": 9, "M": 6, "k": 3, "c": -2, "m": -3, "u": -6, "µ": -6, "n": -9}
+_DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W)(?P<power>\^[2-4])?")
+
 _LONGEST_UNIT = 80
 """Characters."""
 
@@ -180,8 +183,12 @@ def conversion(given: str, unit: str) -> float:
     Raises UnitError where they are of different kinds, have different zeros (degC), or where `given`
     leaves open whether it counts turns or radians (1/min).
     """
+    decimal = _DECIMAL.fullmatch(given)
     if given == unit:
         return 1.0
+    if decimal and unit == decimal["base"] + (decimal["power"] or ""):
+        # Reading the registry would take longer than many a command.
+        return float(f"1e{_PREFIXES[decimal['prefix']] * int((decimal['power'] or '^1')[1:])}")
     registry = _registry()
     try:
         if len(given) > _LONGEST_UNIT or not _UNIT.fullmatch(given):

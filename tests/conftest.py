@@ -6,6 +6,7 @@ everywhere, and a shared machine may be slow, which is no failure.
 
 import ctypes
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,9 @@ from hypothesis import settings
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", derandomize=False, deadline=None)
 settings.load_profile("repeatable")
+
+# A job in the background is started deaf to interruptions, and so would be the commands under test.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _NOBODY = {"user": 65534, "group": 65534, "extra_groups": []}
 _CHECKOUT = Path(__file__).resolve().parents[1]

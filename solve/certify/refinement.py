@@ -279,7 +279,8 @@ class Refinement:
     def _nearly_decided(self, fine: Solutions, errors: Array, found: Array, before: Array) -> Array:
         """Points (k,) whose multipliers leave the verdict open only because they are not known to be on the
         unit circle, which twice the steps will tell if differences go on to fall."""
-        e = errors * fine.multipliers.spectral_radius
+        with np.errstate(over="ignore"):
+            e = np.where(np.isfinite(errors), errors, 0.0) * fine.multipliers.spectral_radius
         near = (e > KNOWN_ON_CIRCLE) & (e <= KNOWN_ON_CIRCLE * 2**self.method.order) & (found < before / 2)
         at = np.flatnonzero(near)
         if len(at):

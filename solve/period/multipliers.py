@@ -121,6 +121,9 @@ class Multipliers:
 
 def matched(distance: Array) -> tuple[Array, Array]:
     """Rows and columns of a matrix of distances (k, N), k ≤ N, that are paired so that their sum is least."""
+    nearest = distance.argmin(axis=1)
+    if len(set(nearest.tolist())) == len(nearest):
+        return np.arange(len(nearest)), nearest
     from scipy.optimize import linear_sum_assignment
 
     return linear_sum_assignment(distance)

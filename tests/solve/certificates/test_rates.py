@@ -1,10 +1,10 @@
 """Error estimates and verdicts on a fixed part of the population; `python -m tests.benchmarks.population`
 judges the whole of it.
 
-True error ≤ 10 × estimate in 95 % of each method's results and 99 % of all; where the true error is above 1e-12
-and leaves a digit, estimate ≤ 1000 × true error in 90 % (75 % for series of harmonics), method by method; no
-verdict is contradicted. The truth is a formula or an integration of its own, the latter held against
-DOP853.
+True error ≤ 10 × estimate in 95 % of each method's results and 99 % of all; where the true error is above
+1e-12 and leaves a digit, estimate ≤ 1000 × true error in 90 % (75 % for series of harmonics), method by
+method; no verdict is contradicted. The truth is a formula or an integration of its own, the latter held
+against DOP853.
 """
 
 from itertools import pairwise
