@@ -27,8 +27,9 @@ def part(text: str) -> float:
     >>> part("5%")
     0.05
     """
-    allowed = "a part, such as 5% or 0.05"
-    return _read(float, text.removesuffix("%"), allowed) / (100 if text.endswith("%") else 1)
+    # Typer has a default read too.
+    number, percent = str(text).removesuffix("%"), str(text).endswith("%")
+    return _read(float, number, "a part, such as 5% or 0.05") / (100 if percent else 1)
 
 
 def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:

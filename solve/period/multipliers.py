@@ -21,6 +21,9 @@ UNIT_CIRCLE = 1e-9
 KNOWN_ON_CIRCLE = 1e-6
 """Absolute error of a modulus up to which a multiplier counts as being on the unit circle."""
 
+_SURE = 2.0
+"""Times its estimate that an error is taken for before a modulus counts as larger than 1."""
+
 _TIMES_ESTIMATE = 10.0
 """Times its estimate that an error may be: what tears a double multiplier apart takes it off the circle."""
 
@@ -222,15 +225,17 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, drifts: Drifts
     """Positions (P,) in VERDICTS, of monodromy matrices (P, N, N).
 
     errors (P,): of the multipliers, absolute; e is that, or the bound of unresolved ones where it is larger.
-    Asymptotically stable: all |ρ| + e < 1 - 1e-9. Unstable: some |ρ| - e > 1 + 1e-9, or a coordinate that
-    drifts freely. Stable: those that are not inside have e ≤ 1e-6, and none may be defective (chapter
-    Section 2). Else undetermined. Where two are so near that they may be one, 10 e takes the place of e in
-    the first two.
+    Asymptotically stable: all |ρ| + e < 1 - 1e-9. Unstable: some |ρ| - 2 e > 1 + 1e-9, since an estimate is
+    no bound, or a coordinate that drifts freely. Stable: those that are not inside have |ρ| - e ≤ 1 + 1e-9
+    and e ≤ 1e-6, and none may be defective (chapter Section 2). Else undetermined. Where two are so near that
+    they may be one, 10 e takes the place of e in the first, of 2 e in the second.
     """
     values, e = multipliers.values, _absolute(multipliers, errors)
     near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     meet = _meetings(values, errors, near)
-    judged = _by_moduli(multipliers, e, np.where(meet.any(axis=-1), _TIMES_ESTIMATE, 1.0) * e)
+    alone = ~meet.any(axis=-1)
+    inner, outer = (np.where(alone, times, _TIMES_ESTIMATE) * e for times in (1.0, _SURE))
+    judged = _by_moduli(multipliers, e, inner, outer)
     drifting = (np.abs(values - 1) <= _NEAR_ONE).sum(axis=-1) > 1
     open_ = np.flatnonzero(((judged == STABLE) | (judged == UNDETERMINED)) & drifting)
     if len(open_):
@@ -244,7 +249,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, drifts: Drifts
 def roughly(multipliers: Multipliers, errors: Array) -> Array:
     """The same by the moduli alone, whichever may be one."""
     e = _absolute(multipliers, errors)
-    return _by_moduli(multipliers, e, e)
+    return _by_moduli(multipliers, e, e, e)
 
 
 def _absolute(multipliers: Multipliers, errors: Array) -> Array:
@@ -253,13 +258,14 @@ def _absolute(multipliers: Multipliers, errors: Array) -> Array:
     return np.where(unresolved, np.maximum(multipliers.bound[:, None], errors[:, None]), errors[:, None])
 
 
-def _by_moduli(multipliers: Multipliers, e: Array, margin: Array) -> Array:
-    """Positions (P,) in VERDICTS, with a `margin` (P, N) for moduli beside the unit circle."""
+def _by_moduli(multipliers: Multipliers, e: Array, inner: Array, outer: Array) -> Array:
+    """Positions (P,) in VERDICTS, with margins (P, N) for moduli inside and outside the unit circle."""
     modulus = np.abs(multipliers.values)
-    inside, outside = modulus + margin < 1 - UNIT_CIRCLE, modulus - margin > 1 + UNIT_CIRCLE
+    inside, outside = modulus + inner < 1 - UNIT_CIRCLE, modulus - outer > 1 + UNIT_CIRCLE
     on_circle = ~inside & ~outside
     judged = np.where(on_circle.any(axis=-1), STABLE, ASYMPTOTICALLY_STABLE)
-    judged = np.where((on_circle & ~(e <= KNOWN_ON_CIRCLE)).any(axis=-1), UNDETERMINED, judged)
+    known = (e <= KNOWN_ON_CIRCLE) & (modulus - e <= 1 + UNIT_CIRCLE)
+    judged = np.where((on_circle & ~known).any(axis=-1), UNDETERMINED, judged)
     return np.where(outside.any(axis=-1), UNSTABLE, judged)
 
 
