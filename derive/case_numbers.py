@@ -21,9 +21,9 @@ def case_numbers(path: Path, case: str, mechanism: Mechanism) -> dict[sympy.Symb
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        cases = {name: entry.get("parameters", {}) for name, entry in content["case"].items()}
-        shared = content.get("common", {}).get("parameters", {})
-    except (OSError, UnicodeDecodeError, ValueError, KeyError, AttributeError) as error:
+        cases = {name: {**entry.get("parameters", {})} for name, entry in content["case"].items()}
+        shared = {**content.get("common", {}).get("parameters", {})}
+    except (OSError, UnicodeDecodeError, ValueError, KeyError, AttributeError, TypeError) as error:
         raise CaseError(f"{path} cannot be read as a case file ({type(error).__name__}): {error}") from None
     if case not in cases:
         raise CaseError(f'{path} has no case "{case}"; it has: {", ".join(cases)}')
@@ -46,8 +46,11 @@ def case_numbers(path: Path, case: str, mechanism: Mechanism) -> dict[sympy.Symb
 
 def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
     """Each parameter of an entry, with its value."""
-    if not isinstance(entry, dict):
-        raise CaseError(f"{name} is {entry!r}; give a table with value and unit")
+    kinds = {"unit": str, "values": list, "count": int}
+    if not isinstance(entry, dict) or not all(
+        isinstance(entry[key], kind) for key, kind in kinds.items() if key in entry
+    ):
+        raise CaseError(f"{name} is {entry!r}; give a table with value or values, and unit")
     if "count" in entry:
         yield from ((f"{name}{k + 1}", entry.get("value")) for k in range(entry["count"]))
     elif "values" in entry:

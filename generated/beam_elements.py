@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
+DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8b1cfa7e6dfde61d9be6c9ce4fe4382cc7a6b2f602da2b09290929ee7e78afa2"
+FILE_SHA256 = "65eb503db741b774b334b47e54be5442397098a162c17009f6aac463c6f98437"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0a7077f4722b2fd341c5f9770ab01671cae6245d029c8206989fc60c3acf9443"
-DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
+DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2693648d24f44bfa96dba4ad656ae76b70bcd9b0b35acf1b034e36d0b2ace497"
+FILE_SHA256 = "0aae82506bb36777e68ebd6a7a4a34549d324a44fb584f2fc3b59d0458eeddf4"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
+DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "6ec1aff6b0a6ec5a2ac1434296eea50c27fc89328c9f92808ad48236b96bcb53"
+FILE_SHA256 = "d8d69cee5c5dedbbaf95699d5cb0dbfb54aadbc2adbbcd5a7731c2019ec5c74e"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
+DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c0c8ba1af4fd26ca3f3d71e43601d64306d85e3c2377edb1c1cddb9dbb429135"
+FILE_SHA256 = "e15cb15ef20d1fd9d3dff69ceea0e9f7e931a794c1859e1d614f2716614f7fce"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

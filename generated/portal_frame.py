@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "dc8fecfad54febc26b17a99ed83a6fba547b0f11469261a8700d1c1a79771f7f"
+DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5eb7f99a7fa6d28c1e2b12da7278c34118f7c738c4b7ca6cd943fb3e93fa314e"
+FILE_SHA256 = "272ce8d2e9f686d62bc4c7a1aacb1f329b856ffd94472c27cf819d39e52c6caa"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -62,7 +62,7 @@ class Certified:
     def verdicts(self) -> Array:
         """Positions (k,) in VERDICTS, see `solve.period.multipliers.verdicts`."""
         found = self.solutions
-        return verdicts(found.Phi, found.multipliers, self.absolute, self.modes.drifts)
+        return verdicts(found.Phi, found.multipliers, self.absolute, self.modes)
 
     @cached_property
     def _may_be_defective(self) -> Array:

@@ -21,9 +21,6 @@ _TURN = 2 * math.pi
 _WHOLE = 1e-9
 """Part of a turn by which angles may differ and be the same."""
 
-_DETERMINED = 1e-6
-"""Least singular value, relative to the largest, of angles that determine the coefficients."""
-
 
 class Series(NamedTuple):
     """A periodic function as a generated module declares it: k = 1 … harmonics with parameters FIRST1, …
@@ -101,11 +98,7 @@ def fitted(
     _require_turn(name, path, angles, order)
     has_mean = bool(series.mean) or (series.integrated and not derivative)
     matrix = _columns(angles, order)[:, 0 if has_mean else 1 :]
-    solution, _, _, sizes = np.linalg.lstsq(matrix, values)
-    if sizes[-1] < _DETERMINED * sizes[0]:
-        raise CaseFileError(
-            f"{name}: the angles in {path.name} do not determine {order} harmonics; fit fewer"
-        )
+    solution = np.linalg.lstsq(matrix, values)[0]
     coefficients = solution if has_mean else np.concatenate([[0.0], solution])
     parameters = _parameters(series, derivative, coefficients)
     return Fit(name, path.name, unit, angles, values, coefficients, parameters)
@@ -149,12 +142,12 @@ def _require_turn(name: str, path: Path, angles: Array, harmonics: int) -> None:
         )
     gaps = np.append(gaps, _TURN - span)
     widest, wave = float(gaps.max()), _TURN / harmonics
-    if widest > wave * (1 + _WHOLE):
+    if widest >= wave / 2 * (1 - _WHOLE):
         start = math.degrees(rising[np.argmax(gaps)])
         raise CaseFileError(
             f"{name}: {path.name} does not cover the turn: no row between {start:.6g} deg and "
-            f"{start + math.degrees(widest):.6g} deg, more than a wave of harmonic {harmonics}; add rows or "
-            "fit fewer harmonics"
+            f"{start + math.degrees(widest):.6g} deg, half a wave of harmonic {harmonics} or more; add "
+            "rows or fit fewer harmonics"
         )
 
 

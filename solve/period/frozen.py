@@ -14,8 +14,11 @@ PHASES = 128
 
 _ITERATIONS = 6
 
-_NULL = 64 * EPS
+_NULL = 12 * EPS
 """Remainder of an equation whose largest coefficient is about 1 that counts as rounding."""
+
+_RETURNS = 1e-6
+"""Relative difference of a state after a period that counts as none."""
 
 
 class Frozen:
@@ -65,11 +68,19 @@ class Frozen:
         own = 1.0 + np.einsum("pii->pi", coupling)
         return (np.einsum("pij,pj->pi", coupling, sizes) + largest) / own
 
-    def drifts(self, points: Array) -> Array:
-        """Whether points at positions (k,) move freely in some direction v: C v = K v = 0 at every phase, but
-        for rounding. Then q = v t is a solution, and the multiplier +1 is defective."""
+    def drifts(self, points: Array, Phi: Array, errors: Array) -> Array:
+        """Whether points at positions (k,) with monodromy matrices (k, 2n, 2n) and errors (k,) of their
+        multipliers move freely in some direction v: C v = K v = 0 at every phase, but for rounding, and Φ,
+        which sees what lies between, brings the state (v, 0) back. Then q = v t is a solution, and the
+        multiplier +1 is defective."""
         rows = self._matrices[1:, :, :, points].transpose(3, 0, 1, 4, 2).reshape(len(points), -1, self._n)
-        return np.array([_has_null_vector(each) for each in rows], dtype=bool)
+        each = zip(rows, Phi, np.tile(self.units(points), 2), errors, strict=True)
+        return np.array([_drifts(*one) for one in each], dtype=bool)
+
+    def units(self, points: Array) -> Array:
+        """Square roots of the mean inertias (k, n) of the coordinates of points at positions (k,)."""
+        inertia = np.abs(np.einsum("iipk->pik", self._matrices[0][:, :, points])).mean(axis=-1)
+        return np.sqrt(np.maximum(inertia, np.finfo(float).tiny))
 
     @cached_property
     def reach(self) -> Array:
@@ -178,13 +189,19 @@ def _eigenvalues(matrices: Array) -> Array:
     return np.where(finite[..., None], values, np.inf)
 
 
-def _has_null_vector(rows: Array) -> bool:
-    """Whether equations (k, n) have a solution other than 0, in whatever units they and it are."""
+def _drifts(rows: Array, Phi: Array, units: Array, error: float) -> bool:
+    """Whether equations (k, n) have a solution other than 0, in whatever units they and it are, which the
+    monodromy matrix (2n, 2n) leaves as it is, but for an error of the states in `units` (2n,)."""
     for axis in (1, 0):
         largest = np.abs(rows).max(axis=axis, keepdims=True)
-        rows = rows / np.where(largest > 0, largest, 1.0)
+        largest = np.where(largest > 0, largest, 1.0)
+        rows = rows / largest
     smallest = np.linalg.svd(rows, full_matrices=False)[2][-1]
-    return bool((np.abs(rows @ smallest) <= _NULL).all())
+    if (np.abs(rows @ smallest) > _NULL).any():
+        return False
+    state = np.concatenate((smallest / largest[0], np.zeros(len(smallest))))
+    left, size = np.abs(Phi @ state - state), np.abs(Phi) @ np.abs(state) + np.abs(state)
+    return bool((left <= _RETURNS * size + 10 * error * (units * np.abs(state)).max() / units).all())
 
 
 def _quadratic(M: Array, C: Array, K: Array) -> Array:

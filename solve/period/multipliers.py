@@ -3,10 +3,8 @@
 Every array may have a leading axis of points, here `…`.
 """
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -36,8 +34,14 @@ _APART = 1e3
 _SWEEPS, _GAIN = 8, 0.95
 """Of balancing a pair: at most so often, and only where norms fall to this part of themselves."""
 
-Drifts = Callable[[Array], Array]
-"""`Frozen.drifts` of points at positions (k,)."""
+
+class Inertia(Protocol):
+    """What verdicts need of points at positions (k,), see `Frozen`."""
+
+    def drifts(self, points: Array, Phi: Array, errors: Array) -> Array: ...
+
+    def units(self, points: Array) -> Array: ...
+
 
 VERDICTS: tuple[str, ...] = ("asymptotically stable", "stable", "unstable", "undetermined")
 ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
@@ -221,7 +225,7 @@ def scaled_alike(matrices: Array) -> tuple[Array, Array]:
     return matrices * units[..., None, :] / units[..., :, None], units
 
 
-def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, drifts: Drifts) -> Array:
+def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia) -> Array:
     """Positions (P,) in VERDICTS, of monodromy matrices (P, N, N).
 
     errors (P,): of the multipliers, absolute; e is that, or the bound of unresolved ones where it is larger.
@@ -239,9 +243,12 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, drifts: Drifts
     drifting = (np.abs(values - 1) <= _NEAR_ONE).sum(axis=-1) > 1
     open_ = np.flatnonzero(((judged == STABLE) | (judged == UNDETERMINED)) & drifting)
     if len(open_):
-        judged[open_] = np.where(drifts(open_), UNSTABLE, judged[open_])
-    for at in np.flatnonzero((judged == STABLE) & meet.any(axis=(-2, -1))).tolist():
-        if _may_be_defective(_balanced(Phi[at]), values[at], meet[at], float(errors[at])):
+        judged[open_] = np.where(modes.drifts(open_, Phi[open_], errors[open_]), UNSTABLE, judged[open_])
+    open_ = np.flatnonzero((judged == STABLE) & meet.any(axis=(-2, -1)))
+    units = modes.units(open_) if len(open_) else Phi[:0]
+    for at, unit in zip(open_.tolist(), np.tile(units, 2), strict=True):
+        alike = _balanced(Phi[at] * unit[:, None] / unit)
+        if _may_be_defective(alike, values[at], meet[at], float(errors[at])):
             judged[at] = UNDETERMINED
     return judged
 
@@ -281,10 +288,12 @@ def _meetings(values: Array, errors: Array, concerned: Array) -> Array:
 
 
 def _may_be_defective(Phi: Array, values: Array, meet: Array, error: float) -> bool:
-    """Whether there may be fewer eigenvectors than multipliers (N,) that `meet` (N, N)."""
+    """Whether there may be fewer eigenvectors than multipliers (N,) that `meet` (N, N): those that are apart
+    by no more than their errors leave as much of Φ - ρ."""
     for at in np.flatnonzero(meet.any(axis=-1)):
         singular = np.linalg.svd(Phi - values[at] * np.eye(len(Phi)), compute_uv=False)
-        small = 10 * math.sqrt(max(error, UNIT_CIRCLE)) * max(float(singular[0]), 1.0)
+        apart = float(np.abs(values[meet[at]] - values[at]).max())
+        small = _TIMES_ESTIMATE * max(error, UNIT_CIRCLE, apart) * max(float(singular[0]), 1.0)
         if np.sum(singular <= small) < 1 + np.sum(meet[at]):
             return True
     return False

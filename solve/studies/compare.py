@@ -103,7 +103,7 @@ class _Contestant:
         self.point = OnePoint(reference.system, reference.speed)
         self.reference = reference.certified.solutions
         self.judged_by = judged_by
-        self._drifts = reference.certified.modes.drifts
+        self._modes = reference.certified.modes
         ((self.method, _),) = chosen_for(rule, self.point)
         self.name = label(self.method)
         asked = request(None, _REFERENCE_RTOL, NUMPY, orbit=True)
@@ -131,7 +131,7 @@ class _Contestant:
             orbit_error=float(orbit_error) if self.judged_by == ORBIT else math.nan,
             multiplier_error=float(multiplier_error),
             time=seconds,
-            verdict=VERDICTS[verdicts(solution.Phi, solution.multipliers, np.zeros(1), self._drifts)[0]],
+            verdict=VERDICTS[verdicts(solution.Phi, solution.multipliers, np.zeros(1), self._modes)[0]],
             followed=not unresolved,
             warnings=[*map(self._unnamed, self.method.warnings), *unresolved],
         )

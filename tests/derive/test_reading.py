@@ -10,6 +10,7 @@ from modules import module_of
 from derive import Mechanism, Piecewise, cos, emit, loader, pi, rate, sin, sqrt, wrapped
 from derive.case_numbers import case_numbers
 from derive.emit import derive_equations
+from derive.errors import CaseError
 from derive.reading import read
 from derive.show import equations, latex
 from derive.switches import arbitrary_points, in_order
@@ -102,6 +103,23 @@ def test_numbers_of_cases_are_those_that_are_solved(name):
             assert {
                 symbol.name: pytest.approx(number, rel=1e-15) for symbol, number in ours.items()
             } == theirs
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        ('unit = "kg"', "unit = 3"),
+        ("[common.parameters]", "[common]\nparameters = 3\n[other]"),
+        ("value = 28", "values = 5"),
+    ],
+)
+def test_a_faulty_case_is_refused_and_no_fault_of_the_program(edit, tmp_path):
+    source = loader.find("cam")
+    text = source.cases.read_text("utf-8")
+    assert edit[0] in text
+    (tmp_path / "cases.toml").write_text(text.replace(*edit, 1), "utf-8")
+    with pytest.raises(CaseError):
+        case_numbers(tmp_path / "cases.toml", "1", loader.load(source))
 
 
 def text(element):

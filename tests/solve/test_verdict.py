@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import mathieu_a, mathieu_b
 
-from solve import Newmark, floquet
+from solve import Newmark, PeriodicSystem, floquet
 from tests.solve.systems import cam, constant, seeds, system
 
 METHODS = ["auto", "radau", "gauss", "fourier", "hill"]
@@ -33,6 +33,7 @@ def free(M, C, K):
         (np.eye(2), np.zeros((2, 2)), np.diag([2, 2 + 1e-7]), "stable"),  # nearly so
         (np.eye(2), np.zeros((2, 2)), [[2, 1], [0, 2]], "undetermined"),  # the same pair, defective
         (np.eye(2), np.diag([0.1, 0]), np.diag([2, 3]), "stable"),
+        (np.diag([1, 2, 3]), np.zeros((3, 3)), [[1, -1, 0], [-1, 2, -1], [0, -1, 1]], "unstable"),  # a chain
         (np.eye(2), np.diag([0.1, -1e-3]), np.diag([2, 3]), "unstable"),
         (np.eye(3), np.zeros((3, 3)), np.diag([1, 4, 0.3]), "stable"),
     ],
@@ -199,7 +200,39 @@ def test_a_chain_drifts_unless_a_spring_holds_it(seed, n, ground):
         for each in (np.diag(rng.uniform(0.5, 2, n)), joints.T * c @ joints, joints.T * k @ joints + held)
     )
     verdict = floquet(free(M, C, K), 1.0).verdict
-    assert (verdict == "unstable") == (ground == 0.0)
+    assert verdict != ("unstable" if ground else "stable")  # units may hide a drift in rounding
+
+
+def test_a_pulse_between_the_phases_looked_at_holds_what_would_drift():
+    """K = 1e-3 over 1e-4 of the turn: ρ = 1 ± 7.9e-4 i."""
+    start = 2 * np.pi * 10.1 / 128
+
+    def matrices(phase, speed):
+        one, zero = np.ones((len(phase), 1, 1)), np.zeros((len(phase), 1, 1))
+        pulse = 1e-3 * ((phase >= start) & (phase < start + 1e-4))
+        return one, zero, pulse[:, None, None], zero[:, 0]
+
+    held = PeriodicSystem(matrices, ["q"], breaks=(start, start + 1e-4))
+    assert floquet(held, 1.0).verdict == "stable"
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-6])
+def test_a_drift_that_turns_another_coordinate_is_not_stable_in_any_unit(unit):
+    """q = (v t, 0.35 v) solves it: the multiplier +1 has one eigenvector."""
+    D = np.diag([1.0, unit])
+    found = floquet(free(D @ D, D @ [[0, 0.7], [-0.7, 0]] @ D, D @ np.diag([0.0, 2.0]) @ D), 1.0)
+    assert found.verdict == "undetermined"
+
+
+@pytest.mark.parametrize("coupling", [1e-2, 1e-4, 1e-6])
+def test_a_weak_one_way_coupling_at_equal_frequencies_is_not_stable(coupling):
+    assert floquet(free(np.eye(2), np.zeros((2, 2)), [[2, coupling], [0, 2]]), 1.0).verdict == "undetermined"
+
+
+@pytest.mark.parametrize(("k", "ground"), [(1e6, 1e-8), (1e4, 1e-10), (1.0, 1e-14)])
+def test_what_a_weak_spring_holds_does_not_drift(k, ground):
+    found = floquet(free(np.eye(2), np.zeros((2, 2)), [[k + ground, -k], [-k, k]]), 1.0)
+    assert found.verdict in {"stable", "undetermined"}
 
 
 @pytest.mark.parametrize("k", [2500.0, 1e4])

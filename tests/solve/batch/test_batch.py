@@ -185,8 +185,17 @@ def test_all_parameters_and_the_speed_of_a_model_vary():
             assert found.spectral_radius[row, column] == pytest.approx(alone.spectral_radius, rel=SAME)
 
 
-def nothing_drifts(points):
-    return np.zeros(len(points), dtype=bool)
+class NothingDrifts:
+    """All in one unit."""
+
+    def __init__(self, n):
+        self.n = n
+
+    def drifts(self, points, Phi, errors):
+        return np.zeros(len(points), dtype=bool)
+
+    def units(self, points):
+        return np.ones((len(points), self.n))
 
 
 @settings(max_examples=40, deadline=None)
@@ -195,7 +204,7 @@ def test_multipliers_of_many_matrices_are_those_of_each(seed, N, decades):
     rng = np.random.default_rng(seed)
     Phi = rng.standard_normal((12, N, N)) @ np.diag(10.0 ** -np.linspace(0, decades, N))
     ours, finer = Multipliers.of(Phi), Multipliers.of(Phi * (1 + 1e-6 * rng.standard_normal(Phi.shape)))
-    judged, errors = verdicts(Phi, ours, np.full(12, 1e-9), nothing_drifts), rounding_errors(Phi)
+    judged, errors = verdicts(Phi, ours, np.full(12, 1e-9), NothingDrifts(N // 2)), rounding_errors(Phi)
     differences = ours.difference(finer)
     for k, matrix in enumerate(Phi):
         alone = Multipliers.of(matrix)
@@ -208,7 +217,7 @@ def test_multipliers_of_many_matrices_are_those_of_each(seed, N, decades):
         for value in ours.values[k, : ours.resolved[k]]:
             assert np.abs(truth - value).min() <= 1e-7 * abs(value) + 1e-13 * size
         one = np.array([k])
-        assert judged[k] == verdicts(Phi[one], ours[one], np.full(1, 1e-9), nothing_drifts)[0]
+        assert judged[k] == verdicts(Phi[one], ours[one], np.full(1, 1e-9), NothingDrifts(N // 2))[0]
         assert VERDICTS[judged[k]] in VERDICTS
         assert differences[k] == alone.difference(finer[k])
         assert errors[k] == rounding_errors(matrix)
