@@ -156,10 +156,11 @@ class Spectrum:
         with np.errstate(divide="ignore", invalid="ignore"):
             logarithms = np.where(rho != 0, np.log(rho), np.nan)
             errors = np.where(digits, self.certified.absolute[0] / np.abs(rho), np.nan)
-        if digits.all() or not self._factors_serve:
+        # Steps that do not know the largest know nothing of the others, however twice as many agree.
+        certified = self.certified
+        if digits.all() or not self._factors_serve or not certified.errors[0, 1] < _NO_DIGIT:
             return logarithms, errors
         own, order = self._factored[1], self._order
-        certified = self.certified
         finer = _on_steps(self.point, certified.method, certified.request, 2 * certified.steps)
         small = _known(_errors(finer.logarithms[0], own))
         return np.where(digits, logarithms, own.logarithms[0][order]), np.where(digits, errors, small[order])

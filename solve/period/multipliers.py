@@ -25,6 +25,9 @@ _SURE = 2.0
 _TIMES_ESTIMATE = 10.0
 """Times its estimate that an error may be: what tears a double multiplier apart takes it off the circle."""
 
+_ILL = 0.1
+"""Part of the error of a defective pair from which on an eigenvalue counts as ill-conditioned."""
+
 _NEAR_ONE = 1e-3
 """Distance from +1 of two multipliers within which a drift is looked for."""
 
@@ -148,19 +151,22 @@ def accumulated(steps: int) -> float:
 
 
 def most_rounding(Phi: Array, radius: Array) -> Array:
-    """What `rounding_errors` cannot exceed (…), from the spectral radius (…)."""
+    """What `rounding_errors` cannot exceed (…) but for blocks of more than two, from the spectral radius
+    (…)."""
     known = radius > NEGLIGIBLE
-    return np.where(known, np.sqrt(8 * EPS * frobenius(Phi) / np.where(known, radius, 1.0)), 0.0)
+    perturbation = np.minimum(8 * EPS * frobenius(Phi) / np.where(known, radius, 1.0), 1.0)
+    return np.where(known, np.sqrt(perturbation), 0.0)
 
 
 def rounding_errors(Phi: Array) -> Array:
     """Errors of the multipliers (…), relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes:
-    as many times larger as the eigenvalue is ill-conditioned, and its square root in a defective pair."""
+    as many times larger as the eigenvalue is ill-conditioned, and its k-th root in a defective block of k."""
     scaled, unit = _scaled(Phi)
     balanced = _balanced(scaled)
     if Phi.shape[-1] == 2:
         values = _pair(balanced)
-        norm, conditions = _pair_conditions(balanced, values)
+        norm, condition = _pair_conditions(balanced, values)
+        conditions = np.stack((condition, condition), axis=-1)
     else:
         values, right = np.linalg.eig(balanced)
         # Complex for every point alike, whatever its neighbours are.
@@ -169,12 +175,28 @@ def rounding_errors(Phi: Array) -> Array:
         defective = np.linalg.slogdet(right)[0] == 0
         right = np.where(defective[..., None, None], np.eye(Phi.shape[-1]), right)
         with np.errstate(over="ignore"):
-            conditions = np.linalg.norm(np.linalg.inv(right), axis=-1).max(axis=-1)
-        conditions = np.where(defective, np.inf, conditions)
+            conditions = np.linalg.norm(np.linalg.inv(right), axis=-1)
+        conditions = np.where(defective[..., None], np.inf, conditions)
     radius = np.abs(values).max(axis=-1)
     known = unit * radius > NEGLIGIBLE
-    perturbation = 8 * EPS * norm / np.where(known, radius, 1.0)
-    return np.where(known, np.minimum(perturbation * conditions, np.sqrt(perturbation)), 0.0)
+    scale = np.where(known, radius, 1.0)
+    perturbation = 8 * EPS * norm / scale
+    most = perturbation ** (1 / _block(values / scale[..., None], conditions, perturbation))
+    return np.where(known, np.minimum(perturbation * conditions.max(axis=-1), most), 0.0)
+
+
+def _block(values: Array, conditions: Array, perturbation: Array) -> Array:
+    """The largest number (…), at least 2, of ill-conditioned eigenvalues (…, N) that a perturbation may have
+    torn out of one."""
+    size = np.full(perturbation.shape, 2)
+    ill = conditions * np.sqrt(perturbation)[..., None] > _ILL
+    if values.shape[-1] == 2 or not (ill.sum(axis=-1) > 2).any():
+        return size
+    distance = np.where(ill[..., None, :], np.abs(values[..., :, None] - values[..., None, :]), np.inf)
+    for k in range(3, values.shape[-1] + 1):
+        near = distance <= 4 * perturbation[..., None, None] ** (1 / k)
+        size = np.where((near.sum(axis=-1) >= k).any(axis=-1), k, size)
+    return size
 
 
 def _pair_conditions(Phi: Array, values: Array) -> tuple[Array, Array]:

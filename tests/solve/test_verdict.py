@@ -224,6 +224,17 @@ def test_a_drift_that_turns_another_coordinate_is_not_stable_in_any_unit(unit):
     assert found.verdict == "undetermined"
 
 
+@pytest.mark.parametrize("seed", [0, 11, 24, 45])
+@pytest.mark.parametrize("method", ["gauss", "radau"])
+def test_three_multipliers_in_one_block_are_known_to_the_cube_root_of_rounding(seed, method):
+    """Three equal modes, each driving the next, seen from other axes: |ρ| = exp(-1e-6 π)."""
+    Q = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
+    K = Q.T @ (2 * np.eye(3) + np.eye(3, k=1)) @ Q
+    found = floquet(free(np.eye(3), 1e-6 * np.eye(3), K), 1.0, method, rtol=1e-3)
+    assert abs(found.spectral_radius - np.exp(-1e-6 * np.pi)) <= 10 * found.error_estimate.multipliers
+    assert found.verdict == "undetermined"
+
+
 @pytest.mark.parametrize("coupling", [1e-2, 1e-4, 1e-6])
 def test_a_weak_one_way_coupling_at_equal_frequencies_is_not_stable(coupling):
     assert floquet(free(np.eye(2), np.zeros((2, 2)), [[2, coupling], [0, 2]]), 1.0).verdict == "undetermined"
