@@ -74,13 +74,15 @@ class Frozen:
         which sees what lies between, brings the state (v, 0) back. Then q = v t is a solution, and the
         multiplier +1 is defective."""
         rows = self._matrices[1:, :, :, points].transpose(3, 0, 1, 4, 2).reshape(len(points), -1, self._n)
-        each = zip(rows, Phi, np.tile(self.units(points), 2), errors, strict=True)
+        each = zip(rows, Phi, self.units(points), errors, strict=True)
         return np.array([_drifts(*one) for one in each], dtype=bool)
 
     def units(self, points: Array) -> Array:
-        """Square roots of the mean inertias (k, n) of the coordinates of points at positions (k,)."""
-        inertia = np.abs(np.einsum("iipk->pik", self._matrices[0][:, :, points])).mean(axis=-1)
-        return np.sqrt(np.maximum(inertia, np.finfo(float).tiny))
+        """In which the states (k, 2n) of points at positions (k,) are alike: square roots of the mean
+        stiffness, or of the inertia where that is larger, and of the inertia, of each coordinate."""
+        diagonals = np.abs(np.einsum("aiipk->apik", self._matrices[::2][..., points, :])).mean(axis=-1)
+        inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
+        return np.sqrt(np.concatenate((np.maximum(stiffness, inertia), inertia), axis=-1))
 
     @cached_property
     def reach(self) -> Array:

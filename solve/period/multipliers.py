@@ -267,8 +267,8 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia
     if len(open_):
         judged[open_] = np.where(modes.drifts(open_, Phi[open_], errors[open_]), UNSTABLE, judged[open_])
     open_ = np.flatnonzero((judged == STABLE) & meet.any(axis=(-2, -1)))
-    units = modes.units(open_) if len(open_) else Phi[:0]
-    for at, unit in zip(open_.tolist(), np.tile(units, 2), strict=True):
+    units = modes.units(open_) if len(open_) else ()
+    for at, unit in zip(open_.tolist(), units, strict=True):
         alike = _balanced(Phi[at] * unit[:, None] / unit)
         if _may_be_defective(alike, values[at], meet[at], float(errors[at])):
             judged[at] = UNDETERMINED

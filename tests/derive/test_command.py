@@ -234,7 +234,7 @@ def test_show_with_the_numbers_of_a_case(derive):
         ("[case.b]", 'rotor.toml has no case "a"; it has: b'),
         ("[case.a.parameters]\nI = {value = 1, unit = 'm'}", "I = 1 is no number of a parameter of rotor"),
         ("[case.a.parameters]\nJ = {value = 'x', unit = 'kg m^2'}", "J = 'x' is no number of a parameter"),
-        ("[case.a.parameters]\nJ = 3", "J is 3; give a table with value and unit"),
+        ("[case.a.parameters]\nJ = 3", "J is 3; give a table with value or values, and unit"),
         ("[case.a.parameters]\nJ = {value = 1, unit = 'm'}", 'J is in "m"; it must be in "kg m^2"'),
         ("[case.a.parameters]\nJ = {value = 1, unit = 'ells'}", 'the unit "ells" is not understood'),
     ],

@@ -195,7 +195,7 @@ class NothingDrifts:
         return np.zeros(len(points), dtype=bool)
 
     def units(self, points):
-        return np.ones((len(points), self.n))
+        return np.ones((len(points), 2 * self.n))
 
 
 @settings(max_examples=40, deadline=None)
