@@ -224,7 +224,6 @@ LONG = [
     'solve compare manipulator --speed "10 rad/s"',
     'solve validity cam --speeds "100:600:200 rpm"',
     'solve transient cam --speed "300 rpm" --turns 4000 --nonlinear',
-    'solve periodic cam --speed "20 rpm" --nonlinear --rtol 1e-10',
     'solve floquet cam --speed "60 rpm" --method fourier',
     'models.four_bar study --speeds "15:50:71 rad/s" --over L4=0.5,0.6',
     'models.four_bar design --allowable "100 MPa"',
