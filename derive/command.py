@@ -75,8 +75,8 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
     return [loader.find(model, out) for model in (loader.names() if every else models)]
 
 
-def _text(source: Source, tell: Callable[[str], object] = lambda _: None) -> str:
-    """The generated module as it should be; SymPy is loaded here and not before. tell: is called with what
+def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:
+    """The generated module as it should be; SymPy is loaded here and not before. report: is called with what
     of the statement the equations ignore."""
     if source.name == loader.BEAM_ELEMENTS:
         from derive.beam_text import beam_elements_text
@@ -90,7 +90,7 @@ def _text(source: Source, tell: Callable[[str], object] = lambda _: None) -> str
     with loader.located(source):
         if isinstance(mechanism, Structure):
             return structure_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
-        return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command, tell)
+        return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command, report)
 
 
 def _write(sources: list[Source]) -> None:

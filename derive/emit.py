@@ -138,17 +138,17 @@ def module_text(
     source_sha256: str,
     derive_sha256: str,
     command: str,
-    tell: Callable[[str], object] = lambda _: None,
+    report: Callable[[str], object] = lambda _: None,
 ) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`.
 
-    tell: is told what of the statement the equations ignore.
+    report: is called with each sentence on what of the statement the equations ignore.
     """
     with steps(2) as step:
         step("equations")
         equations = derive_equations(mechanism)
         for sentence in (*equations.nonlinear, *equations.idle):
-            tell(sentence)
+            report(sentence)
         step("code")
         texts, counts = functions_text(mechanism, _functions(mechanism, equations))
     texts += equations.functions

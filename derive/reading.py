@@ -1,5 +1,5 @@
 """The linearised equations as they stand in the literature: entry by entry, with names for long parts that
-occur again. How they are printed is told in `show` and in `mathml`."""
+occur again. How they are printed is stated in `show` and in `mathml`."""
 
 import string
 from collections.abc import Callable, Iterable, Iterator, Mapping

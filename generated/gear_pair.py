@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
+DERIVE_SHA256 = "3c545a5b96f222caa79a51b26c0bc4e30c759fc454c309b166005c7cd46dbcdc"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d8d69cee5c5dedbbaf95699d5cb0dbfb54aadbc2adbbcd5a7731c2019ec5c74e"
+FILE_SHA256 = "46351520beba291b51308cb4a49d9ee14c781374afaf01c3ff5c2291c5ab16c2"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
+DERIVE_SHA256 = "3c545a5b96f222caa79a51b26c0bc4e30c759fc454c309b166005c7cd46dbcdc"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e15cb15ef20d1fd9d3dff69ceea0e9f7e931a794c1859e1d614f2716614f7fce"
+FILE_SHA256 = "2bbd347e9b05787dcb9bc23d51bb572002c71e59f19c97931e5288ca44adce5b"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

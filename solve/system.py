@@ -123,8 +123,9 @@ class PeriodicSystem:
     """Names of the quantities that follow from the state; units and meanings hold theirs too."""
     outputs_apart: bool = False
     """Whether each output is calculated by itself when it is asked for, rather than all at once."""
-    ignored: tuple[str, ...] = ()
-    """What the linear equations leave out of the mechanism that they stand for, a sentence each."""
+    equation_warnings: tuple[str, ...] = ()
+    """What is doubtful about the equations at any speed, a sentence each: terms of the mechanism that they
+    leave out, the errors of fitted series."""
     largest_of: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     """Names that stand for several outputs, of which the largest counts: a stress on either surface."""
     units: Mapping[str, str] = MappingProxyType({})
@@ -222,7 +223,7 @@ class PeriodicSystem:
 
     def warnings(self, speed: float) -> list[str]:
         """About the equations themselves at a speed (rad/s), whatever their solution."""
-        return list(self.ignored)
+        return list(self.equation_warnings)
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:

@@ -48,7 +48,8 @@ class Model(PeriodicSystem):
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         self.fits = setup.case.fits
-        self.ignored = (*getattr(module, "NONLINEAR", ()), *(fit.sentence for fit in self.fits.values()))
+        fitted = (fit.sentence for fit in self.fits.values())
+        self.equation_warnings = (*getattr(module, "NONLINEAR", ()), *fitted)
         self.units = {name: unit for name, unit, _ in (*coordinates, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*coordinates, *module.OUTPUTS)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}

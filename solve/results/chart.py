@@ -143,10 +143,10 @@ class Chart(Result):
     def warnings(self) -> list[str]:
         """How many points failed, and why the first did."""
         if not self.failures:
-            return list(self.system.ignored)
+            return list(self.system.equation_warnings)
         reason, total = next(iter(self.failures.values())), len(self.results)
         return [
-            *self.system.ignored,
+            *self.system.equation_warnings,
             f"{len(self.failures)} of {total} points give no result, and boundaries end beside them: "
             + reason,
         ]

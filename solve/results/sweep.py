@@ -184,7 +184,7 @@ class Sweep(Result):
             f"{text} ({f'at {len(at)} of {total} points' if self.parameters else _where(at, total)})"
             for text, at in groups.values()
         ]
-        return [*self.system.ignored, *of_points]
+        return [*self.system.equation_warnings, *of_points]
 
     def record(self) -> dict[str, Any]:
         """Of `solve sweep --json`."""

@@ -118,11 +118,11 @@ def simulate(
     moving = _Moving(stresses, run_up)
     x = moving.at_rest()
     last, largest = np.zeros(len(x) // 2), []
-    with stage("turns of the run-up", turns) as told:
+    with stage("turns of the run-up", turns) as count:
         for turn in range(turns):
             x, last, peaks = moving.turn(turn, x, last)
             largest.append(peaks)
-            told.add()
+            count.add()
     at = run_up(np.arange(1, turns + 1) * TURN)
     return Simulated(at.time, at.speed, at.L4, np.array(largest))
 
