@@ -11,7 +11,7 @@ from solve.certify.estimates import enough_steps
 from solve.errors import SolveError
 from solve.methods.method import Method, Solutions
 from solve.period.frozen import Frozen
-from solve.period.multipliers import UNDETERMINED, verdicts
+from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, verdicts
 from solve.period.points import Points
 
 NEAR_ONE = 1e-3
@@ -65,16 +65,16 @@ class Certified:
         return verdicts(found.Phi, found.multipliers, self.absolute, self.modes)
 
     @cached_property
-    def _undetermined(self) -> Array:
-        """Points (k,) without a verdict."""
-        return self.verdicts == UNDETERMINED
+    def _left_open(self) -> Array:
+        """Points (k,) without a verdict though their multipliers are known well."""
+        return (self.absolute <= KNOWN_ON_CIRCLE) & (self.verdicts == UNDETERMINED)
 
     @property
     def doubtful(self) -> Array:
         """Points (k,) that deserve a warning."""
         multipliers = self.solutions.multipliers
         found = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
-        found |= (multipliers.resolved == 0) | self._undetermined | bool(self.method.warnings)
+        found |= (multipliers.resolved == 0) | self._left_open | bool(self.method.warnings)
         if self.request.steps is not None and not self.method.l_stable:
             found |= ~self.modes.within(self.steps * self.method.follows / self.modes.period)
         return found
@@ -113,7 +113,7 @@ class Certified:
                 f"a multiplier is only {near:.1e} from +1 (resonance or a stability boundary): "
                 "the height of the response means little here"
             )
-        if self._undetermined[at]:
+        if self._left_open[at]:
             lost = rho.values.shape[-1] > rho.resolved[at]
             known = max(float(self.absolute[at]), float(rho.bound[at]) if lost else 0.0)
             warnings.append(
