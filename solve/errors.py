@@ -80,6 +80,14 @@ class NoResultError(SolveError):
     """None of many points has a result."""
 
 
+class WorkersError(SolveError):
+    """Workers that cannot be reached, or that ended too early."""
+
+
+class MissingLibraryError(SolveError):
+    """A library that a part of the software needs and that is not installed."""
+
+
 class FileError(SolveError):
     """A file that cannot be read or written, or whose type is unknown."""
 

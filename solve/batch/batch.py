@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.family import SPEED, Family
-from solve.batch.tables import Sampled, Separated, Separation
+from solve.batch.tables import Sampled, Separated, Separation, training
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.refinement import certified, on_one_grid
 from solve.errors import SolveError
@@ -29,7 +29,7 @@ class Batch:
     """How points of a family are solved: by which method, from which tables."""
 
     def __init__(self, family: Family, region: Array, method: Rule, request: Request):
-        """`region`: points (P, v) that span those to be solved; the shared tables are made from them."""
+        """`region`: points (T, v) that span those to be solved; the shared tables are learnt from them."""
         self.family, self.method, self.request = family, method, request
         self._region = region
         self._separation: Separation | None = None
@@ -112,7 +112,7 @@ class Batch:
         others = yield from _represented(shared, points, every)
         for alike in self._by_parameters(points, others):
             if len(alike) >= _LEAST_GROUP:
-                own = Separation(self.family, points[alike], shared.period, shared.n)
+                own = Separation(self.family, training(points[alike]), shared.period, shared.n)
                 left = yield from _represented(own, points, alike)
                 others = np.setdiff1d(others, np.setdiff1d(alike, left))
         if len(others):

@@ -136,14 +136,14 @@ class BuiltFamily(Family):
         """`points` (P, v): the first that can be built is the example; `speed` (rad/s) holds where the speed
         is not among the names."""
         self.names, self.speed = tuple(names), speed
-        self._build, self._points = build, points
-        self.example = self._first()
+        self._build = build
+        self.example, self._point = self._first(points)
 
-    def _first(self) -> PeriodicSystem:
-        for point in self._points[:-1]:
+    def _first(self, points: Array) -> tuple[PeriodicSystem, Array]:
+        for point in points[:-1]:
             with suppress(SolveError):
-                return self.system(point)[0]
-        return self.system(self._points[-1])[0]
+                return self.system(point)[0], point
+        return self.system(points[-1])[0], points[-1]
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         values = dict(zip(self.names, map(float, point), strict=True))
@@ -152,7 +152,7 @@ class BuiltFamily(Family):
         return self._build(**values), speed
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return BuiltFamily, (self._build, self.names, self._points, self.speed)
+        return BuiltFamily, (self._build, self.names, self._point[None], self.speed)
 
 
 def over_speed(system: PeriodicSystem) -> Family:

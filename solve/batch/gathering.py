@@ -1,28 +1,22 @@
-"""Points solved here, or in parts by an executor, and what is kept of each put in its place."""
+"""Points solved here, and what is kept of each put in its place."""
 
-from concurrent.futures import Executor
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
-from solve.batch.family import Family
-from solve.certify.certified import Certified, Request
-from solve.kernel.engines import chosen_engine
-from solve.methods.choice import Rule, chosen
+from solve.certify.certified import Certified
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import roughly
 from solve.period.quantities import Quantities
 from solve.progress import stage
 from solve.results.points import Kept, PointResults
-from solve.single import request
 from solve.statistics import Statistics
 from solve.threads import one_thread
 
-_FEWEST = 8
+FEWEST = 8
 """Points prepared together, however large."""
 
 _MEMORY = 2**23
@@ -49,7 +43,7 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
 
 def chunk_size(n: int) -> int:
     """Points with n coordinates that are prepared together."""
-    return max(_FEWEST, _MEMORY // (8 * PHASES * (3 * n**2 + n)))
+    return max(FEWEST, _MEMORY // (8 * PHASES * (3 * n**2 + n)))
 
 
 @dataclass(frozen=True)
@@ -107,60 +101,3 @@ class _Keeper:
             texts = judged(dict(zip(names, figures, strict=True)))
             if texts:
                 self.results.warnings.setdefault(place, []).extend(texts)
-
-
-@dataclass(frozen=True)
-class Task:
-    """A family, the method, what is asked of points and what is kept; goes to other threads and processes."""
-
-    family: Family
-    method: Rule
-    request: Request
-    kept: Kept
-
-    def batch(self, points: Array) -> Batch:
-        """For points like these (P, v)."""
-        return Batch(self.family, points, self.method, self.request)
-
-    def solved(self, batch: Batch, points: Array, executor: Executor | None) -> PointResults:
-        """The points (P, v), in a batch for them here or by the executor."""
-        if executor is not None:
-            return _spread(self, points, executor)
-        return gathered(batch, points, self.kept)
-
-    def __call__(self, points: Array) -> PointResults:
-        # Samplers of a model serve one thread.
-        apart = replace(self, family=copy(self.family))
-        return gathered(apart.batch(points), points, self.kept)
-
-
-def task_of(
-    family: Family,
-    method: str | Rule,
-    rtol: float,
-    engine: str,
-    kept: Kept | None = None,
-    steps: int | None = None,
-    orbit: bool = True,
-) -> tuple[Task, list[str]]:
-    """What is asked of points of the family, and what the user should know about the engine. Raises
-    SolveError subclasses for an unknown method or engine, and for a tolerance out of bounds."""
-    used, notes = chosen_engine(engine)
-    return Task(family, chosen(method), request(steps, rtol, used, orbit), kept or Kept()), notes
-
-
-def _spread(task: Task, points: Array, executor: Executor) -> PointResults:
-    n = task.family.example.n
-    results = PointResults.blank(len(points), n, task.kept)
-    parts = np.array_split(np.arange(len(points)), max(1, -(-len(points) // chunk_size(n))))
-    waiting = [executor.submit(task, points[part]) for part in parts]
-    try:
-        with stage(POINTS, len(points)) as count:
-            for part, future in zip(parts, waiting, strict=True):
-                results.insert(part, future.result())
-                count.add(len(part))
-    finally:
-        # Nobody waits for the rest, where one fails or the user interrupts.
-        for future in waiting:
-            future.cancel()
-    return results

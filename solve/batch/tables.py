@@ -33,7 +33,7 @@ _CHECKS = np.array([0.1357, 0.7311])
 
 
 class Separation:
-    """The terms of a family's entries, from samples at some of the points.
+    """The terms of a family's entries, from samples at some points (T, v), see `training`.
 
     An entry's terms are nested: the j-th is 1 at its own phase and 0 at those of the terms before it, so
     that a small term costs no digits of the others.
@@ -42,7 +42,7 @@ class Separation:
     def __init__(self, family: Family, points: Array, period: float, n: int):
         self.family, self.period, self.n = family, period, n
         self._kept: dict[bytes, Array] = {}
-        self._points = _spread(points)
+        self._points = points
         phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
         samples = family.entries(phases, self._points)
         finite = np.isfinite(samples).all(axis=(1, 2))
@@ -168,8 +168,8 @@ class Sampled:
         return Tables.of(self.family.entries(phase, self.points), self.n)
 
 
-def _spread(points: Array) -> Array:
-    """Some of the points: the extreme ones, and others all over."""
+def training(points: Array) -> Array:
+    """Some of the points, from which the terms are learnt: the extreme ones, and others all over."""
     extremes = [pick(column) for column in points.T for pick in (np.argmin, np.argmax)]
     others = np.linspace(0, len(points) - 1, _TRAINING_POINTS).astype(int)
     scattered = np.random.default_rng(0).integers(0, len(points), _TRAINING_POINTS)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Flag, Problem, Results, Speed
+from solve.commands.groups import Accuracy, Flag, Places, Problem, Results, Speed
 from solve.commands.parse import assignments, numbers, points
 from solve.errors import MissingValueError
 from solve.units import speed_in_si, speeds_in_si
@@ -16,6 +16,7 @@ def chart(
     problem: Problem,
     speed: Speed,
     accuracy: Accuracy,
+    places: Places,
     results: Results,
     x: Annotated[str | None, Flag("N values from A to B, across.", _RANGE)] = None,
     y: Annotated[str | None, Flag("N values from A to B, upwards.", _RANGE)] = None,
@@ -30,7 +31,8 @@ def chart(
     model = problem.loaded()
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
     asked = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance}
-    result = solve.chart(model, across, upwards, omega, **asked).with_cuts(lines)
+    with places.given() as given:
+        result = solve.chart(model, across, upwards, omega, **asked, **given).with_cuts(lines)
     deliver_result(results, result, problem.choices, result.notes)
 
 

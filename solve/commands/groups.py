@@ -5,15 +5,18 @@ command's own flags, so that a new command is a short file.
 """
 
 import inspect
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import typer
 
+from solve.batch.executors import cluster, processes
 from solve.commands.parse import assignments, number, quantities, whole
-from solve.errors import MissingValueError
+from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.loading import case_numbers, model_of, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.cases import Case
@@ -182,6 +185,38 @@ class OnePoint(Steps):
     def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
         """What a function such as `solve.periodic` gives."""
         return solve(model, omega, self.rule, self.steps, self.rtol, all_multipliers=self.all_multipliers)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where many points are solved, and kept as they are finished."""
+
+    store: Annotated[
+        str | None, Flag("Keep finished points in this folder; the same command goes on from there.", "DIR")
+    ] = None
+    workers: Annotated[int | None, Flag("Processes of this machine that share the points.", "N")] = None
+    scheduler: Annotated[
+        str | None, Flag("A running dask scheduler, whose workers share the points.", "tcp://HOST:PORT")
+    ] = None
+
+    @contextmanager
+    def given(self) -> Iterator[dict[str, Any]]:
+        """Keywords `executor` and `store` of functions such as `solve.sweep`. Raises ValueOutOfBoundsError,
+        WorkersError, MissingLibraryError."""
+        if self.workers is not None and self.scheduler is not None:
+            raise ValueOutOfBoundsError("--workers and --scheduler name two places to work; give one of them")
+        with ExitStack() as opening:
+            executor = None
+            if self.workers is not None:
+                executor = opening.enter_context(processes(self.workers))
+            if self.scheduler is not None:
+                executor = opening.enter_context(cluster(self.scheduler))
+            try:
+                yield {"executor": executor, "store": self.store}
+            except KeyboardInterrupt:
+                if self.store is not None:
+                    print(f"solve: what is finished is kept in '{self.store}'", file=sys.stderr)
+                raise
 
 
 @dataclass(frozen=True)

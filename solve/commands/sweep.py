@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Problem, Results, Speeds, Steps
+from solve.commands.groups import Flag, Places, Problem, Results, Speeds, Steps
 from solve.commands.parse import harmonic_count, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.results.plot import shown
@@ -18,6 +18,7 @@ def sweep(
     problem: Problem,
     speeds: Speeds,
     accuracy: Steps,
+    places: Places,
     results: Results,
     show: Annotated[
         list[str] | None, Flag("Coordinate or output to show; repeatable; coordinates by default.", "NAME")
@@ -44,7 +45,8 @@ def sweep(
         _check_turn(model, turn, count, results, waterfall)
     asked = accuracy.rule, accuracy.steps, accuracy.rtol
     kept: dict[str, Any] = {"spectra": spectra, "harmonics": orders, "over": varied or None}
-    result = solve.sweep(model, omegas, *asked, **kept)
+    with places.given() as given:
+        result = solve.sweep(model, omegas, *asked, **kept, **given)
     result.results.require_any()
 
     def figure() -> Figure:

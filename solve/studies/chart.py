@@ -4,13 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial, singledispatch
+from pathlib import Path
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
-from solve.batch.gathering import task_of
+from solve.batch.task import task_of
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.choice import Rule
@@ -44,6 +45,7 @@ def chart(
     boundaries: bool = True,
     engine: str = "auto",
     executor: Executor | None = None,
+    store: str | Path | None = None,
 ) -> Chart:
     """Stability over two quantities: parameters in SI units, or "speed". Each is {name: values}, or a text as
     on the command line: "delta=0:10:60", "speed=100:400:40 rpm".
@@ -52,7 +54,8 @@ def chart(
     a function that builds a system from the two values by name. speed: where it is not among the two, by
     default that of the case. Boundaries are found between the points to `tolerance` of the range of the
     values, thin unstable tongues between stable points among them. engine: as in `sweep`. With an executor
-    parts of the grid are handed to it. Raises SolveError subclasses for bad input; a point that fails, such
+    parts of the grid are handed to it; `store`: a folder that keeps them as they are finished, from which the
+    same call goes on. Raises SolveError subclasses for bad input; a point that fails, such
     as a linkage that cannot turn, is NaN with its reason, and boundaries end beside it.
     """
     (x_name, xs), (y_name, ys) = _axis("x", x), _axis("y", y)
@@ -65,7 +68,7 @@ def chart(
     batch = task.batch(points)
     with steps(3) as step:
         step("the grid")
-        results = task.solved(batch, points, executor)
+        results = task.solved(batch, points, executor, store)
         results.require_any()
         search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))

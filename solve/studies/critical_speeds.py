@@ -15,7 +15,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.family import over_speed
-from solve.batch.gathering import gathered, task_of
+from solve.batch.gathering import gathered
+from solve.batch.task import task_of
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.period.multipliers import VERDICTS

@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.family import over_speed
-from solve.batch.gathering import task_of
+from solve.batch.task import task_of
 from solve.errors import MatricesError, StepsError
 from solve.methods.method import Method
 from solve.methods.radau import Radau

@@ -4,13 +4,15 @@ or of several beside each other, such as one model with several lengths."""
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.batch.family import SPEED, SystemFamily
-from solve.batch.gathering import task_of
+from solve.batch.store import made_folder
+from solve.batch.task import task_of
 from solve.errors import MissingValueError, StepsError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model
@@ -37,6 +39,7 @@ def sweep(
     harmonics: int = 60,
     engine: str = "auto",
     over: Over | None = None,
+    store: str | Path | None = None,
 ) -> Sweep:
     """`periodic` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm"), keeping
     the figures of each.
@@ -46,7 +49,8 @@ def sweep(
     quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
     are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
     which no periodic solution is found gives NaN and the reason; the sweep goes on. With an executor
-    parts of the sweep are handed to it. engine: "compiled", "numpy", or "auto" for the first where there is a
+    parts of the sweep are handed to it. store: a folder that keeps parts as they are finished; the same call
+    goes on from there. engine: "compiled", "numpy", or "auto" for the first where there is a
     C compiler. Raises SolveError subclasses for what no speed could mend.
     """
     values = _over(over)
@@ -64,7 +68,7 @@ def sweep(
     for extreme in (points.min(axis=0), points.max(axis=0)) if values else ():
         system.require_bounds(dict(zip(values, extreme.tolist(), strict=False)))
     task, notes = task_of(family, method, rtol, engine, kept, steps)
-    results = task.solved(task.batch(points), points, executor)
+    results = task.solved(task.batch(points), points, executor, store)
     parameters = dict(zip(values, points.T, strict=False))
     return Sweep(system, points[:, -1], results, task.request.engine, notes, parameters)
 
@@ -127,19 +131,23 @@ def sweeps(
     title: str = "",
     method: str | Rule = "auto",
     rtol: float = 1e-6,
+    executor: Executor | None = None,
+    store: str | Path | None = None,
 ) -> Sweeps:
     """Each of the systems over the speeds (rad/s, or texts with unit), keeping the figures of some
-    coordinates and outputs that all of them have, or that names of `largest_of` stand for. Raises SolveError
-    subclasses for bad input."""
+    coordinates and outputs that all of them have, or that names of `largest_of` stand for. executor, store:
+    as in `sweep`, with a folder within for each of the systems. Raises SolveError subclasses for bad
+    input."""
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
     omegas = np.array(speeds_given(speeds))
     found = {}
     with stage("curves", len(systems)):
-        for label, system in systems.items():
+        for number, (label, system) in enumerate(systems.items()):
             names = [name for quantity in quantities for name in system.parts(quantity)]
             with part("curves"):
-                found[label] = sweep(system, omegas, method, rtol=rtol, quantities=names)
+                folder = None if store is None else made_folder(store) / str(number)
+                found[label] = sweep(system, omegas, method, None, rtol, executor, names, store=folder)
     return Sweeps(title, omegas, found)
 
 

@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from models.four_bar.commands.groups import FourBar
-from solve.commands.groups import Flag, Results, Speeds
+from solve.commands.groups import Flag, Places, Results, Speeds
 from solve.commands.parse import figure_kept
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 
@@ -26,6 +26,7 @@ _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.6
 def study(
     four_bar: FourBar,
     speeds: Speeds,
+    places: Places,
     results: Results,
     over: Annotated[
         str | None, Flag("Parameter (SI units) or option with its values, or NAME=A:B:N.", "NAME=A,B,C")
@@ -55,7 +56,8 @@ def study(
 
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
     shown(model, [model.parts(name)[0] for name in names])
-    compared = solve.sweeps(systems, omegas, names, title, rtol=rtol)
+    with places.given() as given:
+        compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **given)
     if all(each.results.failed.all() for each in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()
     deliver(

@@ -285,7 +285,7 @@ def fastest_of(system, phase, speed):
 @pytest.mark.slow
 def test_a_chart_in_parts_is_the_same(monkeypatch):
     """Small parts in other processes, with points that fail among them."""
-    monkeypatch.setattr("solve.batch.gathering.chunk_size", lambda n: 7)
+    monkeypatch.setattr("solve.batch.task.chunk_size", lambda n: 7)
     model = solve.load("coupler", alpha=0, cx=0, cy=0)
     axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
     alone, seen = solve.chart(model, *axes), []
@@ -299,11 +299,11 @@ def test_a_chart_in_parts_is_the_same(monkeypatch):
     np.testing.assert_allclose(parts.spectral_radius, alone.spectral_radius, rtol=SAME)
     assert parts.failures == alone.failures
     assert len(parts.boundaries) == len(alone.boundaries)
-    assert [done for done in dict.fromkeys(seen) if done in (6, 12, 18, 24)] == [6, 12, 18, 24]
+    assert [done for done in dict.fromkeys(seen) if done in (7, 14, 21, 24)] == [7, 14, 21, 24]
 
 
 def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
-    monkeypatch.setattr("solve.batch.gathering.chunk_size", lambda n: 1)
+    monkeypatch.setattr("solve.batch.task.chunk_size", lambda n: 1)
 
     def interrupted(work):
         if work.stages[-1].done:

@@ -1,0 +1,209 @@
+"""What stopped goes on from its folder, bit for bit, and nothing that is damaged is believed."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import xarray
+
+import solve
+from solve.batch import task
+from solve.errors import FileError
+from solve.progress import heard
+
+SPEEDS = np.linspace(0.5, 3, 60)
+
+
+def swept(folder=None, **chosen):
+    return solve.sweep(solve.load("mathieu"), SPEEDS, store=folder, **{"rtol": 1e-6, **chosen})
+
+
+def same(one, other):
+    for name in ("figures", "multipliers", "errors", "verdicts", "steps", "methods"):
+        np.testing.assert_array_equal(getattr(one.results, name), getattr(other.results, name))
+    assert one.results.warnings == other.results.warnings
+    assert one.results.failures == other.results.failures
+
+
+@pytest.fixture
+def solved_points(monkeypatch):
+    """How many points were solved, a number a call."""
+    counts, gathered = [], task.gathered
+    monkeypatch.setattr(
+        task,
+        "gathered",
+        lambda batch, points, kept: counts.append(len(points)) or gathered(batch, points, kept),
+    )
+    return counts
+
+
+def test_a_store_changes_no_result_and_is_read_the_next_time(tmp_path, solved_points):
+    plain = swept()
+    solved_points.clear()
+    same(swept(tmp_path / "s"), plain)
+    assert sum(solved_points) == 60
+    same(swept(tmp_path / "s"), plain)
+    assert sum(solved_points) == 60
+
+
+def test_what_was_interrupted_goes_on_and_solves_no_finished_part_again(tmp_path, solved_points):
+    def interrupt(work):
+        if work.stages[0].done >= 24:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), heard(interrupt):
+        swept(tmp_path / "s")
+    kept = xarray.open_dataset(tmp_path / "s", engine="zarr", consolidated=False)
+    assert not kept.attrs["finished"]
+    finished = 8 * int((kept["checksum"] != 0).sum())
+    assert 16 <= finished < 60
+    before = sum(solved_points)
+    same(swept(tmp_path / "s"), swept())
+    assert sum(solved_points) - before - 60 in (60 - finished, 0 - finished)
+
+
+def test_failures_and_warnings_are_kept(tmp_path):
+    model = solve.load("coupler", alpha=0, cx=0, cy=0)
+    axes = {"speed": np.linspace(400.0, 560.0, 4)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
+    plain = solve.chart(model, *axes, boundaries=False)
+    for _ in range(2):
+        found = solve.chart(model, *axes, boundaries=False, store=tmp_path / "s")
+        same(found, plain)
+    assert found.failures
+    cam = solve.load("cam")
+    first, second = (solve.sweep(cam, "400 600 rpm", store=tmp_path / "t") for _ in range(2))
+    same(first, second)
+    assert second.results.warnings
+
+
+@pytest.mark.parametrize("damage", [b"", b"\x00" * 40, None])
+@pytest.mark.parametrize("name", ["multipliers", "figures", "texts", "checksum"])
+def test_a_damaged_part_is_solved_again(tmp_path, name, damage, solved_points):
+    plain = swept(tmp_path / "s")
+    (chunk, *_) = sorted(each for each in (tmp_path / "s" / name / "c").rglob("*") if each.is_file())
+    if damage is None:
+        chunk.unlink()
+    else:
+        chunk.write_bytes(damage)
+    solved_points.clear()
+    same(swept(tmp_path / "s"), plain)
+    assert sum(solved_points) == 8
+
+
+def test_the_store_of_another_calculation_is_refused_and_stays(tmp_path):
+    swept(tmp_path / "s")
+    model = solve.load("mathieu")
+    for given, pattern in (
+        (lambda: swept(tmp_path / "s", rtol=1e-7), "rtol is 1e-06 there and 1e-07 here"),
+        (lambda: swept(tmp_path / "s", method="gauss"), "method is auto there and Gauss"),
+        (lambda: swept(tmp_path / "s", quantities=[]), "quantities"),
+        (lambda: solve.sweep(model, SPEEDS[:-1], store=tmp_path / "s", rtol=1e-6), "points"),
+        (lambda: solve.sweep(solve.load("mathieu", delta=9), SPEEDS, store=tmp_path / "s"), "parameters"),
+    ):
+        with pytest.raises(FileError, match=pattern):
+            given()
+    same(swept(tmp_path / "s"), swept())
+
+
+def test_systems_of_ones_own_are_told_apart_by_their_matrices(tmp_path):
+    def oscillator(k):
+        one = np.ones(1)
+        return solve.PeriodicSystem(
+            lambda phase, speed: (
+                np.broadcast_to(one, (len(phase), 1, 1)),
+                np.full((len(phase), 1, 1), 0.1),
+                np.full((len(phase), 1, 1), k),
+                np.cos(phase)[:, None],
+            ),
+            ["q"],
+        )
+
+    solve.sweep(oscillator(4.0), SPEEDS, store=tmp_path / "s")
+    with pytest.raises(FileError, match="matrices"):
+        solve.sweep(oscillator(4.0 + 1e-12), SPEEDS, store=tmp_path / "s")
+
+
+def test_two_writers_are_refused(tmp_path):
+    def another(work):
+        if work.stages[0].done:
+            swept(tmp_path / "s")
+
+    with pytest.raises(FileError, match="in use by another"), heard(another):
+        swept(tmp_path / "s")
+    same(swept(tmp_path / "s"), swept())
+
+
+def test_folders_of_others_are_left_alone(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("years of work")
+    (tmp_path / "file").write_text("")
+    for place, pattern in (
+        (tmp_path / "mine", "holds other files"),
+        (tmp_path / "file", "is a file"),
+        (tmp_path / "none" / "s", "No such file"),
+        ("/proc/s", "cannot be written"),
+    ):
+        with pytest.raises(FileError, match=pattern):
+            swept(place)
+    assert [each.name for each in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+
+
+def test_threads_and_a_store(tmp_path):
+    with ThreadPoolExecutor(2) as executor:
+        same(swept(tmp_path / "s", executor=executor), swept())
+    same(swept(tmp_path / "s"), swept())
+
+
+def test_xarray_reads_the_folder(tmp_path):
+    found = swept(tmp_path / "s")
+    kept = xarray.open_dataset(tmp_path / "s", engine="zarr", consolidated=False)
+    np.testing.assert_array_equal(kept["speed"], SPEEDS)
+    np.testing.assert_array_equal(kept["multipliers"], found.results.multipliers)
+    at = kept["figures"].attrs["figure"].index("max_abs")
+    np.testing.assert_array_equal(kept["figures"][:, 0, at], found.results.figures[:, 0, at])
+    assert kept.attrs["finished"]
+    assert kept.attrs["work"]["model"] == "mathieu"
+
+
+CHART = ["chart", "mathieu", "--x", "delta=0:6:160", "--y", "epsilon=0:3:160", "--json"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGINT])
+def test_a_chart_killed_twice_equals_one_that_was_not(tmp_path, blow):
+    command = [sys.executable, "-m", "solve", *CHART]
+    stored = [*command, "--store", str(tmp_path / "s")]
+    sizes = []
+    for _ in range(2):
+        process = subprocess.Popen(stored, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        before = finished(tmp_path / "s")
+        while finished(tmp_path / "s") < before + 3 and process.poll() is None:
+            time.sleep(0.02)
+        process.send_signal(blow)
+        said = process.communicate(timeout=30)[1].decode()
+        sizes.append(finished(tmp_path / "s"))
+        assert process.returncode == (130 if blow == signal.SIGINT else -signal.SIGKILL), said
+        assert blow != signal.SIGINT or "what is finished is kept" in said
+    assert 0 < sizes[0] < sizes[1] < 32
+    resumed = subprocess.run(stored, capture_output=True, check=True).stdout
+    alone = subprocess.run(command, capture_output=True, check=True).stdout
+    assert json.loads(resumed) == json.loads(alone)
+
+
+def finished(folder):
+    return len(list((folder / "checksum" / "c").glob("*"))) if folder.exists() else 0
+
+
+def test_a_folder_whose_making_was_interrupted_is_made_anew(tmp_path):
+    swept(tmp_path / "s")
+    shutil.rmtree(tmp_path / "s" / "steps")
+    group = json.loads((tmp_path / "s" / "zarr.json").read_text())
+    del group["attributes"]["work"]
+    (tmp_path / "s" / "zarr.json").write_text(json.dumps(group))
+    same(swept(tmp_path / "s"), swept())
