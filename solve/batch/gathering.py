@@ -16,7 +16,7 @@ from solve.results.points import Kept, PointResults
 from solve.statistics import Statistics
 from solve.threads import one_thread
 
-FEWEST = 8
+_FEWEST = 8
 """Points prepared together, however large."""
 
 _MEMORY = 2**23
@@ -43,7 +43,7 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
 
 def chunk_size(n: int) -> int:
     """Points with n coordinates that are prepared together."""
-    return max(FEWEST, _MEMORY // (8 * PHASES * (3 * n**2 + n)))
+    return max(_FEWEST, _MEMORY // (8 * PHASES * (3 * n**2 + n)))
 
 
 @dataclass(frozen=True)

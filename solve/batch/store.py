@@ -39,20 +39,23 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
 
 
 class Store:
-    """Parts of `size` points each, the last one shorter, of results of so many points with n coordinates."""
+    """Parts of `size` points each, the last one shorter, of results of points with n coordinates."""
 
-    def __init__(self, group: Any, count: int, n: int, kept: Kept, size: int):
-        self._group, self._count, self._n, self._kept, self.size = group, count, n, kept, size
+    def __init__(self, group: Any, n: int, kept: Kept, size: int):
+        self._n, self._kept, self.size = n, kept, size
+        names = [name for name in _DIMENSIONS if name in group]
+        self._group, self._arrays = group, {name: group[name] for name in names}
+        self._texts, self._checksums = group["texts"], group["checksum"]
 
     def read(self, part: Array) -> PointResults | None:
         """Results of a part, the positions (k,) of neighbours; None where it is not finished."""
         number = int(part[0]) // self.size
         try:
-            checksum = int(self._group["checksum"][number])
+            checksum = int(self._checksums[number])
             if not checksum:
                 return None
-            values = {name: self._group[name][part[0] : part[-1] + 1] for name in self._names}
-            text = str(self._group["texts"][number])
+            values = {name: kept[part[0] : part[-1] + 1] for name, kept in self._arrays.items()}
+            text = str(self._texts[number])
         except Exception:
             # What a damaged file raises depends on the codec that reads it.
             return None
@@ -60,9 +63,8 @@ class Store:
             return None
         texts = json.loads(text)
         found = PointResults.blank(len(part), self._n, self._kept)
-        for name in self._names:
-            if name != "method":
-                getattr(found, name)[:] = values[name]
+        for name in values.keys() - {"method"}:
+            getattr(found, name)[:] = values[name]
         found.methods[:] = np.array(texts["methods"], dtype=object)[values["method"]]
         found.warnings.update({int(at): lines for at, lines in texts["warnings"].items()})
         found.failures.update({int(at): line for at, line in texts["failures"].items()})
@@ -72,7 +74,7 @@ class Store:
         """Keep a part that is finished. Raises FileError."""
         number, place = int(part[0]) // self.size, slice(int(part[0]), int(part[-1]) + 1)
         methods, codes = np.unique(results.methods.astype(str), return_inverse=True)
-        values = {name: getattr(results, name, codes.astype(_CODE)) for name in self._names}
+        values = {name: getattr(results, name, codes.astype(_CODE)) for name in self._arrays}
         texts = {
             "methods": methods.tolist(),
             "warnings": results.warnings,
@@ -80,19 +82,15 @@ class Store:
         }
         text = json.dumps(texts, ensure_ascii=False)
         with _refusing():
-            for name in self._names:
-                self._group[name][place] = values[name]
-            self._group["texts"][number] = text
-            self._group["checksum"][number] = _checksum(values, text)
+            for name, kept in self._arrays.items():
+                kept[place] = values[name]
+            self._texts[number] = text
+            self._checksums[number] = _checksum(values, text)
 
     def finish(self) -> None:
         """State that every part is there. Raises FileError."""
         with _refusing():
             self._group.attrs[_FINISHED] = True
-
-    @property
-    def _names(self) -> list[str]:
-        return [name for name in _DIMENSIONS if name in self._group]
 
 
 def made_folder(path: str | Path) -> Path:
@@ -112,29 +110,37 @@ def opened(
     columns: values (P,) of the quantities that vary. Raises FileError for a folder of something else, of
     another calculation, in use by another process, or that cannot be written.
     """
-    place, count = Path(folder), len(next(iter(columns.values())))
-    with _refusing(), _locked(place):
-        import zarr
-
-        if not any(place.iterdir()):
-            zarr.create_group(place, attributes={_FINISHED: False})
-        try:
-            group = zarr.open_group(place, mode="r+")
-        except (FileNotFoundError, ValueError):
-            group = None
-        if group is None or _FINISHED not in group.attrs:
-            raise FileError(f"'{place}' holds other files; give a new or an empty folder")
-        known = group.attrs.get(_WORK)
-        if known is None:
-            _create(group, count, n, kept, size, columns)
-            group.attrs[_WORK] = {**work, "size": size}
-        else:
-            _require_same(place, known, work)
-            size = known["size"]
-        yield Store(group, count, n, kept, size)
+    place = Path(folder)
+    with _locked(place):
+        with _refusing():
+            group: Any = _group(place)
+            known = group.attrs.get(_WORK)
+            if known is None:
+                _create(group, n, kept, size, columns)
+                group.attrs[_WORK] = {**work, "size": size}
+            else:
+                _require_same(place, known, work)
+                size = known["size"]
+        yield Store(group, n, kept, size)
 
 
-def _create(group: Any, count: int, n: int, kept: Kept, size: int, columns: Mapping[str, Array]) -> None:
+def _group(place: Path) -> Any:
+    """The group of arrays in a folder, a new one where it is empty. Raises FileError, OSError."""
+    import zarr
+
+    if not any(place.iterdir()):
+        return zarr.create_group(place, attributes={_FINISHED: False})
+    try:
+        group = zarr.open_group(place, mode="r+")
+    except (FileNotFoundError, ValueError):
+        group = None
+    if group is None or _FINISHED not in group.attrs:
+        raise FileError(f"'{place}' holds other files; give a new or an empty folder")
+    return group
+
+
+def _create(group: Any, n: int, kept: Kept, size: int, columns: Mapping[str, Array]) -> None:
+    count = len(next(iter(columns.values())))
     blank = PointResults.blank(1, n, kept)
     names = {"quantity": kept.names, "spectrum": kept.spectra, "figure": FIGURES}
     names["result"] = ("orbit", "multipliers")
@@ -169,13 +175,25 @@ def _create(group: Any, count: int, n: int, kept: Kept, size: int, columns: Mapp
 
 def _require_same(place: Path, known: Mapping[str, Any], work: Mapping[str, Any]) -> None:
     """Raise FileError where the folder holds another calculation."""
-    different = [name for name in work if known.get(name) != json.loads(json.dumps(work[name]))]
-    if different:
-        name = different[0]
-        raise FileError(
-            f"'{place}' holds another calculation: {name} is {known.get(name)} there and {work[name]} here; "
-            "give another folder, or delete this one"
+    there, here = _entries(known), _entries(json.loads(json.dumps(work)))
+    for name in here:
+        if there.get(name) != here[name]:
+            raise FileError(
+                f"'{place}' holds another calculation: {name} is {there.get(name)} there and {here[name]} "
+                "here; give another folder, or delete this one"
+            )
+
+
+def _entries(work: Mapping[str, Any]) -> dict[str, Any]:
+    """By name, those of parameters and options one by one."""
+    found: dict[str, Any] = {}
+    for name, value in work.items():
+        found.update(
+            {f"{name}: {each}": one for each, one in value.items()}
+            if isinstance(value, dict)
+            else {name: value}
         )
+    return found
 
 
 def _checksum(values: Mapping[str, Array], text: str) -> int:
@@ -191,14 +209,16 @@ def _locked(place: Path) -> Iterator[None]:
     """The folder, for this process alone; the system takes the lock from a process that ends."""
     if place.exists() and not place.is_dir():
         raise FileError(f"'{place}' is a file; give a folder")
-    place.mkdir(exist_ok=True)
+    with _refusing():
+        place.mkdir(exist_ok=True)
     if os.name != "posix":
         # Elsewhere folders cannot be locked.
         yield
         return
     import fcntl
 
-    descriptor = os.open(place, os.O_RDONLY)
+    with _refusing():
+        descriptor = os.open(place, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

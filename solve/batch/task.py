@@ -15,7 +15,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.family import Family
-from solve.batch.gathering import FEWEST, chunk_size, gathered
+from solve.batch.gathering import gathered
 from solve.batch.store import Store, opened
 from solve.batch.tables import training
 from solve.certify.certified import Request
@@ -27,8 +27,8 @@ from solve.results.contents import model_record
 from solve.results.points import Kept, PointResults
 from solve.single import request
 
-_PARTS = 32
-"""Parts that points are dealt out in, or more where that would make them too large."""
+_PARTS, _FEWEST, _MOST = 32, 8, 2**14
+"""Parts that points are dealt out in; fewer, or more, where a part would have fewer or more points."""
 
 _WITNESSES = 8
 """Phases at which the matrices of some points show whether a store holds the same calculation."""
@@ -59,7 +59,7 @@ class Task:
         if executor is None and store is None:
             return gathered(batch, points, self.kept)
         n = self.family.example.n
-        size = min(chunk_size(n), max(FEWEST, -(-len(points) // _PARTS)))
+        size = min(_MOST, max(_FEWEST, -(-len(points) // _PARTS)))
         results = PointResults.blank(len(points), n, self.kept)
         with ExitStack() as opening:
             kept_in = None

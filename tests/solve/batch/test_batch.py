@@ -285,7 +285,7 @@ def fastest_of(system, phase, speed):
 @pytest.mark.slow
 def test_a_chart_in_parts_is_the_same(monkeypatch):
     """Small parts in other processes, with points that fail among them."""
-    monkeypatch.setattr("solve.batch.task.chunk_size", lambda n: 7)
+    monkeypatch.setattr("solve.batch.task._MOST", 7)
     model = solve.load("coupler", alpha=0, cx=0, cy=0)
     axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
     alone, seen = solve.chart(model, *axes), []
@@ -303,7 +303,7 @@ def test_a_chart_in_parts_is_the_same(monkeypatch):
 
 
 def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
-    monkeypatch.setattr("solve.batch.task.chunk_size", lambda n: 1)
+    monkeypatch.setattr("solve.batch.task._MOST", 1)
 
     def interrupted(work):
         if work.stages[-1].done:

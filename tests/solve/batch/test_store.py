@@ -104,7 +104,10 @@ def test_the_store_of_another_calculation_is_refused_and_stays(tmp_path):
         (lambda: swept(tmp_path / "s", method="gauss"), "method is auto there and Gauss"),
         (lambda: swept(tmp_path / "s", quantities=[]), "quantities"),
         (lambda: solve.sweep(model, SPEEDS[:-1], store=tmp_path / "s", rtol=1e-6), "points"),
-        (lambda: solve.sweep(solve.load("mathieu", delta=9), SPEEDS, store=tmp_path / "s"), "parameters"),
+        (
+            lambda: solve.sweep(solve.load("mathieu", delta=9), SPEEDS, store=tmp_path / "s"),
+            "delta is 2.0 there and 9.0 here",
+        ),
     ):
         with pytest.raises(FileError, match=pattern):
             given()
