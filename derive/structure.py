@@ -63,7 +63,6 @@ class Structure(Mechanism):
     and from the elements that the user of the generated module chooses, link by link.
     """
 
-    damping_ratio: sympy.Expr = sympy.S.Zero
     declared_links: list[Link] = field(default_factory=list, init=False)
     declared_masses: list[tuple[str, sympy.Expr]] = field(default_factory=list, init=False)
     supported: list[str] = field(default_factory=list, init=False)
@@ -152,7 +151,8 @@ class Structure(Mechanism):
                 yield f"{name} of link {link.name}", expression, unit, forbidden
         for joint, mass in self.declared_masses:
             yield f"mass of joint {joint}", mass, "kg", fixed
-        yield "damping ratio", sympy.sympify(self.damping_ratio), "1", fixed
+        for ratio in self.damping_ratios:
+            yield "damping ratio", ratio, "1", fixed
 
     def require_complete(self) -> None:
         """Raise DeclarationError for a structure without links or without support, or one that states
@@ -164,6 +164,10 @@ class Structure(Mechanism):
             raise DeclarationError(
                 f"{self.name} is a structure: its coordinates and energies follow from its links; "
                 "state them in a Mechanism instead"
+            )
+        if len(self.damping_ratios) > 1:
+            raise DeclarationError(
+                f"{self.name} has {len(self.damping_ratios)} damping ratios; give a structure one for all"
             )
         if not self.supported:
             raise DeclarationError(f"{self.name} is held nowhere; use support(joint) or clamp(joint)")

@@ -56,7 +56,7 @@ def _properties(structure: Structure) -> GeneratedFunction:
         for name, (expression, _) in link.properties.items():
             columns.setdefault(name, []).append(expression)
     columns["mass"] = [structure.mass_at(joint) for joint in structure.joints]
-    columns["damping_ratio"] = [sympy.sympify(structure.damping_ratio)]
+    columns["damping_ratio"] = [*(structure.damping_ratios or (sympy.S.Zero,))]
     results = {name: sympy.Matrix(column) for name, column in columns.items()}
     return GeneratedFunction("properties", DOCUMENTATION, ("phase", "p"), results)
 

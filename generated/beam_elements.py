@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
+DERIVE_SHA256 = "f88ca56cc4d5384f4452772da78b25be964615707e727451d05a3c28037c1d35"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "65eb503db741b774b334b47e54be5442397098a162c17009f6aac463c6f98437"
+FILE_SHA256 = "a34f92ec0808ddf33e8b842ab57aff071a90699d4b2843e513b10a21b5531560"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "4a39efc3ac464b683a7b1f1cce1f0b43e4a1a33711c564863232def55f5f7d83"
+DERIVE_SHA256 = "f88ca56cc4d5384f4452772da78b25be964615707e727451d05a3c28037c1d35"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "272ce8d2e9f686d62bc4c7a1aacb1f329b856ffd94472c27cf819d39e52c6caa"
+FILE_SHA256 = "bc356a4dbc0ba81dba8807934370b5751a7128bd31b796aaffe2b111fce83d2c"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -18,7 +18,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.beams.assembly import Beams, Positions
 from solve.beams.elements import AXIAL, HELD
-from solve.beams.frozen import lowest_frequencies, modes
+from solve.model.modes import lowest_frequencies, modal_damping
 from solve.trigonometric import interpolated
 
 
@@ -88,13 +88,6 @@ def _modal(beams: Beams, period: float) -> Callable[[Array], Array]:
 
 
 _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
-
-
-def modal_damping(M: Array, K: Array, ratio: float) -> Array:
-    """C = MΦ diag(2ζω) ΦᵀM (m, n, n) that gives every mode of M and K (m, n, n) the ratio ζ."""
-    frequencies, vectors = modes(M, K)
-    shapes = M @ vectors
-    return (shapes * (2 * ratio * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
 
 
 _POSITIONS = 180

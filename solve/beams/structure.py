@@ -14,6 +14,7 @@ from solve.beams.frozen import lowest, shapes
 from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
+from solve.model.damping import beyond_critical
 from solve.model.model import Model
 from solve.model.setup import Setup
 from solve.system import DrawnLink, Matrices, ModeShape
@@ -190,9 +191,7 @@ class StructureModel(Model):
                 "feeds energy, and |ρ| > 1 at every speed says nothing of stability; use --option terms=full"
             )
         if ratio > 1 and self.options["damping"] == "modal":
-            warnings.append(
-                f"damping ratio {ratio:g}: beyond 1 no mode vibrates; a ratio is 0.02, not 2 (percent)"
-            )
+            warnings.append(beyond_critical(ratio))
         if self.options["stiffening"] == "on":
             warnings += self.motion.buckling_warnings(speed)
         return warnings
