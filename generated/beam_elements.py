@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "f88ca56cc4d5384f4452772da78b25be964615707e727451d05a3c28037c1d35"
+DERIVE_SHA256 = "ace20239c5e324e604e28dd0bc0028a7b5bd16391d5aa47b3b92be1daac8909b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a34f92ec0808ddf33e8b842ab57aff071a90699d4b2843e513b10a21b5531560"
+FILE_SHA256 = "1d458ae83e1a05fd39c5b5f5c694bdd14e0d5b810eccf1ce62934f26c448dfbf"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

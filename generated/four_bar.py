@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "f88ca56cc4d5384f4452772da78b25be964615707e727451d05a3c28037c1d35"
+DERIVE_SHA256 = "ace20239c5e324e604e28dd0bc0028a7b5bd16391d5aa47b3b92be1daac8909b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "755c7b608497409d9cd82e55a6e77621ff5aacb5e71246bbdad1545aea6e8b2e"
+FILE_SHA256 = "618cea576e5f9731dabc8e62c7142c73a1076cb8fb24b471a64270c40a095c73"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -71,7 +71,8 @@ OPERATIONS = {"properties": 50}
 
 
 # A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held.
+# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
+# dashpots to the ground: the freedoms on which they act.
 LINKS = (
     ("crank", "O", "A", "", "crank_A", False),
     ("coupler", "A", "B", "coupler_A", "coupler_B", False),
@@ -149,8 +150,8 @@ def _t2_t3(angle, L1, L2, L3, L4, branch_crossed, branch_open):
 
 
 def properties(*, branch="open"):
-    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
-    and the damping ratio of every mode."""
+    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
+    springs and dashpots where there are any, and the damping ratio of every mode."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 18)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "f88ca56cc4d5384f4452772da78b25be964615707e727451d05a3c28037c1d35"
+DERIVE_SHA256 = "ace20239c5e324e604e28dd0bc0028a7b5bd16391d5aa47b3b92be1daac8909b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "bc356a4dbc0ba81dba8807934370b5751a7128bd31b796aaffe2b111fce83d2c"
+FILE_SHA256 = "91dd9a66237e38a1a0d0d61e68058a0de6680431beb74d7666d13070549af2e0"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -32,7 +32,8 @@ OPERATIONS = {"properties": 4}
 
 
 # A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held.
+# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
+# dashpots to the ground: the freedoms on which they act.
 LINKS = (
     ("left", "foot_left", "corner_left", "", "left_corner_left", True),
     ("beam", "corner_left", "corner_right", "left_corner_left", "beam_corner_right", True),
@@ -58,8 +59,8 @@ MOVES = False
 
 
 def properties():
-    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
-    and the damping ratio of every mode."""
+    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
+    springs and dashpots where there are any, and the damping ratio of every mode."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 5)
     (E, I, rho, A, L) = casadi.vertsplit(parameters)

@@ -6,7 +6,8 @@ M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ; δ = R q makes of it
 
     C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
-The load is the inertia of the rigid motion, −M q̈_r; damping comes from one ratio ζ (thesis 6.2).
+The load is the inertia of the rigid motion, −M q̈_r; damping comes from one ratio ζ (thesis 6.2)
+and from dashpots to the ground.
 """
 
 from collections.abc import Callable
@@ -118,7 +119,7 @@ class Motion:
         rate, second = self.rates(phase)
         M, K = positions.matrices()
         d = speed**2 * inertia_load(positions, rate, second)
-        C = self._damping(phase)
+        C = self._damping(phase) + self.beams.dashpots
         axial = self.axial_forces(positions, K, d) if self.stiffening == "on" else None
         if self.terms == "full":
             first, turned, squared = (
