@@ -99,6 +99,8 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
         if each.symbol in mechanism.fundamental_motion:
             desired = mechanism.fundamental_motion[each.symbol]
             yield _Statement(f"fundamental motion of {each.symbol}", desired, each.unit, motion)
+    for ratio in mechanism.damping_ratios:
+        yield _Statement("damping ratio", ratio, "1", motion | local | points | {PHASE, SPEED})
     for output in mechanism.declared_outputs:
         yield _Statement(f"output {output.name}", output.expression, output.unit, local)
 

@@ -90,7 +90,9 @@ def derive_equations(mechanism: Mechanism) -> Equations:
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
-            outputs.append(_torque(lagrange.drive_torque(mechanism, r)))
+            # Rows vanish on a motion only where they hold all that acts.
+            rows = () if mechanism.damping_ratios else [*r]
+            outputs.append(_torque(lagrange.drive_torque(mechanism, rows)))
         except ImpulseError as error:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
@@ -218,6 +220,10 @@ def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunc
         functions.append(GeneratedFunction("residual", doc, STATE, {"r": equations.residual}))
     outputs = {each.name: each.expression for each in equations.outputs}
     functions.append(GeneratedFunction("outputs", "One scalar for each of OUTPUTS.", STATE, outputs, names))
+    if mechanism.damping_ratios:
+        doc = "ζ of the modes of M and K at speed 0 by rising frequency, the last for all others."
+        ratios = {"ratios": sympy.Matrix(mechanism.damping_ratios)}
+        functions.append(GeneratedFunction("damping_ratios", doc, ("p",), ratios))
     return functions + condition_functions([*mechanism.conditions, *equations.conditions])
 
 

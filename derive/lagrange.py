@@ -33,12 +33,13 @@ def residual(mechanism: Mechanism) -> sympy.Matrix:
     return simplified([rows])[0]
 
 
-def drive_torque(mechanism: Mechanism, residual: sympy.Matrix) -> sympy.Expr:
+def drive_torque(mechanism: Mechanism, residual: Iterable[Any]) -> sympy.Expr:
     """Torque of the drive, N m, from the row of the phase (chapter Eq. (51)) and those of the coordinates.
 
     The row of a coordinate that merely adds to the phase, as the twist of a shaft does, is
     subtracted: it vanishes on every motion, and what remains is the torque in that shaft, without
-    the error that a motion of the linear equations would leave in the inertia terms.
+    the error that a motion of the linear equations would leave in the inertia terms. residual: the rows of
+    the coordinates, none where they lack a part of what acts.
     """
     torque = _row(mechanism, PHASE)
     accelerations = [each.symbol.rate.rate for each in mechanism.declared_coordinates]

@@ -36,7 +36,9 @@ class Mechanism:
     Everything is in coherent SI units. `kinetic` T, `potential` V and `dissipation` R
     (Rayleigh's function, half the power lost) are SymPy expressions in the coordinates, their
     rates (`derive.rate`), the parameters and `phase` φ = Ωt. `energy` is the unit of T and V,
-    to be changed only for an equation without physical units.
+    to be changed only for an equation without physical units. `damping_ratio` ζ, one for all modes or a
+    sequence in the order of rising frequencies, of which the last counts for all that follow, adds
+    M Φ diag(2ζω) Φᵀ M q̇ with the modes of M and K at speed 0 at every position.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Mechanism:
     potential: sympy.Expr = sympy.S.Zero
     dissipation: sympy.Expr = sympy.S.Zero
     period: sympy.Expr = 2 * sympy.pi
+    damping_ratio: Any = sympy.S.Zero
     declared_coordinates: list[Coordinate] = field(default_factory=list, init=False)
     declared_parameters: list[Parameter] = field(default_factory=list, init=False)
     declared_options: list[Option] = field(default_factory=list, init=False)
@@ -355,6 +358,22 @@ class Mechanism:
             if not 0 < bound < float("inf"):
                 raise DeclarationError(f"trust: {name}={bound}; the bound must be a positive number")
             self.validity[name] = float(bound)
+
+    @property
+    def damping_ratios(self) -> tuple[sympy.Expr, ...]:
+        """Those of the modes in the order of rising frequencies, the last of all that follow; none where
+        they are 0. Raises DeclarationError."""
+        given: Any = self.damping_ratio
+        ratios = given if isinstance(given, tuple | list) else (given,)
+        try:
+            expressions = tuple(sympy.sympify(each, strict=True) for each in ratios)
+        except sympy.SympifyError:
+            expressions = ()
+        if not expressions or not all(isinstance(each, sympy.Expr) for each in expressions):
+            raise DeclarationError(
+                f"damping_ratio is {given!r}; give a number or an expression, or one a mode in a list"
+            )
+        return expressions if any(each != 0 for each in expressions) else ()
 
     def decline_drive_torque(self, reason: str) -> None:
         """State why the drive torque does not follow from the energies; it is then no output."""

@@ -86,6 +86,7 @@ def _comments(mechanism: Mechanism, numbers: Mapping[sympy.Symbol, float]) -> li
     return [
         r"M \ddot q + C \dot q + K q = d, \varphi = \Omega t, primes: d/d\varphi; entries not given are 0",
         vector,
+        *_modal(mechanism),
         *(
             f"{latex(indicator)} is 1 for the option {option.name}={value}, else 0"
             for option in mechanism.declared_options
@@ -93,6 +94,13 @@ def _comments(mechanism: Mechanism, numbers: Mapping[sympy.Symbol, float]) -> li
             if indicator not in numbers
         ),
     ]
+
+
+def _modal(mechanism: Mechanism) -> list[str]:
+    """What damping ratios add to C."""
+    ratios = ", ".join(map(latex, mechanism.damping_ratios))
+    added = r"to C adds M \Phi diag(2 \zeta \omega) \Phi^T M of the modes of M and K at \Omega = 0, \zeta = "
+    return [added + ratios] if ratios else []
 
 
 def latex(expression: Any, names: Mapping[sympy.Symbol, str] | None = None) -> str:

@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Iterator, Set
 from dataclasses import dataclass, field
+from itertools import product
+from typing import Any
 
 import sympy
 
@@ -54,6 +56,22 @@ class Link:
         }
 
 
+@dataclass(frozen=True)
+class Elastic:
+    """Springs or dashpots between a joint and the ground: across x and y, and for the turn of some links."""
+
+    joint: str
+    links: tuple[str, ...]
+    x: sympy.Expr
+    y: sympy.Expr
+    turn: sympy.Expr
+
+
+SPRING = {"x": "N/m", "y": "N/m", "turn": "N m/rad"}
+DASHPOT = {"x": "N s/m", "y": "N s/m", "turn": "N m s/rad"}
+"""Units of springs and dashpots to the ground."""
+
+
 @dataclass(slots=True)
 class Structure(Mechanism):
     """Links that are beams in the plane, and the joints between them.
@@ -63,12 +81,13 @@ class Structure(Mechanism):
     and from the elements that the user of the generated module chooses, link by link.
     """
 
-    damping_ratio: sympy.Expr = sympy.S.Zero
     declared_links: list[Link] = field(default_factory=list, init=False)
     declared_masses: list[tuple[str, sympy.Expr]] = field(default_factory=list, init=False)
     supported: list[str] = field(default_factory=list, init=False)
     clamped: list[tuple[str, str]] = field(default_factory=list, init=False)
     welded: list[tuple[str, tuple[str, ...]]] = field(default_factory=list, init=False)
+    declared_springs: list[Elastic] = field(default_factory=list, init=False)
+    declared_dashpots: list[Elastic] = field(default_factory=list, init=False)
 
     def link(
         self,
@@ -122,6 +141,33 @@ class Structure(Mechanism):
         """Let the links of a joint, or those named, turn together there."""
         self.welded.append((joint, self._links_at(joint, links)))
 
+    def spring(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
+        """Hold a joint elastically where `support` holds it rigidly: stiffness along x and y (N/m); and the
+        directions of its links, or of those named, where `clamp` does (N m/rad)."""
+        self.declared_springs.append(self._elastic(joint, links, x, y, turn))
+
+    def dashpot(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
+        """Dampers beside the springs of a joint: along x and y (N s/m), of turns (N m s/rad)."""
+        self.declared_dashpots.append(self._elastic(joint, links, x, y, turn))
+
+    def to_ground(self, declared: list[Elastic]) -> dict[str, sympy.Expr]:
+        """Springs or dashpots by the freedoms on which they act. Raises DeclarationError for one that is held
+        rigidly."""
+        found: dict[str, Any] = {}
+        for each in declared:
+            links = {name: self.rotation(self.links[name], each.joint) for name in each.links}
+            turns = dict.fromkeys(links.values(), each.turn)
+            held = dict.fromkeys("xy", "" if each.joint in self.supported else each.joint)
+            acting = [(held[axis], axis, value) for axis, value in (("x", each.x), ("y", each.y))]
+            acting += [(name, "turn", value) for name, value in turns.items()]
+            for freedom, axis, value in (part for part in acting if part[2] != 0):
+                if not freedom:
+                    raise DeclarationError(
+                        f"joint {each.joint} is held rigidly and elastically ({axis}); drop one of both"
+                    )
+                found[f"{freedom}_{axis}"] = found.get(f"{freedom}_{axis}", 0) + value
+        return found
+
     def mass(self, joint: str, mass: sympy.Expr) -> None:
         """Put a point mass (kg) at a joint."""
         self._require_joint(joint)
@@ -152,7 +198,16 @@ class Structure(Mechanism):
                 yield f"{name} of link {link.name}", expression, unit, forbidden
         for joint, mass in self.declared_masses:
             yield f"mass of joint {joint}", mass, "kg", fixed
-        yield "damping ratio", sympy.sympify(self.damping_ratio), "1", fixed
+        for what, declared, units in (
+            ("spring", self.declared_springs, SPRING),
+            ("dashpot", self.declared_dashpots, DASHPOT),
+        ):
+            for each, (axis, unit) in product(declared, units.items()):
+                value = getattr(each, axis)
+                if value != 0:
+                    yield f"{what} of joint {each.joint} ({axis})", value, unit, fixed
+        for ratio in self.damping_ratios:
+            yield "damping ratio", ratio, "1", fixed
 
     def require_complete(self) -> None:
         """Raise DeclarationError for a structure without links or without support, or one that states
@@ -165,8 +220,19 @@ class Structure(Mechanism):
                 f"{self.name} is a structure: its coordinates and energies follow from its links; "
                 "state them in a Mechanism instead"
             )
-        if not self.supported:
-            raise DeclarationError(f"{self.name} is held nowhere; use support(joint) or clamp(joint)")
+        if len(self.damping_ratios) > 1:
+            raise DeclarationError(
+                f"{self.name} has {len(self.damping_ratios)} damping ratios; give a structure one for all"
+            )
+        springs = self.to_ground(self.declared_springs)
+        self.to_ground(self.declared_dashpots)
+        if not self.supported and not springs:
+            raise DeclarationError(
+                f"{self.name} is held nowhere; use support(joint), clamp(joint) or spring(joint, ...)"
+            )
+
+    def _elastic(self, joint: str, links: tuple[str, ...], x: Any, y: Any, turn: Any) -> Elastic:
+        return Elastic(joint, self._links_at(joint, links), *map(sympy.sympify, (x, y, turn)))
 
     def _links_at(self, joint: str, chosen: tuple[str, ...]) -> tuple[str, ...]:
         self._require_joint(joint)

@@ -49,12 +49,14 @@ def _of_joint(structure: Structure, joint: str) -> Iterator[Observed]:
     links = [each for each in structure.declared_links if joint in (each.start, each.end)]
     link = links[-1]
     place = float(joint == link.end)
-    if joint in structure.supported or len(links) > 1:
+    springs = structure.to_ground(structure.declared_springs)
+    if joint in structure.supported or len(links) > 1 or {f"{joint}_x", f"{joint}_y"} & {*springs}:
         for axis in "xy":
             meaning = f"force of joint {joint} on the {link.name}, along {axis}"
             force = Output(f"{joint}_force_{axis}", None, "N", meaning)
             yield Observed(force, f"force_{axis}", link.name, place)
-    if structure.rotation(link, joint) == "":
+    turn = structure.rotation(link, joint)
+    if turn == "" or f"{turn}_turn" in springs:
         meaning = f"moment of joint {joint} on the {link.name}"
         moment = Output(f"{joint}_moment", None, "N m", meaning)
         yield Observed(moment, "moment", link.name, place)

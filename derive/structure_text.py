@@ -16,7 +16,8 @@ MOST_ELEMENTS = 100
 
 DATA = """\
 # A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held."""
+# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
+# dashpots to the ground: the freedoms on which they act."""
 MOTION = """\
 # Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
 # stiffen; whether ζ is every mode's at every position, or that of the lowest two on average."""
@@ -28,8 +29,8 @@ MOTION_OPTIONS = (
 OBSERVED = """\
 # What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1."""
 DOCUMENTATION = """\
-Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
-and the damping ratio of every mode."""
+Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
+springs and dashpots where there are any, and the damping ratio of every mode."""
 
 
 def structure_text(structure: Structure, source_sha256: str, derive_sha256: str, command: str) -> str:
@@ -56,9 +57,18 @@ def _properties(structure: Structure) -> GeneratedFunction:
         for name, (expression, _) in link.properties.items():
             columns.setdefault(name, []).append(expression)
     columns["mass"] = [structure.mass_at(joint) for joint in structure.joints]
-    columns["damping_ratio"] = [sympy.sympify(structure.damping_ratio)]
+    columns["damping_ratio"] = [*(structure.damping_ratios or (sympy.S.Zero,))]
+    for name, elastic in _elastic(structure):
+        columns[name] = [*elastic.values()]
     results = {name: sympy.Matrix(column) for name, column in columns.items()}
     return GeneratedFunction("properties", DOCUMENTATION, ("phase", "p"), results)
+
+
+def _elastic(structure: Structure) -> list[tuple[str, dict[str, sympy.Expr]]]:
+    """Springs and dashpots to the ground, if there are any."""
+    declared = {"spring": structure.declared_springs, "dashpot": structure.declared_dashpots}
+    found = {name: structure.to_ground(each) for name, each in declared.items()}
+    return [(name, elastic) for name, elastic in found.items() if elastic]
 
 
 def _data(structure: Structure, of_interest: list[Observed]) -> str:
@@ -80,6 +90,7 @@ def _data(structure: Structure, of_interest: list[Observed]) -> str:
             DATA,
             *_rows("LINKS", links),
             *_rows("JOINTS", joints),
+            *(f"{name.upper()}S = {literal(tuple(elastic))}" for name, elastic in _elastic(structure)),
             "# Options for all links or link by link.",
             *_rows("LINK_OPTIONS", options),
             MOTION,

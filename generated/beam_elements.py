@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "3c545a5b96f222caa79a51b26c0bc4e30c759fc454c309b166005c7cd46dbcdc"
+DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f2300ba55ca979c1a3c347fa6f847a865531d09bc4cdd93e171e7626c746ba66"
+FILE_SHA256 = "eb14fe97d6fc8b2ec8e9d8851fcebc9dd46a74e76d20c00775e5817b3ab2b056"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

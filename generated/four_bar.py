@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "3c545a5b96f222caa79a51b26c0bc4e30c759fc454c309b166005c7cd46dbcdc"
+DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f8141856de8a00e75117f4d46738ced869912bed02f84b96ef80a1c6a9edca93"
+FILE_SHA256 = "6fb18a4cd6d794f7773e75e18448b28c19a29b4e06e97f00c5f17d48ac580cad"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -71,7 +71,8 @@ OPERATIONS = {"properties": 50}
 
 
 # A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held.
+# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
+# dashpots to the ground: the freedoms on which they act.
 LINKS = (
     ("crank", "O", "A", "", "crank_A", False),
     ("coupler", "A", "B", "coupler_A", "coupler_B", False),
@@ -149,8 +150,8 @@ def _t2_t3(angle, L1, L2, L3, L4, branch_crossed, branch_open):
 
 
 def properties(*, branch="open"):
-    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
-    and the damping ratio of every mode."""
+    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
+    springs and dashpots where there are any, and the damping ratio of every mode."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 18)

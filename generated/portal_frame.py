@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "3c545a5b96f222caa79a51b26c0bc4e30c759fc454c309b166005c7cd46dbcdc"
+DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d7a4448856c9d3405970d3ea3a2e2b35cac654526efe597b640c58feb96f6ac1"
+FILE_SHA256 = "31a6ef95a3f401b2791c04d6e9a381e1264665ee932d7fe5b25c276ea1503a08"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -32,7 +32,8 @@ OPERATIONS = {"properties": 4}
 
 
 # A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held.
+# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
+# dashpots to the ground: the freedoms on which they act.
 LINKS = (
     ("left", "foot_left", "corner_left", "", "left_corner_left", True),
     ("beam", "corner_left", "corner_right", "left_corner_left", "beam_corner_right", True),
@@ -58,8 +59,8 @@ MOVES = False
 
 
 def properties():
-    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass),
-    and the damping ratio of every mode."""
+    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
+    springs and dashpots where there are any, and the damping ratio of every mode."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 5)
     (E, I, rho, A, L) = casadi.vertsplit(parameters)

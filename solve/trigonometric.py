@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,8 @@ from solve.arrays import Array
 
 _FIRST, _MOST = 64, 1024
 """Samples of a period at which interpolation begins, and beyond which it is given up."""
+
+_EPS = float(np.finfo(float).eps)
 
 _AGREED = 1e-8
 """Relative error of the midpoints by which twice as many samples are exact but for rounding: the error
@@ -33,6 +36,17 @@ class Trigonometric:
         angle = np.outer(phase, self._orders)
         waves = np.concatenate((np.cos(angle), np.sin(angle)), axis=1)
         return (waves @ self._coefficients).reshape(len(angle), *self._shape)
+
+    def at(self, phase: Any, cos: Callable[[Any], Any], sin: Callable[[Any], Any]) -> list[Any]:
+        """Its values at a phase as expressions of a symbolic language, without harmonics that are
+        rounding."""
+        cosines, sines = np.split(self._coefficients, 2)
+        kept = np.maximum(np.abs(cosines), np.abs(sines)).max(axis=1) > _EPS * np.abs(cosines).max()
+        values: list[Any] = [0.0] * cosines.shape[1]
+        for order, a, b in zip(self._orders[kept], cosines[kept], sines[kept], strict=True):
+            c, s = cos(order * phase), sin(order * phase)
+            values = [value + p * c + q * s for value, p, q in zip(values, a, b, strict=True)]
+        return values
 
 
 def interpolated(function: Callable[[Array], Array], period: float) -> Callable[[Array], Array]:

@@ -5,8 +5,8 @@ c = cos θ, s = sin θ (thesis (4.28)). So a structure's matrix is a constant ta
 each link, and all positions together are one matrix product.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -28,8 +28,9 @@ for _row, _i, _j, _sign in (
 
 @dataclass(frozen=True)
 class Properties:
-    """length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m) of the links, mass (kg) of the joints, and
-    the damping ratio of every mode."""
+    """length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m) of the links, mass (kg) of the joints, the
+    damping ratio of every mode, and springs and dashpots to the ground (N/m, N m, N s/m, N m s), a number for
+    each of the freedoms on which they act."""
 
     length: Array
     E: Array
@@ -39,6 +40,8 @@ class Properties:
     height: Array
     mass: Array
     damping_ratio: float
+    spring: Array = field(default_factory=lambda: np.zeros(0))
+    dashpot: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -103,8 +106,21 @@ class Beams:
 
     @cached_property
     def stiffness(self) -> Array:
-        """K of the finite elements."""
-        return np.stack([self.spread(each, each.stiffness * (not each.exact)) for each in self.members])
+        """K of the finite elements and of the springs to the ground."""
+        tables = [self.spread(each, each.stiffness * (not each.exact)) for each in self.members]
+        tables[0][0] += self._to_ground(self.freedoms.springs, self.properties.spring)
+        return np.stack(tables)
+
+    @cached_property
+    def dashpots(self) -> Array:
+        """C (n, n) of the dashpots to the ground."""
+        return self._to_ground(self.freedoms.dashpots, self.properties.dashpot)
+
+    def _to_ground(self, names: Sequence[str], values: Array) -> Array:
+        on = [self.freedoms.names.index(name) for name in names]
+        whole = np.zeros((self.freedoms.n, self.freedoms.n))
+        whole[on, on] = values
+        return whole
 
     @cached_property
     def exact(self) -> Array:
@@ -176,15 +192,15 @@ class Positions:
 
     @cached_property
     def joints(self) -> Array:
-        """Places x + iy (m) of the joints, (m, joints), the first held one at 0."""
+        """Places x + iy (m) of the joints, (m, joints), the first held one at 0, see `placed`."""
         return self.placed(self._spans)
 
     def placed(self, spans: Array) -> Array:
-        """Vectors x + iy (m, joints) of the joints from those along the links (m, links); the first held
-        joint's is 0."""
-        joints = self.beams.freedoms.joints
+        """Vectors x + iy (m, joints) of the joints from those along the links (m, links); that of the first
+        joint that is held, rigidly or elastically, is 0."""
+        joints, anchored = self.beams.freedoms.joints, self.beams.freedoms.anchored
         still = np.zeros(len(self.phase), dtype=complex)
-        places = {next((number for number, (_, held) in enumerate(joints) if held), 0): still}
+        places = {next((number for number, (name, _) in enumerate(joints) if name in anchored), 0): still}
         while len(places) < len(joints):
             before = len(places)
             for member, span in zip(self.beams.members, spans.T, strict=True):
@@ -226,9 +242,9 @@ class Positions:
                     f"link {member.link.name} misses joint {member.link.end} by {missed:.3g} m; "
                     "lengths and angles of the links must close every loop"
                 )
-        for (name, held), places in zip(freedoms.joints, self.joints.T, strict=True):
+        for (name, _), places in zip(freedoms.joints, self.joints.T, strict=True):
             moved = np.abs(places - places[0]).max()
-            if held and moved > allowed and not self.beams.carried:
+            if name in freedoms.anchored and moved > allowed and not self.beams.carried:
                 raise StructureError(
                     f"joint {name} is held, but the angles of the links move it by {moved:.3g} m"
                 )

@@ -152,13 +152,22 @@ class Freedoms:
 
     joints: name, and whether its place is held. kinds, counts: the element of each link and how many
     of them. Rotations belong to a link's end, or to several that are welded; curvatures to a link's end,
-    and vanish where the end is alone on its pin.
+    and vanish where the end is alone on its pin. springs, dashpots: freedoms between which and the ground
+    there are some.
     """
 
     links: tuple[Link, ...]
     joints: tuple[tuple[str, bool], ...]
     kinds: tuple[str, ...]
     counts: tuple[int, ...]
+    springs: tuple[str, ...] = ()
+    dashpots: tuple[str, ...] = ()
+
+    @property
+    def anchored(self) -> set[str]:
+        """Joints whose place is held, rigidly or elastically."""
+        elastic = {*self.springs, *self.dashpots}
+        return {name for name, held in self.joints if held or {f"{name}_x", f"{name}_y"} & elastic}
 
     @property
     def elements(self) -> list[Element]:
@@ -232,7 +241,8 @@ class Freedoms:
             return "" if dict(self.joints)[joint] else f"{joint}_{what}"
         if order == 1:
             return f"{rotation}_{what}" if rotation else ""
-        return "" if self.alone(rotation) else f"{link.name}_{joint}_{what}"
+        bears = f"{rotation}_turn" in (*self.springs, *self.dashpots)
+        return "" if self.alone(rotation) and not bears else f"{link.name}_{joint}_{what}"
 
     def alone(self, rotation: str) -> bool:
         """Whether a link's end turns freely by itself, so that it bears no moment."""
@@ -357,7 +367,13 @@ class Member:
 
 
 def freedoms(
-    links: Sequence[Sequence], joints: Sequence[tuple[str, bool]], kinds: Sequence[str], counts: Sequence[int]
+    links: Sequence[Sequence],
+    joints: Sequence[tuple[str, bool]],
+    kinds: Sequence[str],
+    counts: Sequence[int],
+    springs: Sequence[str] = (),
+    dashpots: Sequence[str] = (),
 ) -> Freedoms:
     """Freedoms of the links and joints of a generated module."""
-    return Freedoms(tuple(Link(*each) for each in links), tuple(joints), tuple(kinds), tuple(counts))
+    rows = (tuple(Link(*each) for each in links), tuple(joints), tuple(kinds), tuple(counts))
+    return Freedoms(*rows, tuple(springs), tuple(dashpots))

@@ -6,7 +6,8 @@ M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ; δ = R q makes of it
 
     C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
-The load is the inertia of the rigid motion, −M q̈_r; damping comes from one ratio ζ (thesis 6.2).
+The load is the inertia of the rigid motion, −M q̈_r; damping comes from one ratio ζ (thesis 6.2)
+and from dashpots to the ground.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.beams.assembly import Beams, Positions
 from solve.beams.elements import AXIAL, HELD
-from solve.beams.frozen import lowest_frequencies, modes
+from solve.model.modes import lowest_frequencies, modal_damping
 from solve.trigonometric import interpolated
 
 
@@ -90,13 +91,6 @@ def _modal(beams: Beams, period: float) -> Callable[[Array], Array]:
 _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 
-def modal_damping(M: Array, K: Array, ratio: float) -> Array:
-    """C = MΦ diag(2ζω) ΦᵀM (m, n, n) that gives every mode of M and K (m, n, n) the ratio ζ."""
-    frequencies, vectors = modes(M, K)
-    shapes = M @ vectors
-    return (shapes * (2 * ratio * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
-
-
 _POSITIONS = 180
 """Positions of a turn at which the axial forces are looked at."""
 
@@ -125,7 +119,7 @@ class Motion:
         rate, second = self.rates(phase)
         M, K = positions.matrices()
         d = speed**2 * inertia_load(positions, rate, second)
-        C = self._damping(phase)
+        C = self._damping(phase) + self.beams.dashpots
         axial = self.axial_forces(positions, K, d) if self.stiffening == "on" else None
         if self.terms == "full":
             first, turned, squared = (

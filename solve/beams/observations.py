@@ -8,9 +8,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.elements import AXIAL, BENDING, Freedom, Member
-from solve.beams.frozen import Modes, modes
 from solve.beams.motion import State
 from solve.errors import require_name
+from solve.model.modes import Modes, modes
 
 SURFACES = {"plus": 1.0, "minus": -1.0}
 """Surface at +h/2 or −h/2 across the link, along its y axis."""

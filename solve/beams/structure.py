@@ -14,6 +14,7 @@ from solve.beams.frozen import lowest, shapes
 from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
+from solve.model.damping import beyond_critical
 from solve.model.model import Model
 from solve.model.setup import Setup
 from solve.system import DrawnLink, Matrices, ModeShape
@@ -114,7 +115,8 @@ class StructureModel(Model):
         """Raises StructureError where the links cannot be assembled all the way round."""
         module, kinematics = setup.module, Kinematics(setup)
         counts = list(map(int, _of_each_link(setup, "elements")))
-        chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(setup, "element"), counts)
+        elastic = (getattr(module, name, ()) for name in ("SPRINGS", "DASHPOTS"))
+        chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(setup, "element"), counts, *elastic)
         beams = Beams(chosen, kinematics.properties, kinematics.angle)
         if module.MOVES:
             Positions(beams, np.linspace(0.0, module.PERIOD, _ASSEMBLED, endpoint=False))
@@ -184,15 +186,14 @@ class StructureModel(Model):
         if not self.module.MOVES:
             return []
         warnings, ratio = [], self.beams.properties.damping_ratio
-        if ratio == 0 and self.options["terms"] == "instantaneous":
+        damped = ratio > 0 or self.beams.properties.dashpot.any()
+        if not damped and self.options["terms"] == "instantaneous":
             warnings.append(
                 "terms=instantaneous leaves out M'q', what M changes as the links turn: without damping that "
                 "feeds energy, and |ρ| > 1 at every speed says nothing of stability; use --option terms=full"
             )
         if ratio > 1 and self.options["damping"] == "modal":
-            warnings.append(
-                f"damping ratio {ratio:g}: beyond 1 no mode vibrates; a ratio is 0.02, not 2 (percent)"
-            )
+            warnings.append(beyond_critical(ratio))
         if self.options["stiffening"] == "on":
             warnings += self.motion.buckling_warnings(speed)
         return warnings

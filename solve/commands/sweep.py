@@ -1,5 +1,6 @@
 """`solve sweep`: response and stability over many speeds."""
 
+import math
 from typing import Annotated, Any
 
 import solve
@@ -7,10 +8,12 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Places, Problem, Results, Speeds, Steps
 from solve.commands.parse import harmonic_count, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.model.model import Model
 from solve.results.plot import shown
 from solve.results.style import Figure
-from solve.results.sweep import Sweep
-from solve.results.turn_plot import checked_turn, turn_figure
+from solve.results.sweep import Sweep, SweepPoint
+from solve.results.sweep_plot import SPEED, labelled_by, moving
+from solve.results.turn_plot import checked_turn, curves_figure, turn_figure
 from solve.system import PeriodicSystem
 
 
@@ -24,14 +27,14 @@ def sweep(
         list[str] | None, Flag("Coordinate or output to show; repeatable; coordinates by default.", "NAME")
     ] = None,
     waterfall: Annotated[
-        str | None, Flag("Draw this coordinate's or output's spectrum over speed instead.", "NAME")
+        str | None, Flag("Draw this coordinate's or output's spectrum instead, over what varies.", "NAME")
     ] = None,
     harmonics: Annotated[int | None, Flag("Orders of the spectrum.", "N", "60")] = None,
     over: Annotated[
         list[str] | None, Flag("N values of a parameter from A to B, in SI; repeatable.", "NAME=A:B:N")
     ] = None,
     turn: Annotated[
-        str | None, Flag("Draw its curve over one turn instead, a line a speed: up to 12.", "NAME")
+        str | None, Flag("Draw its curve over one turn instead, a line a point: up to 12.", "NAME")
     ] = None,
 ) -> None:
     """Periodic vibration and stability over many speeds, and values of parameters."""
@@ -39,10 +42,12 @@ def sweep(
     omegas = None if varied and speeds.speeds is None else speeds.omegas()
     model, count = problem.loaded(), 1 if omegas is None else len(omegas)
     names, spectra = shown(model, show), [waterfall] if waterfall else []
-    if over and (turn or waterfall):
-        raise ValueOutOfBoundsError("--over varies parameters; --turn and --waterfall show speeds alone")
     if turn is not None:
-        _check_turn(model, turn, count, results, waterfall)
+        _check_turn(model, turn, count * math.prod(map(len, varied.values())), results, waterfall)
+    if waterfall and sum(len(values) > 1 for values in ([0] * count, *varied.values())) > 1:
+        raise ValueOutOfBoundsError(
+            "--waterfall draws a spectrum over one quantity; give one speed, or one value of the others"
+        )
     asked = accuracy.rule, accuracy.steps, accuracy.rtol
     kept: dict[str, Any] = {"spectra": spectra, "harmonics": orders, "over": varied or None}
     with places.given() as given:
@@ -50,10 +55,11 @@ def sweep(
     result.results.require_any()
 
     def figure() -> Figure:
+        if turn and varied:
+            return _turns_over(model, result, turn, asked)
         if turn:
-            return turn_figure(
-                [solve.periodic(model, omega, *asked) for omega in _solved(result, turn)], turn
-            )
+            orbits = [solve.periodic(model, point.speed, *asked) for point in _solved(result, turn)]
+            return turn_figure(orbits, turn)
         return result.waterfall(waterfall) if waterfall else result.plot(show)
 
     deliver_result(
@@ -86,9 +92,19 @@ def _check_turn(
     checked_turn(model, name, count)
 
 
-def _solved(sweep: Sweep, turn: str) -> list[float]:
-    """The speeds that have a result to draw. Raises ValueOutOfBoundsError where none has."""
-    speeds = [point.speed for point in sweep.points if point.error is None]
-    if not speeds:
-        raise ValueOutOfBoundsError(f"--turn {turn}: no speed has a result to draw; {sweep.points[0].error}")
-    return speeds
+def _turns_over(model: Model, sweep: Sweep, turn: str, asked: tuple[Any, ...]) -> Figure:
+    """A curve a point, named by what varies."""
+    orbits, vary = {}, moving(sweep.varied)
+    for point in _solved(sweep, turn):
+        values = {**point.parameters, SPEED: point.speed}
+        label = labelled_by(model, {name: values[name] for name in vary})
+        orbits[label] = solve.periodic(model.varied(point.parameters), point.speed, *asked)
+    return curves_figure(orbits, turn, ", ".join(vary))
+
+
+def _solved(sweep: Sweep, turn: str) -> list[SweepPoint]:
+    """The points that have a result to draw. Raises ValueOutOfBoundsError where none has."""
+    points = [point for point in sweep.points if point.error is None]
+    if not points:
+        raise ValueOutOfBoundsError(f"--turn {turn}: no point has a result to draw; {sweep.points[0].error}")
+    return points

@@ -13,6 +13,7 @@ from solve.arrays import Array
 from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
 from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
+from solve.model.damping import DampedSampler, beyond_critical, damped, damped_residual
 from solve.model.generated import model_module, module_of
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
@@ -57,7 +58,8 @@ class Model(PeriodicSystem):
     @classmethod
     def of(cls, setup: Setup) -> Self:
         """The model of a setup."""
-        sampler = MatrixSampler(setup.function("linearised"), setup.p)
+        given = setup.function("linearised"), setup.p
+        sampler = MatrixSampler(*given) if setup.ratios is None else DampedSampler(*given, setup.ratios)
         return cls(setup, sampler, setup.module.COORDINATES[: sampler.n])
 
     def _repr_html_(self) -> str:
@@ -123,6 +125,11 @@ class Model(PeriodicSystem):
         shapes = self.setup.function("fields").map(fraction.size)(fraction.reshape(1, -1))
         return shapes.full().T.reshape(*fraction.shape, self.n)
 
+    def warnings(self, speed: float) -> list[str]:
+        ratios = self.setup.ratios
+        too_large = [] if ratios is None or ratios.max() <= 1 else [beyond_critical(ratios.max())]
+        return [*super().warnings(speed), *too_large]
+
     @property
     def nonlinear(self) -> bool:
         return hasattr(self.module, "residual")
@@ -136,6 +143,8 @@ class Model(PeriodicSystem):
         from solve.model.marching import ModelMarcher
 
         residual = self.setup.function("residual")
+        if isinstance(self._matrices, DampedSampler):
+            residual = damped_residual(residual, self._matrices.damping, self.period)
         return ModelMarcher(residual, self.setup.p, self.module.PERIOD, sizes, count, rtol)
 
     @cached_property
@@ -192,7 +201,10 @@ class ModelAlong(Model):
     def _along(self, phase: Array, speed: float) -> Matrices:
         q, v, a = (self.motion(phase, derivative).T for derivative in range(3))
         speeds = np.full(len(phase), speed)
-        return parted(self.model.tangent(phase, speeds, q, speed * v, speed**2 * a), self.n)
+        M, C, K, d = parted(self.model.tangent(phase, speeds, q, speed * v, speed**2 * a), self.n)
+        sampler = self.model._matrices
+        # It takes no part in d, where it stands in C q̇ as well as in r.
+        return M, C + sampler.damping(phase) if isinstance(sampler, DampedSampler) else C, K, d
 
     def along(self, motion: Motion) -> PeriodicSystem:
         return self.model.along(motion)
@@ -215,7 +227,11 @@ class ModelPoints:
 
     def entries(self, phase: Array, speeds: Array, values: Array) -> Array:
         P, k, n = len(speeds), len(phase), self._n
-        entries = self._matrices(np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0))
+        phases, given = np.tile(phase, P), np.repeat(values, k, axis=0)
+        entries = self._matrices(phases, np.repeat(speeds, k), given)
+        if self._setup.ratios is not None:
+            still = self._matrices(phases, np.zeros(P * k), given)
+            entries[:, n**2 : 2 * n**2] += damped(still, n, self._ratios(given)).reshape(P * k, -1)
         entries = _by_the_phase(entries.reshape(P, k, 3 * n**2 + n), speeds, n)
         if self._names:
             entries[~self._admitted(values)] = np.nan
@@ -234,6 +250,10 @@ class ModelPoints:
     @cached_property
     def _outputs(self) -> Sampler:
         return self._setup.sampler("outputs", self._names)
+
+    @cached_property
+    def _ratios(self) -> Sampler:
+        return self._setup.sampler("damping_ratios", self._names)
 
     @cached_property
     def _margins(self) -> Sampler:

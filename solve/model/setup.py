@@ -48,6 +48,14 @@ class Setup:
         """The parameters in the order of the generated functions."""
         return np.array(list(self.case.parameters.values()))
 
+    @cached_property
+    def ratios(self) -> Array | None:
+        """Damping ratios (k,) of the modes in the order of rising frequencies, the last of all others; None
+        where the mechanism states none."""
+        if not hasattr(self.module, "damping_ratios"):
+            return None
+        return self.function("damping_ratios")(self.p).full().ravel()
+
     @property
     def breaks(self) -> tuple[float, ...]:
         """Phases at which the generated matrices jump or have kinks, rising. Raises ValueOutOfBoundsError."""

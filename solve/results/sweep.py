@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Contents, model_record, plain, table_contents
@@ -198,19 +198,19 @@ class Sweep(Result):
         UnknownNameError, and ValueOutOfBoundsError for more lines than can be told apart."""
         responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
         if self.parameters:
-            return over_figure(
-                self.system, {**self.parameters, SPEED: self.speeds}, responses, self.spectral_radius, figure
-            )
+            return over_figure(self.system, self.varied, responses, self.spectral_radius, figure)
         return sweep_figure(self.system, self.speeds, responses, self.spectral_radius, figure, self.unstable)
 
     def waterfall(self, name: str) -> Figure:
-        """The spectrum of a quantity over speed (matplotlib Figure). Raises UnknownNameError for one whose
-        spectrum the sweep was not asked for, ValueOutOfBoundsError where parameters vary."""
-        if self.parameters:
-            raise ValueOutOfBoundsError(
-                f"a spectrum over speed cannot show {', '.join(self.parameters)} too; sweep the speed alone"
-            )
-        return waterfall_figure(self.system, self.speeds, name, self.spectrum(name))
+        """The spectrum of a quantity over the speed, or over the parameter that varies instead (matplotlib
+        Figure). Raises UnknownNameError for one whose spectrum the sweep was not asked for,
+        ValueOutOfBoundsError where several quantities vary."""
+        return waterfall_figure(self.system, self.varied, name, self.spectrum(name))
+
+    @property
+    def varied(self) -> dict[str, Array]:
+        """Values (P,) of the parameters and of the speed by name."""
+        return {**self.parameters, SPEED: self.speeds}
 
     def report(self, choices: Sequence[str] = (), names: Sequence[str] = ()) -> RenderableType:
         """A row a point with the largest moduli of these quantities, by default the coordinates, as many as

@@ -64,24 +64,18 @@ def over_figure(
     """A row a quantity: its figure over the last of the quantities that vary, values (P,) by name, a line for
     each combination of the others; below them the spectral radius. Raises ValueOutOfBoundsError for more
     lines than can be told apart."""
-    moving = [name for name, values in varied.items() if np.ptp(values) > 0] or [SPEED]
-    *others, along = moving
+    *others, along = moving(varied)
     lines: dict[str, list[int]] = {}
     for at in np.argsort(varied[along], kind="stable").tolist():
-        lines.setdefault(
-            ", ".join(_named(system, name, float(varied[name][at])) for name in others), []
-        ).append(at)
+        lines.setdefault(labelled_by(system, {name: float(varied[name][at]) for name in others}), []).append(
+            at
+        )
     if len(lines) > MOST_LINES:
         raise ValueOutOfBoundsError(
             f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
         )
     lines = dict(sorted(lines.items(), key=lambda line: min(line[1])))
-    x, label = (
-        varied[along],
-        labelled(along, system.parameter_labels.get(along, ("", ""))[0]).replace("\n", " "),
-    )
-    if along == SPEED:
-        x, label = x * RPM, "speed (rpm)"
+    x, label = _axis(system, along, varied[along])
     title = f"{title_of(system)}: response over {along}"
     with page(1.4 + 1.35 * (len(responses) + 1), title) as made:
         axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
@@ -101,29 +95,57 @@ def over_figure(
     return made
 
 
+def moving(varied: Mapping[str, Array]) -> list[str]:
+    """Those of the quantities, values (P,) by name, that vary, the last of them if none does."""
+    return [name for name, values in varied.items() if np.ptp(values) > 0] or [*varied][-1:]
+
+
+def labelled_by(system: PeriodicSystem, values: Mapping[str, float]) -> str:
+    """Values of the speed (rad/s) or of parameters in words."""
+    return ", ".join(_named(system, name, value) for name, value in values.items())
+
+
+def _axis(system: PeriodicSystem, name: str, values: Array) -> tuple[Array, str]:
+    """Values of the speed (rad/s) or of a parameter as they are drawn, and the label of their axis."""
+    if name == SPEED:
+        return values * RPM, "speed (rpm)"
+    unit = system.parameter_labels.get(name, ("", ""))[0]
+    return values, labelled(name, unit).replace("\n", " ")
+
+
 def _named(system: PeriodicSystem, name: str, value: float) -> str:
     if name == SPEED:
         return f"{value * RPM:.6g} rpm"
     return f"{name} = {value:.6g} {system.parameter_labels[name][0]}".removesuffix(" 1")
 
 
-def waterfall_figure(system: PeriodicSystem, speeds: Array, name: str, amplitudes: Array) -> Figure:
-    """Amplitudes (P, orders + 1) of a quantity over speed and order of rotation, 0 dB the largest."""
-    order = np.argsort(speeds)
-    rpm, heights = speeds[order] * RPM, amplitudes[order, 1:].T
+def waterfall_figure(
+    system: PeriodicSystem, varied: Mapping[str, Array], name: str, amplitudes: Array
+) -> Figure:
+    """Amplitudes (P, orders + 1) of a quantity over what varies, values (P,) by name, and order of rotation,
+    0 dB the largest. Raises ValueOutOfBoundsError where several quantities vary."""
+    *others, along = moving(varied)
+    if others:
+        raise ValueOutOfBoundsError(
+            f"{', '.join([*others, along])} vary; a spectrum is drawn over one of them: give one value "
+            "of the others"
+        )
+    order = np.argsort(varied[along])
+    x, label = _axis(system, along, varied[along][order])
+    heights = amplitudes[order, 1:].T
     rotation = 2 * math.pi / system.period
     largest = float(np.nanmax(heights, initial=0.0)) or 1.0
     factor, unit = prefixed(system.units.get(name, ""), largest)
     with np.errstate(divide="ignore"):
         decibels = 20 * np.log10(heights / largest)
-    with page(4.4, f"{title_of(system)}: spectrum of {name} over speed") as made:
+    with page(4.4, f"{title_of(system)}: spectrum of {name} over {along}") as made:
         axes = made.subplots()
         orders = np.arange(1, len(heights) + 1) * rotation
         seen = np.where(decibels > _FLOOR, decibels, np.nan)
-        label = f"amplitude (dB re {largest * factor:.3g} {unit})"
-        draw_map(made, axes, rpm, orders, seen, label, cmap="magma_r", vmin=_FLOOR, vmax=0.0)
+        scale = f"amplitude (dB re {largest * factor:.3g} {unit})"
+        draw_map(made, axes, x, orders, seen, scale, cmap="magma_r", vmin=_FLOOR, vmax=0.0)
         axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
-        axes.set_xlabel("speed (rpm)")
+        axes.set_xlabel(label)
         axes.set_ylabel("order of rotation")
     return made
 

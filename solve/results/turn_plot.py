@@ -27,7 +27,7 @@ def checked_turn(system: PeriodicSystem, name: str, curves: int) -> str:
     system.known_quantities([name])
     if curves > MOST_CURVES:
         raise ValueOutOfBoundsError(
-            f"{curves} speeds to draw over the turn; allowed: up to {MOST_CURVES}, such as "
+            f"{curves} curves to draw over the turn; allowed: up to {MOST_CURVES}, such as "
             '--speeds "600 900 1200 rpm"'
         )
     return name

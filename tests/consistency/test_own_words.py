@@ -56,6 +56,20 @@ def test_vectors_and_matrices(run):
     assert harmonic(record["outputs"]["acceleration"], 1) == pytest.approx(acceleration, rel=1e-7)
 
 
+def test_damping_ratios(run):
+    """Each mode answers by itself; the frequencies of two equal masses are √(k/m) times golden ratios."""
+    record = run("tower")
+    m, k, u, speed, zeta = 800.0, 9e5, 0.5, 20.0, np.array([0.01, 0.03])
+    golden = (1 + np.sqrt(5)) / 2
+    omega = np.sqrt(k / m) * np.array([1 / golden, golden])
+    shapes = np.array([[1, golden], [-golden, 1]]) / np.sqrt(m * (1 + golden**2))
+    modal = shapes[:, 1] * u * speed**2 / (omega**2 - speed**2 + 2j * zeta * omega * speed)
+    for name, expected in zip(("q1", "q2"), shapes.T @ modal, strict=True):
+        assert harmonic(record["coordinates"][name], 1) == pytest.approx(expected, rel=1e-7)
+    growth = sorted(exponent[0] for exponent in record["exponents"])
+    assert growth == pytest.approx(sorted([*-zeta * omega] * 2), rel=1e-7)
+
+
 def test_a_four_bar_a_requirement_and_the_speed(run):
     """J q̈ + c q̇ + k (1 + gain Ω) q = −J φ̈4 harmonic by harmonic, with φ4 from the triangle of crank pin,
     joint and pivot by the law of cosines."""

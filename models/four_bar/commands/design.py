@@ -118,7 +118,7 @@ def _speeds(model: "StructureModel", text: str | None) -> "Array":
     import numpy as np
 
     from models.four_bar.run_up.stress_map import spaced
-    from solve.beams.frozen import lowest_frequencies
+    from solve.beams.motion import lowest_frequencies
     from solve.units import speeds_in_si
 
     if text is None:

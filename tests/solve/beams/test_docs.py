@@ -24,14 +24,16 @@ def block(name):
 
 @pytest.fixture
 def arm(tmp_path, monkeypatch):
-    """The folder with the page's files, its first command carried out."""
-    for name in ("arm.py", "arm.toml"):
-        (tmp_path / name).write_text(block(name), encoding="utf-8")
+    """The folder with the page's files, their commands to derive carried out."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["derive", "arm.py"])
-    with pytest.raises(SystemExit) as exit_:
-        derive()
-    assert not exit_.value.code
+    for name in ("arm.py", "arm.toml", "prop.py"):
+        (tmp_path / name).write_text(block(name), encoding="utf-8")
+    for name in ("arm.py", "prop.py"):
+        assert f"python -m derive {name}\n" in PAGE
+        monkeypatch.setattr(sys, "argv", ["derive", name])
+        with pytest.raises(SystemExit) as exit_:
+            derive()
+        assert not exit_.value.code
     return tmp_path
 
 
@@ -44,7 +46,7 @@ def commands():
 
 
 def test_every_command_of_the_page_runs(arm, capsys):
-    assert len(commands()) == 3
+    assert len(commands()) == 4
     for line in commands():
         arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', line)]
         assert run(arguments) == 0, capsys.readouterr().err

@@ -189,9 +189,26 @@ def test_over_parameters(command, tmp_path):
     assert [point["parameters"]["k1"] for point in points] == [6e4, 6e4, 9e4, 9e4]
     ran = command("sweep", "mathieu", "--over", "epsilon=0:2:3", "--plot", str(tmp_path / "over.png"))
     assert "Over epsilon, speed" in ran.out
+    for what in ("--turn", "--waterfall"):
+        picture = tmp_path / f"{what}.svg"
+        command(
+            "sweep",
+            "cam",
+            "--speeds",
+            "300 rpm",
+            "--over",
+            "k1=6e4:9e4:3",
+            what,
+            "q1",
+            "--plot",
+            str(picture),
+        )
+        drawn = picture.read_text(encoding="utf-8")
+        assert ("k1 = 75000 N m/rad" if what == "--turn" else "k1") in drawn
     for flags, words in (
         (["--over", "epsilon=0:2:3", "--over", "epsilon=0:2:3"], "--over gives epsilon twice"),
-        (["--over", "epsilon=0:2:3", "--waterfall", "q"], "--turn and --waterfall show speeds alone"),
+        (["--over", "epsilon=0:2:3", "--over", "delta=1:2:2", "--waterfall", "q"], "over one quantity"),
+        (["--over", "epsilon=0:2:13", "--turn", "q", "--plot", "t.png"], "13 curves"),
         (["--over", "epsilon"], "write --over NAME=A:B:N"),
     ):
         ran = command("sweep", "mathieu", *flags)

@@ -68,7 +68,7 @@ def test_no_two_of_twelve_curves_look_alike():
 def test_what_cannot_be_drawn_is_refused(coupler):
     with pytest.raises(UnknownNameError, match="did you mean 'midpoint_deflection'"):
         turn_figure(coupler, "midpoint")
-    with pytest.raises(ValueOutOfBoundsError, match="13 speeds to draw over the turn; allowed: up to 12"):
+    with pytest.raises(ValueOutOfBoundsError, match="13 curves to draw over the turn; allowed: up to 12"):
         turn_figure(coupler[:1] * 13, "q1")
 
 
@@ -86,7 +86,7 @@ def test_the_command_draws_it(tmp_path, capsys):
         (["--turn", "q1"], "--turn q1 draws a picture; add the file, such as --plot turn.png"),
         (["--turn", "q9", "--plot", "t.png"], "unknown coordinate or output of coupler 'q9'"),
         (["--turn", "q1", "--waterfall", "q1", "--plot", "t.png"], "give one of them"),
-        (["--turn", "q1", "--plot", "t.png", "--speeds", "600:900:13 rpm"], "13 speeds to draw"),
+        (["--turn", "q1", "--plot", "t.png", "--speeds", "600:900:13 rpm"], "13 curves to draw"),
     ],
 )
 def test_the_command_refuses_in_one_line(arguments, message, tmp_path, monkeypatch, capsys):

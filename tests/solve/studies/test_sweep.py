@@ -187,5 +187,9 @@ def test_too_many_lines_for_one_picture():
         ValueOutOfBoundsError, match="13 lines to draw, one for each epsilon; allowed: up to 12"
     ):
         found.plot()
-    with pytest.raises(ValueOutOfBoundsError, match="a spectrum over speed cannot show epsilon too"):
-        found.waterfall("q")
+    with pytest.raises(
+        ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn over one of them"
+    ):
+        solve.sweep(
+            solve.load("mathieu"), "1:2:2 rad/s", spectra=["q"], over={"epsilon": [0.1, 0.2]}
+        ).waterfall("q")
