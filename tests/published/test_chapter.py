@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import solve
+from tests.digits import half_a_digit
 
 RTOL = 1e-9
 TURN = np.linspace(0.0, 2 * np.pi, 20_001)
@@ -36,13 +37,6 @@ SPECTRAL_RADII = [
 @functools.cache
 def orbit(model, speed, case="1", **options):
     return solve.periodic(solve.load(model, case=case, options=options), speed, rtol=RTOL)
-
-
-def half_a_digit(text):
-    """Half a unit in the last place of a number as printed."""
-    mantissa, _, exponent = text.partition("e")
-    decimals = len(mantissa.partition(".")[2])
-    return 0.5 * 10.0 ** (int(exponent or 0) - decimals)
 
 
 @pytest.mark.parametrize(("model", "speed", "coordinate", "quantity", "value"), EXTREMA)

@@ -1,0 +1,23 @@
+"""Meissner's equation, thesis (7.10) with two intervals."""
+
+from derive import Mechanism, pi, rate, rectangle
+
+
+def mechanism() -> Mechanism:
+    """q̈ + w² q = 0, w = w1 over the first share of each turn and w2 over the rest.
+
+    Over half a turn each, the multipliers sum to twice Meissner's function J2 = cos x1 cos x2 −
+    (w1/w2 + w2/w1)/2 sin x1 sin x2 with x = π w/Ω; at π rad/s the frequencies are x1 and x2 themselves.
+    """
+    meissner = Mechanism("meissner", "Meissner's equation (thesis 7.2.3)", energy="1/s^2")
+    (q,) = meissner.coordinates(q=("1", "deflection, for a mass of 1"))
+    w1, w2 = meissner.parameters(
+        w1=("rad/s", "frequency in the first interval", ">= 0"),
+        w2=("rad/s", "frequency in the second interval", ">= 0"),
+    )
+    share = meissner.parameter("share", "1", "of the turn that the first interval takes", "> 0, < 1")
+    first = rectangle(meissner.phase, 0, 2 * pi * share)
+    meissner.kinetic = rate(q) ** 2 / 2
+    meissner.potential = (w2**2 + (w1**2 - w2**2) * first) * q**2 / 2
+    meissner.decline_drive_torque("an equation without physical units has no torque")
+    return meissner

@@ -1,0 +1,30 @@
+"""All cases of the wall, and their tables for docs/wall.md."""
+
+import math
+from itertools import groupby
+
+from tests.foreign import control, hill_equations, initial_values, rotors, three_bodies
+from tests.foreign.wall import Case
+
+CASES: list[Case] = [
+    case
+    for module in (initial_values, rotors, three_bodies, control, hill_equations)
+    for case in module.CASES
+]
+
+
+def row(case: Case, found: float) -> list[str]:
+    """Cells of a case: what is found, to the decimals that its tolerance allows."""
+    decimals = max(0, math.ceil(-math.log10(case.tolerance)))
+    return [case.what, case.printed, f"{round(found, decimals) + 0.0:.{decimals}f}", case.place]
+
+
+def tables() -> str:
+    """A table a source, as they stand in docs/wall.md."""
+    text = []
+    for source, cases in groupby(CASES, key=lambda case: case.source):
+        text.append(f"**{source.author}, {source.title}, {source.year}** ({source.where})\n")
+        text.append("| what | printed | here | place |\n|---|---|---|---|")
+        text += [f"| {' | '.join(row(case, case.found()))} |" for case in cases]
+        text.append("")
+    return "\n".join(text)
