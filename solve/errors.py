@@ -68,6 +68,10 @@ class LinearModelError(SolveError):
     """A system without nonlinear equations, asked for what needs them."""
 
 
+class NoDerivativeError(SolveError):
+    """A quantity, or a system, that has no derivative by what is asked for."""
+
+
 class NoOrbitError(SolveError):
     """Newton's iteration, continuation and transients reached no periodic solution."""
 

@@ -1,5 +1,6 @@
 """What `solve` offers, loaded at its first use."""
 
+from solve.derivatives.point import sensitivities
 from solve.errors import SolveError
 from solve.loading import case_numbers, load
 from solve.methods.gauss import Gauss
@@ -18,6 +19,7 @@ from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
+from solve.results.sensitivities import Sensitivities
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep, Sweeps
 from solve.results.transient import Transient
@@ -48,6 +50,7 @@ __all__ = [
     "PeriodicSystem",
     "Radau",
     "RungeKutta4",
+    "Sensitivities",
     "SolveError",
     "Stability",
     "Sweep",
@@ -67,6 +70,7 @@ __all__ = [
     "load",
     "nonlinear",
     "periodic",
+    "sensitivities",
     "signal_statistics",
     "sweep",
     "sweeps",

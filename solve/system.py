@@ -11,6 +11,7 @@ from solve.arrays import Array
 from solve.errors import (
     LinearModelError,
     MatricesError,
+    NoDerivativeError,
     SolveError,
     TransientError,
     ValueOutOfBoundsError,
@@ -20,6 +21,9 @@ from solve.statistics import Statistics
 from solve.trigonometric import Trigonometric
 
 Matrices = tuple[Array, Array, Array, Array]
+
+SPEED = "speed"
+"""The name under which the speed Ω (rad/s) varies like a parameter."""
 
 _EPS = float(np.finfo(float).eps)
 
@@ -74,6 +78,19 @@ class Marcher(Protocol):
     def __call__(self, state: Array, start: float, speed: float) -> Array:
         """q, v, a (3, n, k) over a period, both ends included, from the state (q, v) (2n,) at the phase
         `start`. Raises TransientError where the motion cannot be followed."""
+        ...
+
+
+class Dependence(Protocol):
+    """How a system depends on quantities θ (r,), with its states by the phase held."""
+
+    def entries(self, phase: Array, speed: float) -> Array:
+        """Derivatives (k, 3n² + n, r) of Ω²M, ΩC, K by rows and d, at phases (k,)."""
+        ...
+
+    def output(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
+        """Derivatives (r, k) of an output at phases (k,) and states (3, n, k): q and its derivatives by the
+        phase, which move with θ by `moved` (r, 3, n, k)."""
         ...
 
 
@@ -275,6 +292,18 @@ class PeriodicSystem:
         raise LinearModelError(
             f"{self.name} is linear by construction, its orbit is the linear one; leave out what asks for "
             "nonlinear equations"
+        )
+
+    @property
+    def smooth_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters by which the equations have derivatives."""
+        return ()
+
+    def dependence(self, names: Sequence[str]) -> Dependence:
+        """On parameters, or "speed", by their names. Raises UnknownNameError, NoDerivativeError."""
+        raise NoDerivativeError(
+            f"{self.name} has no generated equations that could be differentiated; state it as a mechanism "
+            "and derive it"
         )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:

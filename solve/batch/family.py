@@ -9,10 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
-from solve.system import PeriodicSystem
-
-SPEED = "speed"
-"""The name under which the speed Ω (rad/s) varies like a parameter."""
+from solve.system import SPEED, PeriodicSystem
 
 _KEPT = 8
 """Systems that are kept, one for each of the latest values of the parameters."""

@@ -175,9 +175,9 @@ class Spectrum:
         """Which eigenvalue of the factors each multiplier is (N,)."""
         own = self._factored[1].logarithms[0]
         if self.refined is not None:
-            return _matched(self.refined.logarithms, own)
+            return matched_logarithms(self.refined.logarithms, own)
         digits = np.flatnonzero(self._digits)
-        matched = _matched(np.log(self._eigenvalues[digits]), own)
+        matched = matched_logarithms(np.log(self._eigenvalues[digits]), own)
         order = np.empty(len(own), dtype=int)
         order[digits] = matched
         order[~self._digits] = np.setdiff1d(np.arange(len(own)), matched)
@@ -256,7 +256,7 @@ def _known(errors: Array) -> Array:
     return np.where(errors < _NO_DIGIT, errors, np.nan)
 
 
-def _matched(some: Array, every: Array) -> Array:
+def matched_logarithms(some: Array, every: Array) -> Array:
     """Positions (k,) among the logarithms `every` (N,) of those that match the logarithms `some` (k,)."""
     return matched(_apart(some, every))[1]
 

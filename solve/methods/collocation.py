@@ -90,25 +90,25 @@ class Collocation:
         return powers
 
     def stage_accelerations(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> Array:
-        """Accelerations (P, m, s, n, 2n+1) as affine functions of (q, v, 1) at the step's start.
+        """Accelerations (P, m, s, n, 2n+r) as affine functions of (q, v) at the step's start and of r loads.
 
-        h (m,); M, C, K (P, m, s, n, n) and d (P, m, s, n) at the stages.
+        h (m,); M, C, K (P, m, s, n, n) and d (P, m, s, n, r), or (P, m, s, n) for one load, at the stages.
         """
-        P, m, s, n = d.shape
-        a = np.empty((P, m, s * n, 2 * n + 1))
+        P, m, s, n = d.shape[:4]
+        a = np.empty((P, m, s * n, 2 * n + d[0, 0, 0, 0].size))
         # How many steps go together does not depend on the number of points: each has the same rounding.
         steps = min(m, max(1, _SYSTEMS // (8 * (s * n) ** 2)))
         some = max(1, _SYSTEMS // (8 * (s * n) ** 2 * steps))
         for first, start in product(range(0, P, some), range(0, m, steps)):
             part = np.s_[first : first + some, start : start + steps]
             system = self._stage_systems(h[part[1]], M[part], C[part], K[part])
-            loads = d[part].reshape(*system.shape[:3], 1)
+            loads = d[part].reshape(*system.shape[:3], -1)
             right = np.concatenate((system[..., s * n :], loads), axis=-1)
             a[part] = solved(system[..., : s * n], right)
         # From the powers of h that belong to h² times the acceleration, and to h v.
         a[..., :n] /= h[:, None, None] ** 2
         a[..., n : 2 * n] /= h[:, None, None]
-        return a.reshape(P, m, s, n, 2 * n + 1)
+        return a.reshape(P, m, s, n, -1)
 
     def _stage_systems(self, h: Array, M: Array, C: Array, K: Array) -> Array:
         """Matrices of the stage accelerations, and behind their columns those that multiply q and h v:
@@ -123,14 +123,20 @@ class Collocation:
 
     def steps(self, h: Array, a: Array) -> Steps:
         """The affine maps of (q, v) over the steps h (m,), from stage accelerations (P, m, s, n, 2n+1)."""
+        maps = self.maps(h, a)
+        return Steps(maps[..., :-1], maps[..., -1])
+
+    def maps(self, h: Array, a: Array) -> Array:
+        """(q, v) at the steps' ends as affine functions of (q, v) and of r loads, (P, m, 2n, 2n+r), from
+        stage accelerations (P, m, s, n, 2n+r)."""
         P, m, s, n = a.shape[:4]
         weights = np.stack((self.b @ self.A, self.b))
-        maps = (weights @ a.reshape(P, m, s, -1)).reshape(P, m, 2, n, 2 * n + 1)
+        maps = (weights @ a.reshape(P, m, s, -1)).reshape(P, m, 2, n, -1)
         maps *= np.stack((h**2, h), axis=1)[:, :, None, None]
-        maps = maps.reshape(P, m, 2 * n, 2 * n + 1)
+        maps = maps.reshape(P, m, 2 * n, -1)
         maps[..., : 2 * n] += np.eye(2 * n)
         maps[..., range(n), range(n, 2 * n)] += h[:, None]
-        return Steps(maps[..., :-1], maps[..., -1])
+        return maps
 
     def curve(self, nodes: Array, x: Array, a_start: Array, a: Array, a_end: Array) -> Curve:
         """Polynomials through the states x (P, m+1, 2n) at the steps' starts and the accelerations at

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import (
+    MatricesError,
+    NoDerivativeError,
+    UnknownNameError,
+    ValueOutOfBoundsError,
+    require_name,
+)
 from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
 from solve.model.damping import DampedSampler, beyond_critical, damped, damped_residual
@@ -18,7 +24,7 @@ from solve.model.generated import model_module, module_of
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.statistics import Statistics
-from solve.system import Marcher, Matrices, Motion, PeriodicSystem
+from solve.system import SPEED, Dependence, Marcher, Matrices, Motion, PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
@@ -137,6 +143,25 @@ class Model(PeriodicSystem):
     def along(self, motion: Motion) -> PeriodicSystem:
         return ModelAlong(self, motion) if self.nonlinear else super().along(motion)
 
+    @property
+    def smooth_parameters(self) -> tuple[str, ...]:
+        whole = {name for name, _, _, bound in self.module.PARAMETERS if "integer" in clauses(bound)}
+        return tuple(name for name in self.parameters if name not in whole)
+
+    def dependence(self, names: Sequence[str]) -> Dependence:
+        from solve.model.dependence import GeneratedDependence
+
+        self.require_smooth(names)
+        return GeneratedDependence(self.setup, self.n, names)
+
+    def require_smooth(self, names: Sequence[str]) -> None:
+        """Raise UnknownNameError or NoDerivativeError unless there are derivatives by parameters, or
+        "speed", of these names."""
+        for name in names:
+            require_name(f"quantity of {self.name}", name, [SPEED, *self.parameters])
+            if name not in (SPEED, *self.smooth_parameters):
+                raise NoDerivativeError(f"{name} is a whole number, by which nothing has a derivative")
+
     def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:
         if not self.nonlinear:
             return super().marcher(sizes, count, rtol)
@@ -208,6 +233,11 @@ class ModelAlong(Model):
 
     def along(self, motion: Motion) -> PeriodicSystem:
         return self.model.along(motion)
+
+    def dependence(self, names: Sequence[str]) -> Dependence:
+        raise NoDerivativeError(
+            f"{self.name} along a nonlinear orbit has no derivatives; ask for those of its linear orbit"
+        )
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.grid import Grid
-from solve.period.product_eigenvalues import Blocks, ProductEigenvalues
+from solve.period.product_eigenvalues import Blocks, ProductEigenvalues, carried
 
 _ALIASED = 0.1
 """Part by which the mean square of the rates may differ from that of the orders that the steps see."""
@@ -81,12 +81,7 @@ def _periodic_parts(steps: Array, grid: Grid, blocks: Blocks, found: ProductEige
     assert found.right is not None
     units, starts, logarithms = blocks.units[0][:, None], blocks.starts, found.logarithms[0]
     lengths = np.diff(np.append(starts, len(steps)))
-    reached = units * found.right[0]
-    vectors = np.empty(steps.shape, dtype=complex)
-    for inner in range(int(lengths.max())):
-        inside = np.flatnonzero(lengths > inner)
-        vectors[starts[inside] + inner] = reached[inside]
-        reached[inside] = steps[starts[inside] + inner] @ reached[inside]
+    vectors, reached = carried(steps, starts, units * found.right[0])
     # Each block begins anew with vectors of length 1: what the one before leaves, but for a factor.
     following = np.roll(found.right[0], -1, axis=0)
     with np.errstate(divide="ignore"):

@@ -25,7 +25,8 @@ SINGULAR = 1e-14
 class Steps:
     """Affine maps of the steps of one period: A (..., m, N, N), b (..., m, N).
 
-    Leading axes are points of a sweep, each with a period of its own.
+    Leading axes are points of a sweep, each with a period of its own. b may be (..., m, N, r) for
+    `periodic_states`: r problems with the same A.
     """
 
     A: Array
@@ -50,30 +51,34 @@ def monodromy(steps: Steps) -> Array:
 
 def affine_period(steps: Steps) -> Steps:
     """The map of the whole period, as one step."""
-    return _levels(steps, 1)[-1]
+    whole = _levels(Steps(steps.A, steps.b[..., None]), 1)[-1]
+    return Steps(whole.A, whole.b[..., 0])
 
 
 def states_from(steps: Steps, start: Array) -> Array:
     """States x (..., m+1, N) at the nodes from the state (..., N) at the first."""
-    x = start[..., None, :]
-    for level in reversed(_levels(steps, 1)[:-1]):
+    x = start[..., None, :, None]
+    levels = _levels(Steps(steps.A, steps.b[..., None]), 1)
+    for level in reversed(levels[:-1]):
         x = _refined(level, x)
-    return np.concatenate(
-        (x, _applied(steps.A[..., -1:, :, :], x[..., -1:, :]) + steps.b[..., -1:, :]), axis=-2
-    )
+    last = steps.A[..., -1:, :, :] @ x[..., -1:, :, :] + levels[0].b[..., -1:, :, :]
+    return np.concatenate((x, last), axis=-3)[..., 0]
 
 
 def periodic_states(steps: Steps) -> tuple[Array, Array]:
-    """States x (..., m+1, N) of the periodic solution at the nodes, and the condition number (...) of
-    the closed system: infinite, with NaN for states, where it is singular, a multiplier at +1."""
-    levels = _levels(steps, BLOCKS)
+    """States x (..., m+1, N), or (..., m+1, N, r), of the periodic solution at the nodes, and the condition
+    number (...) of the closed system: infinite, with NaN for states, where it is singular, a multiplier at
+    +1."""
+    columns = steps.b.ndim == steps.A.ndim
+    levels = _levels(steps if columns else Steps(steps.A, steps.b[..., None]), BLOCKS)
     A, b = levels[-1].A, levels[-1].b
-    unit = _units(A)[..., None, :]
-    x, condition = _cyclic(Steps(A * unit[..., None, :] / unit[..., :, None], b / unit))
+    unit = _units(A)[..., None, :, None]
+    x, condition = _cyclic(Steps(A * np.swapaxes(unit, -1, -2) / unit, b / unit))
     x = x * unit
     for level in reversed(levels[:-1]):
         x = _refined(level, x)
-    return np.concatenate((x, x[..., :1, :]), axis=-2), condition
+    x = np.concatenate((x, x[..., :1, :, :]), axis=-3)
+    return x if columns else x[..., 0], condition
 
 
 def _units(A: Array) -> Array:
@@ -84,14 +89,11 @@ def _units(A: Array) -> Array:
     return scaled_alike(size)[1]
 
 
-def _applied(A: Array, x: Array) -> Array:
-    return np.squeeze(A @ x[..., None], -1)
-
-
 def _levels(steps: Steps, most: int) -> list[Steps]:
-    """The steps, the maps over pairs of them, over pairs of those, … until at most `most` are left."""
+    """The steps, b with columns, the maps over pairs of them, over pairs of those, … until at most `most` are
+    left."""
     levels = [steps]
-    while levels[-1].b.shape[-2] > most:
+    while levels[-1].b.shape[-3] > most:
         levels.append(_halved(levels[-1]))
     return levels
 
@@ -105,56 +107,57 @@ def _halved_products(A: Array) -> Array:
 def _halved(steps: Steps) -> Steps:
     """Maps over pairs of steps; an odd last step stays as it is."""
     A, b = steps.A, steps.b
-    pairs = b.shape[-2] // 2 * 2
-    joined = _applied(A[..., 1:pairs:2, :, :], b[..., 0:pairs:2, :]) + b[..., 1:pairs:2, :]
-    return Steps(_halved_products(A), np.concatenate((joined, b[..., pairs:, :]), axis=-2))
+    pairs = b.shape[-3] // 2 * 2
+    joined = A[..., 1:pairs:2, :, :] @ b[..., 0:pairs:2, :, :] + b[..., 1:pairs:2, :, :]
+    return Steps(_halved_products(A), np.concatenate((joined, b[..., pairs:, :, :]), axis=-3))
 
 
 def _refined(level: Steps, starts: Array) -> Array:
     """States at the start of every step of the level, from those at the start of every pair."""
     x = np.empty_like(level.b)
-    x[..., 0::2, :] = starts
-    inner = level.b.shape[-2] // 2
-    first = slice(0, 2 * inner, 2)
-    x[..., 1::2, :] = _applied(level.A[..., first, :, :], starts[..., :inner, :]) + level.b[..., first, :]
+    x[..., 0::2, :, :] = starts
+    inner = level.b.shape[-3] // 2
+    first = np.s_[..., slice(0, 2 * inner, 2), :, :]
+    x[..., 1::2, :, :] = level.A[first] @ starts[..., :inner, :, :] + level.b[first]
     return x
 
 
 def _cyclic(blocks: Steps) -> tuple[Array, Array]:
-    """Starts x (..., B, N) of the blocks of a closed chain x_{k+1} = A_k x_k + b_k, x_B = x_0.
+    """Starts x (..., B, N, r) of the blocks of a closed chain x_{k+1} = A_k x_k + b_k, x_B = x_0.
 
     Each row G x_k + H x_{k+1} = r is joined with the next by an orthogonal elimination of the state
     between them, until one row G x_0 + H x_B = r is left.
     """
-    N = blocks.b.shape[-1]
+    N, r = blocks.b.shape[-2:]
     unit = np.broadcast_to(-np.eye(N), blocks.A.shape)
-    rows, eliminated = np.concatenate((blocks.A, unit, -blocks.b[..., None]), axis=-1), []
+    rows, eliminated = np.concatenate((blocks.A, unit, -blocks.b), axis=-1), []
     while rows.shape[-3] > 1:
         pairs = rows.shape[-3] // 2 * 2
         even, odd = rows[..., 0:pairs:2, :, :], rows[..., 1:pairs:2, :, :]
         # Columns: the state between, the state before, the state after, r.
-        joined = np.zeros((*even.shape[:-2], 2 * N, 3 * N + 1))
+        joined = np.zeros((*even.shape[:-2], 2 * N, 3 * N + r))
         joined[..., :N, :N], joined[..., N:, :N] = even[..., N : 2 * N], odd[..., :N]
         joined[..., :N, N : 2 * N], joined[..., N:, 2 * N :] = even[..., :N], odd[..., N:]
-        joined[..., :N, -1] = even[..., -1]
+        joined[..., :N, 3 * N :] = even[..., 2 * N :]
         joined = np.asarray(np.linalg.qr(joined, mode="r"))
         eliminated.append((rows.shape[-3], joined[..., :N, :]))
         rows = np.concatenate((joined[..., N:, N:], rows[..., pairs:, :, :]), axis=-3)
-    x, condition = _closed(rows[..., 0, :, :N], rows[..., 0, :, N:-1], rows[..., 0, :, -1:])
+    last = rows[..., 0, :, :]
+    x, condition = _closed(last[..., :N], last[..., N : 2 * N], last[..., 2 * N :])
     x = x[..., None, :, :]
     for count, joined in reversed(eliminated):
         inner = count // 2
         around = np.concatenate((x, np.roll(x, -1, axis=-3)), axis=-2)[..., :inner, :, :]
-        finer = np.empty((*x.shape[:-3], count, N, 1))
+        finer = np.empty((*x.shape[:-3], count, N, r))
         finer[..., 0::2, :, :] = x
-        right = joined[..., -1:] - joined[..., N:-1] @ around
+        right = joined[..., 3 * N :] - joined[..., N : 3 * N] @ around
         finer[..., 1::2, :, :] = np.linalg.solve(joined[..., :N], right)
         x = finer
-    return x[..., 0], condition
+    return x, condition
 
 
 def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
-    """x of (G + H) x = r (..., N, 1), and the condition number of G + H measured against (G, H)."""
+    """x of (G + H) x = r (..., N, columns), and the condition number of G + H measured against (G, H)."""
     condition = closed_condition(G, H)
     singular = ~(condition < 1 / SINGULAR)
     x = np.linalg.solve(np.where(singular[..., None, None], np.eye(G.shape[-1]), G + H), r)

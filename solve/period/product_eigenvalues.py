@@ -119,6 +119,18 @@ def _multiplied(blocks: Blocks) -> Blocks:
     return blocks
 
 
+def carried(steps: Array, starts: Array, vectors: Array) -> tuple[Array, Array]:
+    """Vectors (b, N, …) at the starts (b,) of blocks carried through the maps of their steps (m, N, N): at
+    the start of every step (m, N, …), and at the ends of the blocks (b, N, …)."""
+    lengths, reached = np.diff(np.append(starts, len(steps))), vectors.copy()
+    every = np.empty((len(steps), *vectors.shape[1:]), dtype=vectors.dtype)
+    for inner in range(int(lengths.max())):
+        inside = np.flatnonzero(lengths > inner)
+        every[starts[inside] + inner] = reached[inside]
+        reached[inside] = steps[starts[inside] + inner] @ reached[inside]
+    return every, reached
+
+
 def product_eigenvalues(
     factors: Array, rounding: Array | None = None, vectors: bool = False
 ) -> ProductEigenvalues:

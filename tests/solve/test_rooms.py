@@ -38,6 +38,7 @@ called = {
     "periodic": solve.periodic(cam, "600 rpm", **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
     "transient": solve.transient(cam, "600 rpm", 1, rtol=1e-2),
+    "sensitivities": solve.sensitivities(cam, "600 rpm", "q1.max_abs", "k1", **rough),
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
     "floquet": solve.floquet(mathieu, 1.0, **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),

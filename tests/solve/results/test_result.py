@@ -27,6 +27,7 @@ MADE = {
     "frequencies": lambda cam: solve.frequencies(cam, [0.0, 1.0]),
     "frequencies over a parameter": lambda cam: solve.frequencies_over(cam, "k3", [1e8, 2e8], np.zeros(1)),
     "transient": lambda cam: solve.transient(cam, "100 rpm", 2),
+    "sensitivities": lambda cam: solve.sensitivities(cam, "300 rpm", ["q3.max_abs", "rho1"], ["k1", "speed"]),
     "validity": lambda cam: solve.validity(cam, [10.0, 20.0]),
 }
 

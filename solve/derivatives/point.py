@@ -1,0 +1,190 @@
+"""Sensitivities of one point: derivatives of quantities of an orbit, or of its stability, on the grid that
+solved it, with errors estimated from coarser grids."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.all_multipliers import matched_logarithms
+from solve.certify.pace import Pace, estimated
+from solve.derivatives.figures import FigureSlopes, OrbitOnGrid
+from solve.derivatives.multipliers import MEET, MultipliersOnGrid
+from solve.derivatives.turn import TurnOnGrid
+from solve.errors import NoDerivativeError, ValueOutOfBoundsError
+from solve.methods.choice import Rule
+from solve.methods.collocation import Collocated
+from solve.period.grid import Grid
+from solve.period.named import EXPONENT, RADIUS, Named
+from solve.period.points import OnePoint
+from solve.results.orbit import Orbit
+from solve.results.sensitivities import Sensitivities, Sensitivity
+from solve.results.stability import Stability
+from solve.single import floquet, periodic
+from solve.system import SPEED, Dependence, PeriodicSystem
+from solve.threads import one_thread
+
+_GRIDS = 4, 2, 1
+"""Parts of the steps on which derivatives are compared, the finest last."""
+
+_ROUNDING = 1e-13
+"""Part of a derivative that rounding leaves."""
+
+
+def sensitivities(
+    system: PeriodicSystem,
+    speed: float | str,
+    of: Sequence[str] | None = None,
+    by: Sequence[str] | None = None,
+    method: str | Rule = "auto",
+    steps: int | None = None,
+    rtol: float = 1e-8,
+    engine: str = "auto",
+) -> Sensitivities:
+    """Derivatives of quantities of the periodic solution and of its stability at a speed (rad/s, or a text
+    with unit), by parameters and the speed.
+
+    of: quantities such as "q3.max_abs", "contact_force.harmonic5", "spectral_radius", "rho1" (complex),
+    "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius. by: names of
+    parameters, "speed" among them; by default all by which there are derivatives. method (radau or gauss),
+    steps, rtol, engine: as in `periodic`. A quantity without a derivative, such as a multiplier that meets
+    another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without generated
+    equations and for whole numbers, and what `periodic` raises.
+
+    >>> import solve
+    >>> found = sensitivities(solve.load("cam"), "600 rpm", of="q3.max_abs", by=["k1", "speed"])
+    >>> round(found.elasticities("q3.max_abs")["k1"], 4)
+    -2.6535
+    """
+    asked = [Named.of(system, text) for text in _different("of", of, _usual(system))]
+    names = _different("by", by, _all(system))
+    dependence = system.dependence(names)
+    orbit = any(each.of_orbit for each in asked)
+    solved = (periodic if orbit else floquet)(system, speed, method, steps, rtol, engine)
+    return of_solution(solved, asked, names, dependence)
+
+
+def of_solution(
+    solved: Stability, asked: Sequence[Named], names: Sequence[str], dependence: Dependence
+) -> Sensitivities:
+    """Of a solution that is known, an orbit where quantities need one. Raises ValueOutOfBoundsError for
+    methods without stages."""
+    rule, system = solved.certified.method, solved.system
+    if not isinstance(rule, Collocated):
+        raise ValueOutOfBoundsError(
+            f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
+        )
+    grids = [_OnGrid(solved, rule, max(1, solved.steps // part), dependence, names) for part in _GRIDS]
+    with one_thread(system.n):
+        found = {each.text: _estimated(each, grids, solved, rule) for each in asked}
+    values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
+    by = dict(zip(names, values, strict=True))
+    return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, solved.notes)
+
+
+def _usual(system: PeriodicSystem) -> list[str]:
+    return [*(f"{name}.max_abs" for name in system.coordinates), RADIUS]
+
+
+def _all(system: PeriodicSystem) -> list[str]:
+    return [*system.smooth_parameters, SPEED]
+
+
+def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> list[str]:
+    names = list(dict.fromkeys([given] if isinstance(given, str) else usual if given is None else given))
+    if not names:
+        raise ValueOutOfBoundsError(f"{what} is empty; give names, or leave {what} out")
+    return names
+
+
+@dataclass(frozen=True, eq=False)
+class _OnGrid:
+    """Derivatives on so many steps."""
+
+    solved: Stability
+    rule: Collocated
+    steps: int
+    dependence: Dependence
+    names: Sequence[str]
+
+    @cached_property
+    def turn(self) -> TurnOnGrid:
+        system = self.solved.system
+        grid = Grid.uniform(self.steps, system.period, system.breaks)
+        return TurnOnGrid(OnePoint(system, self.solved.speed), self.rule, grid)
+
+    @cached_property
+    def entries(self) -> Array:
+        return self.dependence.entries(self.turn.phases.ravel(), self.solved.speed)
+
+    @cached_property
+    def figures(self) -> FigureSlopes:
+        turn = self.turn
+        curves = turn.curves(turn.under(turn.loads(self.entries)))
+        orbit = OrbitOnGrid(self.solved.system, self.solved.speed, turn)
+        return FigureSlopes(orbit, curves, self.dependence)
+
+    @cached_property
+    def logarithms(self) -> Array:
+        """Derivatives (N, r) of log ρ, in the order of the solution's multipliers."""
+        found = MultipliersOnGrid(self.turn)
+        known = np.nan_to_num(self.solved.spectrum.logarithms, nan=-np.inf)
+        return found.slopes(self.entries)[matched_logarithms(known, found.logarithms)]
+
+    def slopes(self, asked: Named) -> Array:
+        """Derivatives (r,) of a quantity. Raises NoDerivativeError."""
+        if asked.of_orbit:
+            return self.figures(asked)
+        at = max(asked.number, 1) - 1
+        _require_alone(self.solved, at, asked)
+        slopes, rho = self.logarithms[at], complex(self.solved.multipliers[at])
+        if asked.subject == EXPONENT:
+            # λ = log ρ Ω / P, P the period in phase.
+            logarithm = self.solved.spectrum.logarithms[at] / self.solved.speed
+            along = np.array([name == SPEED for name in self.names])
+            return asked.part((slopes + logarithm * along) / self.solved.period)
+        if asked.subject == RADIUS or asked.figure == "abs":
+            return abs(rho) * np.real(slopes)
+        return asked.part(rho * slopes)
+
+
+def _require_alone(solved: Stability, at: int, asked: Named) -> None:
+    """Raise NoDerivativeError for a multiplier that is not known, or meets another."""
+    rho, every = complex(solved.multipliers[at]), solved.multipliers
+    if not solved.multiplier_errors[at] < 1:
+        raise NoDerivativeError(f"{asked.text} has no digit on {solved.steps} steps, and so no derivative")
+    distance = np.delete(np.abs(every - rho), at)
+    if distance.min(initial=np.inf) <= MEET * abs(rho):
+        raise NoDerivativeError(
+            f"{asked.text} has no derivative: the multiplier meets another, apart by "
+            f"{distance.min() / abs(rho):.1e} of itself"
+        )
+    rivals = np.abs(np.abs(every) - abs(rho)) <= MEET * abs(rho)
+    if asked.subject == RADIUS and (rivals & (every != rho) & (every != np.conj(rho))).any():
+        raise NoDerivativeError(
+            f"{asked.text} has no derivative: two multipliers have the same modulus; ask for rho1.abs and "
+            "rho2.abs"
+        )
+
+
+def _estimated(asked: Named, grids: Sequence[_OnGrid], solved: Stability, rule: Collocated) -> Sensitivity:
+    """With the errors of the finest grid, by the rule of the solutions themselves."""
+    value = asked.value(cast(Orbit, solved))
+    try:
+        coarsest, coarse, fine = (grid.slopes(asked) for grid in grids)
+    except NoDerivativeError as reason:
+        nothing = np.full(len(grids[0].names), np.nan)
+        return Sensitivity(value, asked.unit, nothing, nothing, str(reason))
+    found, before = np.abs(fine - coarse), np.abs(coarse - coarsest)
+    order = np.array(rule.curve_order if asked.of_orbit else rule.order)
+    errors = estimated(found, before, Pace(solved.steps, 2.0, 2.0), order)
+    errors = np.maximum(errors, _ROUNDING * np.abs(fine))
+    kinks = [name for name, slope in zip(grids[0].names, fine, strict=True) if np.isnan(slope)]
+    reason = (
+        f"{asked.text} has no derivative by {', '.join(kinks)}: several extrema are equally large, and "
+        "change differently"
+    )
+    return Sensitivity(value, asked.unit, fine, errors, reason if kinks else "")

@@ -1,0 +1,111 @@
+"""A linear periodic problem on one grid, its stage systems factorised once, for any number of loads.
+
+∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q. It is taken at the stages,
+with the states that the method itself has there: what follows is the derivative of what the method gives on
+this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15), not of what it approximates.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array, solved
+from solve.methods.collocation import Collocated
+from solve.methods.method import no_orbit
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.period_map import SINGULAR, Steps, periodic_states
+from solve.period.points import OnePoint, matrices
+from solve.sizes import require_size
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; states (m, k, 3, n, r): q″, q′ and q, by
+    the phase, at the phases of a `TurnOnGrid`."""
+
+    x: Array
+    states: Array
+
+
+class TurnOnGrid:
+    """A system at a speed on a grid, by a collocation method.
+
+    phases (m, k): of every step its start, its stages, and its end where the last stage is not there already.
+    M, C, K (m, k, n, n) and d (m, k, n) at these, for derivatives by the phase. A (m, 2n, 2n): maps of the
+    steps; B (m, 2n, s n): from loads at their stages to the states at their ends.
+    """
+
+    def __init__(self, point: OnePoint, method: Collocated, grid: Grid):
+        """Raises ValueOutOfBoundsError for more than can be held."""
+        self.point, self.grid, self.rule = point, grid, method.collocation
+        self.phases = grid.stages(np.array(self.rule.curve_nodes))
+        n, s, (m, k) = point.n, len(self.rule.c), self.phases.shape
+        require_size("steps", m, 2 * s * n * (s + 2) * n)
+        sampled = matrices(point, self.phases.ravel())
+        self.M, self.C, self.K, self.d = (part[0].reshape(m, k, *part.shape[2:]) for part in sampled)
+        M, C, K = (part[None, :, self.stages] for part in (self.M, self.C, self.K))
+        unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, m, s, n, s * n))
+        a = self.rule.stage_accelerations(grid.h, M, C, K, unit)
+        maps = self.rule.maps(grid.h, a)[0]
+        self.A, self.B = maps[..., : 2 * n], maps[..., 2 * n :]
+        self._responses = a[0].reshape(m, s * n, -1)
+
+    @property
+    def stages(self) -> slice:
+        """Which of the k phases of a step are its stages."""
+        return slice(1, 1 + len(self.rule.c))
+
+    @cached_property
+    def orbit(self) -> Motions:
+        """The periodic solution itself, r = 1. Raises ResonanceError."""
+        return self.under(self.d[..., None])
+
+    def under(self, loads: Array) -> Motions:
+        """Periodic solutions under loads (m, k, n, r) at the phases. Raises ResonanceError."""
+        m, k, _, r = loads.shape
+        at_stages = loads[:, self.stages].reshape(m, -1, r)
+        x, condition = periodic_states(Steps(self.A, self.B @ at_stages))
+        if not condition < 1 / SINGULAR:
+            raise no_orbit()
+        parts = [self._at_ends(0, x[:-1], loads), self.stage_states(x[:-1], at_stages)]
+        if k > len(self.rule.c) + 1:
+            parts.append(self._at_ends(-1, x[1:], loads))
+        return Motions(x, np.concatenate(parts, axis=1))
+
+    def stage_states(self, x: Array, loads: Array | None = None) -> Array:
+        """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, under
+        loads (m, s n, r)."""
+        m, N, r = x.shape
+        a = self._responses[..., :N] @ x
+        if loads is not None:
+            a += self._responses[..., N:] @ loads
+        a, A = a.reshape(m, -1, N // 2 * r), self.rule.A
+        h, c = self.grid.h[:, None, None], np.array(self.rule.c)[:, None]
+        q, v = x.reshape(m, 2, 1, -1).swapaxes(0, 1)
+        states = np.stack((a, v + h * (A @ a), q + h * c * v + h**2 * (A @ A @ a)), axis=2)
+        return states.reshape(m, -1, 3, N // 2, r)
+
+    def _at_ends(self, place: int, x: Array, loads: Array) -> Array:
+        """q″, q′, q (m, 1, 3, n, r) of states x (m, 2n, r) at the first or the last of the phases."""
+        q, v = np.split(x, 2, axis=1)
+        force = loads[:, place] - self.K[:, place] @ q - self.C[:, place] @ v
+        return np.stack((solved(self.M[:, place], force), v, q), axis=1)[:, None]
+
+    def curves(self, motions: Motions) -> Curve:
+        """The continuous curves (r, n, …) of solutions."""
+        h = self.grid.h[:, None, None]
+        q, v = np.split(motions.x[:-1], 2, axis=1)
+        a = h[:, None] ** 2 * motions.states[:, :, 0]
+        data = np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
+        return Curve.of(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
+
+    def loads(self, slopes: Array) -> Array:
+        """What the orbit's derivatives have as loads (m, k, n, r), from derivatives of the entries (m k,
+        3n² + n, r) at the phases."""
+        m, k, _, n, _ = self.orbit.states.shape
+        states = self.orbit.states.reshape(m * k, 3 * n)
+        by_row = slopes[:, : 3 * n**2].reshape(m * k, 3, n, n, -1)
+        made = slopes[:, 3 * n**2 :] - np.einsum("kcijr,kcj->kir", by_row, states.reshape(m * k, 3, n))
+        return made.reshape(m, k, n, -1)

@@ -1,0 +1,21 @@
+"""Derivatives by central differences, extrapolated to vanishing steps (L. F. Richardson, Phil. Trans. R. Soc.
+A 210 (1911) 307-357), for what no automatic differentiation reaches: matrices that are assembled."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+from solve.arrays import Array
+
+_STEP = 1e-2
+"""Largest step, relative to the quantity: its eighth power is rounding, and so little is lost by that."""
+
+_LEVELS = 4
+
+
+def slope(values: Callable[[float], Array], at: float) -> Array:
+    """Derivative of a smooth function of a number other than 0."""
+    steps = [_STEP * abs(at) / 2**level for level in range(_LEVELS)]
+    found = [(values(at + step) - values(at - step)) / (2 * step) for step in steps]
+    for level in range(1, _LEVELS):
+        found = [(4**level * finer - coarser) / (4**level - 1) for coarser, finer in pairwise(found)]
+    return found[0]

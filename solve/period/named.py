@@ -1,0 +1,108 @@
+"""Quantities by their names, one grammar for all commands: NAME.FIGURE of a coordinate or output, such as
+q3.max_abs or contact_force.harmonic5; spectral_radius; rho1, exponent1 and their parts, such as rho1.re."""
+
+import re
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import UnknownNameError, ValueOutOfBoundsError, require_name
+from solve.period.quantities import FIGURES
+from solve.statistics import Statistics
+from solve.system import PeriodicSystem
+
+HARMONIC, PHASE = "harmonic", "phase"
+"""Amplitude and phase angle of an order, which follows the word."""
+
+RHO, EXPONENT, RADIUS = "rho", "exponent", "spectral_radius"
+_PARTS = {RHO: ("re", "im", "abs"), EXPONENT: ("re", "im")}
+_WORDS = {RHO: "1", EXPONENT: "1/s"}
+_NUMBERED = re.compile(r"([a-z_]+?)([0-9]+)")
+
+
+class Solved(Protocol):
+    """An orbit; of its stability alone where no coordinate or output is asked for."""
+
+    @property
+    def multipliers(self) -> Array: ...
+
+    @property
+    def exponents(self) -> Array: ...
+
+    @property
+    def spectral_radius(self) -> float: ...
+
+    def statistics(self, name: str) -> Statistics: ...
+
+    def harmonics(self, name: str, count: int = 60) -> tuple[Array, Array]: ...
+
+
+@dataclass(frozen=True)
+class Named:
+    """A quantity. subject: a coordinate or output, RHO, EXPONENT or RADIUS; figure: a field of `Statistics`,
+    HARMONIC or PHASE; of multipliers and exponents "re", "im", "abs", or "" for the complex number; number:
+    the order, or which of the multipliers, from 1 on."""
+
+    text: str
+    unit: str
+    subject: str
+    figure: str = ""
+    number: int = 0
+
+    @classmethod
+    def of(cls, system: PeriodicSystem, text: str) -> "Named":
+        """Of a text. Raises UnknownNameError, ValueOutOfBoundsError."""
+        subject, dot, figure = text.partition(".")
+        known = (*system.coordinates, *system.outputs)
+        if subject in known:
+            return cls._of_turn(system, text, subject, figure)
+        if text == RADIUS:
+            return cls(text, "1", RADIUS)
+        found = _NUMBERED.fullmatch(subject)
+        if found is None or found[1] not in _PARTS:
+            raise UnknownNameError(f"quantity of {system.name}", text, _examples(known))
+        kind, number = found[1], int(found[2])
+        if dot:
+            require_name(f"part of {subject}", figure, _PARTS[kind])
+        if not 1 <= number <= 2 * system.n:
+            raise ValueOutOfBoundsError(
+                f"{text}: {system.name} has the multipliers 1 to {2 * system.n}, falling in modulus"
+            )
+        return cls(text, _WORDS[kind], kind, figure, number)
+
+    @classmethod
+    def _of_turn(cls, system: PeriodicSystem, text: str, subject: str, figure: str) -> "Named":
+        unit = system.units.get(subject, "")
+        if not figure:
+            raise ValueOutOfBoundsError(f"'{text}' names no figure; give one, such as {text}.max_abs")
+        found = _NUMBERED.fullmatch(figure)
+        if found is not None and found[1] in (HARMONIC, PHASE):
+            return cls(text, unit if found[1] == HARMONIC else "rad", subject, found[1], int(found[2]))
+        require_name(f"figure of {subject}", figure, [*FIGURES, f"{HARMONIC}1", f"{PHASE}1"])
+        return cls(text, "rad" if figure.endswith("_phase") else unit, subject, figure)
+
+    @property
+    def of_orbit(self) -> bool:
+        """Whether it needs the orbit, not the stability alone."""
+        return self.subject not in (RHO, EXPONENT, RADIUS)
+
+    def value(self, solved: Solved) -> float | complex:
+        """Of a solution."""
+        if self.subject == RADIUS:
+            return solved.spectral_radius
+        if self.figure in (HARMONIC, PHASE):
+            return float(solved.harmonics(self.subject, self.number)[self.figure == PHASE][self.number])
+        if self.of_orbit:
+            return float(getattr(solved.statistics(self.subject), self.figure))
+        every = solved.multipliers if self.subject == RHO else solved.exponents
+        return self.part(every[self.number - 1])
+
+    def part(self, number: Any) -> Any:
+        """What is asked for of a complex number, or of each of an array."""
+        return {"": np.asarray, "re": np.real, "im": np.imag, "abs": np.abs}[self.figure](number)[()]
+
+
+def _examples(names: tuple[str, ...]) -> list[str]:
+    return [RADIUS, f"{RHO}1.abs", f"{EXPONENT}1.re", *(f"{name}.max_abs" for name in names)]

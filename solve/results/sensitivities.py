@@ -1,0 +1,198 @@
+"""How much quantities of a solution change with parameters and the speed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.contents import Contents, model_record, plain, rows_contents
+from solve.results.plot import titled
+from solve.results.report import RenderableType, heading, stacked, table
+from solve.results.result import Result
+from solve.results.style import BLUE, VERMILION, Figure, page
+from solve.system import SPEED, PeriodicSystem
+
+_MOST_BARS, _MOST_ROWS = 12, 12
+_UNCERTAIN = 0.01
+"""Part of a derivative that its error may be before it deserves a warning."""
+
+_MATTERS = 1e-3
+"""Part of the largest elasticity from which on a parameter matters."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Of one quantity: its value, and by each of the quantities θ (r,) derivatives and their estimated
+    absolute errors, in SI units; complex where the quantity is, NaN with the reason where it has none."""
+
+    value: float | complex
+    unit: str
+    derivatives: Array
+    errors: Array
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Sensitivities(Result):
+    """Derivatives of quantities at a speed (rad/s) by parameters and the speed.
+
+    by: the values of the parameters by name; found: by quantity. method, steps: on which grid they are exact
+    but for the method's own error.
+    """
+
+    system: PeriodicSystem
+    speed: float
+    by: Mapping[str, float]
+    found: Mapping[str, Sensitivity]
+    method: str
+    steps: int
+    notes: Sequence[str] = ()
+
+    def __getitem__(self, quantity: str) -> dict[str, float | complex]:
+        """Derivatives of a quantity by name of the parameter."""
+        return dict(zip(self.by, self.found[quantity].derivatives.tolist(), strict=True))
+
+    def elasticities(self, quantity: str) -> dict[str, float | complex]:
+        """(θ/q) ∂q/∂θ by name: relative change of the quantity by that of the parameter; NaN where q is 0."""
+        found = self.found[quantity]
+        scale = 1 / found.value if found.value != 0 else math.nan
+        return dict(zip(self.by, (found.derivatives * self._values * scale).tolist(), strict=True))
+
+    @property
+    def _values(self) -> Array:
+        return np.array(list(self.by.values()))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Quantities without a derivative, and derivatives that are not well known, a sentence each."""
+        found = [each.reason for each in self.found.values() if each.reason]
+        for quantity, each in self.found.items():
+            sizes = np.abs(each.derivatives * self._values)
+            matters = sizes > _MATTERS * np.nanmax(sizes, initial=0.0)
+            doubtful = matters & (each.errors > _UNCERTAIN * np.abs(each.derivatives))
+            names = [name for name, doubt in zip(self.by, doubtful, strict=True) if doubt]
+            if names:
+                found.append(
+                    f"derivatives of {quantity} by {', '.join(names)} are known to worse than "
+                    f"{100 * _UNCERTAIN:g} %; give a smaller rtol or more steps"
+                )
+        return [*found, *self.system.warnings(self.speed)]
+
+    def record(self) -> dict[str, Any]:
+        """Of `solve sensitivity --json`."""
+        found = {
+            "speed": self.speed,
+            "method": self.method,
+            "steps": self.steps,
+            "values": {quantity: each.value for quantity, each in self.found.items()},
+            "units": {quantity: each.unit for quantity, each in self.found.items()},
+            "by": dict(self.by),
+            "sensitivities": {quantity: self[quantity] for quantity in self.found},
+            "elasticities": {quantity: self.elasticities(quantity) for quantity in self.found},
+            "errors": {
+                quantity: dict(zip(self.by, each.errors, strict=True))
+                for quantity, each in self.found.items()
+            },
+            "warnings": self.warnings,
+        }
+        return plain({**model_record(self.system), **found})
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """For each quantity what matters most, a row a parameter."""
+        head = heading(self.system, self.speed, choices)
+        head.add_row("method", f"{self.method}, {self.steps} steps a period")
+        return stacked(head, *(self._table(quantity) for quantity in self.found))
+
+    def _table(self, quantity: str) -> RenderableType:
+        found = self.found[quantity]
+        title = f"{quantity} = {_number(found.value, 8)} {found.unit}".removesuffix(" 1")
+        made = table(title, "by", "at", "unit", "derivative", "error", "elasticity", left=1)
+        elasticities = self.elasticities(quantity)
+        order = self._ranked(quantity)
+        for name in order[:_MOST_ROWS]:
+            at = list(self.by).index(name)
+            cells = (
+                _number(found.derivatives[at], 7),
+                f"{found.errors[at]:.0e}",
+                _number(elasticities[name], 4),
+            )
+            made.add_row(name, f"{self.by[name]:.6g}", self._unit_of(name), *cells)
+        if len(order) > _MOST_ROWS:
+            made.caption = f"and {len(order) - _MOST_ROWS} that matter less"
+        return made
+
+    def _ranked(self, quantity: str) -> list[str]:
+        """Names of what the quantity depends on, the largest elasticity first."""
+        sizes = np.abs(self.found[quantity].derivatives * self._values)
+        absolute = np.abs(self.found[quantity].derivatives)
+        order = np.lexsort((-np.nan_to_num(absolute), -np.nan_to_num(sizes)))
+        names = list(self.by)
+        return [names[at] for at in order if absolute[at] != 0 or len(names) <= _MOST_ROWS]
+
+    def _unit_of(self, name: str) -> str:
+        return "rad/s" if name == SPEED else self.system.parameter_labels.get(name, ("", ""))[0]
+
+    def plot(self) -> Figure:
+        """Elasticities of every quantity as bars, the largest uppermost; imaginary parts beside real ones."""
+        count = len(self.found)
+        ranked = {quantity: self._ranked(quantity)[:_MOST_BARS] for quantity in self.found}
+        heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
+        title = f"{titled(self.system, self.speed)}: what matters most"
+        with page(0.6 + sum(heights), title) as figure:
+            panels = figure.subplots(count, 1, squeeze=False, height_ratios=heights)[:, 0]
+            for axes, (quantity, names) in zip(panels, ranked.items(), strict=True):
+                sizes: Any = np.array([self.elasticities(quantity)[name] for name in names])
+                places = np.arange(len(names))
+                if np.iscomplexobj(sizes):
+                    axes.barh(places - 0.2, sizes.real, 0.4, color=BLUE, label="real part")
+                    axes.barh(places + 0.2, sizes.imag, 0.4, color=VERMILION, label="imaginary part")
+                    axes.legend()
+                else:
+                    axes.barh(places, sizes, 0.6, color=np.where(sizes < 0, VERMILION, BLUE))
+                axes.set_yticks(places, names)
+                axes.invert_yaxis()
+                axes.axvline(0.0, color="black", linewidth=0.7)
+                axes.set_title(quantity, loc="left")
+            panels[-1].set_xlabel("elasticity: relative change by relative change of the parameter")
+        return figure
+
+    def contents(self) -> Contents:
+        """A row a quantity and parameter, for a file."""
+        rows = []
+        for quantity, each in self.found.items():
+            elasticities = list(self.elasticities(quantity).values())
+            for at, name in enumerate(self.by):
+                slope, elasticity = complex(each.derivatives[at]), complex(elasticities[at])
+                rows.append(
+                    {
+                        "quantity": quantity,
+                        "by": name,
+                        "derivative": slope.real,
+                        "derivative_im": slope.imag,
+                        "error": float(each.errors[at]),
+                        "elasticity": elasticity.real,
+                        "elasticity_im": elasticity.imag,
+                    }
+                )
+        columns: dict[str, tuple[Any, str, str]] = {
+            "quantity": ("", "", "what changes"),
+            "by": ("", "", "with which parameter"),
+            "derivative": (math.nan, "", "in SI units, real part"),
+            "derivative_im": (math.nan, "", "imaginary part, of complex quantities"),
+            "error": (math.nan, "", "estimated error of the derivative"),
+            "elasticity": (math.nan, "1", "relative change by relative change, real part"),
+            "elasticity_im": (math.nan, "1", "imaginary part, of complex quantities"),
+        }
+        solved = {"speed": self.speed, "method": self.method, "steps": self.steps}
+        values = {quantity: each.value for quantity, each in self.found.items()}
+        return rows_contents(rows, columns, {**model_record(self.system), **solved, "values": values})
+
+
+def _number(value: Any, digits: int) -> str:
+    """A real or a complex number in few characters."""
+    if np.iscomplexobj(value):
+        return f"{value.real:.{digits - 2}g}{value.imag:+.{digits - 2}g}i"
+    return f"{value:.{digits}g}" if math.isfinite(value) else "–"

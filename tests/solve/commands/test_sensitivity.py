@@ -1,0 +1,50 @@
+"""`solve sensitivity`."""
+
+import json
+
+import pytest
+
+import solve
+
+CAM = ("sensitivity", "cam", "--speed", "600 rpm")
+
+
+def test_json_is_what_python_gives(command):
+    ran = command(*CAM, "--of", "q3.max_abs", "--of", "rho1", "--by", "k1", "--by", "speed", "--json")
+    assert ran.status == 0
+    record = json.loads(ran.out)
+    found = solve.sensitivities(solve.load("cam"), "600 rpm", ["q3.max_abs", "rho1"], ["k1", "speed"])
+    assert record["sensitivities"]["q3.max_abs"] == pytest.approx(found["q3.max_abs"])
+    rho = found["rho1"]["speed"]
+    assert record["sensitivities"]["rho1"]["speed"] == pytest.approx([rho.real, rho.imag])
+    assert record["elasticities"]["q3.max_abs"]["k1"] == pytest.approx(found.elasticities("q3.max_abs")["k1"])
+    assert record["by"] == pytest.approx({"k1": 8e4, "speed": found.speed})
+    assert 0 < record["errors"]["q3.max_abs"]["k1"] < 1e-8 * abs(found["q3.max_abs"]["k1"])
+    assert record["warnings"] == []
+
+
+def test_tables_and_pictures(command, tmp_path):
+    ran = command(*CAM, "--of", "spectral_radius", "--of", "rho1", "--plot", "bars.png", "--save", "all.csv")
+    assert ran.status == 0
+    assert "and 35 that matter less" in ran.out
+    assert max(map(len, ran.out.splitlines())) <= 80
+    assert (tmp_path / "bars.png").stat().st_size > 10_000
+    assert len((tmp_path / "all.csv").read_text("utf-8").splitlines()) == 1 + 2 * 48
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (("--of", "q3.maxabs"), "did you mean 'max_abs'?"),
+        (("--of", "q3"), "such as q3.max_abs"),
+        (("--of", "rho9"), "multipliers 1 to 6"),
+        (("--of", "rho1.absolute"), "did you mean 'abs'?"),
+        (("--by", "kk"), "did you mean 'k3'?"),
+        (("--method", "newmark", "--steps", "4000"), "sensitivities take radau, gauss"),
+    ],
+)
+def test_bad_input_is_one_line(command, flags, words):
+    ran = command(*CAM, *flags)
+    assert (ran.status, ran.out) == (2, "")
+    assert words in ran.err
+    assert len(ran.err.splitlines()) == 1

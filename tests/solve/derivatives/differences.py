@@ -1,0 +1,35 @@
+"""Central differences with Richardson's extrapolation of what `solve.periodic` gives on one grid: the witness
+of derivatives, apart from them."""
+
+import numpy as np
+
+import solve
+from solve.period.named import Named
+
+PARTS = 3e-2, 1e-3, 1e-4
+"""Of a parameter, the first of four steps: large for those that hardly matter, small for the others."""
+
+
+def varied(model, speed, name, number):
+    """The model and the speed with one of the quantities changed."""
+    return (model, number) if name == "speed" else (model.varied({name: number}), speed)
+
+
+def differences(model, speed, name, texts, **settings):
+    """Derivatives of the quantities by one parameter, or "speed"; from the steps at which the last two
+    extrapolations differ least."""
+    at = speed if name == "speed" else model.parameters[name]
+
+    def values(number):
+        orbit = solve.periodic(*varied(model, speed, name, number), **settings)
+        return np.array([complex(Named.of(model, text).value(orbit)) for text in texts])
+
+    def extrapolated(part):
+        steps = part * (abs(at) or 1e-2) / 2 ** np.arange(4)
+        table = np.array([(values(at + step) - values(at - step)) / (2 * step) for step in steps])
+        for order in (4, 16, 64):
+            before, table = table, (order * table[1:] - table[:-1]) / (order - 1)
+        return table[0], np.abs(table[0] - before[1])
+
+    found, apart = (np.array(part) for part in zip(*map(extrapolated, PARTS), strict=True))
+    return np.take_along_axis(found, apart.argmin(axis=0)[None], axis=0)[0]

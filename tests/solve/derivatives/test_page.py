@@ -1,0 +1,22 @@
+"""The page on sensitivities: its example and its table are what the program gives."""
+
+import doctest
+import re
+from pathlib import Path
+
+import solve
+
+PAGE = Path(__file__).parents[3] / "docs" / "sensitivities.md"
+
+
+def test_the_example_gives_what_it_says():
+    found = doctest.testfile(str(PAGE), module_relative=False)
+    assert found.failed == 0
+    assert found.attempted >= 4
+
+
+def test_the_table_is_what_matters_most():
+    shown = re.findall(r"^\| (\w+) \| (−?[0-9.]+) \|$", PAGE.read_text("utf-8"), flags=re.MULTILINE)
+    every = solve.sensitivities(solve.load("cam"), "600 rpm", "q3.max_abs").elasticities("q3.max_abs")
+    most = sorted(every, key=lambda name: -abs(every[name]))[: len(shown)]
+    assert [(name, f"{every[name]:.3f}".replace("-", "−")) for name in most] == shown
