@@ -18,8 +18,10 @@ from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
+from solve.results.save import opened as open
 from solve.results.stability import Stability
-from solve.results.sweep import Sweep, Sweeps
+from solve.results.sweep import Sweep
+from solve.results.sweeps import Sweeps
 from solve.results.transient import Transient
 from solve.results.validity import Validity
 from solve.single import floquet, periodic
@@ -66,6 +68,7 @@ __all__ = [
     "frequencies_over",
     "load",
     "nonlinear",
+    "open",
     "periodic",
     "signal_statistics",
     "sweep",

@@ -16,7 +16,8 @@ from solve.methods.choice import Rule
 from solve.model.model import Model
 from solve.progress import part, stage
 from solve.results.points import Kept
-from solve.results.sweep import Sweep, Sweeps
+from solve.results.sweep import Sweep
+from solve.results.sweeps import Sweeps
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.system import PeriodicSystem
 from solve.units import evenly, speeds_given
@@ -140,7 +141,7 @@ def sweeps(
             names = [name for quantity in quantities for name in system.parts(quantity)]
             with part("curves"):
                 found[label] = sweep(system, omegas, method, rtol=rtol, quantities=names)
-    return Sweeps(title, omegas, found)
+    return Sweeps(title, omegas, found, tuple(quantities), next(iter(systems.values())))
 
 
 def _number(name: str, value: float | str) -> float:
