@@ -96,6 +96,10 @@ class FileError(SolveError):
     """A file that cannot be read or written, or whose type is unknown."""
 
 
+class ReopenedError(SolveError):
+    """A result that was read from a file, asked for what needs the equations or the solver."""
+
+
 def _natural(name: str) -> tuple[str, int]:
     digits = name[len(name.rstrip("0123456789")) :]
     return name.removesuffix(digits), int(digits or 0)

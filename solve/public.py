@@ -19,9 +19,11 @@ from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
+from solve.results.save import opened as open
 from solve.results.sensitivities import Sensitivities
 from solve.results.stability import Stability
-from solve.results.sweep import Sweep, Sweeps
+from solve.results.sweep import Sweep
+from solve.results.sweeps import Sweeps
 from solve.results.transient import Transient
 from solve.results.validity import Validity
 from solve.single import floquet, periodic
@@ -69,6 +71,7 @@ __all__ = [
     "frequencies_over",
     "load",
     "nonlinear",
+    "open",
     "periodic",
     "sensitivities",
     "signal_statistics",

@@ -127,6 +127,10 @@ class PeriodicSystem:
     case: str | None = None
     """The case of a model that the numbers come from, and the speed with unit that it names."""
     case_speed: str | None = None
+    model_hash: str | None = None
+    """Of the generated code that the equations come from."""
+    solvable: bool = True
+    """Whether it has equations: what is read from a file of results has labels alone."""
     options: Mapping[str, Any] = MappingProxyType({})
     parameters: Mapping[str, float] = MappingProxyType({})
     """Those that can be varied, in SI units."""

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
@@ -16,6 +17,7 @@ from models.four_bar.run_up.stress_map import StressMap
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError
+from solve.results.lasting import Lasting
 
 _TOLERANCE = 0.01
 """Relative error of the interpolated stress up to which an interval of speeds is not halved."""
@@ -31,13 +33,16 @@ class DesignError(SolveError):
 
 
 @dataclass(frozen=True)
-class DesignMap:
+class DesignMap(Lasting):
     """Steady stresses of a four-bar at P rising speeds (rad/s) and g ground links L4 (m), its own among them.
 
     allowable (links,): Pa. stress (P, g, links): largest |stress| over a turn, Pa. error (P,) and
     radius_bound (P,): as in `Peaks`, the latter the greatest of all L4. interpolation_error: the largest
     relative error found between the speeds when intervals were halved last.
     """
+
+    _of_solver: ClassVar[tuple[str, ...]] = ("stress_map",)
+    _calculated: ClassVar[tuple[str, ...]] = ("links",)
 
     stress_map: StressMap
     model: StructureModel
@@ -49,7 +54,7 @@ class DesignMap:
     radius_bound: Array
     interpolation_error: float
 
-    @property
+    @cached_property
     def links(self) -> list[str]:
         return self.stress_map.links
 

@@ -11,12 +11,5 @@ def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results
     Speeds are added as the model needs them; narrow bands are looked for between them.
     """
     omegas, model = speeds.omegas(), problem.loaded()
-    rule, rtol = accuracy.rule, accuracy.rtol
-    result = solve.bands(model, omegas, rule, rtol)
-    deliver_result(
-        results,
-        result,
-        problem.choices,
-        result.notes,
-        figure=lambda: result.plot(solve.sweep(model, omegas, rule, rtol=rtol)),
-    )
+    result = solve.bands(model, omegas, accuracy.rule, accuracy.rtol)
+    deliver_result(results, result, problem.choices, result.notes)

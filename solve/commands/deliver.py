@@ -2,53 +2,49 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from solve.commands.groups import Results
-from solve.results.contents import Contents
 from solve.results.report import RenderableType
+from solve.results.result import Result
 from solve.results.save import Whole, writer
 from solve.results.style import Figure, drawn
 
 
 def deliver_result(
     flags: Results,
-    result: Any,
+    result: Result,
     choices: Sequence[str],
     notes: Sequence[str] = (),
-    **otherwise: Callable[[], Any],
+    *,
+    record: Callable[[], dict[str, Any]] | None = None,
+    report: Callable[[], RenderableType] | None = None,
+    figure: Callable[[], Figure] | None = None,
+    beside: Mapping[Path, Callable[[], Figure]] | None = None,
 ) -> None:
-    """`deliver` a result by its own warnings, record, report, plot and contents, but for what is given
-    `otherwise`. choices: what the user set beyond the case; notes come before the warnings."""
-    own = {"record": result.record, "report": lambda: result.report(choices), "figure": result.plot}
-    deliver(flags, [*notes, *result.warnings], **{**own, "contents": result.contents, **otherwise})
+    """Write and print what the flags ask for; standard output has the tables or the JSON, no more.
 
-
-def deliver(
-    results: Results,
-    warnings: Sequence[str],
-    record: Callable[[], dict[str, Any]],
-    report: Callable[[], RenderableType],
-    figure: Callable[[], Figure],
-    contents: Callable[[], Contents],
-) -> None:
-    """Write and print what the flags ask for; standard output has the tables or the JSON, no more."""
+    Record, report and figure are the result's own where none is given; beside: further pictures. choices:
+    what the user set beyond the case; notes come before the warnings.
+    """
     from rich.console import Console
 
-    picture, data = results.files()
+    picture, data = flags.files()
+    pictures = {picture: figure or result.plot, **(beside or {})}
     with Whole() as files:
-        if picture is not None:
-            files.write(picture, drawn(figure(), picture))
+        for file, draw in pictures.items():
+            if file is not None:
+                files.write(file, drawn(draw(), file))
         if data is not None:
-            files.write(data, writer(contents(), data))
-    if results.json:
-        print(json.dumps(record(), ensure_ascii=False, allow_nan=False))
+            files.write(data, writer(result, data))
+    if flags.json:
+        print(json.dumps((record or result.record)(), ensure_ascii=False, allow_nan=False))
     else:
-        Console(highlight=False).print(report())
+        Console(highlight=False).print(report() if report else result.report(choices))
     sys.stdout.flush()
-    _print_warnings(warnings, [file for file in (picture, data) if file is not None])
+    _print_warnings([*notes, *result.warnings], [file for file in (*pictures, data) if file is not None])
 
 
 def _print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:

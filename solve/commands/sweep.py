@@ -13,7 +13,7 @@ from solve.results.plot import shown
 from solve.results.style import Figure
 from solve.results.sweep import Sweep, SweepPoint
 from solve.results.sweep_plot import SPEED, labelled_by, moving
-from solve.results.turn_plot import checked_turn, curves_figure, turn_figure
+from solve.results.turn_plot import checked_turn, turn_figure, turns_figure
 from solve.system import PeriodicSystem
 
 
@@ -99,7 +99,7 @@ def _turns_over(model: Model, sweep: Sweep, turn: str, asked: tuple[Any, ...]) -
         values = {**point.parameters, SPEED: point.speed}
         label = labelled_by(model, {name: values[name] for name in vary})
         orbits[label] = solve.periodic(model.varied(point.parameters), point.speed, *asked)
-    return curves_figure(orbits, turn, ", ".join(vary))
+    return turns_figure(orbits, turn, ", ".join(vary))
 
 
 def _solved(sweep: Sweep, turn: str) -> list[SweepPoint]:

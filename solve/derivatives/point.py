@@ -18,9 +18,8 @@ from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.period.grid import Grid
-from solve.period.named import EXPONENT, RADIUS, Named
+from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.period.points import OnePoint
-from solve.results.orbit import Orbit
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
@@ -172,7 +171,7 @@ def _require_alone(solved: Stability, at: int, asked: Named) -> None:
 
 def _estimated(asked: Named, grids: Sequence[_OnGrid], solved: Stability, rule: Collocated) -> Sensitivity:
     """With the errors of the finest grid, by the rule of the solutions themselves."""
-    value = asked.value(cast(Orbit, solved))
+    value = asked.value(cast(Solved, solved))
     try:
         coarsest, coarse, fine = (grid.slopes(asked) for grid in grids)
     except NoDerivativeError as reason:

@@ -49,7 +49,7 @@ class Model(PeriodicSystem):
         module = setup.module
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
-        self.name, self.title = module.NAME, module.TITLE
+        self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.options = setup.options
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}

@@ -1,12 +1,17 @@
 """Bands of speed in which the motion is unstable."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
 
-from solve.results.contents import Contents, model_record, plain, rows_contents
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.contents import Column, Columns
+from solve.results.lasting import lasting
 from solve.results.quantities import RPM
-from solve.results.report import RenderableType, model_heading, stacked, table, text
+from solve.results.report import RenderableType, digits, model_heading, stacked, table_of, text
 from solve.results.result import Result
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
@@ -16,6 +21,7 @@ from solve.system import PeriodicSystem
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
 
 
+@lasting
 @dataclass(frozen=True)
 class Band:
     """low, high: edges in rad/s; open: the band goes on beyond the range there, or up to a speed without a
@@ -33,37 +39,71 @@ class Band:
     open_high: bool = False
 
 
-class Bands(list[Band], Result):
+@dataclass(frozen=True, eq=False)
+class Bands(Sequence[Band], Result):
     """Bands, rising, within a range of speeds (rad/s). spacing: the largest distance in rad/s of neighbouring
     speeds that were solved; narrower bands may be missed. notes: how they were found, such as speeds without
-    a result. warnings: about the equations themselves."""
+    a result. speeds, spectral_radius (P,): those that were solved, rising, NaN where one has no result."""
 
-    def __init__(
-        self,
-        found: Iterable[Band],
-        system: PeriodicSystem,
-        range_: tuple[float, float],
-        spacing: float,
-        notes: Sequence[str] = (),
-    ):
-        super().__init__(found)
-        self.system, self.range, self.spacing, self.notes = system, range_, spacing, notes
-        self.warnings = system.warnings(range_[1])
+    found: Sequence[Band]
+    system: PeriodicSystem
+    range: tuple[float, float]
+    spacing: float
+    notes: Sequence[str] = ()
+    speeds: Array = field(default_factory=lambda: np.empty(0))
+    spectral_radius: Array = field(default_factory=lambda: np.empty(0))
 
-    def plot(self, sweep: Sweep) -> Figure:
-        """The spectral radius of a sweep over speed with the bands shaded by their kind."""
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def __getitem__(self, at: Any) -> Any:
+        return self.found[at]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and list(self) == list(other)
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """About the equations themselves."""
+        return self.system.warnings(self.range[1])
+
+    def plot(self, sweep: Sweep | None = None) -> Figure:
+        """The spectral radius over the speeds that were solved, or over those of a sweep, with the bands
+        shaded by their kind."""
         edges = [(band.low, band.high, band.kind) for band in self]
-        return radius_figure(self.system, sweep.speeds, sweep.spectral_radius, edges)
+        if sweep is not None:
+            return radius_figure(self.system, sweep.speeds, sweep.spectral_radius, edges)
+        ends = [*(end for low, high, _ in edges for end in (low, high) if end not in self.range)]
+        speeds = np.append(self.speeds, ends)
+        return radius_figure(self.system, speeds, np.append(self.spectral_radius, np.ones(len(ends))), edges)
 
-    def record(self) -> dict[str, Any]:
-        """Of `solve bands --json`."""
-        within = {"range": self.range, "spacing": self.spacing, "notes": self.notes}
-        return plain({**model_record(self.system), **within, "warnings": self.warnings, "bands": self._rows})
+    _rows: ClassVar[str] = "bands"
 
     @property
-    def _rows(self) -> list[dict[str, Any]]:
-        names = {"low": "from", "high": "to"}
-        return [{names.get(name, name): value for name, value in vars(band).items()} for band in self]
+    def whole(self) -> dict[str, Any]:
+        return {"range": self.range, "spacing": self.spacing, "notes": self.notes}
+
+    @property
+    def columns(self) -> Columns:
+        """A row a band."""
+        low, high = ([getattr(band, edge) for band in self] for edge in ("low", "high"))
+        opens = [[getattr(band, f"open_{edge}") for band in self] for edge in ("low", "high")]
+        lows, highs = (
+            [f"{'< ' * open_}{speed * RPM:.3f}" for speed, open_ in zip(speeds, flags, strict=True)]
+            for speeds, flags in zip((low, high), opens, strict=True)
+        )
+        kinds, radii = [band.kind for band in self], [band.spectral_radius for band in self]
+        widths = [above - below for below, above in zip(low, high, strict=True)]
+        return {
+            "kind": Column(kinds, "", "multiplier that leaves the unit circle", "kind"),
+            "motion": Column([_MEANINGS[kind] for kind in kinds], "", "that grows", "motion"),
+            "from": Column(low, "rad/s", "lower edge", "from (rpm)", lows),
+            "to": Column(high, "rad/s", "upper edge", "to (rpm)", highs),
+            "width": Column(widths, "rad/s", "of the band", "width (rpm)", digits(".3g", RPM)),
+            "spectral_radius": Column(radii, "1", "largest in the band", "largest |ρ|", digits(".6g")),
+            "open_low": Column(opens[0], "", "whether it goes on below"),
+            "open_high": Column(opens[1], "", "whether it goes on above"),
+        }
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a band."""
@@ -75,23 +115,5 @@ class Bands(list[Band], Result):
             return stacked(
                 head, text(f"\nno unstable band found from {low:.6g} to {high:.6g} rpm", "bold green"), limit
             )
-        title = f"Unstable between {low:.6g} and {high:.6g} rpm"
-        made = table(title, "kind", "", "from (rpm)", "to (rpm)", "width (rpm)", "largest |ρ|", left=2)
-        for band in self:
-            edges = (
-                f"{'< ' * open_}{speed * RPM:.3f}"
-                for speed, open_ in ((band.low, band.open_low), (band.high, band.open_high))
-            )
-            width = f"{(band.high - band.low) * RPM:.3g}"
-            made.add_row(band.kind, _MEANINGS[band.kind], *edges, width, f"{band.spectral_radius:.6g}")
+        made = table_of(f"Unstable between {low:.6g} and {high:.6g} rpm", self.columns, left=2)
         return stacked(head, made, limit)
-
-    def contents(self) -> Contents:
-        """A row a band, for a file."""
-        columns = {
-            "from": (None, "rad/s", "lower edge"),
-            "to": (None, "rad/s", "upper edge"),
-            "kind": (None, "", "multiplier that leaves the unit circle"),
-            "spectral_radius": (None, "1", "largest in the band"),
-        }
-        return rows_contents(self._rows, columns, model_record(self.system))

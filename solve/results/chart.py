@@ -4,14 +4,16 @@ import math
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
-from solve.results.contents import Contents, model_record, plain, table_contents
+from solve.results.contents import Column, Columns, plain
+from solve.results.lasting import lasting
 from solve.results.plot import draw_map, title_of
 from solve.results.points import PointResults
 from solve.results.quantities import RPM
@@ -33,6 +35,7 @@ _LABEL = 48
 """Characters a line of a label."""
 
 
+@lasting
 class BoundaryCurve(NamedTuple):
     """A curve between a stable and an unstable region: the multiplier that leaves the unit circle, "+1", "-1"
     or "complex", and points (k, 2), x and y."""
@@ -41,6 +44,7 @@ class BoundaryCurve(NamedTuple):
     points: Array
 
 
+@lasting
 @dataclass(frozen=True)
 class Cut:
     """A line through a chart: values (k,) of the quantity `along`, `across` held at `value`.
@@ -87,6 +91,8 @@ class Chart(Result):
     of the quantity that is held, its value): stability along a line. notes: how the engine was chosen,
     where that is not as asked.
     """
+
+    _of_solver: ClassVar[tuple[str, ...]] = ("at", "solve_cut")
 
     x_name: str
     x: Array
@@ -139,7 +145,7 @@ class Chart(Result):
         """Reasons by row and column."""
         return {divmod(at, len(self.x)): reason for at, reason in self.results.failures.items()}
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
         """How many points failed, and why the first did."""
         if not self.failures:
@@ -188,21 +194,18 @@ class Chart(Result):
             axes.set_ylim(*(self.y[[0, -1]] * factors[1]))
         return figure
 
+    @property
+    def whole(self) -> dict[str, Any]:
+        cuts = [cut.record() for cut in self.cuts]
+        return {"boundaries": self._boundary_records, "cuts": cuts, "notes": self.notes}
+
     def record(self) -> dict[str, Any]:
         """Of `solve chart --json`."""
         names = "spectral_radius", "verdicts", "kinds", "error_estimate"
         failures = [{"row": j, "column": i, "error": reason} for (j, i), reason in self.failures.items()]
-        return plain(
-            {
-                **model_record(self.system),
-                "x": {"name": self.x_name, "values": self.x},
-                "y": {"name": self.y_name, "values": self.y},
-                **{name: getattr(self, name) for name in names},
-                "boundaries": self._boundary_records,
-                "cuts": [cut.record() for cut in self.cuts],
-                "failures": failures,
-            }
-        )
+        axes = {"x": {"name": self.x_name, "values": self.x}, "y": {"name": self.y_name, "values": self.y}}
+        points = {name: getattr(self, name) for name in names}
+        return {**super().record(), **plain({**axes, **points, "failures": failures})}
 
     @property
     def _boundary_records(self) -> list[dict[str, Any]]:
@@ -231,19 +234,21 @@ class Chart(Result):
             made.caption = f"and {len(self.boundaries) - _MOST_CURVES} shorter ones"
         return made
 
-    def contents(self) -> Contents:
-        """A row a point, for a file."""
+    @property
+    def columns(self) -> Columns:
+        """A row a point."""
         errors = [[self.failures.get((j, i), "") for i in range(len(self.x))] for j in range(len(self.y))]
-        columns: dict[str, tuple[Any, str, str]] = {
-            self.x_name: (self.x, *self._labels(self.x_name)),
-            self.y_name: (self.y, *self._labels(self.y_name)),
-            "spectral_radius": (self.spectral_radius, "1", "largest modulus of a Floquet multiplier"),
-            "verdict": (self.verdicts, "", "stability"),
-            "kind": (self.kinds, "", "largest multiplier of unstable points"),
-            "error": (errors, "", "why there is no result"),
+        plane = self.y_name, self.x_name
+        radius = "largest modulus of a Floquet multiplier"
+        return {
+            self.x_name: Column(self.x, *self._labels(self.x_name), axes=(self.x_name,)),
+            self.y_name: Column(self.y, *self._labels(self.y_name), axes=(self.y_name,)),
+            "spectral_radius": Column(self.spectral_radius, "1", radius, axes=plane),
+            "verdict": Column(self.verdicts, "", "stability", axes=plane),
+            "kind": Column(self.kinds, "", "largest multiplier of unstable points", axes=plane),
+            "error_estimate": Column(self.error_estimate, "1", "of the multipliers, relative", axes=plane),
+            "error": Column(np.array(errors), "", "why there is no result", axes=plane),
         }
-        metadata = {**model_record(self.system), "boundaries": self._boundary_records}
-        return table_contents(columns, metadata, (self.y_name, self.x_name))
 
     def _labels(self, name: str) -> tuple[str, str]:
         """Unit and meaning of a quantity."""

@@ -3,17 +3,20 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Contents, model_record, plain, rows_contents
+from solve.results.contents import Column, Columns
+from solve.results.lasting import lasting
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
 from solve.results.report import RenderableType, heading, stacked, table, text
 from solve.results.result import Result
 from solve.results.style import GREY, LIGHT, MANY, Figure, page
+from solve.system import PeriodicSystem
 
 ORBIT, MULTIPLIERS = "orbit", "multipliers"
 """Whose error is brought to a target; that of the multipliers where there is no load and so no orbit."""
@@ -33,6 +36,7 @@ _WORST = 3.0
 """Relative error above which a result is no result; not drawn."""
 
 
+@lasting
 @dataclass(frozen=True)
 class Row:
     """One method on one number of steps a period: those `asked` for, and those of its grid.
@@ -73,7 +77,7 @@ class Comparison(Result):
     rows: list[Row]
     measured: list[Row]
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
         """Targets that the reference cannot judge."""
         error = max(self.reference.error_estimate)
@@ -97,46 +101,50 @@ class Comparison(Result):
         title = f"{titled(self.reference.system, self.reference.speed)}: work and precision"
         return work_precision_figure(title, lines, known_to, {self.judged_by: self.targets})
 
-    def record(self) -> dict[str, Any]:
-        """Of `solve compare --json`."""
-        reference = self.reference
-        return plain(
-            {
-                **model_record(reference.system),
-                "speed": reference.speed,
-                "period": reference.period,
-                "reference": {
-                    "method": reference.method,
-                    "steps": reference.steps,
-                    "error_estimate": reference.error_estimate._asdict(),
-                    "spectral_radius": reference.spectral_radius,
-                    "verdict": reference.verdict,
-                },
-                "judged_by": self.judged_by,
-                "targets": self.targets,
-                "rows": [vars(row) for row in self.rows],
-                "measured": [vars(row) for row in self.measured],
-                "warnings": self.warnings,
-            }
-        )
+    _rows: ClassVar[str] = "rows"
 
-    def contents(self) -> Contents:
-        """A row a method and number of steps, for a file."""
-        columns = {
-            "method": ("", "", ""),
-            "order": (0, "", ""),
-            "steps": (0, "", "a period; 0: none"),
-            "orbit_error": (math.nan, "1", "relative"),
-            "multiplier_error": (math.nan, "1", "relative"),
-            "time": (math.nan, "s", "of the processor, shortest of some runs"),
-            "verdict": ("", "", ""),
-            "at": ("", "", ""),
-            "followed": (True, "", "whether the steps follow the fastest mode"),
-            "target": (math.nan, "1", f"error of the {self.judged_by} to reach"),
-            "reason": ("", "", "why there is no result"),
+    @property
+    def system(self) -> PeriodicSystem:  # type: ignore[override]
+        return self.reference.system
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        reference = self.reference
+        names = "method", "steps", "spectral_radius", "verdict"
+        known = {name: getattr(reference, name) for name in names}
+        return {
+            "speed": reference.speed,
+            "period": reference.period,
+            "reference": {**known, "error_estimate": reference.error_estimate._asdict()},
+            "judged_by": self.judged_by,
+            "targets": self.targets,
+            "measured": [vars(row) for row in self.measured],
         }
-        metadata = {**model_record(self.reference.system), "speed": self.reference.speed}
-        return rows_contents([vars(row) for row in self.rows], columns, metadata)
+
+    @property
+    def columns(self) -> Columns:
+        """A row a method and number of steps."""
+        about = {
+            "method": ("", ""),
+            "order": ("", ""),
+            "steps": ("", "a period"),
+            "orbit_error": ("1", "relative"),
+            "multiplier_error": ("1", "relative"),
+            "time": ("s", "of the processor, shortest of some runs"),
+            "verdict": ("", ""),
+            "at": ("", "what the methods are compared at"),
+            "followed": ("", "whether the steps follow the fastest mode"),
+            "target": ("1", f"error of the {self.judged_by} to reach"),
+            "reason": ("", "why there is no result"),
+            "asked": ("", "steps that were asked for"),
+        }
+        return {name: Column([getattr(row, name) for row in self.rows], *of) for name, of in about.items()}
+
+    def record(self) -> dict[str, Any]:
+        found = super().record()
+        for row, compared in zip(found["rows"], self.rows, strict=True):
+            row["warnings"] = compared.warnings
+        return found
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A table for each number of steps and each target."""

@@ -2,10 +2,12 @@
 infinity become None, complex numbers [re, im]."""
 
 import cmath
+import functools
+import importlib.metadata
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,46 +16,90 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.system import PeriodicSystem
 
+_DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
 
-class Variable(NamedTuple):
-    """A named array: its axis ("phase", "multiplier", …) or axes, unit ("" for texts and counts), meaning."""
 
-    axis: str | tuple[str, ...]
-    values: Array
-    unit: str
-    meaning: str
+class Column(NamedTuple):
+    """A quantity of a result, stated once for its record, its tables and its files.
+
+    values along the axes; unit ("" for texts and counts), meaning; in a table under `heading`, where it has
+    one, each value by `text`, or in the texts given.
+    """
+
+    values: Any
+    unit: str = ""
+    meaning: str = ""
+    heading: str = ""
+    text: Callable[[Any], str] | Sequence[str] = str
+    axes: tuple[str, ...] = ("row",)
+
+    @property
+    def array(self) -> Array:
+        """The values; NaN or an empty text where there is none."""
+        if isinstance(self.values, np.ndarray):
+            return self.values
+        some = [each for each in self.values if each is not None]
+        missing = "" if some and isinstance(some[0], str) else math.nan
+        return np.array([missing if each is None else each for each in self.values])
+
+    @property
+    def texts(self) -> Sequence[str]:
+        """What a table shows."""
+        if not callable(self.text):
+            return self.text
+        return [self.text(value) if known(value) else "–" for value in self.values]
+
+
+def known(value: Any) -> bool:
+    """Whether it is neither None nor NaN."""
+    return value is not None and value == value
+
+
+Columns = Mapping[str, Column]
 
 
 @dataclass(frozen=True)
 class Contents:
-    """columns: the table of .csv. further: what .nc holds besides. arrays: for .npz and .mat.
-    metadata: plain data about the whole."""
+    """columns: the table of .csv. further: what .nc holds besides. arrays: for .npz and .mat, by default the
+    columns. metadata: plain data about the whole."""
 
-    columns: Mapping[str, Variable]
-    further: Mapping[str, Variable]
-    arrays: Mapping[str, Array]
+    columns: Columns
+    further: Columns
     metadata: Mapping[str, Any]
+    arrays: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def table(self) -> dict[str, Array]:
         """The columns with a row for each place on all their axes, in the order of the widest one."""
-        widest = max(self.columns.values(), key=lambda column: column.values.ndim)
-        axes, shape = _axes(widest), widest.values.shape
+        widest = max(self.columns.values(), key=lambda column: len(column.axes))
+        axes, shape = widest.axes, widest.array.shape
         sizes = dict(zip(axes, shape, strict=True))
         along = {
-            name: v.values.reshape([sizes[axis] if axis in _axes(v) else 1 for axis in axes])
-            for name, v in self.columns.items()
+            name: column.array.reshape([sizes[axis] if axis in column.axes else 1 for axis in axes])
+            for name, column in self.columns.items()
         }
         return {name: np.broadcast_to(values, shape).ravel() for name, values in along.items()}
 
     @property
+    def numbers(self) -> Mapping[str, Array]:
+        """What .npz and .mat hold."""
+        return self.arrays or {name: column.array for name, column in self.columns.items()}
+
+    @property
     def metadata_text(self) -> str:
-        return json.dumps(self.metadata, ensure_ascii=False, allow_nan=False)
+        whole = {**self.metadata, "versions": _versions()}
+        return json.dumps(whole, ensure_ascii=False, allow_nan=False)
 
 
-def require_different_names(variables: Sequence[tuple[str, Variable]]) -> None:
-    """Raise ValueOutOfBoundsError where a name stands for two variables, of which one would be lost."""
-    known: dict[str, Variable] = {}
+@functools.cache
+def _versions() -> dict[str, str]:
+    """Of this program and of what it calculates with."""
+    return {name: importlib.metadata.version(name) for name in _DISTRIBUTIONS}
+
+
+def require_different_names(variables: Sequence[tuple[str, Column]]) -> None:
+    """Raise ValueOutOfBoundsError where a name stands for two columns, of which one would be lost."""
+    known: dict[str, Column] = {}
     for name, variable in variables:
         first = known.setdefault(name, variable)
         if first is not variable:
@@ -63,34 +109,12 @@ def require_different_names(variables: Sequence[tuple[str, Variable]]) -> None:
             )
 
 
-def _axes(variable: Variable) -> tuple[str, ...]:
-    return (variable.axis,) if isinstance(variable.axis, str) else variable.axis
-
-
-def table_contents(
-    columns: Mapping[str, tuple[Sequence[Any], str, str]],
-    metadata: Mapping[str, Any],
-    axes: tuple[str, ...] = ("row",),
-) -> Contents:
-    """Columns of a table by name: values, unit, meaning; over all axes, or over the one that they name."""
-    made = {
-        name: Variable((name,) if name in axes else axes, np.array(values), unit, meaning)
-        for name, (values, unit, meaning) in columns.items()
-    }
-    return Contents(made, {}, {name: column.values for name, column in made.items()}, plain(metadata))
-
-
-def rows_contents(
-    rows: Sequence[Mapping[str, Any]],
-    columns: Mapping[str, tuple[Any, str, str]],
-    metadata: Mapping[str, Any],
-) -> Contents:
-    """Rows of a table; columns by name: what stands where a row has None, unit, meaning."""
-    made = {
-        name: ([missing if row[name] is None else row[name] for row in rows], unit, meaning)
-        for name, (missing, unit, meaning) in columns.items()
-    }
-    return table_contents(made, metadata)
+def rows_of(columns: Columns) -> list[dict[str, Any]]:
+    """The rows of a record."""
+    return [
+        dict(zip(columns, row, strict=True))
+        for row in zip(*(column.values for column in columns.values()), strict=True)
+    ]
 
 
 def plain(value: Any) -> Any:
@@ -117,6 +141,7 @@ def model_record(system: PeriodicSystem) -> dict[str, Any]:
     return {
         "model": system.name,
         "case": system.case,
+        "model_hash": system.model_hash,
         "parameters": dict(system.parameters),
         "options": dict(system.options),
     }

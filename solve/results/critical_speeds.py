@@ -3,15 +3,17 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Contents, model_record, plain, rows_contents
+from solve.results.contents import Column, Columns, plain
+from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, title_of
 from solve.results.quantities import RPM, fixed, named, prefixed
-from solve.results.report import RenderableType, Table, model_heading, stacked, table
+from solve.results.report import RenderableType, Table, digits, model_heading, stacked, table, table_of
 from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
@@ -23,6 +25,7 @@ _MOST_DECADES = 1e3
 _HEADROOM = 1.15
 
 
+@lasting
 @dataclass(frozen=True)
 class Combination:
     """A combination resonance (ω̄i + sign · ω̄j)/order, modes counted from 1, at a speed in rad/s."""
@@ -33,6 +36,7 @@ class Combination:
     order: int
 
 
+@lasting
 @dataclass(frozen=True)
 class Maximum:
     """A speed (rad/s) at which something has a local maximum, and its height there."""
@@ -41,6 +45,7 @@ class Maximum:
     height: float
 
 
+@lasting
 @dataclass(frozen=True)
 class Critical:
     """One critical speed in three ways (rad/s), None where a way does not show it.
@@ -63,21 +68,6 @@ class Critical:
         ways = [way.speed for way in (self.response, self.multiplier) if way]
         return ways[0] if ways else float(self.division or np.nan)
 
-    def record(self) -> dict[str, Any]:
-        """Speeds in rad/s."""
-        return {
-            "speed": self.speed,
-            "response": self.response and self.response.speed,
-            "response_height": self.response and self.response.height,
-            "multiplier": self.multiplier and self.multiplier.speed,
-            "multiplier_real_part": self.multiplier and self.multiplier.height,
-            "division": self.division,
-            "division_at_rest": self.at_rest,
-            "mode": self.mode,
-            "order": self.order,
-            "ratios": self.ratios,
-        }
-
 
 @dataclass(frozen=True)
 class CriticalSpeeds(Result):
@@ -98,7 +88,7 @@ class CriticalSpeeds(Result):
     orders: int
     notes: Sequence[str] = ()
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
         """About the equations themselves at the highest speed."""
         return self.system.warnings(float(self.speeds[-1]))
@@ -126,20 +116,64 @@ class CriticalSpeeds(Result):
             figure.align_ylabels()
         return figure
 
+    _rows: ClassVar[str] = "rows"
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        return {
+            "range": [self.speeds[0], self.speeds[-1]],
+            "quantity": self.quantity,
+            "figure": self.figure,
+            "combinations": [vars(one) for one in self.combinations],
+            "notes": self.notes,
+        }
+
+    @property
+    def columns(self) -> Columns:
+        """A row a critical speed."""
+        largest = max((abs(height) for _, height in self.maxima("response")), default=0.0)
+        si = self.system.units.get(self.quantity, "")
+        factor, unit = prefixed(si, largest)
+
+        def of(way: str, name: str) -> list[float | None]:
+            found = (getattr(row, way) for row in self.rows)
+            return [maximum and getattr(maximum, name) for maximum in found]
+
+        def speeds(values: list[float | None], meaning: str, heading: str = "") -> Column:
+            return Column(values, "rad/s", meaning, heading, digits(".3f", RPM))
+
+        response, multiplier, rows = "response", "multiplier", self.rows
+        height = f"height ({unit})" if unit else "height"
+        return {
+            "speed": speeds([row.speed for row in rows], "of this row"),
+            "response": speeds(of(response, "speed"), "maximum of the response", "response"),
+            "response_height": Column(
+                *(of(response, "height"), si, f"{self.figure} of {self.quantity}", height),
+                lambda value: fixed(value * factor, largest * factor, 5),
+            ),
+            "multiplier": speeds(
+                of(multiplier, "speed"), "maximum of the dominant multiplier's real part", "multiplier"
+            ),
+            "multiplier_real_part": Column(
+                of(multiplier, "height"), "1", "its height", "Re ρ", digits(".2e")
+            ),
+            "division": speeds(
+                [row.division for row in rows],
+                "integer division of the mean natural frequency at this speed",
+                "ω̄/k",
+            ),
+            "division_at_rest": speeds(
+                [row.at_rest for row in rows], "that of the frequency at rest", "at rest"
+            ),
+            "mode": Column([row.mode for row in rows], "", "of the division", "mode"),
+            "order": Column([row.order for row in rows], "", "of the division", "k"),
+        }
+
     def record(self) -> dict[str, Any]:
-        """Of `solve critical --json`."""
-        return plain(
-            {
-                **model_record(self.system),
-                "range": [self.speeds[0], self.speeds[-1]],
-                "quantity": self.quantity,
-                "figure": self.figure,
-                "rows": [row.record() for row in self.rows],
-                "combinations": [vars(one) for one in self.combinations],
-                "notes": self.notes,
-                "warnings": self.warnings,
-            }
-        )
+        found = super().record()
+        for row, critical in zip(found["rows"], self.rows, strict=True):
+            row["ratios"] = plain(critical.ratios)
+        return found
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a critical speed; combinations below."""
@@ -149,52 +183,20 @@ class CriticalSpeeds(Result):
         return stacked(head, self._rows_table(), *[self._combinations_table()] * bool(self.combinations))
 
     def _rows_table(self) -> Table:
-        largest = max((abs(height) for _, height in self.maxima("response")), default=0.0)
-        factor, unit = prefixed(self.system.units.get(self.quantity, ""), largest)
-        height = f"height ({unit})" if unit else "height"
-        columns = "response", height, "multiplier", "Re ρ", "ω̄/k", "at rest", "mode", "k"
-        made = table(f"Critical speeds in rpm; height: {named(self.figure, self.quantity)}", *columns, left=0)
-        for row in self.rows:
-            response, multiplier = row.response, row.multiplier
-            made.add_row(
-                _rpm(response and response.speed),
-                fixed(response.height * factor, largest * factor, 5) if response else "–",
-                _rpm(multiplier and multiplier.speed),
-                f"{multiplier.height:.2e}" if multiplier else "–",
-                _rpm(row.division),
-                _rpm(row.at_rest),
-                str(row.mode or "–"),
-                str(row.order or "–"),
-            )
+        height = named(self.figure, self.quantity)
+        made = table_of(f"Critical speeds in rpm; height: {height}", self.columns)
         made.caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
         return made
 
     def _combinations_table(self) -> Table:
         made = table("Combinations (ω̄i ± ω̄j)/k, rpm", "speed", "i", "j", "k", left=0)
         for one in self.combinations[:_MOST_COMBINATIONS]:
-            made.add_row(_rpm(one.speed), str(one.modes[0]), f"{one.sign * one.modes[1]:+d}", str(one.order))
+            made.add_row(
+                f"{one.speed * RPM:.3f}", str(one.modes[0]), f"{one.sign * one.modes[1]:+d}", str(one.order)
+            )
         if len(self.combinations) > _MOST_COMBINATIONS:
             made.caption = f"and {len(self.combinations) - _MOST_COMBINATIONS} at lower speeds"
         return made
-
-    def contents(self) -> Contents:
-        """A row a critical speed, for a file."""
-        unit, none = self.system.units.get(self.quantity, ""), math.nan
-        columns = {
-            "response": (none, "rad/s", "maximum of the response"),
-            "response_height": (none, unit, f"{self.figure} of {self.quantity}"),
-            "multiplier": (none, "rad/s", "maximum of the dominant multiplier's real part"),
-            "multiplier_real_part": (none, "1", "its height"),
-            "division": (none, "rad/s", "integer division of the mean natural frequency at this speed"),
-            "division_at_rest": (none, "rad/s", "the same of the frequency at rest"),
-            "mode": (none, "", "of the division"),
-            "order": (none, "", "of the division"),
-        }
-        return rows_contents([row.record() for row in self.rows], columns, model_record(self.system))
-
-
-def _rpm(speed: float | None) -> str:
-    return "–" if speed is None else f"{speed * RPM:.3f}"
 
 
 def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:

@@ -4,13 +4,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Contents, model_record, plain, table_contents
+from solve.results.contents import Column, Columns, Contents, model_record, plain
 from solve.results.frequencies_plot import shapes_figure, turn_figure, variation_figure
 from solve.results.quantities import fixed
 from solve.results.report import RenderableType, Table, model_heading, stacked, table
@@ -59,9 +60,18 @@ class Frequencies(Result):
             )
         return shapes_figure(self.system, float(self.positions[0]), self.shapes())
 
-    def record(self) -> dict[str, Any]:
+    @property
+    def whole(self) -> dict[str, Any]:
         """Positions (rad), frequencies (rad/s), and figures of these over the positions."""
         return {"positions": self.positions, "frequencies": self.values, **_figures(self.values, 0)}
+
+    @property
+    def columns(self) -> Columns:
+        """A row a position."""
+        columns = {"position": Column(self.positions, "rad", "of the drive")}
+        for k, values in enumerate(self.values.T, start=1):
+            columns[f"frequency{k}"] = Column(values, "rad/s", f"natural frequency {k}")
+        return columns
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         return stacked(model_heading(self.system, choices), self.table())
@@ -80,13 +90,6 @@ class Frequencies(Result):
                 made.add_row(name, *(fixed(omega, largest, 6) for omega in values[:shown]))
             made.add_section()
         return made
-
-    def contents(self) -> Contents:
-        """A row a position, for a file."""
-        columns: dict[str, tuple[Any, str, str]] = {"position": (self.positions, "rad", "of the drive")}
-        for k, values in enumerate(self.values.T, start=1):
-            columns[f"frequency{k}"] = (values, "rad/s", f"natural frequency {k}")
-        return table_contents(columns, model_record(self.system))
 
 
 @dataclass(frozen=True)
@@ -121,10 +124,22 @@ class Variation(Result):
         whole = len(self.positions) > 1
         return variation_figure(self.system, self.parameter, self.values, lowest, self.pinned, whole)
 
-    def record(self) -> dict[str, Any]:
+    @property
+    def whole(self) -> dict[str, Any]:
         """In rad/s and rad, the parameter in SI units."""
         over = {"parameter": self.parameter, "values": self.values, "positions": self.positions}
         return {**over, **self.figures, "pinned": self.pinned, "errors": self.errors}
+
+    @property
+    def columns(self) -> Columns:
+        """A row a value of the parameter."""
+        unit, _ = self.system.parameter_labels[self.parameter]
+        columns = {self.parameter: Column(self.values, unit, "varied")}
+        for k, (name, values) in itertools.product(range(self.frequencies.shape[2]), self.figures.items()):
+            columns[f"frequency{k + 1}_{name}"] = Column(values[:, k], "rad/s", f"{name} over the positions")
+        for link, alone in self.pinned.items():
+            columns[f"{link}_pinned"] = Column(alone, "rad/s", "the link alone, pinned at both ends")
+        return columns
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         return stacked(model_heading(self.system, choices), self.table())
@@ -147,16 +162,6 @@ class Variation(Result):
             made.caption = "alone: the link's lowest frequency, pinned at both ends"
         return made
 
-    def contents(self) -> Contents:
-        """A row a value of the parameter, for a file."""
-        unit, _ = self.system.parameter_labels[self.parameter]
-        columns: dict[str, tuple[Any, str, str]] = {self.parameter: (self.values, unit, "varied")}
-        for k, (name, values) in itertools.product(range(self.frequencies.shape[2]), self.figures.items()):
-            columns[f"frequency{k + 1}_{name}"] = values[:, k], "rad/s", f"{name} over the positions"
-        for link, alone in self.pinned.items():
-            columns[f"{link}_pinned"] = alone, "rad/s", "the link alone, pinned at both ends"
-        return table_contents(columns, model_record(self.system))
-
 
 @dataclass(frozen=True)
 class Findings(Result):
@@ -167,7 +172,7 @@ class Findings(Result):
     variation: Variation | None = None
     shapes: Sequence[ModeShape] = ()
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
         """Positions without stiffness, and values of the parameter that the model refuses."""
         texts = []
@@ -185,8 +190,8 @@ class Findings(Result):
         """Of `solve frequencies --json`; rad/s and rad, parameters in SI units."""
         here = {"position": self.here.positions[0], "frequencies": self.here.values[0]}
         further = {
-            "turn": self.turn and self.turn.record(),
-            "over": self.variation and self.variation.record(),
+            "turn": self.turn and self.turn.whole,
+            "over": self.variation and self.variation.whole,
             "modes": [self._shape_record(shape) for shape in self.shapes],
         }
         head = {**model_record(self.here.system), "freedoms": self.here.freedoms, **here}
@@ -224,6 +229,10 @@ class Findings(Result):
         if self.shapes:
             made.caption = "of each link: its largest bending, that of the mode being 1"
         return made
+
+    @property
+    def system(self) -> PeriodicSystem:  # type: ignore[override]
+        return self.here.system
 
     @property
     def _widest(self) -> "Frequencies | Variation":

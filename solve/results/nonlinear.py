@@ -31,6 +31,7 @@ class NonlinearOrbit(Orbit):
     """
 
     _curve_names: ClassVar[tuple[str, str]] = ("nonlinear", "linear")
+    _calculated: ClassVar[tuple[str, ...]] = (*Orbit._calculated, "linear")
     iterations: int = 0
     found_by: str = ""
     failed: tuple[str, ...] = ()
@@ -42,7 +43,7 @@ class NonlinearOrbit(Orbit):
         """None: this orbit is that of the nonlinear equations."""
         return None
 
-    @property
+    @cached_property
     def notes(self) -> list[str]:
         return [*super().notes, *self.failed]
 
@@ -107,4 +108,6 @@ class NonlinearOrbit(Orbit):
         q, v, a = (self.linear(phase, derivative) for derivative in range(3))
         if name in self.system.coordinates:
             return q[self.system.coordinates.index(name)]
+        if not self.system.solvable:
+            return None
         return self.system.output_values(phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]

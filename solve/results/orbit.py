@@ -14,7 +14,7 @@ from solve.certify.correction import corrected, correction
 from solve.errors import MatricesError, SolveError, UnknownNameError
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, Quantities, Signal, harmonics, samples_a_step, statistics
-from solve.results.contents import Contents, Variable, plain, require_different_names
+from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.plot import Motion, checked_scale, orbit_figure, shown
 from solve.results.quantities import fixed, prefixed
 from solve.results.report import RenderableType, Table, stacked, table
@@ -24,6 +24,7 @@ from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _LONGEST_NAME = 26
+_AXIS = ("phase",)
 _RANKS = ("strongest", "second", "third")
 
 
@@ -122,9 +123,14 @@ class Orbit(Stability, Turn):
     """The T-periodic solution of M q̈ + C q̇ + K q = d."""
 
     _curve_names: ClassVar[tuple[str, str]] = ("dynamic", "quasi-static")
+    _calculated: ClassVar[tuple[str, ...]] = (
+        *Stability._calculated,
+        *("curve", "residual", "linearisation_error", "outputs", "output_statistics", "output_samples"),
+    )
 
-    @property
-    def _curve(self) -> PeriodicCurve:
+    @cached_property
+    def curve(self) -> PeriodicCurve:
+        """The continuous solution, with its nodes and coefficients."""
         curve = self.certified.solutions.curve
         assert curve is not None
         return curve[0]
@@ -132,7 +138,7 @@ class Orbit(Stability, Turn):
     @property
     def motion(self) -> PeriodicCurve:
         """The continuous curve with its nodes, as `PeriodicSystem.along` takes it."""
-        return self._curve
+        return self.curve
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -147,14 +153,39 @@ class Orbit(Stability, Turn):
         """Extrema and mean of a coordinate or output, of the continuous curve. Raises UnknownNameError."""
         if name in self.coordinates:
             return Statistics(*self._figures[self.coordinates.index(name)].tolist())
+        if name in self.system.outputs and not self.system.solvable:
+            return self.output_statistics[name]
         if name in self.system.outputs and not self.system.outputs_apart:
             return Statistics(*self._output_figures[self.system.outputs.index(name)].tolist())
         return super().statistics(name)
 
+    def signal(self, name: str) -> Signal:
+        """As of any turn. An output of an orbit that was read from a file is exact at the samples that the
+        file holds, and a cubic spline between them."""
+        if self.system.solvable or name not in self.system.outputs:
+            return super().signal(name)
+        from scipy.interpolate import CubicSpline
+
+        values = self.output_samples[name]
+        phases = np.arange(len(values)) * (self.system.period / (len(values) - 1))
+        return CubicSpline(phases, values, bc_type="periodic", extrapolate="periodic")
+
+    @cached_property
+    def output_statistics(self) -> Mapping[str, Statistics]:
+        """Of the outputs, by name."""
+        return {name: self.statistics(name) for name in self.system.outputs}
+
+    @cached_property
+    def output_samples(self) -> Mapping[str, Array]:
+        """Outputs at phases evenly over the turn, both ends included, that resolve it: (samples + 1,)."""
+        phase = np.arange(self.samples) * (self.system.period / self.samples)
+        sampled = self.system.output_values(phase, self.speed, *self.state(phase))
+        return {name: np.append(sampled[name], sampled[name][0]) for name in self.system.outputs}
+
     @cached_property
     def _figures(self) -> Array:
         """Of the coordinates (n, 7)."""
-        return Quantities(self._curve[None], np.array([self.speed])).figures()[0]
+        return Quantities(self.curve[None], np.array([self.speed])).figures()[0]
 
     @cached_property
     def _output_figures(self) -> Array:
@@ -164,12 +195,12 @@ class Orbit(Stability, Turn):
             values = self.system.output_values(phase[0], self.speed, *(part[0] for part in state))
             return np.array([[values[name] for name in self.system.outputs]])
 
-        return Quantities(self._curve[None], np.array([self.speed]), outputs).figures()[0, self.system.n :]
+        return Quantities(self.curve[None], np.array([self.speed]), outputs).figures()[0, self.system.n :]
 
     @property
     def phase(self) -> Array:
         """Phases of the nodes (m+1,), both ends of the turn included."""
-        return self._curve.nodes
+        return self.curve.nodes
 
     @property
     def time(self) -> Array:
@@ -198,10 +229,10 @@ class Orbit(Stability, Turn):
 
     def at(self, phase: Array) -> Array:
         """The continuous curve: q (n, k) at phases (k,), of any turn."""
-        return self._curve(np.atleast_1d(np.asarray(phase, dtype=float)))
+        return self.curve(np.atleast_1d(np.asarray(phase, dtype=float)))
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        q, v, a = (self._curve(phase, derivative) for derivative in range(3))
+        q, v, a = (self.curve(phase, derivative) for derivative in range(3))
         return q, self.speed * v, self.speed**2 * a
 
     @cached_property
@@ -308,20 +339,22 @@ class Orbit(Stability, Turn):
                 -1, len(self.phase)
             ),
         }
-        time = Variable("phase", self.time, "s", "time")
-        curves = [("time", time), ("phase", Variable("phase", self.phase, "rad", "phase of the drive"))]
+        curves = [
+            ("time", Column(self.time, "s", "time", axes=_AXIS)),
+            ("phase", Column(self.phase, "rad", "phase of the drive", axes=_AXIS)),
+        ]
         for name, values in (*zip(system.coordinates, q, strict=True), *outputs.items()):
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
-            curves.append((name, Variable("phase", values, unit, meaning)))
+            curves.append((name, Column(values, unit, meaning, axes=_AXIS)))
         rates = []
         for suffix, word, per, rows in (("d", "velocity", "/s", qd), ("dd", "acceleration", "/s^2", qdd)):
             for name, values in zip(system.coordinates, rows, strict=True):
                 unit = system.units.get(name, "")
-                rate = Variable("phase", values, unit and unit + per, f"{word} of {name}")
+                rate = Column(values, unit and unit + per, f"{word} of {name}", axes=_AXIS)
                 rates.append((name + suffix, rate))
         rates += stability.columns.items()
         require_different_names([*curves, *rates])
-        return Contents(dict(curves), dict(rates), {**arrays, **stability.arrays}, stability.metadata)
+        return Contents(dict(curves), dict(rates), stability.metadata, {**arrays, **stability.arrays})
 
     def plot(
         self,

@@ -8,6 +8,7 @@ from solve.arrays import Array
 from solve.errors import NoResultError
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
+from solve.results.lasting import lasting
 from solve.sizes import NUMBERS_A_POINT, require_size
 
 KINDS = ("+1", "-1", "complex")
@@ -25,6 +26,7 @@ _NUMBERS_AN_AMPLITUDE = 64
 _ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods")
 
 
+@lasting
 @dataclass(frozen=True)
 class Kept:
     """What is kept of a point beside its stability: figures of the quantities `names`, amplitudes of so
@@ -38,6 +40,7 @@ class Kept:
     meetings: bool = True
 
 
+@lasting
 @dataclass(frozen=True)
 class PointResults:
     """Arrays over P points.

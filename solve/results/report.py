@@ -1,11 +1,13 @@
 """Tables for a terminal of 80 columns."""
 
 import functools
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from solve.methods.method import Method
+from solve.results.contents import Columns
 from solve.results.quantities import prefixed
 from solve.system import PeriodicSystem
 
@@ -62,6 +64,24 @@ def table(title: str, *columns: str, left: int = 1) -> Table:
             column, justify="left" if index < left else "right", no_wrap=index > 0, overflow="fold"
         )
     return made
+
+
+def table_of(title: str, columns: Columns, every: int = 1, left: int = 0) -> Table:
+    """A table of the columns that have a heading, each `every`-th row."""
+    shown = [column for column in columns.values() if column.heading]
+    made = table(title, *(column.heading for column in shown), left=left)
+    for row in itertools.islice(zip(*(column.texts for column in shown), strict=True), None, None, every):
+        made.add_row(*row)
+    return made
+
+
+def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
+    """Numbers times a factor as texts of this form.
+
+    >>> digits(".2f", 1e3)(0.5)
+    '500.00'
+    """
+    return lambda value: f"{value * factor:{form}}"
 
 
 @functools.cache

@@ -1,13 +1,17 @@
 """What every result can: files, a table of pandas, a dataset of xarray, and a few lines of itself."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from solve.results.contents import Contents
+from solve.results.contents import Columns, Contents, model_record, plain, rows_of
+from solve.results.lasting import Lasting
 from solve.results.report import RenderableType
 from solve.results.save import checked_data, dataset, save
+from solve.results.style import Figure
+from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import pandas
@@ -19,8 +23,12 @@ _LINES, _WIDTH, _PAGE = 15, 80, 100
 _HTML = '<pre style="font-family: monospace; line-height: 1.2">{code}</pre>'
 
 
-class Result:
-    """A result states its `report` and its `contents`."""
+class Result(Lasting):
+    """A result states its columns and what it tells of the whole; record, files and tables follow."""
+
+    _calculated: ClassVar[tuple[str, ...]] = ("warnings",)
+    _rows: ClassVar[str] = ""
+    """Key of the rows in the record."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -28,20 +36,52 @@ class Result:
         if "__repr__" not in vars(cls):
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
+    system: PeriodicSystem
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What is doubtful about this result, a sentence each."""
+        return []
+
+    @property
+    def columns(self) -> Columns:
+        """Its table, by name."""
+        raise NotImplementedError
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        """What it tells beside the table."""
+        return {}
+
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """Everything that the command of this result prints but its warnings."""
         raise NotImplementedError
 
+    def plot(self) -> Figure:
+        """A figure of matplotlib."""
+        raise NotImplementedError
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Which model, with which numbers."""
+        return model_record(self.system)
+
+    def record(self) -> dict[str, Any]:
+        """The object that its command prints with `--json`."""
+        rows = {self._rows: rows_of(self.columns)} if self._rows else {}
+        return plain({**self.about, **self.whole, **rows, "warnings": self.warnings})
+
     def contents(self) -> Contents:
         """What its files hold."""
-        raise NotImplementedError
+        told = {**self.about, **self.whole, "warnings": self.warnings}
+        return Contents(self.columns, {}, plain(told))
 
     def save(self, path: str | Path) -> None:
         """Write the result as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.
 
         Raises FileError.
         """
-        save(self.contents(), checked_data(path))
+        save(self, checked_data(path))
 
     def to_xarray(self) -> "xarray.Dataset":
         """A variable a column, with `units` and `long_name`; attributes say of which model it is."""

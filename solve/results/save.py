@@ -11,16 +11,24 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from io import BytesIO, TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import FileError
-from solve.results.contents import Contents, Variable
+from solve.results.contents import Column, Contents
+from solve.results.lasting import packed, unpacked
 
 if TYPE_CHECKING:
     import xarray
+
+
+class Saved(Protocol):
+    """A result."""
+
+    def contents(self) -> Contents: ...
+
 
 PICTURES = (".png", ".pdf", ".svg")
 """Endings of pictures."""
@@ -170,14 +178,57 @@ def checked_data(path: str | Path) -> Path:
     return checked(path, DATA, "data")
 
 
-def save(contents: Contents, file: Path) -> None:
-    """Write the contents to a checked file. Raises FileError."""
-    write_whole(file, writer(contents, file))
+def save(result: Saved, file: Path) -> None:
+    """Write a result to a checked file. Raises FileError."""
+    write_whole(file, writer(result, file))
 
 
-def writer(contents: Contents, file: Path) -> Callable[[BinaryIO], None]:
-    """What fills a stream with the contents as the file's ending says."""
-    return partial(DATA[file.suffix.lower()], contents)
+def writer(result: Saved, file: Path) -> Callable[[BinaryIO], None]:
+    """What fills a stream with the result as the file's ending says."""
+    return partial(DATA[file.suffix.lower()], result)
+
+
+def opened(path: str | Path) -> Any:
+    """The result that `save` wrote to a file .nc or .npz, bit for bit: everything that it holds, and what was
+    calculated with it. No code is run, and there are no equations in it: what needs them is refused.
+
+    Raises FileError for other files, damaged ones, and kinds of results that are not known.
+    """
+    file = Path(path)
+    kind = file.suffix.lower()
+    if kind in DATA and kind not in _READ:
+        raise FileError(f"'{path}' is an export, which cannot be read back; open the result's .nc or .npz")
+    if kind not in _READ:
+        raise FileError(f"'{path}' is no file of results; allowed: {', '.join(_READ)}")
+    if not file.is_file():
+        raise FileError(f"there is no file '{path}'; give the path of a result that was saved")
+    try:
+        return unpacked(_READ[kind](file))
+    except FileError as error:
+        raise FileError(f"'{path}' cannot be opened: {error}") from None
+    except PermissionError:
+        raise FileError(f"'{path}' cannot be read; its rights do not allow it") from None
+    except Exception:  # The libraries raise whatever they meet in a damaged file.
+        raise FileError(
+            f"'{path}' is no result of this program, or it is damaged; save the result again"
+        ) from None
+
+
+def _read_npz(file: Path) -> dict[str, Array]:
+    with np.load(file, allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files if name.startswith(_STATE)}
+
+
+def _read_nc(file: Path) -> dict[str, Array]:
+    import h5py
+
+    with h5py.File(file) as whole:
+        group = whole[_STATE[0]]
+        return {name: group[name][()] for name in group if name.startswith(_STATE)}  # type: ignore[index,union-attr]
+
+
+_STATE = "state", "seal"
+_READ = {".nc": _read_nc, ".npz": _read_npz}
 
 
 def dataset(contents: Contents) -> "xarray.Dataset":
@@ -186,7 +237,7 @@ def dataset(contents: Contents) -> "xarray.Dataset":
     import xarray
 
     entries = {name: _entry(column) for name, column in {**contents.columns, **contents.further}.items()}
-    named = [name for name, (axis, *_) in entries.items() if name == "time" or axis in (name, (name,))]
+    named = [name for name, (axis, *_) in entries.items() if name == "time" or axis == (name,)]
     axes = {name: entries.pop(name) for name in named}
     # netCDF has no truth values; as numbers they are 0 and 1.
     known = {
@@ -197,17 +248,19 @@ def dataset(contents: Contents) -> "xarray.Dataset":
     return xarray.Dataset(entries, axes, {**known, "metadata": contents.metadata_text})
 
 
-def _entry(variable: Variable) -> tuple[str | tuple[str, ...], Array, dict[str, str]]:
-    attributes = {"units": variable.unit, "long_name": variable.meaning}
-    return variable.axis, variable.values, {key: text for key, text in attributes.items() if text}
+def _entry(column: Column) -> tuple[tuple[str, ...], Array, dict[str, str]]:
+    attributes = {"units": column.unit, "long_name": column.meaning}
+    return column.axes, column.array, {key: text for key, text in attributes.items() if text}
 
 
-def _write_npz(contents: Contents, stream: BinaryIO) -> None:
-    arrays: dict[str, Any] = {**contents.arrays, "metadata": np.array(contents.metadata_text)}
-    np.savez(stream, **arrays)
+def _write_npz(result: Saved, stream: BinaryIO) -> None:
+    contents = result.contents()
+    arrays: dict[str, Any] = {**contents.numbers, "metadata": np.array(contents.metadata_text)}
+    np.savez(stream, allow_pickle=False, **arrays, **packed(result))
 
 
-def _write_csv(contents: Contents, stream: BinaryIO) -> None:
+def _write_csv(result: Saved, stream: BinaryIO) -> None:
+    contents = result.contents()
     titles = [f"{name} ({v.unit})" if v.unit else name for name, v in contents.columns.items()]
     rows = zip(*(column.tolist() for column in contents.table.values()), strict=True)
     text = TextIOWrapper(stream, encoding="utf-8", newline="")
@@ -217,22 +270,28 @@ def _write_csv(contents: Contents, stream: BinaryIO) -> None:
     text.detach()
 
 
-def _write_mat(contents: Contents, stream: BinaryIO) -> None:
+def _write_mat(result: Saved, stream: BinaryIO) -> None:
     from scipy.io import savemat
+
+    contents = result.contents()
 
     # MATLAB knows cells of texts, not arrays of them.
     arrays = {
         name: values.astype(object) if values.dtype.kind == "U" else values
-        for name, values in contents.arrays.items()
+        for name, values in contents.numbers.items()
     }
     savemat(stream, {**arrays, "metadata": contents.metadata_text}, appendmat=False)
 
 
-def _write_nc(contents: Contents, stream: Any) -> None:
-    dataset(contents).to_netcdf(stream, engine="h5netcdf")
+def _write_nc(result: Saved, stream: Any) -> None:
+    import xarray
+
+    state = {name: (f"length_of_{name}", array) for name, array in packed(result).items()}
+    groups = {"/": dataset(result.contents()), f"/{_STATE[0]}": xarray.Dataset(state)}
+    xarray.DataTree.from_dict(groups).to_netcdf(stream, engine="h5netcdf")
 
 
-DATA: dict[str, Callable[[Contents, BinaryIO], None]] = {
+DATA: dict[str, Callable[[Saved, BinaryIO], None]] = {
     ".npz": _write_npz,
     ".csv": _write_csv,
     ".mat": _write_mat,

@@ -3,12 +3,14 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Contents, model_record, plain, rows_contents
+from solve.results.contents import Column, Columns
+from solve.results.lasting import lasting
 from solve.results.plot import titled
 from solve.results.report import RenderableType, heading, stacked, table
 from solve.results.result import Result
@@ -23,6 +25,7 @@ _MATTERS = 1e-3
 """Part of the largest elasticity from which on a parameter matters."""
 
 
+@lasting
 @dataclass(frozen=True)
 class Sensitivity:
     """Of one quantity: its value, and by each of the quantities θ (r,) derivatives and their estimated
@@ -65,7 +68,7 @@ class Sensitivities(Result):
     def _values(self) -> Array:
         return np.array(list(self.by.values()))
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
         """Quantities without a derivative, and derivatives that are not well known, a sentence each."""
         found = [each.reason for each in self.found.values() if each.reason]
@@ -81,9 +84,9 @@ class Sensitivities(Result):
                 )
         return [*found, *self.system.warnings(self.speed)]
 
-    def record(self) -> dict[str, Any]:
-        """Of `solve sensitivity --json`."""
-        found = {
+    @property
+    def whole(self) -> dict[str, Any]:
+        return {
             "speed": self.speed,
             "method": self.method,
             "steps": self.steps,
@@ -96,9 +99,26 @@ class Sensitivities(Result):
                 quantity: dict(zip(self.by, each.errors, strict=True))
                 for quantity, each in self.found.items()
             },
-            "warnings": self.warnings,
         }
-        return plain({**model_record(self.system), **found})
+
+    @property
+    def columns(self) -> Columns:
+        """A row a quantity and parameter."""
+        every = self.found.items()
+        slopes = np.array([each.derivatives for _, each in every], dtype=complex).ravel()
+        relative = [list(self.elasticities(quantity).values()) for quantity in self.found]
+        elasticities = np.array(relative, dtype=complex).ravel()
+        return {
+            "quantity": Column([name for name in self.found for _ in self.by], "", "what changes"),
+            "by": Column([*self.by] * len(self.found), "", "with which parameter"),
+            "derivative": Column(np.real(slopes), "", "in SI units, real part"),
+            "derivative_im": Column(np.imag(slopes), "", "imaginary part, of complex quantities"),
+            "error": Column(
+                np.concatenate([each.errors for _, each in every]), "", "estimated error of the derivative"
+            ),
+            "elasticity": Column(np.real(elasticities), "1", "relative change by relative change, real part"),
+            "elasticity_im": Column(np.imag(elasticities), "1", "imaginary part, of complex quantities"),
+        }
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """For each quantity what matters most, a row a parameter."""
@@ -158,37 +178,6 @@ class Sensitivities(Result):
                 axes.set_title(quantity, loc="left")
             panels[-1].set_xlabel("elasticity: relative change by relative change of the parameter")
         return figure
-
-    def contents(self) -> Contents:
-        """A row a quantity and parameter, for a file."""
-        rows = []
-        for quantity, each in self.found.items():
-            elasticities = list(self.elasticities(quantity).values())
-            for at, name in enumerate(self.by):
-                slope, elasticity = complex(each.derivatives[at]), complex(elasticities[at])
-                rows.append(
-                    {
-                        "quantity": quantity,
-                        "by": name,
-                        "derivative": slope.real,
-                        "derivative_im": slope.imag,
-                        "error": float(each.errors[at]),
-                        "elasticity": elasticity.real,
-                        "elasticity_im": elasticity.imag,
-                    }
-                )
-        columns: dict[str, tuple[Any, str, str]] = {
-            "quantity": ("", "", "what changes"),
-            "by": ("", "", "with which parameter"),
-            "derivative": (math.nan, "", "in SI units, real part"),
-            "derivative_im": (math.nan, "", "imaginary part, of complex quantities"),
-            "error": (math.nan, "", "estimated error of the derivative"),
-            "elasticity": (math.nan, "1", "relative change by relative change, real part"),
-            "elasticity_im": (math.nan, "1", "imaginary part, of complex quantities"),
-        }
-        solved = {"speed": self.speed, "method": self.method, "steps": self.steps}
-        values = {quantity: each.value for quantity, each in self.found.items()}
-        return rows_contents(rows, columns, {**model_record(self.system), **solved, "values": values})
 
 
 def _number(value: Any, digits: int) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers
-from solve.results.contents import Contents, Variable, model_record, plain
+from solve.results.contents import Column, Contents, model_record, plain
+from solve.results.lasting import lasting
 from solve.results.plot import StabilityPanel, stability_figure
 from solve.results.report import RenderableType, Table, described, heading, stacked, table
 from solve.results.result import Result
@@ -28,6 +29,7 @@ _RECORDED = (
 _VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
 
+@lasting
 class ErrorEstimate(NamedTuple):
     """orbit: per coordinate max|error|/max|q|, the largest (NaN without an orbit); multipliers:
     |error| divided by the spectral radius."""
@@ -46,33 +48,45 @@ class Stability(Result):
     spectrum: Spectrum
     engine_notes: Sequence[str] = ()
 
+    _of_solver: ClassVar[tuple[str, ...]] = ("certified", "spectrum")
+    _calculated: ClassVar[tuple[str, ...]] = (
+        *("method", "described", "steps", "multipliers", "exponents", "multiplier_errors", "modes"),
+        *("spectral_radius", "distance_from_one", "condition", "liouville", "error_estimate", "verdict"),
+        *("notes", "warnings"),
+    )
+
     @property
     def period(self) -> float:
         """T in seconds."""
         return self.system.period / self.speed
 
-    @property
+    @cached_property
     def method(self) -> str:
         return self.certified.method.name
 
-    @property
+    @cached_property
+    def described(self) -> str:
+        """The method's name and settings."""
+        return described(self.certified.method)
+
+    @cached_property
     def steps(self) -> int:
         """Steps per period."""
         return self.certified.steps
 
-    @property
+    @cached_property
     def multipliers(self) -> Array:
         """All 2n multipliers ρ (complex), falling in modulus, + imaginary part first; 0 where ρ underflows,
         or where the method tells nothing of it."""
         return self.spectrum.values
 
-    @property
+    @cached_property
     def exponents(self) -> Array:
         """λ = ln(ρ)/T in 1/s, principal branch (chapter Eq. (11)), also where ρ underflows; -inf for an exact
         zero, NaN where nothing is known."""
         return self.spectrum.logarithms / self.period
 
-    @property
+    @cached_property
     def multiplier_errors(self) -> Array:
         """Estimated error of each multiplier, relative to itself; NaN where the steps give it no digit."""
         return self.spectrum.errors
@@ -80,26 +94,26 @@ class Stability(Result):
     @property
     def unresolved(self) -> int:
         """Number of multipliers without a digit, those whose error is NaN."""
-        return self.spectrum.unresolved
+        return int(np.isnan(self.multiplier_errors).sum())
 
-    @property
+    @cached_property
     def modes(self) -> Sequence[FloquetMode]:
         """Of each multiplier: its frequency modulo 2π/T (folded) and that of its mode, in rad/s."""
         return self.spectrum.modes
 
-    @property
+    @cached_property
     def spectral_radius(self) -> float:
         """Largest |ρ|; 0 where it has no digit."""
         if self._rho.resolved[0] or math.isnan(self.multiplier_errors[0]):
             return float(self._rho.spectral_radius[0])
         return float(np.abs(self.multipliers[0]))
 
-    @property
+    @cached_property
     def distance_from_one(self) -> float:
         """Smallest |ρ - 1|: 0 at resonance and on a stability boundary of kind +1."""
         return float(self._rho.distance_from_one[0])
 
-    @property
+    @cached_property
     def condition(self) -> float:
         """Condition number of the linear system that closed the orbit; NaN without an orbit."""
         return float(self.certified.solutions.condition[0])
@@ -122,7 +136,7 @@ class Stability(Result):
         volume = -float(solution.grid.h @ rates @ weights) / 2
         return float(np.linalg.slogdet(solution.steps.A[0])[1].sum()) - volume
 
-    @property
+    @cached_property
     def error_estimate(self) -> ErrorEstimate:
         orbit, multipliers = map(float, self.certified.errors[0])
         return ErrorEstimate(math.nan if self.certified.solutions.curve is None else orbit, multipliers)
@@ -137,7 +151,7 @@ class Stability(Result):
         """None where the verdict is undetermined."""
         return None if self.verdict == "undetermined" else self.verdict != "unstable"
 
-    @property
+    @cached_property
     def notes(self) -> list[str]:
         """How this result was made: what the method and the engine have to say."""
         return [*self.engine_notes, *filter(None, self.certified.solutions.notes)]
@@ -173,7 +187,7 @@ class Stability(Result):
 
     def _heading(self, choices: Sequence[str]) -> Table:
         grid = heading(self.system, self.speed, choices)
-        grid.add_row("method", f"{described(self.certified.method)}, {self.steps} steps a period")
+        grid.add_row("method", f"{self.described}, {self.steps} steps a period")
         errors, checks = self._accuracy()
         grid.add_row("errors", f"{', '.join(errors)} (relative)")
         grid.add_row("checks", ", ".join(checks))
@@ -242,8 +256,8 @@ class Stability(Result):
             "mode_order": (self._of_modes("order"), "1", "that order, in turns of a period"),
             "participation": (self._of_modes("participation"), "1", "part of the mode with that order"),
         }
-        variables = {name: Variable("multiplier", *column) for name, column in columns.items()}
-        return Contents(variables, {}, {"multipliers": rho, "exponents": exponents}, plain(metadata))
+        made = {name: Column(*column, axes=("multiplier",)) for name, column in columns.items()}
+        return Contents(made, {}, plain(metadata), {"multipliers": rho, "exponents": exponents})
 
     def _of_modes(self, name: str) -> Array:
         return np.array([getattr(mode, name) for mode in self.modes], dtype=float)

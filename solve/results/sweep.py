@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,14 +14,13 @@ from solve.arrays import Array
 from solve.errors import require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
-from solve.results.contents import Contents, model_record, plain, table_contents
-from solve.results.plot import label_quantity, label_speeds, shades, title_of
+from solve.results.contents import Column, Columns, plain
 from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.quantities import RPM, fixed, prefixed
 from solve.results.report import RenderableType, model_heading, stacked, table
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
-from solve.results.style import Figure, page
+from solve.results.style import Figure
 from solve.results.sweep_plot import SPEED, over_figure, sweep_figure, waterfall_figure
 from solve.system import PeriodicSystem
 
@@ -169,7 +168,7 @@ class Sweep(Result):
             if kinds[first]
         ]
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
         """One line a kind of warning or failure, with the speeds where it first and last stands. Texts of
         one kind differ in their numbers alone; the whole text of the first is shown."""
@@ -186,11 +185,14 @@ class Sweep(Result):
         ]
         return [*self.system.equation_warnings, *of_points]
 
+    @property
+    def whole(self) -> dict[str, Any]:
+        return {"notes": self.notes}
+
     def record(self) -> dict[str, Any]:
         """Of `solve sweep --json`."""
         points = [point.record(self.system) for point in self.points]
-        found = {"speeds": self.speeds, "points": points, "warnings": self.warnings}
-        return plain({**model_record(self.system), **found})
+        return {**super().record(), **plain({"speeds": self.speeds, "points": points})}
 
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
         """Response over speed with its maxima, the spectral radius below, unstable speeds shaded; where
@@ -240,23 +242,30 @@ class Sweep(Result):
             made.add_row(*values, f"{point.speed * RPM:.7g}", *moduli, radius, verdict)
         return stacked(model_heading(self.system, choices), made)
 
-    def contents(self) -> Contents:
-        """A row a point, for a file."""
-        system, points = self.system, self.points
-        columns: dict[str, tuple[Any, str, str]] = {"speed": (self.speeds, "rad/s", "speed of rotation")}
+    @property
+    def columns(self) -> Columns:
+        """A row a point."""
+        system, points, axes = self.system, self.points, ("row" if self.parameters else "speed",)
+        columns = {"speed": Column(self.speeds, "rad/s", "speed of rotation", axes=axes)}
         for name, values in self.parameters.items():
-            columns[name] = values, *system.parameter_labels[name]
-        for name in system.known_quantities():
+            columns[name] = Column(values, *system.parameter_labels[name], axes=axes)
+        for name in self.results.kept.names:
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, name)
             for figure in ("max", "min", "max_abs", "mean", "rms"):
-                columns[f"{name}_{figure}"] = self.figures(name, figure), unit, f"{figure} of {meaning}"
-        columns |= {
-            "spectral_radius": (self.spectral_radius, "1", "largest modulus of a Floquet multiplier"),
-            "verdict": ([point.verdict for point in points], "", "stability"),
-            "steps": ([point.steps for point in points], "", "a period"),
-            "error": ([point.error or "" for point in points], "", "why there is no result"),
+                values = self.figures(name, figure)
+                columns[f"{name}_{figure}"] = Column(values, unit, f"{figure} of {meaning}", axes=axes)
+        radius = "largest modulus of a Floquet multiplier"
+        texts = {
+            "verdict": ([point.verdict for point in points], "stability"),
+            "method": ([point.method for point in points], ""),
+            "steps": ([point.steps for point in points], "a period"),
+            "error": ([point.error or "" for point in points], "why there is no result"),
         }
-        return table_contents(columns, model_record(system), ("row" if self.parameters else "speed",))
+        return {
+            **columns,
+            "spectral_radius": Column(self.spectral_radius, "1", radius, axes=axes),
+            **{name: Column(values, "", meaning, axes=axes) for name, (values, meaning) in texts.items()},
+        }
 
 
 def _where(speeds: list[float], total: int) -> str:
@@ -264,72 +273,3 @@ def _where(speeds: list[float], total: int) -> str:
     if len(speeds) == 1:
         return f"at {first}"
     return f"at {first}; of this kind at {len(speeds)} of {total} speeds, from {low} to {high}"
-
-
-_PROMINENT = 1e-3
-"""Part of its height by which an extreme must stand out from its surroundings."""
-
-PEAK, QUIET = "peak", "quiet"
-
-
-class Extreme(NamedTuple):
-    """A speed (rad/s) where the first system's response is largest or least among its neighbours, which of
-    the two, and the responses of all the systems there."""
-
-    speed: float
-    kind: str
-    responses: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Sweeps:
-    """Sweeps over the same speeds (rad/s), by the label of their system. title: what the labels are
-    values of."""
-
-    title: str
-    speeds: Array
-    sweeps: Mapping[str, Sweep]
-
-    def figures(self, quantity: str, figure: str = "max_abs") -> Array:
-        """A figure of a coordinate or output (systems, speeds), as `Sweep.figures`, or the largest of those
-        that the quantity stands for; NaN where a point failed. Raises UnknownNameError."""
-        parts = next(iter(self.sweeps.values())).system.parts(quantity)
-        found = [[each.figures(part, figure) for part in parts] for each in self.sweeps.values()]
-        return np.max(found, axis=1)
-
-    def extremes(self, quantity: str, figure: str = "max_abs") -> list[Extreme]:
-        """Peaks and quiet speeds of the first system among the given speeds, rising, with what the others
-        do there. Raises UnknownNameError."""
-        from scipy.signal import find_peaks
-
-        responses = self.figures(quantity, figure)
-        order = np.argsort(self.speeds)
-        order = order[np.isfinite(responses[0, order])]
-        speeds, responses = self.speeds[order], responses[:, order]
-        first = responses[0]
-        found = []
-        for kind, sign in ((PEAK, 1.0), (QUIET, -1.0)):
-            at, properties = find_peaks(sign * first, prominence=0.0)
-            at = at[properties["prominences"] > _PROMINENT * np.abs(first[at])]
-            found += [Extreme(float(speeds[k]), kind, tuple(responses[:, k].tolist())) for k in at]
-        return sorted(found)
-
-    def plot(self, quantities: Sequence[str], figure: str = "max_abs") -> Figure:
-        """A row a quantity, a curve a system (matplotlib Figure). Raises UnknownNameError."""
-        responses = {name: self.figures(name, figure) for name in quantities}
-        system = next(iter(self.sweeps.values())).system
-        order = np.argsort(self.speeds)
-        rpm = self.speeds[order] * RPM
-        with page(1.1 + 1.9 * len(responses), f"{title_of(system)}: response over speed") as made:
-            axes = made.subplots(len(responses), 1, sharex=True, squeeze=False)[:, 0]
-            for place, (name, values) in zip(axes, responses.items(), strict=True):
-                factor = label_quantity(place, system, name, values, figure)
-                for label, row, shade in zip(self.sweeps, values, shades(len(self.sweeps)), strict=True):
-                    place.plot(rpm, row[order] * factor, label=label, **shade)
-                if np.nanmin(values, initial=0.0) >= 0:
-                    place.set_ylim(bottom=0.0)
-            label_speeds(axes[-1], rpm)
-            made.align_ylabels(axes)
-            handles, names = axes[0].get_legend_handles_labels()
-            made.legend(handles, names, title=self.title, loc="outside right center", handlelength=2.4)
-        return made

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Contents, Variable, model_record, plain, require_different_names
+from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
 from solve.results.plot import MOST_ROWS, label_quantity, titled
 from solve.results.quantities import fixed, prefixed
@@ -17,6 +17,7 @@ from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Figure, page
 from solve.system import PeriodicSystem
 
+_AXIS = ("phase",)
 _MOST_TURNS = 40
 """Rows of the table; of more turns every k-th is shown."""
 
@@ -87,7 +88,7 @@ class Transient(Result):
         last = beyond[-1] if beyond else 0
         return last if last < self.turns else None
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
         if self.orbit is None:
@@ -116,9 +117,12 @@ class Transient(Result):
                 self.system.coordinates, self.q, self.peaks.T, self.distances.T, strict=True
             )
         }
-        found = {"turns": self.turns, "reached": self.reached, "rtol": self.rtol, "coordinates": coordinates}
+        return {**super().record(), "coordinates": plain(coordinates)}
+
+    @property
+    def whole(self) -> dict[str, Any]:
         solved = {"speed": self.speed, "period": self.system.period / self.speed, "nonlinear": self.nonlinear}
-        return plain({**model_record(self.system), **solved, **found, "warnings": self.warnings})
+        return {**solved, "turns": self.turns, "reached": self.reached, "rtol": self.rtol}
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a turn: the largest modulus of each coordinate, and the distance to the orbit."""
@@ -167,19 +171,14 @@ class Transient(Result):
         transient can go on."""
         system, q = self.system, self.q
         columns = [
-            ("time", Variable("phase", self.time, "s", "time")),
-            ("phase", Variable("phase", self.phase, "rad", "phase of the drive")),
+            ("time", Column(self.time, "s", "time", axes=_AXIS)),
+            ("phase", Column(self.phase, "rad", "phase of the drive", axes=_AXIS)),
         ]
         for name, values in zip(system.coordinates, q, strict=True):
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
-            columns.append((name, Variable("phase", values, unit, meaning)))
+            columns.append((name, Column(values, unit, meaning, axes=_AXIS)))
         require_different_names(columns)
         arrays = {"phase": self.phase, "time": self.time, "q": q, "qd": self.qd}
         arrays["coordinates"] = np.array(system.coordinates)
-        found = {
-            "speed": self.speed,
-            "turns": self.turns,
-            "reached": self.reached,
-            "nonlinear": self.nonlinear,
-        }
-        return Contents(dict(columns), {}, arrays, plain({**model_record(system), **found}))
+        told = {**self.about, **self.whole, "warnings": self.warnings}
+        return Contents(dict(columns), {}, plain(told), arrays)

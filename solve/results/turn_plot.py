@@ -17,6 +17,8 @@ from solve.system import PeriodicSystem
 
 _SAMPLES = 721
 
+_BEHIND = {"color": "#C8C8C8", "linewidth": 5.0, "solid_capstyle": "round"}
+
 MOST_CURVES = 12
 """Speeds whose curves one picture can tell apart."""
 
@@ -39,21 +41,37 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     checked_turn(orbits[0].system, name, len(orbits))
     ordered = sorted(orbits, key=lambda orbit: orbit.speed)
     by_speed = {f"{orbit.speed * RPM:.6g}": orbit for orbit in ordered}
-    return curves_figure(by_speed, name, "speed (rpm)", reverse=True)
+    return turns_figure(by_speed, name, "speed (rpm)", reverse=True)
 
 
-def curves_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: bool = False) -> Figure:
-    """A coordinate or output over one period, a curve an orbit, by their labels; the systems of the orbits
-    have one period and the same names."""
+def turns_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: bool = False) -> Figure:
+    """A coordinate or output over one period, a curve an orbit by its label."""
     system = next(iter(orbits.values())).system
     phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits.values()) + 1)
-    curves = np.array([orbit.signal(name)(phase) for orbit in orbits.values()])
+    curves = {label: orbit.signal(name)(phase) for label, orbit in orbits.items()}
+    return curves_figure(system, phase, curves, name, title, reverse)
+
+
+def curves_figure(
+    system: PeriodicSystem,
+    phase: Array,
+    curves: Mapping[str, Array],
+    name: str,
+    title: str,
+    reverse: bool = False,
+    behind: str | None = None,
+) -> Figure:
+    """A coordinate or output at phases (k,) of one period, curves (k,) by their labels; the one of the label
+    `behind` is wide and light, as what the others approach."""
     with page(3.3, f"{title_of(system)}: {name.replace('_', ' ')} over one turn") as figure:
         axes = figure.subplots()
-        factor = label_quantity(axes, system, name, curves)
+        factor = label_quantity(axes, system, name, np.array([*curves.values()]))
         axes.axhline(0.0, color=GREY, linewidth=0.7)
-        for label, values, shade in zip(orbits, curves, shades(len(orbits)), strict=True):
-            axes.plot(np.degrees(phase), values * factor, label=label, **shade)
+        if behind is not None:
+            axes.plot(np.degrees(phase), curves[behind] * factor, label=behind, **_BEHIND)
+        others = [label for label in curves if label != behind]
+        for label, shade in zip(others, shades(len(others)), strict=True):
+            axes.plot(np.degrees(phase), curves[label] * factor, label=label, **shade)
         label_phases(axes, system.period)
         figure.legend(title=title, loc="outside right center", handlelength=2.4, reverse=reverse)
     return figure

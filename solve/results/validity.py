@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from solve.arrays import Array
-from solve.results.contents import Contents, model_record, plain, table_contents
+from solve.results.contents import Column, Columns, plain
 from solve.results.plot import MOST_ROWS, label_speeds, shades, title_of
 from solve.results.quantities import RPM
-from solve.results.report import RenderableType, model_heading, stacked, table, text
+from solve.results.report import RenderableType, digits, model_heading, stacked, table_of, text
 from solve.results.result import Result
 from solve.results.style import GREY, Figure, page
 from solve.system import PeriodicSystem
@@ -36,13 +35,31 @@ class Validity(Result):
         count = within.index(False)
         return float(self.speeds[count - 1]) if count else None
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
         """Why speeds have no result, a sentence each."""
         return [
             f"no result: {reason} (at {self.speeds[at] * RPM:.6g} rpm)"
             for at, reason in self.failures.items()
         ]
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        return {"at": self.allowed, "trusted_to": self.trusted_to}
+
+    @property
+    def columns(self) -> Columns:
+        """A row a speed."""
+        speeds = Column(self.speeds, "rad/s", "speed of rotation", "rpm", digits(".6g", RPM), ("speed",))
+        shown = self.system.coordinates[:MOST_ROWS]
+        errors = {
+            f"{name}_error": Column(
+                *(row, "1", f"error of the linear orbit in {name}, relative", name if name in shown else ""),
+                *(digits(".3g", 100), ("speed",)),
+            )
+            for name, row in zip(self.system.coordinates, self.errors.T, strict=True)
+        }
+        return {"speed": speeds, **errors}
 
     def record(self) -> dict[str, Any]:
         """Of `solve validity --json`."""
@@ -53,16 +70,11 @@ class Validity(Result):
             else {"speed": speed, "linearisation_error": dict(zip(names, row, strict=True))}
             for at, (speed, row) in enumerate(zip(self.speeds, self.errors, strict=True))
         ]
-        found = {"at": self.allowed, "points": points, "trusted_to": self.trusted_to}
-        return plain({**model_record(self.system), **found})
+        return {**super().record(), "points": plain(points)}
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a speed."""
-        names = self.system.coordinates[:MOST_ROWS]
-        made = table("Linearisation error, %", "rpm", *names, left=0)
-        for speed, row in zip(self.speeds, self.errors, strict=True):
-            cells = [f"{100 * error:.3g}" if np.isfinite(error) else "–" for error in row[: len(names)]]
-            made.add_row(f"{speed * RPM:.6g}", *cells)
+        made = table_of("Linearisation error, %", self.columns)
         upto = self.trusted_to
         limit = f"more than {100 * self.allowed:g} %"
         words = f"off by {limit} from the slowest of these speeds on"
@@ -85,11 +97,3 @@ class Validity(Result):
             axes.set_ylabel("max|difference| / max|q| (%)")
             axes.legend()
         return figure
-
-    def contents(self) -> Contents:
-        """A row a speed, for a file."""
-        columns: dict[str, tuple[Any, str, str]] = {"speed": (self.speeds, "rad/s", "speed of rotation")}
-        for name, row in zip(self.system.coordinates, self.errors.T, strict=True):
-            columns[f"{name}_error"] = row, "1", f"error of the linear orbit in {name}, relative"
-        found = {"at": self.allowed, "trusted_to": self.trusted_to}
-        return table_contents(columns, {**model_record(self.system), **found}, ("speed",))

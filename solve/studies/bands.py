@@ -112,7 +112,10 @@ def bands(
             notes = [*notes, _failures(batch, known.points[known.failed])]
         step("edges of bands")
         found = _Runs(asked, checked_tolerance(tolerance), omegas[-1:]).bands(_rising(known))
-    return Bands(found, system, (float(omegas[0]), float(omegas[-1])), spacing, notes)
+    rising = _rising(known)
+    radius = np.where(rising.failed, np.nan, np.abs(rising.multipliers[:, 0]))
+    range_ = float(omegas[0]), float(omegas[-1])
+    return Bands(found, system, range_, spacing, notes, rising.points[:, 0], radius)
 
 
 def _failures(batch: Batch, points: Array) -> str:

@@ -18,7 +18,8 @@ from solve.methods.choice import Rule
 from solve.model.model import Model
 from solve.progress import part, stage
 from solve.results.points import Kept
-from solve.results.sweep import Sweep, Sweeps
+from solve.results.sweep import Sweep
+from solve.results.sweeps import Sweeps
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.system import PeriodicSystem
 from solve.units import evenly, speeds_given
@@ -148,7 +149,7 @@ def sweeps(
             with part("curves"):
                 folder = None if store is None else made_folder(store) / str(number)
                 found[label] = sweep(system, omegas, method, None, rtol, executor, names, store=folder)
-    return Sweeps(title, omegas, found)
+    return Sweeps(title, omegas, found, tuple(quantities), next(iter(systems.values())))
 
 
 def _number(name: str, value: float | str) -> float:

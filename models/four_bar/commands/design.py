@@ -45,17 +45,13 @@ def design(
     time: Annotated[str, Flag("Duration of the slowest simulated run-up.", '"60 s"')] = "60 s",
 ) -> None:
     """Design for high speed: limiting critical speeds, quiet bands, run-up with a moving ground pivot."""
-    results.files()
     model = four_bar.loaded()
     model.require_motion()
 
     from models.four_bar.design import designed
-    from models.four_bar.design_draw import outcome_figure
     from models.four_bar.design_map import design_map
-    from models.four_bar.design_report import outcome_contents, outcome_report
-    from models.four_bar.outcome import carry_out, outcome_record, require_target
-    from solve.commands.deliver import deliver
-    from solve.results.contents import plain
+    from models.four_bar.results.design import carry_out, require_target
+    from solve.commands.deliver import deliver_result
     from solve.units import speed_in_si
 
     stresses = _allowable(model, allowable)
@@ -67,14 +63,7 @@ def design(
         require_target(goal, start)
     stress_map = design_map(model, stresses, start, lengths, count)
     result = carry_out(designed(stress_map), goal, duration)
-    deliver(
-        results,
-        result.warnings,
-        record=lambda: plain(outcome_record(result)),
-        report=lambda: outcome_report(result, four_bar.choices),
-        figure=lambda: outcome_figure(result),
-        contents=lambda: outcome_contents(result),
-    )
+    deliver_result(results, result, four_bar.choices)
 
 
 def _allowable(model: "StructureModel", text: str | None) -> dict[str, float]:

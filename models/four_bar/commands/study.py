@@ -1,7 +1,7 @@
 """`python -m models.four_bar study`: response over speed for several values of a parameter or option."""
 
-import math
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
 
 from models.four_bar.commands.groups import FourBar
 from solve.commands.groups import Flag, Places, Results, Speeds
@@ -11,15 +11,10 @@ from solve.errors import MissingValueError, ValueOutOfBoundsError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rich.console import RenderableType
-
-    from solve import Sweeps
     from solve.beams.structure import StructureModel
-    from solve.results.contents import Contents
     from solve.system import PeriodicSystem
 
 _MOST_CURVES = 12
-_RPM = 30 / math.pi
 _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"
 
 
@@ -51,7 +46,7 @@ def study(
     title, systems = _systems(model, over, corrected)
 
     import solve
-    from solve.commands.deliver import deliver
+    from solve.commands.deliver import deliver_result
     from solve.results.plot import shown
 
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
@@ -60,14 +55,7 @@ def study(
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **given)
     if all(each.results.failed.all() for each in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()
-    deliver(
-        results,
-        _warnings(compared),
-        record=lambda: _record(model, compared, names, kept),
-        report=lambda: _report(model, compared, names, kept, four_bar.choices),
-        figure=lambda: compared.plot(names, kept),
-        contents=lambda: _contents(model, compared, names, kept),
-    )
+    deliver_result(results, replace(compared, system=model, figure=kept), four_bar.choices)
 
 
 def _systems(
@@ -109,78 +97,3 @@ def _values(over: str) -> tuple[str, "Sequence[float | str]"]:
     if not all(values):
         raise ValueOutOfBoundsError(f"--over is '{over}'; {_USAGE}")
     return name, values
-
-
-def _warnings(compared: "Sweeps") -> list[str]:
-    """What is doubtful or has no result, by the system."""
-    return [f"{label}: {text}" for label, each in compared.sweeps.items() for text in each.warnings]
-
-
-def _record(
-    model: "StructureModel", compared: "Sweeps", names: "Sequence[str]", figure: str
-) -> dict[str, Any]:
-
-    from solve.results.contents import model_record, plain
-
-    values = {name: compared.figures(name, figure) for name in names}
-    return plain(
-        {
-            **model_record(model),
-            "over": compared.title,
-            "figure": figure,
-            "speeds": compared.speeds,
-            "systems": [
-                {
-                    "value": label,
-                    "responses": {name: values[name][at] for name in names},
-                    "spectral_radius": each.spectral_radius,
-                }
-                for at, (label, each) in enumerate(compared.sweeps.items())
-            ],
-            "extremes": {name: [one._asdict() for one in compared.extremes(name, figure)] for name in names},
-        }
-    )
-
-
-def _report(
-    model: "StructureModel",
-    compared: "Sweeps",
-    names: "Sequence[str]",
-    figure: str,
-    choices: "Sequence[str]",
-) -> "RenderableType":
-    import numpy as np
-    from rich.console import Group
-
-    from solve.results.quantities import fixed, prefixed
-    from solve.results.report import model_heading, table
-
-    head, parts = model_heading(model, choices), []
-    low, high = (f"{speed * _RPM:.6g}" for speed in (compared.speeds.min(), compared.speeds.max()))
-    head.add_row("over", f"{len(compared.speeds)} speeds from {low} to {high} rpm")
-    for name in names:
-        values = compared.figures(name, figure)
-        factor, unit = prefixed(model.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
-        shown = f"max|{name}|" if figure == "max_abs" else f"{figure} {name}"
-        made = table(
-            f"{shown} in {unit}, for {compared.title or 'each'}", "rpm", "", *compared.sweeps, left=2
-        )
-        for speed, kind, responses in compared.extremes(name, figure):
-            cells = (fixed(each * factor, each * factor, 4) for each in responses)
-            made.add_row(f"{speed * _RPM:.2f}", kind, *cells)
-        made.add_row("largest", "", *(fixed(each, each, 4) for each in np.nanmax(values, axis=1) * factor))
-        made.caption = "peaks and quiet speeds of the first, among the speeds given"
-        parts.append(made)
-    return Group(head, *parts)
-
-
-def _contents(model: "StructureModel", compared: "Sweeps", names: "Sequence[str]", figure: str) -> "Contents":
-    from solve.results.contents import model_record, table_contents
-
-    columns: dict[str, tuple[Any, str, str]] = {"speed": (compared.speeds, "rad/s", "speed of rotation")}
-    values = {name: compared.figures(name, figure) for name in names}
-    for at, label in enumerate(compared.sweeps):
-        for name in names:
-            meaning = f"{figure} of {name}, {compared.title} {label}"
-            columns[f"{name} {label}"] = (values[name][at], model.units.get(name, ""), meaning)
-    return table_contents(columns, model_record(model))

@@ -4,14 +4,14 @@ SI units and radians; ratios are those to the crank's speed: ω/ω1, and α/ω1�
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from models.four_bar.linkage import ADVISED, Linkage, Plane
 from models.four_bar.rigid.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
-from models.four_bar.rigid.forces import Body, JointForces, bodies, inertial_power, joint_forces
+from models.four_bar.rigid.forces import Body, JointForces, inertial_power, joint_forces
 from solve import signal_statistics
 from solve.arrays import Array
 
@@ -25,8 +25,7 @@ _BALANCE_POINTS = 720
 
 
 def linkage_record(
-    case: str,
-    parameters: Mapping[str, float],
+    links: Sequence[Body],
     linkage: Linkage,
     speed: float | None,
     position: float | None,
@@ -37,14 +36,7 @@ def linkage_record(
     A crank that cannot turn fully has the keys of one position only. Raises LinkageError where neither
     a full turn nor a position can be reported, or the position is out of reach.
     """
-    links = bodies(parameters)
-    record: dict[str, Any] = {
-        "model": "four_bar",
-        "case": case,
-        "parameters": dict(parameters),
-        **_kind(linkage),
-        "speed": speed,
-    }
+    record: dict[str, Any] = {**_kind(linkage), "speed": speed}
     if position is None:
         linkage.require_full_turn()
     if linkage.turns_fully:

@@ -7,8 +7,8 @@ import pytest
 
 import solve
 from models.four_bar.__main__ import run
-from models.four_bar.coupler_curve import coupler_curve
 from models.four_bar.linkage import Linkage
+from models.four_bar.results.curve import coupler_curve
 
 PHASE = np.linspace(0, 2 * np.pi, 25)
 

@@ -12,12 +12,10 @@ import solve
 from models.four_bar.__main__ import run
 from models.four_bar.design import damping_effects, designed, plan_to_last
 from models.four_bar.design_map import DesignError, allowed_lengths, checked_allowable, design_map
-from models.four_bar.design_report import outcome_contents
 from models.four_bar.linkage import Linkage
-from models.four_bar.outcome import carry_out
+from models.four_bar.results.design import carry_out
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
 from solve.progress import heard
-from solve.results.save import save
 
 LINKS = ("crank", "coupler", "follower")
 SMALL = ("--speeds", "8:33:24 rad/s", "--L4", "0.53:0.63:9 m", "--time", "4 s")
@@ -199,7 +197,7 @@ def test_files_of_every_kind_hold_what_a_run_up_needs(design, tmp_path):
     xarray = pytest.importorskip("xarray")
     found = carry_out(design, 29.0, duration=2.0)
     for ending in ("npz", "csv", "mat", "nc"):
-        save(outcome_contents(found), tmp_path / f"design.{ending}")
+        found.save(tmp_path / f"design.{ending}")
     with xarray.open_dataset(tmp_path / "design.nc", engine="h5netcdf") as kept:
         np.testing.assert_array_equal(kept["least_ratio_moving"], design.needed.moving)
         record = json.loads(kept.attrs["metadata"])

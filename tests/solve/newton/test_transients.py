@@ -71,11 +71,10 @@ def test_a_structure_of_beams_starts_up_by_its_own_maps():
 
 
 def test_a_saved_transient_goes_on_from_its_end(tmp_path):
-    from solve.results.save import save
 
     model = model_of(duffing(), alpha=0.0, **NUMBERS)
     whole, first = solve.transient(model, SPEED, 5), solve.transient(model, SPEED, 2)
-    save(first.contents(), tmp_path / "first.npz")
+    first.save(tmp_path / "first.npz")
     second = solve.transient(model, SPEED, 3, tmp_path / "first.npz")
     np.testing.assert_allclose(second.motions, whole.motions[2:], rtol=0, atol=1e-12)
     with pytest.raises(FileError, match=r"has coordinates q; cam has q1, q2, q3"):

@@ -7,8 +7,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from models.four_bar.outcome import Outcome, outcome_record
-from solve.results.contents import Contents, Variable, plain
+from models.four_bar.results.outcome import Outcome
 from solve.results.report import model_heading, table
 
 
@@ -111,28 +110,3 @@ def _trials(result: Outcome) -> RenderableType:
             "below" if trial.worst < 1 else "too high",
         )
     return made
-
-
-def outcome_contents(result: Outcome) -> Contents:
-    """The map by speed at the mechanism's own L4, with what a run-up to each speed needs; in .npz
-    and .mat the whole map and the slowest simulation besides; .nc has the map in its metadata."""
-    design, stresses = result.design, result.design.map
-    columns = {"speed": Variable("speed", stresses.speeds, "rad/s", "speed of the crank")}
-    for number, link in enumerate(stresses.links):
-        own = stresses.stress[:, stresses.own, number]
-        columns[f"{link}_stress"] = Variable("speed", own, "Pa", f"largest of the {link} at its own L4")
-    for name, values, meaning in (
-        ("fixed", design.needed.fixed, "with L4 fixed"),
-        ("moving", design.needed.moving, "with L4 changing"),
-        ("returning", design.needed.returning, "with L4 changing and returning"),
-    ):
-        columns[f"least_ratio_{name}"] = Variable(
-            "speed", values, "1", f"part of the allowable stress to reach the speed {meaning}"
-        )
-    arrays = {name: column.values for name, column in columns.items()}
-    arrays |= {"L4": stresses.L4, "stress": stresses.stress, "links": np.array(stresses.links)}
-    if result.plan is not None:
-        first = result.trials[0]
-        arrays |= {"plan_speed": result.plan.speed, "plan_L4": result.plan.L4}
-        arrays |= {f"simulated_{name}": part for name, part in vars(first.simulated).items()}
-    return Contents(columns, {}, arrays, plain(outcome_record(result)))

@@ -6,7 +6,7 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from models.four_bar.outcome import Outcome
+from models.four_bar.results.outcome import Outcome
 from solve.results.plot import title_of
 from solve.results.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 

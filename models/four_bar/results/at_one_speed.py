@@ -1,0 +1,30 @@
+"""What is told of one periodic solution of the elastic four-bar."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from solve.results.orbit import Orbit
+from solve.results.result import Result
+from solve.system import PeriodicSystem
+
+
+@dataclass(frozen=True)
+class AtOneSpeed(Result):
+    """Of an orbit, whose speed, accuracy and warnings it has."""
+
+    orbit: Orbit
+
+    @property
+    def system(self) -> PeriodicSystem:  # type: ignore[override]
+        return self.orbit.system
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        return self.orbit.warnings
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        names = "speed", "method", "steps"
+        accuracy = self.orbit.error_estimate._asdict()
+        return {**{name: getattr(self.orbit, name) for name in names}, "error_estimate": accuracy}

@@ -1,0 +1,158 @@
+"""How far the curve of a point of the coupler is from its rigid one (thesis Figs. 8.3, 8.4)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import solve
+from models.four_bar.results.at_one_speed import AtOneSpeed
+from solve.arrays import Array
+from solve.beams.structure import StructureModel
+from solve.errors import ValueOutOfBoundsError
+from solve.results.contents import Column, Columns, plain
+from solve.results.lasting import lasting
+from solve.results.orbit import Turn
+from solve.results.quantities import fixed, prefixed
+from solve.results.report import RenderableType, heading, stacked, table
+from solve.results.style import BLACK, BLUE, GREY, VERMILION, Figure, page
+
+_SAMPLES = 721
+
+
+@lasting
+@dataclass(frozen=True)
+class CouplerCurve:
+    """Places x + iy (m) of a point, (k,) at phases (k,): of the rigid linkage, and of the flexible one."""
+
+    phase: Array
+    rigid: Array
+    elastic: Array
+
+    @property
+    def deviation(self) -> Array:
+        """Displacement x + iy (m) from the rigid curve."""
+        return self.elastic - self.rigid
+
+
+@dataclass(frozen=True)
+class CurveOfPoint(AtOneSpeed):
+    """The curve of the point at a fraction `along` of the coupler, `across` (m) beside its axis."""
+
+    along: float
+    across: float
+    quasi_static: bool
+    curve: CouplerCurve
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        distance = np.abs(self.curve.deviation)
+        return {
+            **super().whole,
+            "along": self.along,
+            "across": self.across,
+            "quasi_static": self.quasi_static,
+            "max_deviation": distance.max(),
+            "at": self.curve.phase[distance.argmax()],
+            "rms_deviation": _rms(distance),
+        }
+
+    @property
+    def columns(self) -> Columns:
+        """The places over the turn."""
+        columns = {"phase": Column(self.curve.phase, "rad", "phase of the drive", axes=("phase",))}
+        for name, places in (("rigid", self.curve.rigid), ("flexible", self.curve.elastic)):
+            for axis, part in (("x", np.real), ("y", np.imag)):
+                meaning = f"{axis} of the point of the {name} linkage"
+                columns[f"{name}_{axis}"] = Column(part(places), "m", meaning, axes=("phase",))
+        return columns
+
+    def record(self) -> dict[str, Any]:
+        curve = {name: column.values for name, column in self.columns.items()}
+        return {**super().record(), "curve": plain(curve)}
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """Largest and mean deviation, and its parts along x and y."""
+        deviation = self.curve.deviation
+        parts = {"distance": np.abs(deviation), "along x": np.real(deviation), "along y": np.imag(deviation)}
+        largest = parts["distance"].max()
+        factor, unit = prefixed("m", largest)
+        made = table("Deviation from the rigid curve", "", f"max|…| ({unit})", "at", f"rms ({unit})")
+        for name, values in parts.items():
+            at = np.abs(values).argmax()
+            sizes = (fixed(size * factor, largest * factor, 5) for size in (abs(values[at]), _rms(values)))
+            made.add_row(name, next(sizes), f"{math.degrees(self.curve.phase[at]):.1f}°", next(sizes))
+        return stacked(heading(self.system, self.orbit.speed, choices), made)
+
+    def plot(self) -> Figure:
+        """Both curves, and the distance between them over the turn."""
+        title = f"Coupler curve at {self.orbit.speed:.6g} rad/s" + ", quasi-static" * self.quasi_static
+        return curve_figure(title, self.curve)
+
+
+def _rms(values: Array) -> float:
+    """Over a turn, of which the first value is the last again."""
+    return float(np.sqrt((values[:-1] ** 2).mean()))
+
+
+def coupler_curve(
+    model: StructureModel, turn: Turn, along: float, across: float, phase: Array
+) -> CouplerCurve:
+    """Of the point at a fraction `along` (0 … 1) of the coupler from A, `across` (m) beside its axis.
+
+    Raises ValueOutOfBoundsError.
+    """
+    if not np.isfinite(across):
+        raise ValueOutOfBoundsError(f"distance beside the coupler is {across} m; allowed: finite numbers")
+    q, _, _ = turn.state(phase)
+    return CouplerCurve(phase, *model.path("coupler", along, across, phase, q))
+
+
+def curve_of_point(
+    model: StructureModel,
+    speed: float | str,
+    along: float,
+    across: float,
+    quasi_static: bool = False,
+    rtol: float = 1e-6,
+) -> CurveOfPoint:
+    """The same of the periodic solution at a speed, or of the kinetostatic one."""
+    orbit = solve.periodic(model, speed, rtol=rtol)
+    turn = orbit.quasi_static if quasi_static else orbit
+    phase = np.linspace(0.0, model.period, _SAMPLES)
+    found = coupler_curve(model, turn, along, across, phase)
+    return CurveOfPoint(orbit, along, across, quasi_static, found)
+
+
+def curve_figure(title: str, curve: CouplerCurve) -> Figure:
+    """Both curves, and the distance between them over the turn."""
+    from matplotlib.ticker import MultipleLocator
+
+    deviation = curve.deviation
+    factor, unit = prefixed("m", float(np.abs(deviation).max()))
+    with page(3.4, title) as figure:
+        left, right = figure.subplots(1, 2)
+        left.plot(1e3 * np.real(curve.rigid), 1e3 * np.imag(curve.rigid), color=BLACK, label="rigid")
+        path = 1e3 * curve.elastic
+        left.plot(np.real(path), np.imag(path), color=VERMILION, linewidth=1.0, label="flexible")
+        left.plot(
+            *(part(1e3 * curve.rigid[:1]) for part in (np.real, np.imag)),
+            "o",
+            color=BLACK,
+            label="crank at 0°",
+        )
+        left.set_aspect("equal", adjustable="datalim")
+        left.set_xlabel("x (mm)")
+        left.set_ylabel("y (mm)")
+        left.legend(loc="best")
+        for part, name, colour in ((np.real, "along x", BLUE), (np.imag, "along y", VERMILION)):
+            right.plot(np.degrees(curve.phase), factor * part(deviation), color=colour, label=name)
+        right.plot(np.degrees(curve.phase), factor * np.abs(deviation), color=GREY, label="distance")
+        right.set_xlim(0.0, 360.0)
+        right.xaxis.set_major_locator(MultipleLocator(60))
+        right.set_xlabel("crank angle (°)")
+        right.set_ylabel(f"deviation ({unit})")
+        right.legend(loc="best")
+    return figure

@@ -1,0 +1,144 @@
+"""Sweeps of several systems over the same speeds, side by side: what a parameter or an option changes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.contents import Column, Columns, plain
+from solve.results.plot import label_quantity, label_speeds, shades, title_of
+from solve.results.quantities import RPM, fixed, named, prefixed
+from solve.results.report import RenderableType, model_heading, stacked, table
+from solve.results.result import Result
+from solve.results.style import Figure, page
+from solve.results.sweep import Sweep
+from solve.system import PeriodicSystem
+
+_PROMINENT = 1e-3
+"""Part of its height by which an extreme must stand out from its surroundings."""
+
+PEAK, QUIET = "peak", "quiet"
+
+
+class Extreme(NamedTuple):
+    """A speed (rad/s) where the first system's response is largest or least among its neighbours, which of
+    the two, and the responses of all the systems there."""
+
+    speed: float
+    kind: str
+    responses: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Sweeps(Result):
+    """Sweeps over the same speeds (rad/s), by the label of their system. title: what the labels are
+    values of; quantities: coordinates and outputs, or names that stand for several, of which a figure was
+    asked for; system: the one that was varied."""
+
+    title: str
+    speeds: Array
+    sweeps: Mapping[str, Sweep]
+    quantities: Sequence[str]
+    system: PeriodicSystem
+    figure: str = "max_abs"
+
+    def figures(self, quantity: str, figure: str | None = None) -> Array:
+        """A figure of a coordinate or output (systems, speeds), as `Sweep.figures`, or the largest of those
+        that the quantity stands for; NaN where a point failed. Raises UnknownNameError."""
+        figure = figure or self.figure
+        parts = next(iter(self.sweeps.values())).system.parts(quantity)
+        found = [[each.figures(part, figure) for part in parts] for each in self.sweeps.values()]
+        return np.max(found, axis=1)
+
+    def extremes(self, quantity: str, figure: str | None = None) -> list[Extreme]:
+        """Peaks and quiet speeds of the first system among the given speeds, rising, with what the others
+        do there. Raises UnknownNameError."""
+        from scipy.signal import find_peaks
+
+        responses = self.figures(quantity, figure)
+        order = np.argsort(self.speeds)
+        order = order[np.isfinite(responses[0, order])]
+        speeds, responses = self.speeds[order], responses[:, order]
+        first = responses[0]
+        found = []
+        for kind, sign in ((PEAK, 1.0), (QUIET, -1.0)):
+            at, properties = find_peaks(sign * first, prominence=0.0)
+            at = at[properties["prominences"] > _PROMINENT * np.abs(first[at])]
+            found += [Extreme(float(speeds[k]), kind, tuple(responses[:, k].tolist())) for k in at]
+        return sorted(found)
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What is doubtful or has no result, by the system."""
+        return [f"{label}: {text}" for label, each in self.sweeps.items() for text in each.warnings]
+
+    def plot(self, quantities: Sequence[str] | None = None, figure: str | None = None) -> Figure:
+        """A row a quantity, a curve a system (matplotlib Figure). Raises UnknownNameError."""
+        responses = {name: self.figures(name, figure) for name in quantities or self.quantities}
+        order = np.argsort(self.speeds)
+        rpm = self.speeds[order] * RPM
+        with page(1.1 + 1.9 * len(responses), f"{title_of(self.system)}: response over speed") as made:
+            axes = made.subplots(len(responses), 1, sharex=True, squeeze=False)[:, 0]
+            for place, (name, values) in zip(axes, responses.items(), strict=True):
+                factor = label_quantity(place, self.system, name, values, figure or self.figure)
+                for label, row, shade in zip(self.sweeps, values, shades(len(self.sweeps)), strict=True):
+                    place.plot(rpm, row[order] * factor, label=label, **shade)
+                if np.nanmin(values, initial=0.0) >= 0:
+                    place.set_ylim(bottom=0.0)
+            label_speeds(axes[-1], rpm)
+            made.align_ylabels(axes)
+            handles, names = axes[0].get_legend_handles_labels()
+            made.legend(handles, names, title=self.title, loc="outside right center", handlelength=2.4)
+        return made
+
+    @property
+    def columns(self) -> Columns:
+        """A row a speed: each figure of each system."""
+        columns = {"speed": Column(self.speeds, "rad/s", "speed of rotation", axes=("speed",))}
+        for name in self.quantities:
+            unit = self.system.units.get(name, "")
+            for label, values in zip(self.sweeps, self.figures(name), strict=True):
+                meaning = f"{self.figure} of {name}, {self.title} {label}"
+                columns[f"{name} {label}"] = Column(values, unit, meaning, axes=("speed",))
+        return columns
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        extremes = {name: [one._asdict() for one in self.extremes(name)] for name in self.quantities}
+        return {"over": self.title, "figure": self.figure, "extremes": extremes}
+
+    def record(self) -> dict[str, Any]:
+        """The same with every figure of each system."""
+        values = {name: self.figures(name) for name in self.quantities}
+        systems = [
+            {
+                "value": label,
+                "responses": {name: values[name][at] for name in self.quantities},
+                "spectral_radius": each.spectral_radius,
+            }
+            for at, (label, each) in enumerate(self.sweeps.items())
+        ]
+        return {**super().record(), **plain({"speeds": self.speeds, "systems": systems})}
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """Peaks and quiet speeds of each quantity, and its largest figures."""
+        head = model_heading(self.system, choices)
+        low, high = (f"{speed * RPM:.6g}" for speed in (self.speeds.min(), self.speeds.max()))
+        head.add_row("over", f"{len(self.speeds)} speeds from {low} to {high} rpm")
+        return stacked(head, *map(self._table, self.quantities))
+
+    def _table(self, name: str) -> RenderableType:
+        values = self.figures(name)
+        largest = float(np.nanmax(np.abs(values), initial=0.0))
+        factor, unit = prefixed(self.system.units.get(name, ""), largest)
+        title = f"{named(self.figure, name)} in {unit}, for {self.title or 'each'}"
+        made = table(title, "rpm", "", *self.sweeps, left=2)
+        for speed, kind, responses in self.extremes(name):
+            cells = (fixed(each * factor, each * factor, 4) for each in responses)
+            made.add_row(f"{speed * RPM:.2f}", kind, *cells)
+        made.add_row("largest", "", *(fixed(each, each, 4) for each in np.nanmax(values, axis=1) * factor))
+        made.caption = "peaks and quiet speeds of the first, among the speeds given"
+        return made

@@ -1,0 +1,212 @@
+"""Results read back from files: what they can, what they refuse, and files that are none."""
+
+import json
+import math
+import pickle
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import FileError, ReopenedError
+from solve.results import lasting
+from tests.solve.results.problems import SPEED, orbit, oscillators, x_of
+
+PHASE = np.linspace(-7.0, 12.0, 1001)
+ENDINGS = (".nc", ".npz")
+
+
+@pytest.fixture(scope="module")
+def first():
+    return orbit()
+
+
+@pytest.fixture(params=ENDINGS)
+def again(request, first, tmp_path):
+    first.save(tmp_path / f"orbit{request.param}")
+    return solve.open(tmp_path / f"orbit{request.param}")
+
+
+def test_the_curve_is_the_same_function(first, again):
+    np.testing.assert_array_equal(again.at(PHASE), first.at(PHASE))
+    np.testing.assert_allclose(again.at(PHASE)[0], x_of(PHASE), rtol=1e-6)
+    for ours, theirs in zip(again.state(PHASE), first.state(PHASE), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert again.harmonics("x", 300)[0].tobytes() == first.harmonics("x", 300)[0].tobytes()
+
+
+def test_outputs_are_those_of_the_nodes_and_between_samples_a_spline(first, again):
+    np.testing.assert_array_equal(again.outputs["power"], first.outputs["power"])
+    assert again.statistics("power") == first.statistics("power")
+    assert again.harmonics("power")[0].tobytes() == first.harmonics("power")[0].tobytes()
+    between = 5 / 384 * (2 * math.pi / 2048) ** 4 * 6**4 * first.statistics("power").max
+    np.testing.assert_allclose(again.signal("power")(PHASE), first.signal("power")(PHASE), atol=between)
+
+
+def test_what_needs_the_equations_is_refused_in_one_line(again):
+    for ask in (
+        lambda: again.quasi_static.statistics("x"),
+        lambda: again.certified,
+        lambda: solve.floquet(again.system, SPEED),
+        lambda: again.system.varied({"k": 1.0}),
+    ):
+        with pytest.raises(ReopenedError, match=r"^[^\n]*load the model and solve again$"):
+            ask()
+    with pytest.raises(AttributeError, match="no attribute 'colour'"):
+        _ = again.colour
+
+
+def test_the_labels_of_the_system_are_kept(again):
+    system = oscillators()
+    assert (again.system.name, again.system.coordinates) == (system.name, system.coordinates)
+    assert dict(again.system.units) == dict(system.units)
+    assert dict(again.system.meanings) == dict(system.meanings)
+
+
+def test_a_chart_that_was_read_refuses_further_points_and_keeps_its_cuts(tmp_path):
+    made = solve.chart("mathieu", "delta=0:5:7", "epsilon=0:5:7", 1.0).with_cuts([("epsilon", 1.0)])
+    made.save(tmp_path / "chart.nc")
+    read = solve.open(tmp_path / "chart.nc")
+    assert read.cuts[0].crossings == made.cuts[0].crossings
+    assert all(
+        one.name == other.name and one.points.tobytes() == other.points.tobytes()
+        for one, other in zip(read.boundaries, made.boundaries, strict=True)
+    )
+    for ask in (lambda: read.at(1.0, 1.0), lambda: read.cut(x=1.0)):
+        with pytest.raises(ReopenedError, match="load the model and solve again"):
+            ask()
+
+
+def test_the_model_its_numbers_and_versions_travel_along(tmp_path):
+    cam = solve.load("cam")
+    solve.floquet(cam, "300 rpm").save(tmp_path / "cam.npz")
+    read = solve.open(tmp_path / "cam.npz").record()
+    assert read["model_hash"] == cam.module.FILE_SHA256
+    assert (read["case"], read["parameters"]) == ("1", dict(cam.parameters))
+    with np.load(tmp_path / "cam.npz") as arrays:
+        assert "numpy" in json.loads(str(arrays["metadata"]))["versions"]
+
+
+VALUES = (
+    None,
+    True,
+    "text",
+    -0.0,
+    math.inf,
+    0.1,
+    2**60,
+    1 - 2j,
+    (1, [2.0, (3,)]),
+    {1: "a", "b": [None]},
+    np.array([[1.5, np.nan], [-0.0, np.inf]]),
+    np.array([1 + 2j, -0j]),
+    np.array([True, False]),
+    np.arange(5, dtype=np.int8),
+    np.array(["", "ρ", "b"]),
+    np.array([["x", "y"], ["y", "x"]], dtype=object),
+    np.zeros((0, 3)),
+    np.array(1.25),
+)
+
+
+def same(one, other):
+    if isinstance(one, np.ndarray):
+        kept = one.dtype == other.dtype and one.shape == other.shape
+        return kept and (
+            one.tolist() == other.tolist() if one.dtype == object else one.tobytes() == other.tobytes()
+        )
+    if isinstance(one, tuple | list):
+        return type(one) is type(other) and len(one) == len(other) and all(map(same, one, other))
+    return type(one) is type(other) and repr(one) == repr(other)
+
+
+def test_values_of_every_kind_come_back_to_the_bit():
+    packing = lasting._Packing()
+    plain = json.loads(json.dumps([packing.plain(value) for value in VALUES]))
+    unpacking = lasting._Unpacking(packing.arrays, [])
+    for value, read in zip(VALUES, map(unpacking.value, plain), strict=True):
+        assert same(value, read), value
+
+
+@pytest.mark.parametrize("ending", [".csv", ".mat"])
+def test_exports_are_refused(first, tmp_path, ending):
+    first.save(tmp_path / f"orbit{ending}")
+    with pytest.raises(FileError, match=r"is an export, .* open the result's \.nc or \.npz$"):
+        solve.open(tmp_path / f"orbit{ending}")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("none.nc", "there is no file"),
+        ("orbit.txt", "is no file of results; allowed: .nc, .npz"),
+        ("orbit", "allowed"),
+    ],
+)
+def test_other_names_are_refused(tmp_path, name, message):
+    with pytest.raises(FileError, match=message):
+        solve.open(tmp_path / name)
+
+
+def foreign(folder):
+    """Files of the right ending that hold something else."""
+    folder.joinpath("text.nc").write_text("no result")
+    folder.joinpath("empty.npz").write_bytes(b"")
+    np.savez(folder / "other.npz", q=np.arange(3.0))
+    np.savez(
+        folder / "pickled.npz", allow_pickle=True, state=np.array([print], dtype=object), seal=np.zeros(32)
+    )
+    folder.joinpath("pickle.npz").write_bytes(pickle.dumps({"state": 1}))
+    with zipfile.ZipFile(folder / "zip.npz", "w") as whole:
+        whole.writestr("state.npy", "no array")
+    with h5py.File(folder / "other.nc", "w") as whole:
+        whole["state"] = np.arange(3.0)
+    state = lasting.packed(orbit())
+    np.savez(folder / "changed.npz", **{**state, "state0": state["state0"] + 1e-9})
+    return sorted(path for path in folder.iterdir() if path.is_file())
+
+
+def test_foreign_files_are_refused_in_one_line(tmp_path):
+    files = foreign(tmp_path)
+    assert len(files) == 8
+    for file in files:
+        with pytest.raises(FileError, match=r"^[^\n]*is no result of this program, or it is damaged[^\n]*$"):
+            solve.open(file)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_damage_anywhere_is_refused_or_changes_nothing(tmp_path, ending):
+    """Of a cut file nothing is read; of a changed byte either nothing, or it was none of the result's."""
+    made = solve.floquet(oscillators(), SPEED)
+    file = tmp_path / f"result{ending}"
+    made.save(file)
+    whole, record = file.read_bytes(), made.record()
+    for end in np.linspace(0, len(whole) - 1, 25).astype(int):
+        file.write_bytes(whole[:end])
+        with pytest.raises(FileError):
+            solve.open(file)
+    refused = 0
+    for place in np.random.default_rng(1).integers(0, len(whole), 150):
+        changed = bytearray(whole)
+        changed[place] ^= 0x55
+        file.write_bytes(changed)
+        try:
+            assert solve.open(file).record() == record
+        except FileError:
+            refused += 1
+    assert refused > 10
+
+
+def test_a_later_format_and_an_unknown_kind_are_named(tmp_path, monkeypatch):
+    made = solve.floquet(oscillators(), SPEED)
+    made.save(tmp_path / "now.npz")
+    monkeypatch.setattr(lasting, "FORMAT", lasting.FORMAT + 1)
+    made.save(tmp_path / "later.npz")
+    monkeypatch.undo()
+    with pytest.raises(FileError, match=r"later\.npz' cannot be opened: it is of format 2, known up to 1"):
+        solve.open(tmp_path / "later.npz")
+    monkeypatch.delitem(lasting._KNOWN, "Stability")
+    with pytest.raises(FileError, match=r"it holds a Stability, which no module in use knows"):
+        solve.open(tmp_path / "now.npz")

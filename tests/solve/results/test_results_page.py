@@ -1,0 +1,334 @@
+"""docs/results.md: every cell of its table is tried, and its examples run."""
+
+import json
+import re
+import shlex
+from functools import cache
+from html.parser import HTMLParser
+from inspect import isclass, isfunction
+from pathlib import Path
+from typing import get_type_hints
+
+import numpy as np
+import pytest
+
+import solve
+from models.four_bar.__main__ import run as four_bar_command
+from models.four_bar.design import designed
+from models.four_bar.design_map import design_map
+from models.four_bar.results.corrected import corrections
+from models.four_bar.results.curve import curve_of_point
+from models.four_bar.results.design import carry_out
+from models.four_bar.results.linkage import rigid_motion
+from models.four_bar.results.modes import modes
+from solve.commands.app import run as solve_command
+from solve.results.result import Result
+
+PAGE = (Path(__file__).parents[3] / "docs" / "results.md").read_text(encoding="utf-8")
+SLOW = "corrections", "carry_out"
+
+
+@cache
+def cam():
+    return solve.load("cam")
+
+
+@cache
+def four_bar():
+    return solve.load("four_bar")
+
+
+def run_up():
+    start, stress = np.geomspace(8.0, 30.0, 20), dict.fromkeys(("crank", "coupler", "follower"), 100e6)
+    return carry_out(designed(design_map(four_bar(), stress, start, (0.53, 0.63), 7)), 29.0, 2.0)
+
+
+MADE = {
+    "solve.periodic": (lambda: solve.periodic(cam(), "300 rpm"), '--speed "300 rpm"'),
+    "solve.nonlinear": (
+        lambda: solve.nonlinear(cam(), "100 rpm", rtol=1e-6),
+        '--speed "100 rpm" --rtol 1e-6',
+    ),
+    "solve.floquet": (lambda: solve.floquet(cam(), "300 rpm"), '--speed "300 rpm"'),
+    "solve.sweep": (lambda: solve.sweep(cam(), [30.0, 40.0]), '--speeds "30:40:2 rad/s"'),
+    "solve.chart": (
+        lambda: solve.chart("mathieu", "delta=0:5:9", "epsilon=0:5:9", 1.0),
+        "--x delta=0:5:9 --y epsilon=0:5:9",
+    ),
+    "solve.bands": (
+        lambda: solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3), [0.8, 1.2]),
+        '--speeds "0.8:1.2:2 rad/s" --set delta=1 --set epsilon=0.3',
+    ),
+    "solve.critical_speeds": (
+        lambda: solve.critical_speeds(cam(), [40.0, 45.0, 50.0], rtol=1e-5),
+        '--speeds "40:50:3 rad/s" --rtol 1e-5',
+    ),
+    "solve.compare": (
+        lambda: solve.compare(cam(), "300 rpm", methods=["gauss"]),
+        '--speed "300 rpm" --method gauss',
+    ),
+    "solve.frequencies": (lambda: solve.frequencies(cam(), np.arange(4) * np.pi / 2), "4"),
+    "solve.frequencies_over": (
+        lambda: solve.frequencies_over(cam(), "k3", [1e8, 2e8], np.zeros(1)),
+        'k3=1e8:2e8:2 --position "0 deg"',
+    ),
+    "solve.transient": (lambda: solve.transient(cam(), "100 rpm", 2), '--speed "100 rpm" --turns 2'),
+    "solve.validity": (lambda: solve.validity(cam(), [10.0, 20.0]), '--speeds "10:20:2 rad/s"'),
+    "solve.sensitivities": (
+        lambda: solve.sensitivities(cam(), "300 rpm", ["q1.max_abs", "rho1"], ["k1", "speed"]),
+        '--speed "300 rpm" --of q1.max_abs --of rho1 --by k1 --by speed',
+    ),
+    "solve.sweeps": (
+        lambda: solve.sweeps(
+            solve.variants(four_bar(), "L4", [0.547, 0.6]), [25.0, 30.0], ["crank_root_stress"], "L4 (m)"
+        ),
+        '--speeds "25:30:2 rad/s" --over L4=0.547,0.6 --of crank_root_stress',
+    ),
+    "rigid_motion": (
+        lambda: rigid_motion("table41", four_bar().parameters, speed=30.0, position=1.0),
+        '--speed "30 rad/s" --position "1 rad"',
+    ),
+    "modes": (
+        lambda: modes(four_bar(), 35.0, "follower_midpoint_deflection", 4, False, 1e-6),
+        '--speed "35 rad/s"',
+    ),
+    "curve_of_point": (
+        lambda: curve_of_point(four_bar(), 30.0, 0.5, 0.01),
+        '--speed "30 rad/s" --across 0.01',
+    ),
+    "corrections": (
+        lambda: corrections(four_bar(), 30.0, "follower_midpoint_stress", ["1"]),
+        '--speed "30 rad/s" --elements 1',
+    ),
+    "carry_out": (
+        run_up,
+        '--allowable "100 MPa" --target "29 rad/s" --speeds "8:30:20 rad/s" --L4 "0.53:0.63:7 m" '
+        '--time "2 s"',
+    ),
+}
+"""By the name in the first column: how it is made, and the flags that make the same."""
+
+
+@cache
+def made(name):
+    return MADE[name][0]()
+
+
+def is_print(result, _):
+    lines = repr(result).splitlines()
+    assert 2 <= len(lines) <= 15
+    assert all(len(line) <= 80 for line in lines)
+
+
+class Tags(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.open, self.text = [], ""
+
+    def handle_starttag(self, tag, attrs):
+        self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def is_html(result, _):
+    tags = Tags()
+    tags.feed(result._repr_html_())
+    assert not tags.open
+    assert result.about["model"] in tags.text
+
+
+def is_xarray(result, _):
+    dataset = result.to_xarray()
+    about = json.loads(dataset.attrs["metadata"])
+    assert about["parameters"] == pytest.approx(dict(result.about["parameters"]))
+    assert about["case"] == result.about["case"]
+    assert about["warnings"] == result.warnings
+    assert set(about["versions"]) >= {"parametric-vibration", "numpy"}
+    assert all(variable.attrs.get("units", "?") for variable in dataset.data_vars.values())
+
+
+def is_pandas(result, _):
+    table = result.to_pandas()
+    dataset = result.to_xarray()
+    assert len(table)
+    for name in table.columns:
+        np.testing.assert_array_equal(np.unique(table[name]), np.unique(dataset[name]))
+
+
+def is_nc(result, folder):
+    import xarray
+
+    result.save(folder / "result.nc")
+    with xarray.open_dataset(folder / "result.nc", engine="h5netcdf") as read:
+        xarray.testing.assert_identical(read.load(), result.to_xarray())
+
+
+def is_npz(result, folder):
+    result.save(folder / "result.npz")
+    with np.load(folder / "result.npz", allow_pickle=False) as arrays:
+        for name, values in result.contents().numbers.items():
+            np.testing.assert_array_equal(arrays[name], values)
+
+
+def is_mat(result, folder):
+    from scipy.io import loadmat
+
+    result.save(folder / "result.mat")
+    read = loadmat(folder / "result.mat")
+    for name, values in result.contents().numbers.items():
+        if values.dtype.kind in "fc":
+            np.testing.assert_array_equal(read[name].ravel(), values.ravel())
+    assert json.loads(str(read["metadata"][0]))["model"] == result.about["model"]
+
+
+def is_csv(result, folder):
+    result.save(folder / "result.csv")
+    table = result.to_pandas()
+    rows = (folder / "result.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 1 + len(table)
+
+
+def opened(result, folder, ending):
+    """What it says, shows and holds is the same to the last bit."""
+    file = folder / f"result{ending}"
+    result.save(file)
+    again = solve.open(file)
+    assert type(again) is type(result)
+    assert again.record() == result.record()
+    assert repr(again) == repr(result)
+    assert again._repr_html_() == result._repr_html_()
+    assert again.warnings == result.warnings
+    assert again.to_xarray().identical(result.to_xarray())
+    ours, theirs = again.contents().numbers, result.contents().numbers
+    assert ours.keys() == theirs.keys()
+    for name, values in theirs.items():
+        assert ours[name].dtype == values.dtype
+        assert ours[name].tobytes() == values.tobytes()
+    drawn, first = again.plot(), result.plot()
+    for one, other in zip(drawn.axes, first.axes, strict=True):
+        for line, before in zip(one.lines, other.lines, strict=True):
+            np.testing.assert_array_equal(line.get_xydata(), before.get_xydata())
+    again.save(folder / f"again{ending}")
+    assert solve.open(folder / f"again{ending}").record() == result.record()
+
+
+def is_open_nc(result, folder):
+    opened(result, folder, ".nc")
+
+
+def is_open_npz(result, folder):
+    opened(result, folder, ".npz")
+
+
+def is_plot(result, _):
+    figure = result.plot()
+    assert figure.axes
+    assert any(axes.has_data() for axes in figure.axes)
+
+
+def is_json(result, _):
+    record = result.record()
+    assert json.loads(json.dumps(record, allow_nan=False)) == record
+    assert record["model"] == result.about["model"]
+    assert record["warnings"] == result.warnings
+
+
+def command_of(name, cell):
+    """The command of a row and its flags, and what runs it."""
+    program, words = cell.strip("`").split(" ", 1)
+    run = solve_command
+    if program == "python":
+        run, words = four_bar_command, words.removeprefix("-m models.four_bar ")
+    word, *flags = words.split()
+    model = (
+        [] if run is four_bar_command else ["mathieu" if name in {"solve.chart", "solve.bands"} else "cam"]
+    )
+    return run, [word, *model, *flags, *shlex.split(MADE[name][1])]
+
+
+def without_times(record):
+    """Processor times differ from run to run, and with them what is chosen by them."""
+    return {name: value for name, value in record.items() if name not in {"rows", "measured", "targets"}}
+
+
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in PAGE.splitlines()
+    if line.startswith("|")
+]
+HEAD = ROWS[0]
+TRIED = {name: globals()[f"is_{name.lower().replace(' ', '_').replace('.', '')}"] for name in HEAD[1:-1]}
+
+
+def names():
+    """Of the results, as the page states them."""
+    return [re.match(r"`(.+?)`", row[0])[1] for row in ROWS[2:]]
+
+
+def slowly(name):
+    return pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name
+
+
+def test_the_page_has_every_result_and_no_hole():
+    """Every public function of `solve` whose return value is declared to be a result has a row."""
+    public = {name: getattr(solve, name) for name in solve.__all__}
+    returned = {name: get_type_hints(each).get("return") for name, each in public.items() if isfunction(each)}
+    results = {
+        f"solve.{name}" for name, kind in returned.items() if isclass(kind) and issubclass(kind, Result)
+    }
+    assert {name for name in MADE if name.startswith("solve.")} == results
+    assert set(names()) == set(MADE)
+    for row in ROWS[2:]:
+        assert row[1:-1] == ["yes"] * (len(HEAD) - 2)
+
+
+@pytest.mark.parametrize("ability", HEAD[1:-1])
+@pytest.mark.parametrize("name", [slowly(name) for name in names()])
+def test_every_cell(name, ability, tmp_path):
+    TRIED[ability](made(name), tmp_path)
+
+
+def test_rows_of_a_chart_are_its_points():
+    chart = made("solve.chart")
+    table, dataset = chart.to_pandas(), chart.to_xarray()
+    assert dataset["spectral_radius"].dims == ("epsilon", "delta")
+    for row in table.itertuples():
+        there = dataset["spectral_radius"].sel(epsilon=row.epsilon, delta=row.delta)
+        assert float(there) == row.spectral_radius
+
+
+@pytest.mark.parametrize("name", [slowly(name) for name in names()])
+def test_every_command_saves_and_prints_the_same(name, tmp_path, capsys):
+    cell = next(row[-1] for row in ROWS[2:] if row[0].startswith(f"`{name}`"))
+    run, words = command_of(name, cell)
+    for ending in (".nc", ".npz"):
+        file = tmp_path / f"result{ending}"
+        assert run([*words, "--json", "--save", str(file), "--plot", str(tmp_path / "result.png")]) == 0
+        printed = json.loads(capsys.readouterr().out)
+        assert solve.open(file).record()["parameters"] == printed["parameters"]
+        if name not in {"solve.frequencies", "solve.frequencies_over"}:
+            assert without_times(solve.open(file).record()) == without_times(printed)
+            break
+
+
+def blocks():
+    return re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+def test_the_examples_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first, second = blocks()
+    exec(first, {})
+    room = {"__name__": "solve.results.example"}
+    exec(second, room)
+    phase = np.linspace(0.0, 1.0, 3)
+    K = cam().at(phase, 10.0)[2]
+    found = room["Stiffness"](cam(), phase, np.linalg.eigvalsh(K)[:, -1])
+    found.save("stiffness.npz")
+    assert solve.open("stiffness.npz").record() == found.record()
+    assert "phase (°)" in repr(found)
