@@ -65,6 +65,17 @@ class ManyPoints(Protocol):
         ...
 
 
+class Formulas(NamedTuple):
+    """Outputs as C: `void formulas(const lane *const *in, lane *out)` of phase, speed, q, q̇, q̈ and
+    parameters, with names and values (p,) of these, or (P, p) of many points, and how many outputs there are.
+    `lane` is a type of several doubles, one a point."""
+
+    text: str
+    outputs: int
+    names: tuple[str, ...]
+    values: Array
+
+
 class Marcher(Protocol):
     """A system followed in time, with its states at nodes (k,) over a period; derivatives by the phase."""
 
@@ -219,6 +230,11 @@ class PeriodicSystem:
     ) -> Mapping[str, Array]:
         """Outputs (k,) by name at phases (k,) and states q, q̇, q̈ (n, k), derivatives by time."""
         return {}
+
+    def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
+        """The outputs as C text in which parameters of these names may take any values; None where there is
+        none."""
+        return None
 
     def warnings(self, speed: float) -> list[str]:
         """About the equations themselves at a speed (rad/s), whatever their solution."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
-from solve.system import PeriodicSystem
+from solve.system import Formulas, PeriodicSystem
 
 SPEED = "speed"
 """The name under which the speed Ω (rad/s) varies like a parameter."""
@@ -61,6 +61,10 @@ class Family:
             found.append([values[name] for name in names])
         return np.array(found).reshape(len(points), -1, phase.shape[1])
 
+    def output_formulas(self, points: Array) -> Formulas | None:
+        """Those of the example with the parameters (P, p) of the points; None where there are none."""
+        return None
+
 
 class SystemFamily(Family):
     """A system over its speed, its parameters, or both."""
@@ -106,6 +110,14 @@ class SystemFamily(Family):
             return super().outputs(names, phase, points, q, qd, qdd)
         every = self._together.outputs(phase, *self._numbers(points), q, qd, qdd)
         return every[:, [self.example.outputs.index(name) for name in names]]
+
+    def output_formulas(self, points: Array) -> Formulas | None:
+        found = self.example.output_formulas(self._free)
+        if found is None:
+            return None
+        values = np.tile(found.values, (len(points), 1))
+        values[:, [found.names.index(name) for name in self._free]] = self._numbers(points)[1]
+        return found._replace(values=values)
 
     def _varied(self, values: Array) -> PeriodicSystem:
         if not self._free:

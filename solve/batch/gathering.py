@@ -10,7 +10,7 @@ from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.family import Family
 from solve.certify.certified import Certified, Request
-from solve.kernel.engines import chosen_engine
+from solve.kernel.engines import COMPILED, chosen_engine
 from solve.methods.choice import Rule, chosen
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
@@ -91,7 +91,10 @@ class _Keeper:
         wanted = [name for name in system.outputs if name in (*kept.names, *kept.spectra)]
         order = [*system.coordinates, *wanted]
         outputs = (lambda phase, *state: family.outputs(wanted, phase, points, *state)) if wanted else None
-        quantities = Quantities(curve, family.speeds(points), outputs)
+        engine = self.batch.request.engine
+        formulas = family.output_formulas(points) if wanted and engine == COMPILED else None
+        places = [system.outputs.index(name) for name in wanted]
+        quantities = Quantities(curve, family.speeds(points), outputs, engine, formulas, places)
         self.results.figures[at] = quantities.figures()[:, [order.index(name) for name in kept.names]]
         if kept.spectra:
             chosen = [order.index(name) for name in kept.spectra]

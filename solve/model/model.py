@@ -17,7 +17,7 @@ from solve.model.generated import model_module, module_of
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.statistics import Statistics
-from solve.system import Marcher, Matrices, Motion, PeriodicSystem
+from solve.system import Formulas, Marcher, Matrices, Motion, PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
@@ -42,6 +42,7 @@ class Model(PeriodicSystem):
         module = setup.module
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
+        self._formulas: dict[tuple[str, ...], Formulas | None] = {}
         self.name, self.title = module.NAME, module.TITLE
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.options = setup.options
@@ -154,6 +155,13 @@ class Model(PeriodicSystem):
         values = self._outputs(phase[None], speed, q, qd, qdd, self.setup.p)
         columns = values if isinstance(values, tuple) else (values,)
         return {name: value.full()[0] for name, value in zip(self.outputs, columns, strict=True)}
+
+    def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
+        names = tuple(sorted(varied))
+        if names not in self._formulas:
+            generated = self.outputs and hasattr(self.module, "outputs")
+            self._formulas[names] = self.setup.formulas("outputs", names) if generated else None
+        return self._formulas[names]
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:
