@@ -25,7 +25,7 @@ from solve.threads import one_thread
 _FEWEST = 8
 """Points prepared together, however large."""
 
-_MEMORY = 2**23
+_MEMORY = 2**25
 """Bytes that the frozen coefficients of points prepared together may take."""
 
 

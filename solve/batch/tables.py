@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, across
 from solve.batch.family import Family
 from solve.period.points import Tables
 
@@ -105,9 +105,9 @@ class Separation:
             nested.append(rest)
         coefficients = self._by_term(nested, len(points))
         predicted = Tables(self.table(checks), coefficients, self.entry, self.n).entries()
-        error = np.abs(samples[:, -len(checks) :] - predicted).max(axis=1)
-        fits = error <= _FITS * np.abs(samples).max(axis=1)
-        return coefficients, fits.all(axis=1) & np.isfinite(samples).all(axis=(1, 2))
+        error = across(np.maximum, np.abs(samples[:, -len(checks) :] - predicted), 1)
+        largest = across(np.maximum, np.abs(samples), 1)
+        return coefficients, across(np.logical_and, (error <= _FITS * largest) & np.isfinite(largest))
 
 
 @dataclass(frozen=True)
