@@ -52,28 +52,35 @@ class DrawnLink(NamedTuple):
     ends: tuple[str, str]
 
 
-class ManyPoints(Protocol):
-    """A system at many points at once: each has its speed, (P,) in rad/s, and values (P, v) of its own for
-    some parameters."""
-
-    def entries(self, phase: Array, speeds: Array, values: Array) -> Array:
-        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
-        ...
-
-    def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
-        ...
-
-
 class Formulas(NamedTuple):
-    """Outputs as C: `void formulas(const lane *const *in, lane *out)` of phase, speed, q, q̇, q̈ and
-    parameters, with names and values (p,) of these, or (P, p) of many points, and how many outputs there are.
-    `lane` is a type of several doubles, one a point."""
+    """C text `void formulas(const lane *const *in, lane *out)`, how many outputs it has, and names and values
+    (p,), or (P, p) of many points, of the parameters, its last input; the others are phase, speed and, for
+    outputs of a model, q, q̇, q̈. `lane` is a type of several doubles, one a point."""
 
     text: str
     outputs: int
     names: tuple[str, ...]
     values: Array
+
+
+class ManyPoints(Protocol):
+    """A system at many points at once: each has its speed, (P,) in rad/s, and values (P, v) of its own for
+    some parameters."""
+
+    @property
+    def formulas(self) -> Formulas | None:
+        """M, C, K by rows and d, of derivatives by time, as C text of phase, speed and parameters, with those
+        that vary among these; None where there is none."""
+        ...
+
+    def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
+        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system. by_time:
+        what the formulas give, where it is known; it may be overwritten."""
+        ...
+
+    def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
+        ...
 
 
 class Marcher(Protocol):

@@ -9,6 +9,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
+from solve.kernel import formulas as kernel
+from solve.kernel.engines import COMPILED, NUMPY
 from solve.system import Formulas, PeriodicSystem
 
 SPEED = "speed"
@@ -40,7 +42,7 @@ class Family:
             return points[:, self.names.index(SPEED)]
         return np.full(len(points), self.speed)
 
-    def entries(self, phase: Array, points: Array) -> Array:
+    def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
         """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
         found = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
         for rows, point in zip(found, points, strict=True):
@@ -90,10 +92,12 @@ class SystemFamily(Family):
         (speed,), (values,) = self._numbers(point[None])
         return self._varied(values), float(speed)
 
-    def entries(self, phase: Array, points: Array) -> Array:
+    def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
         speeds, free = self._numbers(points)
         if self._together is not None and self._free:
-            return self._together.entries(phase, speeds, free)
+            formulas = self._together.formulas if engine == COMPILED else None
+            found = None if formulas is None else kernel.values(self._filled(formulas, points), phase, speeds)
+            return self._together.entries(phase, speeds, free, found)
         n = self.example.n
         found = np.full((len(points), len(phase), 3 * n**2 + n), np.nan)
         different, group = np.unique(free, axis=0, return_inverse=True)
@@ -113,11 +117,13 @@ class SystemFamily(Family):
 
     def output_formulas(self, points: Array) -> Formulas | None:
         found = self.example.output_formulas(self._free)
-        if found is None:
-            return None
-        values = np.tile(found.values, (len(points), 1))
-        values[:, [found.names.index(name) for name in self._free]] = self._numbers(points)[1]
-        return found._replace(values=values)
+        return None if found is None else self._filled(found, points)
+
+    def _filled(self, formulas: Formulas, points: Array) -> Formulas:
+        """With the parameters (P, p) of the points."""
+        values = np.tile(formulas.values, (len(points), 1))
+        values[:, [formulas.names.index(name) for name in self._free]] = self._numbers(points)[1]
+        return formulas._replace(values=values)
 
     def _varied(self, values: Array) -> PeriodicSystem:
         if not self._free:

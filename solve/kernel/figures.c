@@ -8,22 +8,9 @@
 
 #define FIGURES 7
 
-static inline lane where(mask m, lane x) { return (lane)((mask)x & m); }
 static inline lane chosen(mask m, lane x, lane y) { return (lane)(((mask)x & m) | ((mask)y & ~m)); }
 
 #ifdef FORMULAS
-static inline lane call_1(double (*f)(double), lane x) {
-    lane r;
-    for (int l = 0; l < LANES; l++) r[l] = f(x[l]);
-    return r;
-}
-
-static inline lane call_2(double (*f)(double, double), lane x, lane y) {
-    lane r;
-    for (int l = 0; l < LANES; l++) r[l] = f(x[l], y[l]);
-    return r;
-}
-
 #include FORMULAS
 #endif
 

@@ -17,3 +17,18 @@ typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
 typedef long long mask __attribute__((vector_size(8 * LANES)));
 
 const int lanes = LANES;
+
+/* What formulas are written with: x where the mask holds and else 0, and functions of numbers. */
+static inline lane where(mask m, lane x) { return (lane)((mask)x & m); }
+
+static inline lane call_1(double (*f)(double), lane x) {
+    lane r;
+    for (int l = 0; l < LANES; l++) r[l] = f(x[l]);
+    return r;
+}
+
+static inline lane call_2(double (*f)(double, double), lane x, lane y) {
+    lane r;
+    for (int l = 0; l < LANES; l++) r[l] = f(x[l], y[l]);
+    return r;
+}

@@ -220,10 +220,19 @@ class ModelPoints:
     def __init__(self, setup: Setup, n: int, names: Sequence[str]):
         self._setup, self._n, self._names = setup, n, names
 
-    def entries(self, phase: Array, speeds: Array, values: Array) -> Array:
+    @property
+    def formulas(self) -> Formulas | None:
+        return self._formulas
+
+    @cached_property
+    def _formulas(self) -> Formulas | None:
+        return self._setup.formulas("linearised", self._names)
+
+    def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
         P, k, n = len(speeds), len(phase), self._n
-        entries = self._matrices(np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0))
-        entries = _by_the_phase(entries.reshape(P, k, 3 * n**2 + n), speeds, n)
+        if by_time is None:
+            by_time = self._matrices(np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0))
+        entries = _by_the_phase(by_time.reshape(P, k, 3 * n**2 + n), speeds, n)
         if self._names:
             entries[~self._admitted(values)] = np.nan
         return entries

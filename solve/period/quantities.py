@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.kernel import figures as kernel
+from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.curve import Curve, PeriodicCurve
 from solve.sizes import SMALL

@@ -2,7 +2,7 @@
 
 import pytest
 
-from solve.kernel import compiler, figures, library
+from solve.kernel import compiler, formulas, library
 
 
 @pytest.fixture
@@ -11,7 +11,7 @@ def nothing_remembered():
 
     def forget():
         of_lanes = library.library, library.trouble, library.available
-        for remembered in (compiler._compiler, *of_lanes, figures._library):
+        for remembered in (compiler._compiler, *of_lanes, formulas._library):
             remembered.cache_clear()
 
     forget()
