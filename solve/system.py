@@ -375,7 +375,8 @@ class PeriodicSystem:
         1e-9 of their size, beyond rounding of the whole equation (a load that cancels is zero but for
         that), and beyond what a rounding of the phase makes (within a narrow pulse)."""
         apart = phase + np.maximum(np.abs(later - phase - self.period), 8 * _EPS * self.period)
-        first, second, beside = (self.in_phase(each, speed) for each in (phase, later, apart))
+        every = self.in_phase(np.concatenate((phase, later, apart)), speed)
+        first, second, beside = zip(*(np.split(part, 3) for part in every), strict=True)
         inertia = np.abs(np.einsum("kii->ki", first[0])).max(axis=0)
         unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
         scales = [unit[:, None] * unit] * 3 + [unit]

@@ -80,6 +80,13 @@ class Model(PeriodicSystem):
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
 
+    def entries(self, phase: Array, speed: float) -> Array:
+        if not isinstance(self._matrices, MatrixSampler):
+            return super().entries(phase, speed)
+        found = self.entries_over(phase, np.array([speed]))[0]
+        # The ordinary way says what is wrong.
+        return found if np.isfinite(found).all() else super().entries(phase, speed)
+
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         sampler = self._matrices
         if not isinstance(sampler, MatrixSampler):
