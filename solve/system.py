@@ -56,12 +56,30 @@ class DrawnLink(NamedTuple):
     ends: tuple[str, str]
 
 
+class Formulas(NamedTuple):
+    """C text `void formulas(const lane *const *in, lane *out)`, how many outputs it has, and names and values
+    (p,), or (P, p) of many points, of the parameters, its last input; the others are phase, speed and, for
+    outputs of a model, q, q̇, q̈. `lane` is a type of several doubles, one a point."""
+
+    text: str
+    outputs: int
+    names: tuple[str, ...]
+    values: Array
+
+
 class ManyPoints(Protocol):
     """A system at many points at once: each has its speed, (P,) in rad/s, and values (P, v) of its own for
     some parameters."""
 
-    def entries(self, phase: Array, speeds: Array, values: Array) -> Array:
-        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
+    @property
+    def formulas(self) -> Formulas | None:
+        """M, C, K by rows and d, of derivatives by time, as C text of phase, speed and parameters, with those
+        that vary among these; None where there is none."""
+        ...
+
+    def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
+        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system. by_time:
+        what the formulas give, where it is known; it may be overwritten."""
         ...
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
@@ -242,6 +260,11 @@ class PeriodicSystem:
         """Outputs (k,) by name at phases (k,) and states q, q̇, q̈ (n, k), derivatives by time."""
         return {}
 
+    def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
+        """The outputs as C text in which parameters of these names may take any values; None where there is
+        none."""
+        return None
+
     def warnings(self, speed: float) -> list[str]:
         """About the equations themselves at a speed (rad/s), whatever their solution."""
         return list(self.equation_warnings)
@@ -386,7 +409,8 @@ class PeriodicSystem:
         1e-9 of their size, beyond rounding of the whole equation (a load that cancels is zero but for
         that), and beyond what a rounding of the phase makes (within a narrow pulse)."""
         apart = phase + np.maximum(np.abs(later - phase - self.period), 8 * _EPS * self.period)
-        first, second, beside = (self.in_phase(each, speed) for each in (phase, later, apart))
+        every = self.in_phase(np.concatenate((phase, later, apart)), speed)
+        first, second, beside = zip(*(np.split(part, 3) for part in every), strict=True)
         inertia = np.abs(np.einsum("kii->ki", first[0])).max(axis=0)
         unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
         scales = [unit[:, None] * unit] * 3 + [unit]

@@ -100,7 +100,9 @@ class Batch:
             return True
         try:
             system.checked(float(self.family.speeds(points[:1])[0]))
-            self._separation = Separation(self.family, self._region, system.period, system.n)
+            self._separation = Separation(
+                self.family, self._region, system.period, system.n, self.request.engine
+            )
         except SolveError:
             return False
         return True
@@ -112,11 +114,12 @@ class Batch:
         others = yield from _represented(shared, points, every)
         for alike in self._by_parameters(points, others):
             if len(alike) >= _LEAST_GROUP:
-                own = Separation(self.family, training(points[alike]), shared.period, shared.n)
+                region = training(points[alike])
+                own = Separation(self.family, region, shared.period, shared.n, shared.engine)
                 left = yield from _represented(own, points, alike)
                 others = np.setdiff1d(others, np.setdiff1d(alike, left))
         if len(others):
-            yield others, Sampled(self.family, points[others])
+            yield others, Sampled(self.family, points[others], shared.engine)
 
     def _by_parameters(self, points: Array, positions: Array) -> list[Array]:
         """The positions in groups of equal parameters, where the speed varies too."""

@@ -9,7 +9,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
-from solve.system import SPEED, PeriodicSystem
+from solve.kernel import formulas as kernel
+from solve.kernel.engines import COMPILED, NUMPY
+from solve.system import SPEED, Formulas, PeriodicSystem
 
 _KEPT = 8
 """Systems that are kept, one for each of the latest values of the parameters."""
@@ -37,7 +39,7 @@ class Family:
             return points[:, self.names.index(SPEED)]
         return np.full(len(points), self.speed)
 
-    def entries(self, phase: Array, points: Array) -> Array:
+    def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
         """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
         found = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
         for rows, point in zip(found, points, strict=True):
@@ -57,6 +59,10 @@ class Family:
             values = system.output_values(state[0], speed, *state[1:])
             found.append([values[name] for name in names])
         return np.array(found).reshape(len(points), -1, phase.shape[1])
+
+    def output_formulas(self, points: Array) -> Formulas | None:
+        """Those of the example with the parameters (P, p) of the points; None where there are none."""
+        return None
 
 
 class SystemFamily(Family):
@@ -83,10 +89,12 @@ class SystemFamily(Family):
         (speed,), (values,) = self._numbers(point[None])
         return self._varied(values), float(speed)
 
-    def entries(self, phase: Array, points: Array) -> Array:
+    def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
         speeds, free = self._numbers(points)
         if self._together is not None and self._free:
-            return self._together.entries(phase, speeds, free)
+            formulas = self._together.formulas if engine == COMPILED else None
+            found = None if formulas is None else kernel.values(self._filled(formulas, points), phase, speeds)
+            return self._together.entries(phase, speeds, free, found)
         n = self.example.n
         found = np.full((len(points), len(phase), 3 * n**2 + n), np.nan)
         different, group = np.unique(free, axis=0, return_inverse=True)
@@ -103,6 +111,16 @@ class SystemFamily(Family):
             return super().outputs(names, phase, points, q, qd, qdd)
         every = self._together.outputs(phase, *self._numbers(points), q, qd, qdd)
         return every[:, [self.example.outputs.index(name) for name in names]]
+
+    def output_formulas(self, points: Array) -> Formulas | None:
+        found = self.example.output_formulas(self._free)
+        return None if found is None else self._filled(found, points)
+
+    def _filled(self, formulas: Formulas, points: Array) -> Formulas:
+        """With the parameters (P, p) of the points."""
+        values = np.tile(formulas.values, (len(points), 1))
+        values[:, [formulas.names.index(name) for name in self._free]] = self._numbers(points)[1]
+        return formulas._replace(values=values)
 
     def _varied(self, values: Array) -> PeriodicSystem:
         if not self._free:

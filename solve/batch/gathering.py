@@ -7,6 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.certify.certified import Certified
+from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import roughly
@@ -19,7 +20,7 @@ from solve.threads import one_thread
 _FEWEST = 8
 """Points prepared together, however large."""
 
-_MEMORY = 2**23
+_MEMORY = 2**25
 """Bytes that the frozen coefficients of points prepared together may take."""
 
 
@@ -85,7 +86,10 @@ class _Keeper:
         wanted = [name for name in system.outputs if name in (*kept.names, *kept.spectra)]
         order = [*system.coordinates, *wanted]
         outputs = (lambda phase, *state: family.outputs(wanted, phase, points, *state)) if wanted else None
-        quantities = Quantities(curve, family.speeds(points), outputs)
+        engine = self.batch.request.engine
+        formulas = family.output_formulas(points) if wanted and engine == COMPILED else None
+        places = [system.outputs.index(name) for name in wanted]
+        quantities = Quantities(curve, family.speeds(points), outputs, engine, formulas, places)
         self.results.figures[at] = quantities.figures()[:, [order.index(name) for name in kept.names]]
         if kept.spectra:
             chosen = [order.index(name) for name in kept.spectra]

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, across
 from solve.batch.family import Family
+from solve.kernel.engines import NUMPY
 from solve.period.points import Tables
 
 _MOST_TERMS = 10
@@ -39,12 +40,12 @@ class Separation:
     that a small term costs no digits of the others.
     """
 
-    def __init__(self, family: Family, points: Array, period: float, n: int):
-        self.family, self.period, self.n = family, period, n
+    def __init__(self, family: Family, points: Array, period: float, n: int, engine: str = NUMPY):
+        self.family, self.period, self.n, self.engine = family, period, n, engine
         self._kept: dict[bytes, Array] = {}
         self._points = points
         phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
-        samples = family.entries(phases, self._points)
+        samples = family.entries(phases, self._points, engine)
         finite = np.isfinite(samples).all(axis=(1, 2))
         # Points without a system have NaN for entries.
         samples, self._points = samples[finite], self._points[finite]
@@ -80,7 +81,7 @@ class Separation:
         return self._kept[key]
 
     def _terms(self, phase: Array) -> Array:
-        samples, terms = self.family.entries(phase, self._points), []
+        samples, terms = self.family.entries(phase, self._points, self.engine), []
         every = np.arange(samples.shape[2])
         for row, (*factors, pivot) in zip(self._rows, self._factors, strict=True):
             rest = samples[row, :, every].T
@@ -96,7 +97,7 @@ class Separation:
     def coefficients(self, points: Array) -> tuple[Array, Array]:
         """Coefficients (P, R), and whether each point is represented (P,)."""
         checks = _CHECKS * self.period
-        samples = self.family.entries(np.concatenate((self._taken, checks)), points)
+        samples = self.family.entries(np.concatenate((self._taken, checks)), points, self.engine)
         every, nested = np.arange(samples.shape[2]), []
         for stage, columns in enumerate(self._columns):
             rest = samples[:, columns, every]
@@ -105,9 +106,9 @@ class Separation:
             nested.append(rest)
         coefficients = self._by_term(nested, len(points))
         predicted = Tables(self.table(checks), coefficients, self.entry, self.n).entries()
-        error = np.abs(samples[:, -len(checks) :] - predicted).max(axis=1)
-        fits = error <= _FITS * np.abs(samples).max(axis=1)
-        return coefficients, fits.all(axis=1) & np.isfinite(samples).all(axis=(1, 2))
+        error = across(np.maximum, np.abs(samples[:, -len(checks) :] - predicted), 1)
+        largest = across(np.maximum, np.abs(samples), 1)
+        return coefficients, across(np.logical_and, (error <= _FITS * largest) & np.isfinite(largest))
 
 
 @dataclass(frozen=True)
@@ -144,6 +145,7 @@ class Sampled:
 
     family: Family
     points: Array
+    engine: str = NUMPY
     breaks: tuple[float, ...] = ()
 
     @property
@@ -162,10 +164,10 @@ class Sampled:
         return len(self.points)
 
     def __getitem__(self, positions: Array) -> "Sampled":
-        return Sampled(self.family, self.points[positions])
+        return Sampled(self.family, self.points[positions], self.engine)
 
     def tables(self, phase: Array) -> Tables:
-        return Tables.of(self.family.entries(phase, self.points), self.n)
+        return Tables.of(self.family.entries(phase, self.points, self.engine), self.n)
 
 
 def training(points: Array) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from solve.arrays import Array, whole
+from solve.arrays import Array, across, whole
 from solve.methods.method import Method, Solutions
 from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
 from solve.period.points import Points, matrices
@@ -106,7 +106,7 @@ def at_one(coarse: Multipliers, fine: Multipliers, ratio: float, order: float, s
 def within_reach(solutions: Solutions, errors: Array, wanted: Array) -> Array:
     """Errors to ask for: the wanted ones, or what rounding leaves where that is more and errors are low
     enough for it to matter."""
-    missed = (errors > wanted).any(axis=1)
+    missed = across(np.logical_or, errors > wanted)
     if not missed.any():
         return wanted
     radius = solutions.multipliers.spectral_radius

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, across
 from solve.methods.method import Method
 
 _LEAST = 16
@@ -60,7 +60,7 @@ def seen_by_both(pace: Pace, method: Method) -> int:
 def far(pace: Pace, errors: Array, wanted: Array, orders: Array) -> Array:
     """Whether more than the next rung is needed to bring errors (…, 2) down to the `wanted` ones (…)."""
     nearest = rung(pace.steps + 1) / pace.steps
-    return np.asarray((errors > wanted * nearest**orders).any(axis=-1))
+    return np.asarray(across(np.logical_or, errors > wanted * nearest**orders))
 
 
 def needed_steps(pace: Pace, errors: Array, wanted: Array, orders: Array) -> float:
@@ -106,4 +106,4 @@ def finished(
         return np.zeros(found.shape[:-1], dtype=bool)
     no_gain = _NO_GAIN * (1 - 1 / pace.ratio) / (pace.ratio_before - 1)
     stalled = (found >= no_gain * before) & ((found < 1e-6) | faded)
-    return ((errors <= wanted) | stalled).all(axis=-1)
+    return across(np.logical_and, (errors <= wanted) | stalled)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array, whole
+from solve.arrays import Array, across, whole
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import (
     Burdens,
@@ -313,7 +313,7 @@ class Refinement:
         positions = trail.positions
         unseen = self._hidden(seen_by_both(pace, self.method), positions, fine)
         alias = aliasing(self.points[positions], self.method, pace.steps)
-        doubt = np.maximum(unseen[:, :2], alias / _ALIAS).max(axis=1)
+        doubt = across(np.maximum, np.maximum(unseen[:, :2], alias / _ALIAS))
         ended = (doubt <= self.request.rtol) | last
         assert trail.reference is not None
         coarse = trail.reference.multipliers

@@ -16,6 +16,7 @@ MACHINE = ("-march=native",)
 """Flags that tell the compiler what the processor can do."""
 
 _FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
+_HEADERS = Path(__file__).parent
 _SECONDS = 120.0
 _LOGGER = logging.getLogger(__name__)
 
@@ -24,18 +25,21 @@ class CompilerError(Exception):
     """No compiled code: there is no C compiler, or it fails. The message is one line."""
 
 
-def compiled(source: Path, sizes: Mapping[str, int]) -> ctypes.CDLL:
-    """The library of a C file with the sizes as macros; a first compilation is announced by a line of the
-    logger of this module. Raises CompilerError."""
+def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctypes.CDLL:
+    """The library of a C file with the sizes as macros, and a file with the formulas as another, FORMULAS,
+    where there are some; a first compilation is announced by a line of the logger of this module. Raises
+    CompilerError."""
     compiler, identity = _compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
-    text = "\0".join((source.read_text(encoding="utf-8"), identity, *MACHINE, *_FLAGS, *macros))
+    texts = [each.read_text(encoding="utf-8") for each in (source, *sorted(_HEADERS.glob("*.h")))]
+    text = "\0".join((*texts, formulas, identity, *MACHINE, *_FLAGS, *macros))
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
         if not _sound(library):
             what = ", ".join(f"{name} = {value}" for name, value in sizes.items())
             _LOGGER.warning("compiling %s for this machine, once: %s", source.stem, what)
-            _compile([compiler, *MACHINE, *_FLAGS, *macros, str(source), "-lm"], library)
+            command = [compiler, *MACHINE, *_FLAGS, f"-I{_HEADERS}", *macros, str(source), "-lm"]
+            _compile(command, library, formulas)
         return ctypes.CDLL(str(library))
     except OSError as error:
         raise CompilerError(f"compiled code cannot be kept or loaded: {error}") from None
@@ -79,10 +83,13 @@ def _compiler() -> tuple[str, str]:
     return found, _run(command)
 
 
-def _compile(command: list[str], library: Path) -> None:
+def _compile(command: list[str], library: Path, formulas: str) -> None:
     """Write the library and its hash, each whole or not at all."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-        part, seal = Path(folder) / library.name, Path(folder) / "seal"
+        part, seal, text = (Path(folder) / name for name in (library.name, "seal", "formulas.h"))
+        if formulas:
+            text.write_text(formulas, encoding="utf-8")
+            command = [*command, f'-DFORMULAS="{text}"']
         _run([*command, "-o", str(part)])
         part.chmod(0o700)
         seal.touch(mode=0o600)

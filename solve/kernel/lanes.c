@@ -5,17 +5,8 @@
    The mathematics is that of methods/collocation.py and methods/period_map.py; every array of a group of
    points has the lane as its last index. */
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "lane.h"
 
-#if defined(__AVX512F__)           /* doubles in one vector register */
-#define LANES 8
-#elif defined(__AVX__)
-#define LANES 4
-#else
-#define LANES 2
-#endif
 #define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
 #define LANE 1
 #define SEGMENT 2
@@ -30,10 +21,6 @@
 #define PANEL 4                    /* columns eliminated before the rest is updated */
 #define TILE 6                     /* columns of a product that are summed at once */
 #define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
-
-typedef double lane __attribute__((vector_size(8 * LANES)));
-typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
-typedef long long mask __attribute__((vector_size(8 * LANES)));
 
 typedef struct {
     long groups, steps;
@@ -50,8 +37,6 @@ typedef struct {
     double *curves;                /* (groups LANES, N, steps, D) */
     double *maps;                  /* (groups LANES, steps, NX, W): of the steps; or null */
 } problem;
-
-const int lanes = LANES;
 
 static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array, whole
+from solve.arrays import Array, across, whole
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
 from solve.kernel.engines import NUMPY
 from solve.period.curve import Curve, PeriodicCurve
@@ -224,7 +224,7 @@ class OneStep(Method):
         steps: Steps | None = None,
     ) -> Solutions:
         """The solutions, with a reason for each that is not finite or not unique."""
-        unique = kept = finite = np.asarray(np.isfinite(Phi).all(axis=(1, 2)))
+        unique = kept = finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
         if curve is not None and condition is not None:
             unique = finite & (condition < 1 / SINGULAR)
             kept = unique & curve.finite

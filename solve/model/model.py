@@ -24,7 +24,7 @@ from solve.model.generated import model_module, module_of
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.statistics import Statistics
-from solve.system import SPEED, Dependence, Marcher, Matrices, Motion, PeriodicSystem
+from solve.system import SPEED, Dependence, Formulas, Marcher, Matrices, Motion, PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
@@ -49,6 +49,7 @@ class Model(PeriodicSystem):
         module = setup.module
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
+        self._formulas: dict[tuple[str, ...], Formulas | None] = {}
         self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.options = setup.options
@@ -87,6 +88,13 @@ class Model(PeriodicSystem):
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
+
+    def entries(self, phase: Array, speed: float) -> Array:
+        if not isinstance(self._matrices, MatrixSampler):
+            return super().entries(phase, speed)
+        found = self.entries_over(phase, np.array([speed]))[0]
+        # The ordinary way says what is wrong.
+        return found if np.isfinite(found).all() else super().entries(phase, speed)
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         sampler = self._matrices
@@ -190,6 +198,13 @@ class Model(PeriodicSystem):
         columns = values if isinstance(values, tuple) else (values,)
         return {name: value.full()[0] for name, value in zip(self.outputs, columns, strict=True)}
 
+    def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
+        names = tuple(sorted(varied))
+        if names not in self._formulas:
+            generated = self.outputs and hasattr(self.module, "outputs")
+            self._formulas[names] = self.setup.formulas("outputs", names) if generated else None
+        return self._formulas[names]
+
     @property
     def judged_quantities(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((*self.validity, *(name for name, *_ in self.module.LIMITS))))
@@ -255,10 +270,20 @@ class ModelPoints:
     def __init__(self, setup: Setup, n: int, names: Sequence[str]):
         self._setup, self._n, self._names = setup, n, names
 
-    def entries(self, phase: Array, speeds: Array, values: Array) -> Array:
+    @property
+    def formulas(self) -> Formulas | None:
+        return self._formulas
+
+    @cached_property
+    def _formulas(self) -> Formulas | None:
+        return self._setup.formulas("linearised", self._names)
+
+    def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
         P, k, n = len(speeds), len(phase), self._n
         phases, given = np.tile(phase, P), np.repeat(values, k, axis=0)
-        entries = self._matrices(phases, np.repeat(speeds, k), given)
+        if by_time is None:
+            by_time = self._matrices(phases, np.repeat(speeds, k), given)
+        entries = by_time.reshape(P * k, -1)
         if self._setup.ratios is not None:
             still = self._matrices(phases, np.zeros(P * k), given)
             entries[:, n**2 : 2 * n**2] += damped(still, n, self._ratios(given)).reshape(P * k, -1)

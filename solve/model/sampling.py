@@ -115,10 +115,11 @@ class MatrixSampler:
         if key not in self._kept:
             if sum(table.nbytes for table in self._kept.values()) > _MOST_KEPT:
                 self._kept.clear()
-            self._kept[key] = self._evaluate(phase)
-        rows = np.zeros((P, len(self._terms.entry), E))
-        rows[:, range(rows.shape[1]), self._terms.entry] = speeds[:, None] ** self._terms.power
-        return self._kept[key] @ rows
+            table = np.zeros((m, self._terms.most + 1, E))
+            table[:, self._terms.power, self._terms.entry] = self._evaluate(phase)
+            self._kept[key] = np.ascontiguousarray(np.moveaxis(table, 1, 0)).reshape(-1, m * E)
+        powers = speeds[:, None] ** np.arange(self._terms.most + 1)
+        return (powers @ self._kept[key]).reshape(P, m, E)
 
 
 class _Terms(NamedTuple):
@@ -127,6 +128,11 @@ class _Terms(NamedTuple):
     values: "casadi.SX"
     entry: Array
     power: Array
+
+    @property
+    def most(self) -> int:
+        """The highest power."""
+        return int(self.power.max(initial=0))
 
 
 def _powers(entries: "casadi.SX", speed: "casadi.SX") -> _Terms | None:

@@ -12,8 +12,10 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.model.bounds import checked_parameters, measured
 from solve.model.cases import Case
+from solve.model.formulas import c_text
 from solve.model.options import checked_options
 from solve.model.sampling import Sampler, folded
+from solve.system import Formulas
 
 if TYPE_CHECKING:
     import casadi
@@ -80,6 +82,15 @@ class Setup:
         """A generated function at many phases, each with values of its own for the free parameters."""
         order = list(self.case.parameters)
         return Sampler(folded(self.function(name), self.p, [order.index(each) for each in free]))
+
+    def formulas(self, name: str, varied: Sequence[str]) -> Formulas | None:
+        """A generated function as C, with the parameters that are 0 folded in unless they are `varied`."""
+        order = list(self.case.parameters)
+        kept = [k for k, each in enumerate(order) if self.p[k] != 0 or each in varied]
+        function = folded(self.function(name), self.p, kept)
+        text = c_text(function)
+        names = tuple(order[k] for k in kept)
+        return Formulas(text, function.size1_out(0), names, self.p[kept]) if text else None
 
     @property
     def conditions(self) -> Sequence[tuple[str, str, Sequence[str]]]:

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, across
 
 NEGLIGIBLE = 1e-100
 """Modulus below which multipliers count as unresolved: products of so different factors keep no digit."""
@@ -69,17 +69,20 @@ class Multipliers:
         """Eigenvalues of finite monodromy matrices (…, N, N); rounding is 8 eps‖Φ‖ of the balanced
         matrix, in whatever units Φ is given, or 1e-100."""
         values = _pair(Phi) if Phi.shape[-1] == 2 else np.linalg.eigvals(Phi).astype(complex)
-        values = np.take_along_axis(values, np.argsort(-np.abs(values), axis=-1, kind="stable"), axis=-1)
+        modulus = np.abs(values)
+        if (modulus[..., 1:] > modulus[..., :-1]).any():
+            order = np.argsort(-modulus, axis=-1, kind="stable")
+            values, modulus = (np.take_along_axis(part, order, axis=-1) for part in (values, modulus))
         _put_positive_first(values)
-        modulus, norm = np.abs(values), np.asarray(frobenius(Phi))
+        norm = np.asarray(frobenius(Phi))
         # Frobenius' norm bounds that of the balanced matrix, which is asked for only where it decides.
-        unsure = (modulus <= _LOST * norm[..., None]).any(axis=-1)
+        unsure = modulus[..., -1] <= _LOST * norm
         if unsure.any():
             scaled, unit = _scaled(Phi[unsure])
             norm[unsure] = unit * np.linalg.norm(_balanced(scaled), 2, axis=(-2, -1))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
-        return cls(np.where(kept, values, 0.0), kept.sum(axis=-1), bound)
+        return cls(np.where(kept, values, 0.0), across(np.add, kept.astype(int)), bound)
 
     def __getitem__(self, points: Any) -> "Multipliers":
         return Multipliers(self.values[points], self.resolved[points], self.bound[points])
@@ -105,6 +108,8 @@ class Multipliers:
 
     def distance(self, other: "Multipliers") -> Array:
         """Largest distance (…) to the matched multipliers of `other`."""
+        if self.values.shape[-1] == 2:
+            return _pairs_apart(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
         nearest = distance.argmin(axis=-1)
         largest = np.asarray(distance.min(axis=-1).max(axis=-1))
@@ -127,6 +132,12 @@ class Multipliers:
         bound = np.maximum(error * self.spectral_radius, self.bound)
         kept = np.abs(self.values) > bound[..., None]
         return Multipliers(np.where(kept, self.values, 0.0), kept.sum(axis=-1), bound)
+
+
+def _pairs_apart(some: Array, others: Array) -> Array:
+    """Larger distance (…) of two numbers (…, 2) to two others, matched so that it is least."""
+    straight, crossed = (across(np.maximum, np.abs(some - each)) for each in (others, others[..., ::-1]))
+    return np.minimum(straight, crossed)
 
 
 def matched(distance: Array) -> tuple[Array, Array]:
@@ -177,12 +188,12 @@ def rounding_errors(Phi: Array) -> Array:
         with np.errstate(over="ignore"):
             conditions = np.linalg.norm(np.linalg.inv(right), axis=-1)
         conditions = np.where(defective[..., None], np.inf, conditions)
-    radius = np.abs(values).max(axis=-1)
+    radius = across(np.maximum, np.abs(values))
     known = unit * radius > NEGLIGIBLE
     scale = np.where(known, radius, 1.0)
     perturbation = 8 * EPS * norm / scale
     most = perturbation ** (1 / _block(values / scale[..., None], conditions, perturbation))
-    return np.where(known, np.minimum(perturbation * conditions.max(axis=-1), most), 0.0)
+    return np.where(known, np.minimum(perturbation * across(np.maximum, conditions), most), 0.0)
 
 
 def _block(values: Array, conditions: Array, perturbation: Array) -> Array:
@@ -259,14 +270,14 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia
     values, e = multipliers.values, _absolute(multipliers, errors)
     near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     meet = _meetings(values, errors, near)
-    alone = ~meet.any(axis=-1)
+    alone = ~across(np.logical_or, meet)
     inner, outer = (np.where(alone, times, _TIMES_ESTIMATE) * e for times in (1.0, _SURE))
     judged = _by_moduli(multipliers, e, inner, outer)
-    drifting = (np.abs(values - 1) <= _NEAR_ONE).sum(axis=-1) > 1
+    drifting = across(np.add, (np.abs(values - 1) <= _NEAR_ONE).astype(int)) > 1
     open_ = np.flatnonzero(((judged == STABLE) | (judged == UNDETERMINED)) & drifting)
     if len(open_):
         judged[open_] = np.where(modes.drifts(open_, Phi[open_], errors[open_]), UNSTABLE, judged[open_])
-    open_ = np.flatnonzero((judged == STABLE) & meet.any(axis=(-2, -1)))
+    open_ = np.flatnonzero((judged == STABLE) & across(np.logical_or, ~alone))
     units = modes.units(open_) if len(open_) else ()
     for at, unit in zip(open_.tolist(), units, strict=True):
         alike = _balanced(Phi[at] * unit[:, None] / unit)
@@ -292,10 +303,10 @@ def _by_moduli(multipliers: Multipliers, e: Array, inner: Array, outer: Array) -
     modulus = np.abs(multipliers.values)
     inside, outside = modulus + inner < 1 - UNIT_CIRCLE, modulus - outer > 1 + UNIT_CIRCLE
     on_circle = ~inside & ~outside
-    judged = np.where(on_circle.any(axis=-1), STABLE, ASYMPTOTICALLY_STABLE)
+    judged = np.where(across(np.logical_or, on_circle), STABLE, ASYMPTOTICALLY_STABLE)
     known = (e <= KNOWN_ON_CIRCLE) & (modulus - e <= 1 + UNIT_CIRCLE)
-    judged = np.where((on_circle & ~known).any(axis=-1), UNDETERMINED, judged)
-    return np.where(outside.any(axis=-1), UNSTABLE, judged)
+    judged = np.where(across(np.logical_or, on_circle & ~known), UNDETERMINED, judged)
+    return np.where(across(np.logical_or, outside), UNSTABLE, judged)
 
 
 def _meetings(values: Array, errors: Array, concerned: Array) -> Array:

@@ -1,7 +1,7 @@
 """Quantities over one turn: extrema of the continuous curve, means and harmonics."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,8 +9,12 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.period.curve import PeriodicCurve
+from solve.kernel import formulas as kernel
+from solve.kernel.engines import COMPILED, NUMPY
+from solve.period.curve import Curve, PeriodicCurve
+from solve.sizes import SMALL
 from solve.statistics import Statistics
+from solve.system import Formulas
 
 Signal = Callable[[Array], Array]
 """Values (k,) at phases (k,)."""
@@ -100,12 +104,16 @@ def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SA
 class Quantities:
     """Coordinates, and behind them outputs where there are such, of P points: q quantities.
 
-    curve: of the points, (P, n, …). speeds (P,) in rad/s.
+    curve: of the points, (P, n, …). speeds (P,) in rad/s. formulas: of the outputs, with values (P, p) of
+    their parameters, and positions of those that are quantities; `outputs` gives the same in NumPy.
     """
 
     curve: PeriodicCurve
     speeds: Array
     outputs: Outputs | None = None
+    engine: str = NUMPY
+    formulas: Formulas | None = None
+    positions: Sequence[int] = ()
 
     @property
     def period(self) -> float:
@@ -119,10 +127,9 @@ class Quantities:
     def sampled(self, a_step: int) -> Array:
         """The same with so many samples a step; of steps of different lengths evenly too."""
         count = a_step * (len(self.curve.nodes) - 1)
-        phase = np.arange(count) * (self.period / count)
-        uniform = bool(np.ptp(np.diff(self.curve.nodes)) <= 1e-12 * self.period)
+        phase, even = np.arange(count) * (self.period / count), self._uniform
         states = (
-            (self.curve.sampled(a_step, order) if uniform else self.curve(phase, order)) for order in range(3)
+            (self.curve.sampled(a_step, order) if even else self.curve(phase, order)) for order in range(3)
         )
         q = next(states)
         if self.outputs is None:
@@ -146,7 +153,28 @@ class Quantities:
 
     def figures(self) -> Array:
         """(P, q, 7): the fields of `Statistics`."""
-        return figures(self.values, self.at, self.period)
+        found = self._compiled_figures()
+        return figures(self.values, self.at, self.period) if found is None else found
+
+    def _compiled_figures(self) -> Array | None:
+        """The same in compiled code; None where that is not to be had, or a quantity is not finite."""
+        curve, known = self.curve, self.outputs is None or self.formulas is not None
+        if not (self.engine == COMPILED and known and isinstance(curve, Curve) and self._uniform):
+            return None
+        n, wanted = (
+            curve.n,
+            np.concatenate((np.arange(curve.n), curve.n + np.array(self.positions, dtype=int))),
+        )
+        if n > SMALL:
+            return None
+        samples = samples_a_step(len(curve.nodes) - 1)
+        turn = curve.coefficients, self.period, self.speeds, samples
+        found = kernel.figures(*turn, _ZOOM, _ZOOMS, wanted, self.formulas)
+        return found if found is not None and np.isfinite(found).all() else None
+
+    @property
+    def _uniform(self) -> bool:
+        return bool(np.ptp(np.diff(self.curve.nodes)) <= 1e-12 * self.period)
 
     def amplitudes(self, quantities: list[int], count: int) -> Array:
         """(P, chosen, count + 1): signed mean and single-sided amplitudes of `count` harmonics."""

@@ -12,6 +12,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected, correction
 from solve.errors import MatricesError, SolveError, UnknownNameError
+from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, Quantities, Signal, harmonics, samples_a_step, statistics
 from solve.results.contents import Column, Contents, plain, require_different_names
@@ -185,7 +186,8 @@ class Orbit(Stability, Turn):
     @cached_property
     def _figures(self) -> Array:
         """Of the coordinates (n, 7)."""
-        return Quantities(self.curve[None], np.array([self.speed])).figures()[0]
+        engine = self.certified.request.engine
+        return Quantities(self.curve[None], np.array([self.speed]), engine=engine).figures()[0]
 
     @cached_property
     def _output_figures(self) -> Array:
@@ -195,7 +197,13 @@ class Orbit(Stability, Turn):
             values = self.system.output_values(phase[0], self.speed, *(part[0] for part in state))
             return np.array([[values[name] for name in self.system.outputs]])
 
-        return Quantities(self.curve[None], np.array([self.speed]), outputs).figures()[0, self.system.n :]
+        engine, positions = self.certified.request.engine, range(len(self.system.outputs))
+        formulas = self.system.output_formulas() if engine == COMPILED else None
+        if formulas is not None:
+            formulas = formulas._replace(values=formulas.values[None])
+        speeds = np.array([self.speed])
+        quantities = Quantities(self.curve[None], speeds, outputs, engine, formulas, positions)
+        return quantities.figures()[0, self.system.n :]
 
     @property
     def phase(self) -> Array:

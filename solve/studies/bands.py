@@ -248,27 +248,26 @@ class _Runs:
     def _borders(self, known: Judged, changes: Array, state: Array) -> tuple[Array, Array]:
         """Speeds between known ones at which the state changes (k,), and whether there a speed without a
         result stands in the way (k,): the border is then the last that is known to be unstable."""
-        low, high = known.points[changes], known.points[changes + 1]
+        low, high = known[changes], known[changes + 1]
         borders = np.empty(len(changes))
         search = Search(self.judge, self.highest, self.tolerance)
         loses, wins = state[changes] < 0, state[changes + 1] < 0
         kind_only = ~(loses | wins)
-        stable, unstable = np.where(loses[:, None], low, high), np.where(loses[:, None], high, low)
+        stable, unstable = (known[changes + (loses != side)] for side in (True, False))
         unknown = (state[changes] == _UNKNOWN) | (state[changes + 1] == _UNKNOWN)
-        borders[unknown] = unstable[unknown, 0]
+        borders[unknown] = unstable.points[unknown, 0]
         crossed = ~(kind_only | unknown)
         places, _ = search.edges(stable[crossed], unstable[crossed])
-        borders[crossed] = np.where(np.isnan(places), unstable[crossed], places)[:, 0]
+        borders[crossed] = np.where(np.isnan(places), unstable.points[crossed], places)[:, 0]
         unknown[crossed] = np.isnan(places[:, 0])
         if kind_only.any():
             kinds = state[changes][kind_only]
 
-            def differs(points: Array, lines: Array) -> Array:
-                found = self.judge(points)
+            def differs(found: Judged, lines: Array) -> Array:
                 return ~found.unstable | (found.kinds != kinds[lines])
 
             ends = search.sectioned(differs, low[kind_only], high[kind_only])
-            borders[kind_only] = (ends[0] + ends[1])[:, 0] / 2
+            borders[kind_only] = (ends[0].points + ends[1].points)[:, 0] / 2
         return borders, unknown
 
 

@@ -1,8 +1,10 @@
 """Where stability is lost along lines through the quantities of a family, many lines at once."""
 
 import functools
+import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -27,6 +29,14 @@ _CLOSE = 1e-10
 _NEAR = 1e-5
 """Part of the scale to which an edge is bracketed before its kind is determined."""
 
+_REACH, _LOST, _LEAST = 0.05, 0.25, 1e-3
+"""Parts of a bracket: how far from where a change is expected the first trials are, and those after it was
+missed; how far from the ends all are."""
+
+_ENOUGH = 0.4
+"""Of the tolerance: nearer to where a change is expected no trial is needed."""
+
+_COMPLEX = KINDS.index("complex")
 _FAR = 1e6
 _NOISE = 1e-6
 """Distance from the unit circle up to which it is noise."""
@@ -50,13 +60,26 @@ class Judged:
         return cls(points, ~(failed | outside | results.undetermined), outside, multipliers)
 
     def __getitem__(self, some: Array) -> "Judged":
-        return Judged(*(getattr(self, name)[some] for name in Judged.__annotations__))
+        chosen = Judged(*(part[some] for part in self._parts))
+        if "gaps" in self.__dict__:
+            chosen.__dict__["gaps"] = self.gaps[some]
+        return chosen
 
     def __add__(self, other: "Judged") -> "Judged":
         if len(other.points) == 0:
             return self
-        parts = ((getattr(self, name), getattr(other, name)) for name in Judged.__annotations__)
-        return Judged(*map(np.concatenate, parts))
+        return Judged(*map(np.concatenate, zip(self._parts, other._parts, strict=True)))
+
+    def replaced(self, rows: Array, others: "Judged") -> "Judged":
+        """The same with other points in some rows (k,)."""
+        changed = [each.copy() for each in self._parts]
+        for each, new in zip(changed, others._parts, strict=True):
+            each[rows] = new
+        return Judged(*changed)
+
+    @property
+    def _parts(self) -> tuple[Array, ...]:
+        return tuple(getattr(self, each.name) for each in fields(self))
 
     @property
     def failed(self) -> Array:
@@ -68,23 +91,29 @@ class Judged:
         """Positions in KINDS (k,) of what the largest multiplier is."""
         return kinds_of(self.multipliers)
 
-    @property
+    @cached_property
     def gaps(self) -> Array:
         """How far stable points (k,) are from each way to lose stability, (k, 4): det(I - Φ) for +1,
         det(I + Φ) for -1, the distance of two pairs squared, and that of a pair from the unit circle."""
-        rho = self.multipliers
+        rho = np.ascontiguousarray(self.multipliers.T)
         upper = np.imag(rho) > 0
-        both = upper[:, :, None] & upper[:, None, :] & ~np.eye(rho.shape[1], dtype=bool)
-        distance = np.abs(rho[:, :, None] - rho[:, None, :]) ** 2
-        pairs = np.where(both, distance, _FAR).min(axis=(1, 2))
-        inside = 1 - np.abs(np.where(upper, rho, 0.0)).max(axis=1)
+        pairs = np.full(rho.shape[1], _FAR)
+        for one, other in itertools.combinations(range(len(rho)), 2):
+            both = upper[one] & upper[other]
+            if both.any():
+                distance = np.abs(rho[one, both] - rho[other, both]) ** 2
+                pairs[both] = np.minimum(pairs[both], distance)
+        inside = 1 - np.abs(np.where(upper, rho, 0.0)).max(axis=0)
         inside = np.where(inside > _NOISE, inside, _FAR)
-        plus, minus = (np.real(np.prod(1 - sign * rho, axis=1)) for sign in (1, -1))
+        plus, minus = (np.real(np.prod(1 - sign * rho, axis=0)) for sign in (1, -1))
         return np.clip(np.column_stack((plus, minus, pairs, inside)), -_FAR, _FAR)
 
 
 Judge = Callable[[Array], Judged]
 """From points (k, v) to what is known of them."""
+
+Aim = Callable[[Judged, Judged, Array], Array]
+"""From the ends of brackets on lines (k,) to the part of each (k,) at which a change is expected."""
 
 
 def judge(batch: Batch) -> Judge:
@@ -108,94 +137,97 @@ class Search:
 
     def sectioned(
         self,
-        differs: Callable[[Array, Array], Array],
-        low: Array,
-        high: Array,
+        differs: Callable[[Judged, Array], Array],
+        low: Judged,
+        high: Judged,
         tolerance: float | None = None,
-    ) -> tuple[Array, Array]:
-        """Bracket changes between points low and high (E, v), to this tolerance or the search's own.
+        aim: Aim | None = None,
+        reach: float = _REACH,
+    ) -> tuple[Judged, Judged]:
+        """Bracket changes between points low and high (E,), to this tolerance or the search's own.
 
-        differs(points (k, v), line (k,)): which points belong to the high end of their line (k,).
+        differs(known (k,), line (k,)): which points belong to the high end of their line. Without `aim`
+        trials lie evenly between the ends; with it one on either side of where it expects the change, first
+        within `reach` of the bracket, then ever nearer as long as they hold it.
         """
-        low, high = low.copy(), high.copy()
         close = (self.tolerance if tolerance is None else tolerance) * self.scale
-        inside = _inside(len(low))
-        fractions = (np.arange(inside) + 1) / (inside + 1)
-        while len(low) and (np.abs(high - low) > close).any():
-            trials = low[:, None] + fractions[:, None] * (high - low)[:, None]
-            lines = np.repeat(np.arange(len(low)), inside)
-            changed = differs(trials.reshape(-1, low.shape[1]), lines).reshape(len(low), inside)
+        close = np.maximum(close, np.finfo(float).tiny)
+        lines, near = np.arange(len(low.points)), np.full(len(low.points), reach)
+        while True:
+            width = (np.abs(high.points[lines] - low.points[lines]) / close).max(axis=1, initial=0.0)
+            lines, width = lines[width > 1], width[width > 1]
+            if len(lines) == 0:
+                return low, high
+            one, other = low[lines], high[lines]
+            if aim is None:
+                inside = _inside(len(lines))
+                fractions = np.tile((np.arange(inside) + 1) / (inside + 1), (len(lines), 1))
+            else:
+                inside, around = 2, np.maximum(near[lines], _ENOUGH / width)
+                aims = aim(one, other, lines)[:, None] + around[:, None] * np.array([-1.0, 1.0])
+                fractions = np.clip(aims, _LEAST, 1 - _LEAST)
+            trials = one.points[:, None] + fractions[..., None] * (other.points - one.points)[:, None]
+            found = self.judge(trials.reshape(-1, one.points.shape[1]))
+            changed = differs(found, np.repeat(lines, inside)).reshape(fractions.shape)
             first = np.where(changed.any(axis=1), changed.argmax(axis=1), inside)
-            ends = np.concatenate((low[:, None], trials, high[:, None]), axis=1)
-            every = np.arange(len(low))
-            before, after = ends[every, first], ends[every, first + 1]
-            if np.array_equal(before, low) and np.array_equal(after, high):
-                break
-            low, high = before, after
-        return low, high
+            near[lines] = np.where(first == 1, near[lines] ** 2, _LOST)
+            before, after = _around(one, found, other, first)
+            moved = (before.points != one.points).any(axis=1) | (after.points != other.points).any(axis=1)
+            low, high = low.replaced(lines, before), high.replaced(lines, after)
+            lines = lines[moved]
 
-    def edges(self, stable: Array, unstable: Array) -> tuple[Array, Array]:
-        """Where stability is lost between stable and unstable points (E, v): places (E, v) and kinds (E,);
-        NaN where a point that failed stands in the way.
+    def edges(self, stable: Judged, unstable: Judged) -> tuple[Array, Array]:
+        """Where stability is lost between stable and unstable points (E,): places (E, v) and kinds (E,); NaN
+        where a point that failed stands in the way.
 
         Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli these
         pass through zero smoothly.
         """
-        if len(stable) == 0:
-            return stable, np.zeros(0, dtype=int)
-        with stage(POINTS, self._points(np.abs(unstable - stable))):
+        if len(stable.points) == 0:
+            return stable.points, np.zeros(0, dtype=int)
+        with stage(POINTS, self._points(np.abs(unstable.points - stable.points))):
             return self._edges(stable, unstable)
 
-    def _edges(self, stable: Array, unstable: Array) -> tuple[Array, Array]:
-        judge = self.judge
-        low, high = self.sectioned(lambda points, _: judge(points).unstable, stable, unstable, _NEAR)
-        before, after = self._both(low, high)
-        passes = (before.gaps[:, :2] > 0) & (after.gaps[:, :2] < 0)
-        kinds = np.where(passes.any(axis=1), passes.argmax(axis=1), KINDS.index("complex"))
+    def _edges(self, stable: Judged, unstable: Judged) -> tuple[Array, Array]:
+        low, high = self._bracketed(stable, unstable, lambda known, _: known.unstable, _REACH, _NEAR)
+        kinds = _passing(low, high)
 
-        def lost(points: Array, lines: Array) -> Array:
-            known, kind = judge(points), kinds[lines]
-            sign = known.gaps[np.arange(len(points)), np.minimum(kind, 1)] < 0
-            return np.where(kind == KINDS.index("complex"), known.unstable, sign & ~known.failed)
+        def lost(known: Judged, lines: Array) -> Array:
+            kind = kinds[lines]
+            sign = known.gaps[np.arange(len(lines)), np.minimum(kind, 1)] < 0
+            return np.where(kind == _COMPLEX, known.unstable, sign & ~known.failed)
 
-        smooth = np.flatnonzero(passes.any(axis=1))
-        low[smooth], high[smooth] = self._aimed(before[smooth], after[smooth], kinds[smooth])
-        return self._middles(*self.sectioned(lost, low, high)), kinds
+        return _middles(*self._bracketed(low, high, lost, 0.0)), kinds
+
+    def _bracketed(
+        self,
+        low: Judged,
+        high: Judged,
+        differs: Callable[[Judged, Array], Array],
+        reach: float,
+        tolerance: float | None = None,
+    ) -> tuple[Judged, Judged]:
+        """`sectioned`, by the chord of the gap that passes zero where one does."""
+        kinds = _passing(low, high)
+        for smooth in (True, False):
+            some = np.flatnonzero((kinds != _COMPLEX) == smooth)
+
+            def differing(known: Judged, lines: Array, some: Array = some) -> Array:
+                return differs(known, some[lines])
+
+            aim = _chord(kinds[some]) if smooth else None
+            ends = self.sectioned(differing, low[some], high[some], tolerance, aim, reach)
+            low, high = (
+                known.replaced(some, narrowed) for known, narrowed in zip((low, high), ends, strict=True)
+            )
+        return low, high
 
     def _points(self, across: Array) -> float:
         """How many edges between ends so far apart (E, v) take at most."""
         parts = (across / np.where(self.scale > 0, self.scale, 1.0)).max()
         inside = _inside(len(across))
         halvings = np.log(max(parts, _NEAR) / self.tolerance) / np.log(inside + 1)
-        return len(across) * (inside * max(1.0, np.ceil(halvings)) + 6)
-
-    def _aimed(self, before: Judged, after: Judged, kinds: Array) -> tuple[Array, Array]:
-        """Brackets (E, v) of zeros of the gaps of these kinds, which are positive before and negative after:
-        narrowed to the tolerance where the chord between them aims well enough."""
-        low, high, every = before.points, after.points, np.arange(len(kinds))
-        if len(low) == 0:
-            return low, high
-        across = high - low
-        part = np.abs(across / np.where(self.scale > 0, self.scale, 1.0)).max(axis=1)
-        reach = 0.4 * self.tolerance / np.where(part > 0, part, 1.0)
-        above, below = (known.gaps[every, kinds] for known in (before, after))
-        aim = above / (above - below)
-        ends = [low + np.clip(aim + way * reach, 0.0, 1.0)[:, None] * across for way in (-1, 1)]
-        lost = [(known.gaps[every, kinds] < 0) & ~known.failed for known in self._both(*ends)]
-        first, second = (side[:, None] for side in lost)
-        narrowed = np.where(first, low, np.where(second, ends[0], ends[1]))
-        return narrowed, np.where(first, ends[0], np.where(second, ends[1], high))
-
-    def _both(self, low: Array, high: Array) -> tuple[Judged, Judged]:
-        """What is known of two rows of points."""
-        known, every = self.judge(np.concatenate((low, high))), np.arange(len(low))
-        return known[every], known[every + len(low)]
-
-    def _middles(self, low: Array, high: Array) -> Array:
-        """Places between (E, v); NaN where one of the ends failed."""
-        before, after = self._both(low, high)
-        known = ~(before.failed | after.failed)
-        return np.where(known[:, None], (low + high) / 2, np.nan)
+        return len(across) * inside * max(1.0, np.ceil(halvings))
 
     def crossings(self, known: Judged, lines: Array, along: int) -> Crossings:
         """Where stability changes between known neighbours on lines (k,) along one of the quantities; none
@@ -208,7 +240,7 @@ class Search:
         changes &= ~(known.failed[first] | known.failed[last])
         one, other = first[changes], last[changes]
         stable, unstable = (np.where(known.stable[one] == side, one, other) for side in (True, False))
-        places, kinds = self.edges(known.points[stable], known.points[unstable])
+        places, kinds = self.edges(known[stable], known[unstable])
         sure = np.isfinite(places).all(axis=1)
         apart, further, others = self._narrow_stable(known, first[neighbours], last[neighbours])
         return Crossings(
@@ -224,16 +256,53 @@ class Search:
         rising, falling = plus & ~minus, minus & ~plus
         facing = (rising[first] & falling[last]) | (falling[first] & rising[last])
         first, last = first[facing], last[facing]
-        start = known.points[np.where(rising[first], first, last)]
-        end = known.points[np.where(rising[first], last, first)]
-        leaves = self.sectioned(lambda points, _: self.judge(points).gaps[:, 0] > 0, start, end)
-        enters = self.sectioned(lambda points, _: self.judge(points).gaps[:, 1] < 0, start, end)
-        sides = [self._middles(*ends) for ends in (leaves, enters)]
-        apart = np.linalg.norm(sides[0] - start, axis=1) < np.linalg.norm(sides[1] - start, axis=1)
+        start, end = (known[np.where(rising[first] == way, first, last)] for way in (True, False))
+        signs = np.array([1.0, -1.0])
+        leaves, enters = (
+            _middles(*self.sectioned(lambda one, _, k=k: signs[k] * one.gaps[:, k] > 0, start, end, aim=aim))
+            for k, aim in enumerate(_chord(np.full(len(first), k)) for k in range(2))
+        )
+        sides = [leaves, enters]
+        apart = np.linalg.norm(leaves - start.points, axis=1) < np.linalg.norm(enters - start.points, axis=1)
         # Beyond one coordinate other multipliers may be outside between the two.
         apart[apart] = self.judge((sides[0] + sides[1])[apart] / 2).stable
         kinds = np.repeat([0, 1], apart.sum())
         return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
+
+
+def _around(low: Judged, trials: Judged, high: Judged, first: Array) -> tuple[Judged, Judged]:
+    """Of the ends of brackets (E,) and as many trials between those of each, line by line, the first that is
+    changed, at the position `first` (E,) or the high end, and the one before it."""
+    lines, every = len(low.points), low + trials + high
+    inside, line = len(trials.points) // lines, np.arange(lines)
+    trial = lines + line * inside + first
+    before = np.where(first == 0, line, trial - 1)
+    after = np.where(first == inside, lines * (inside + 1) + line, trial)
+    return every[before], every[after]
+
+
+def _passing(low: Judged, high: Judged) -> Array:
+    """Positions in KINDS (k,) of the multiplier that passes +1 or -1 between two points; else _COMPLEX."""
+    passes = (low.gaps[:, :2] > 0) & (high.gaps[:, :2] < 0)
+    return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
+
+
+def _chord(kinds: Array) -> Aim:
+    """Where gaps of these kinds (E,) are zero on the chords between two points."""
+
+    def aim(low: Judged, high: Judged, lines: Array) -> Array:
+        every, kind = np.arange(len(lines)), kinds[lines]
+        above, below = low.gaps[every, kind], high.gaps[every, kind]
+        apart = above - below
+        return np.where(apart != 0, above / np.where(apart != 0, apart, 1.0), 0.5)
+
+    return aim
+
+
+def _middles(low: Judged, high: Judged) -> Array:
+    """Places between (E, v); NaN where one of the ends failed."""
+    failed = low.failed | high.failed
+    return np.where(failed[:, None], np.nan, (low.points + high.points) / 2)
 
 
 def _inside(lines: int) -> int:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from solve.kernel import compiler, library
+from solve.kernel import compiler, formulas, library
 
 
 @pytest.fixture
@@ -10,7 +10,8 @@ def nothing_remembered():
     """Of the compilers and libraries of this process, before and after."""
 
     def forget():
-        for remembered in (compiler._compiler, library.library, library.trouble, library.available):
+        of_lanes = library.library, library.trouble, library.available
+        for remembered in (compiler._compiler, *of_lanes, formulas._library):
             remembered.cache_clear()
 
     forget()

@@ -164,7 +164,9 @@ def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tiny, name):
     command = [sys.executable, "-m", "solve", "periodic", "gear_pair", "--method", "radau", "--steps", "3000"]
     ran = subprocess.run([*command, flag, str(tiny / name)], capture_output=True, text=True)
     assert ran.returncode == 2, ran.stderr
-    assert ran.stderr == f"solve: '{tiny / name}' cannot be written (No space left on device); nothing was\n"
+    # Code is compiled once for a machine, which may be now.
+    said = [line for line in ran.stderr.splitlines() if not line.startswith("compiling ")]
+    assert said == [f"solve: '{tiny / name}' cannot be written (No space left on device); nothing was"]
     assert list(tiny.iterdir()) == []
 
 

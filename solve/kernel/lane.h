@@ -1,0 +1,34 @@
+/* Doubles side by side in one vector register, as many as it holds. */
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#if defined(__AVX512F__)
+#define LANES 8
+#elif defined(__AVX__)
+#define LANES 4
+#else
+#define LANES 2
+#endif
+
+typedef double lane __attribute__((vector_size(8 * LANES)));
+typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
+typedef long long mask __attribute__((vector_size(8 * LANES)));
+
+const int lanes = LANES;
+
+/* What formulas are written with: x where the mask holds and else 0, and functions of numbers. */
+static inline lane where(mask m, lane x) { return (lane)((mask)x & m); }
+
+static inline lane call_1(double (*f)(double), lane x) {
+    lane r;
+    for (int l = 0; l < LANES; l++) r[l] = f(x[l]);
+    return r;
+}
+
+static inline lane call_2(double (*f)(double, double), lane x, lane y) {
+    lane r;
+    for (int l = 0; l < LANES; l++) r[l] = f(x[l], y[l]);
+    return r;
+}

@@ -1,0 +1,130 @@
+"""Figures of curves and of formulas in compiled lanes are those of NumPy, and of closed forms."""
+
+import casadi
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import solve
+from solve.kernel.engines import COMPILED, NUMPY
+from solve.model.formulas import c_text
+from solve.model.sampling import Sampler
+from solve.period.curve import Curve
+from solve.period.quantities import FIGURES, Quantities
+from solve.system import Formulas
+from tests.solve.kernel.test_lanes import needs_compiler
+from tests.solve.kernel.test_widths import LACKING, on_x86
+
+SAME = 1e-12
+
+
+def waves(points, n, steps, seed):
+    """Curves through waves of orders 1 to 3, of any phase."""
+    rng = np.random.default_rng(seed)
+    size, turned = rng.normal(size=(points, n, 3)), rng.uniform(0, 2 * np.pi, (points, n, 3))
+    nodes, k = np.linspace(0, 2 * np.pi, steps + 1), np.arange(1, 4)
+    angle = k * nodes[:, None, None, None] + turned
+    q, v, a = (
+        np.moveaxis((size * part).sum(axis=-1), 0, 1)
+        for part in (np.cos(angle), -k * np.sin(angle), -(k**2) * np.cos(angle))
+    )
+    return Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
+
+
+def compared(ours, theirs):
+    size = np.abs(theirs[..., FIGURES.index("max_abs")])
+    for at, name in enumerate(FIGURES):
+        # The place of an extremum is known to the square root of what its value is known to.
+        most = np.sqrt(SAME) if name.endswith("phase") else SAME * size
+        assert (np.abs(ours[..., at] - theirs[..., at]) <= most).all(), name
+
+
+@needs_compiler
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**20), points=st.sampled_from([1, 5, 8, 17]), steps=st.sampled_from([16, 24]))
+def test_curves_alone(seed, points, steps):
+    curve, speeds = waves(points, 2, steps, seed), np.ones(points)
+    compiled = Quantities(curve, speeds, engine=COMPILED)
+    assert compiled._compiled_figures() is not None
+    compared(compiled.figures(), Quantities(curve, speeds, engine=NUMPY).figures())
+
+
+@needs_compiler
+def test_one_wave_has_its_closed_form():
+    nodes = np.linspace(0, 2 * np.pi, 257)
+    wave = [(3 * np.cos(nodes - 1 + part * np.pi / 2))[None, :, None] for part in range(3)]
+    curve = Curve.quintic(nodes, wave[0], wave[1], wave[2][:, :-1], wave[2][:, 1:])
+    (found,) = Quantities(curve, np.ones(1), engine=COMPILED).figures()[0]
+    truth = [3, -3, 3, 0, 1, 1 + np.pi, 3 / np.sqrt(2)]
+    np.testing.assert_allclose(found, truth, atol=3e-7)
+
+
+def written(phase, speed, q, qd, qdd, p):
+    """One of everything that has a text in C."""
+    compare = casadi.if_else(casadi.logic_or(q[0] < q[1], p[0] <= 0), q[0], 2 * q[1])
+    equal = casadi.if_else(p[0] == p[0], 1.0, casadi.if_else(p[0] != 1, 2.0, 3.0))
+    large = 2 + casadi.fabs(q[0])
+    return [
+        casadi.sin(phase) + casadi.cos(q[0]) * casadi.tan(q[1] / 9) - compare,
+        casadi.sqrt(large) * casadi.log(large) / casadi.exp(q[1] / 9) - equal,
+        casadi.atan2(qd[0], large) + casadi.fmin(qdd[0], qdd[1]) - casadi.fmax(q[0], q[1]),
+        p[0] ** 2 * speed * qd[1] + large ** p[0] + casadi.atan(q[0]) + casadi.tanh(q[1]) + 1 / large,
+    ]
+
+
+def formulas():
+    inputs = [casadi.SX.sym(name, size) for name, size in zip("abcdef", (1, 1, 2, 2, 2, 1), strict=True)]
+    return casadi.Function("written", inputs, [casadi.vertcat(*written(*inputs))])
+
+
+def quantities(points, engine):
+    curve, speeds = waves(points, 2, 24, 3), np.linspace(1, 2, points)
+    values, function = np.linspace(0.5, 1.5, points)[:, None], formulas()
+    sampler, text = Sampler(function), c_text(function)
+    assert text is not None
+
+    def outputs(phase, q, qd, qdd):
+        P, n, k = q.shape
+        states = (np.swapaxes(part, 1, 2).reshape(P * k, n) for part in (q, qd, qdd))
+        found = sampler(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
+        return np.swapaxes(found.reshape(P, k, -1), 1, 2)[:, [3, 0, 1, 2]]
+
+    code = Formulas(text, 4, ("p",), values)
+    return Quantities(curve, speeds, outputs, engine, code, [3, 0, 1, 2])
+
+
+@needs_compiler
+@on_x86
+@pytest.mark.parametrize("width", LACKING)
+def test_formulas_are_those_of_casadi_at_every_width(compiled_for, width):
+    compiled_for(*LACKING[width])
+    assert quantities(11, COMPILED)._compiled_figures() is not None
+    compared(quantities(11, COMPILED).figures(), quantities(11, NUMPY).figures())
+
+
+def test_an_operation_without_a_text_gives_none():
+    x = casadi.SX.sym("x")
+    assert c_text(casadi.Function("f", [x], [casadi.erf(x)])) is None
+    assert c_text(casadi.Function("f", [x], [x * casadi.inf])) is None
+
+
+@needs_compiler
+def test_a_quantity_that_is_not_finite_is_left_to_numpy():
+    curve = Curve(np.linspace(0, 1, 5), np.full((1, 1, 4, 3), np.nan))
+    assert Quantities(curve, np.ones(1), engine=COMPILED)._compiled_figures() is None
+
+
+@needs_compiler
+def test_parameters_that_vary_and_some_outputs():
+    model = solve.load("cam")
+    assert model.parameters["a2"] == 0
+    ours, theirs = (
+        solve.sweep(
+            model, [60.0, 62.0], over="a2=0:1e-3:3", quantities=["output_displacement", "q2"], engine=engine
+        )
+        for engine in (COMPILED, NUMPY)
+    )
+    for name in ("output_displacement", "q2"):
+        np.testing.assert_allclose(ours.figures(name, "max"), theirs.figures(name, "max"), rtol=1e-10)
+        assert len(set(ours.figures(name, "max").tolist())) == 6

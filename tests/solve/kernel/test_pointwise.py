@@ -1,0 +1,61 @@
+"""Matrices of generated models in compiled lanes are those of CasADi."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.batch.family import SPEED, SystemFamily
+from solve.kernel.engines import COMPILED, NUMPY
+from tests.solve.kernel.test_lanes import needs_compiler
+from tests.solve.kernel.test_widths import LACKING, on_x86
+
+VARIED = {
+    "cam": ("k3", "a2"),
+    "coupler": ("l2", "E"),
+    "gear_pair": ("zeta", "k1"),
+    "manipulator": ("k1", "a1"),
+    "mathieu": ("delta", "epsilon"),
+}
+
+
+def both(name, points=11):
+    model = solve.load(name)
+    family = SystemFamily(model, [*VARIED[name], SPEED])
+    middle = np.array([*(model.parameters[each] or 1e-3 for each in VARIED[name]), 2.0])
+    phase = np.linspace(0, model.period, 7)
+    together = model.many_points(VARIED[name])
+    assert together is not None
+    assert together.formulas is not None
+    every = middle * np.linspace(1.0, 1.1, points)[:, None]
+    return [family.entries(phase, every, engine) for engine in (COMPILED, NUMPY)]
+
+
+def same(ours, theirs):
+    size = np.abs(theirs).max(axis=(0, 1))
+    assert np.isfinite(theirs).all()
+    assert (np.abs(ours - theirs) <= 1e-13 * size).all()
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", VARIED)
+def test_every_model(name):
+    same(*both(name))
+
+
+@needs_compiler
+@on_x86
+@pytest.mark.parametrize("width", LACKING)
+def test_every_width(compiled_for, width):
+    compiled_for(*LACKING[width])
+    for points in (1, 9):
+        same(*both("mathieu", points))
+
+
+@needs_compiler
+def test_points_that_no_linkage_has_stay_unknown():
+    family = SystemFamily(solve.load("coupler"), ["l2"], 400.0)
+    points = np.array([[0.3], [0.7]])
+    for engine in (COMPILED, NUMPY):
+        unknown = np.isnan(family.entries(np.array([0.3]), points, engine))
+        assert not unknown[0].any()
+        assert unknown[1].all()
