@@ -2,12 +2,25 @@
 outcome and with tests that exist."""
 
 import re
+import sys
 from itertools import product
 from pathlib import Path
 
 import pytest
 from printed_numbers import CLAIMS, EQUATIONS, FIGURES, TABLES
 
+from derive.__main__ import main as derive
+from models.coupler.__main__ import run as coupler
+from models.four_bar.__main__ import run as four_bar
+from models.portal_frame.__main__ import run as portal_frame
+from solve.commands.app import run as solve
+
+PROGRAMS = {
+    "solve": solve,
+    "models.coupler": coupler,
+    "models.four_bar": four_bar,
+    "models.portal_frame": portal_frame,
+}
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "sources.md").read_text(encoding="utf-8")
 OUTCOMES = ("met", "corrected", "refuted", "not computable", "no calculation", "open")
@@ -65,3 +78,22 @@ def test_every_row_has_an_outcome_and_a_test(source):
         assert not test or (ROOT / test).is_file(), row
         if outcome.startswith(("met", "corrected", "refuted")):
             assert test, row
+
+
+COMMANDS = sorted(set(re.findall(r"`python -m ([^`]*)`", PAGE)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_commands_of_the_page_run(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    name, *given = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', command.replace(":80", ":4"))]
+    if name == "derive":
+        monkeypatch.setattr(sys, "argv", [name, *given])
+        with pytest.raises(SystemExit) as left:
+            derive()
+        assert not left.value.code
+    else:
+        assert PROGRAMS[name](given) == 0, capsys.readouterr().err
+    for picture in re.findall(r"--plot (\S+)", command):
+        assert (tmp_path / picture).stat().st_size > 10_000
