@@ -92,29 +92,29 @@ def test_duffings_orbits(periods, speed, numbers):
     assert np.abs(starts - marched).min() < 1e-7
 
 
-TURBINE = {"M": 5e4, "m": 500.0, "l": 30.0, "kx": 2e5, "ky": 2e4, "kb": 500.0 * 30.0**2 * (1.6 * np.pi) ** 2}
+TURBINE = {"M": 5e4, "m": 500.0, "L": 30.0, "kx": 2e5, "ky": 2e4, "kb": 500.0 * 30.0**2 * (1.6 * np.pi) ** 2}
 
 
 def turbine():
     made = Mechanism("turbine", "Nacelle on its tower and three blades that swing in the rotor's plane")
     x, y = made.coordinates(x=("m", "nacelle, sideways"), y=("m", "nacelle, upwards"))
     blades = made.coordinates(b1=("rad", "blade 1"), b2=("rad", "blade 2"), b3=("rad", "blade 3"))
-    M, m, l = made.parameters(M=("kg", "nacelle", "> 0"), m=("kg", "blade", "> 0"), l=("m", "blade", "> 0"))
+    M, m, L = made.parameters(M=("kg", "nacelle", "> 0"), m=("kg", "blade", "> 0"), L=("m", "blade", "> 0"))
     kx, ky = made.parameters(kx=("N/m", "tower", "> 0"), ky=("N/m", "tower", "> 0"))
     kb = made.parameter("kb", "N m/rad", "root of a blade", "> 0")
     made.kinetic = M * (rate(x) ** 2 + rate(y) ** 2) / 2
     made.potential = (kx * x**2 + ky * y**2) / 2
     for k, swing in enumerate(blades):
         angle = made.phase + 2 * pi * k / 3 + swing
-        made.kinetic += m * (rate(x + l * cos(angle)) ** 2 + rate(y + l * sin(angle)) ** 2) / 2
+        made.kinetic += m * (rate(x + L * cos(angle)) ** 2 + rate(y + L * sin(angle)) ** 2) / 2
         made.potential += kb * swing**2 / 2
     return made
 
 
 def in_fixed_coordinates(speed):
     """Exponents (1/s) of the turbine by its matrices in multi-blade coordinates, as WELIB has them."""
-    M, m, l, kx, ky, kb = (TURBINE[name] for name in ("M", "m", "l", "kx", "ky", "kb"))
-    ml, mll = m * l, m * l**2
+    M, m, L, kx, ky, kb = (TURBINE[name] for name in ("M", "m", "L", "kx", "ky", "kb"))
+    ml, mll = m * L, m * L**2
     mass = np.diag([mll, mll, mll, M + 3 * m, M + 3 * m])
     mass[1, 3], mass[2, 4], mass[3, 1], mass[4, 2] = ml, -ml, 1.5 * ml, -1.5 * ml
     damping = np.zeros((5, 5))
