@@ -76,8 +76,8 @@ def duffing():
     ],
 )
 def test_duffings_orbits(periods, speed, numbers):
-    """Stable; of as many periods and of no fewer; the one that 100 of its periods lead to from (1, 0), but for
-    the turn at which it begins."""
+    """Stable; of as many periods and of no fewer; the one that 100 of its periods lead to from (1, 0), but
+    for the turn at which it begins."""
     found = solve.nonlinear(solve.load(duffing, m=1.0, **numbers), speed, periods=periods)
     assert found.stable
     starts = found.at(2 * np.pi * np.arange(periods))[0]
