@@ -126,6 +126,7 @@ def in_fixed_coordinates(speed):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.8, 1.7, np.pi, 6.0])
 def test_a_wind_turbine_in_turning_and_in_fixed_coordinates(speed):
     """Periodic coefficients here, constant ones there: the same multipliers."""
