@@ -17,12 +17,13 @@ def _called(arguments: Sequence[str]) -> int | None:
     from models.four_bar.commands.corrected import corrected
     from models.four_bar.commands.curve import curve
     from models.four_bar.commands.design import design
+    from models.four_bar.commands.elements import elements
     from models.four_bar.commands.linkage import linkage
     from models.four_bar.commands.modes import modes
     from models.four_bar.commands.study import study
     from solve.commands.app import application, called
 
-    commands = (linkage, study, corrected, modes, curve, design)
+    commands = (linkage, elements, study, corrected, modes, curve, design)
     about = "The four-bar linkage of the thesis."
     example = f'{_NAME} linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png'
     return called(arguments, application(_NAME, commands, about, example), _NAME)

@@ -83,7 +83,7 @@ TRUE_FOURTH = {4: 0.133, 3: 0.409, 2: 1.621}
 
 @pytest.mark.parametrize("elements", ERRORS)
 def test_table_5_1_b(exact, elements):
-    """To its three decimals of frequency, 1.5e-3 %; to a unit where it prints two, which are cut off."""
+    """To 2.5e-3 %, and to a unit where it prints two decimals, which are cut off."""
     entries = printed(ERRORS[elements])
     found = 100 * (frequencies(len(entries), elements=elements) / exact[: len(entries)] - 1)
     for k, (ours, entry, text) in enumerate(zip(found, entries, ERRORS[elements].split(), strict=True), 1):

@@ -11,7 +11,13 @@ import numpy as np
 
 from models.four_bar.linkage import ADVISED, Linkage, Plane
 from models.four_bar.rigid.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
-from models.four_bar.rigid.forces import Body, JointForces, inertial_power, joint_forces
+from models.four_bar.rigid.forces import (
+    Body,
+    JointForces,
+    inertial_power,
+    joint_forces,
+    kinetic_energy,
+)
 from solve import signal_statistics
 from solve.arrays import Array
 
@@ -151,11 +157,14 @@ def _force_record(linkage: Linkage, links: Sequence[Body], speed: float) -> dict
         joint: signal_statistics(lambda t, name=name: np.abs(getattr(forces(t), name)), TURN)
         for joint, name in JOINTS.items()
     }
+    energy = signal_statistics(lambda t: kinetic_energy(linkage.motion(t, speed), links), TURN)
     return {
         "joint_forces": {
             joint: {"peak": peak.max, "position": peak.max_phase} for joint, peak in peaks.items()
         },
         "drive_torque": _range(lambda t: forces(t).torque),
+        # What a flywheel takes and gives back in a turn (thesis 3.7): the drive's work without the motor's.
+        "energy_swing": energy.max - energy.min,
         "energy_residual": _energy_residual(linkage, links, speed),
     }
 

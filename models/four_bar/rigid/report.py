@@ -114,7 +114,11 @@ def _peaks(record: Mapping[str, Any]) -> RenderableType:
         made.add_row(
             joint, f"|{JOINTS[joint]}|", unit, f"{peak['peak'] * factor:.5g}", _degrees(peak["position"])
         )
-    balance = f"\nenergy balance: torque × ω1 = dT/dt within {record['energy_residual']:.1e} of its peak"
+    factor, unit = prefixed("J", record["energy_swing"])
+    balance = (
+        f"\nenergy balance: torque × ω1 = dT/dt within {record['energy_residual']:.1e} of its peak"
+        f"\na flywheel takes and gives back {record['energy_swing'] * factor:.5g} {unit} in a turn"
+    )
     return Group(made, Text(balance))
 
 

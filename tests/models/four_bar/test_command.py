@@ -12,13 +12,16 @@ import pytest
 import models.four_bar
 from models.four_bar.__main__ import run
 from models.four_bar.linkage import Linkage
+from models.four_bar.rigid.forces import bodies, joint_forces
+from solve import case_numbers
 
 CASES = Path(models.four_bar.__path__[0]) / "cases.toml"
 ROCKER = ("--set", "L1=0.4")
 KEYS = {
     "model", "case", "parameters", "branch", "mobility", "class", "grashof", "solution_space", "turns_fully",
     "crank_range", "speed", "transmission_angle", "follower", "mechanical_advantage", "ratios",
-    "coupler_curves", "joint_forces", "drive_torque", "energy_residual", "position", "warnings",
+    "coupler_curves", "joint_forces", "drive_torque", "energy_residual", "energy_swing", "position",
+    "warnings",
 }  # fmt: skip
 
 
@@ -33,6 +36,14 @@ def answer(capsys, monkeypatch):
         return written.out, written.err
 
     return ask
+
+
+def work_of_the_drive():
+    """Largest difference of the torque's work between two crank angles, 300 rpm, by the trapezoidal rule."""
+    linkage, links = Linkage(0.170, 0.328, 0.525, 0.547), bodies(case_numbers("four_bar").parameters)
+    angles = np.linspace(0.0, 2 * math.pi, 7201)
+    torque = joint_forces(linkage.motion(angles, 10 * math.pi), links).torque
+    return np.ptp(np.cumsum(torque[:-1] + torque[1:]) * (angles[1] / 2))
 
 
 def test_json(answer):
@@ -52,6 +63,7 @@ def test_json(answer):
     slowest = np.abs(Linkage(0.170, 0.328, 0.525, 0.547).mechanical_advantage(np.linspace(0, 6.3, 20_000)))
     assert record["mechanical_advantage"]["least"] == pytest.approx(slowest.min(), rel=1e-6)
     assert record["energy_residual"] < 1e-12
+    assert record["energy_swing"] == pytest.approx(work_of_the_drive(), rel=1e-4)
     assert abs(record["drive_torque"]["mean"]) < 1e-12 * record["drive_torque"]["max"]
     assert set(record["joint_forces"]) == {"O", "A", "B", "C"}
     assert record["position"]["t"][0] == pytest.approx(math.radians(70))
@@ -106,6 +118,7 @@ def test_report(answer):
     gamma, advantage = record["transmission_angle"], record["mechanical_advantage"]
     stretched, folded = record["follower"]["dead_points"]
     assert max(len(line) for line in out.splitlines()) <= 80
+    assert "a flywheel takes and gives back 11.013 J in a turn" in out
     for text in (
         "GCRR (2 of 14)",
         "s + l < p + q; mobility 1",

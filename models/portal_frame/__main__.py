@@ -1,0 +1,30 @@
+"""The command of the portal frame: `python -m models.portal_frame`."""
+
+from collections.abc import Sequence
+
+from solve.commands.door import door, enter
+from solve.errors import SolveError
+
+_NAME = "python -m models.portal_frame"
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status: 2 with one line on standard error for bad input."""
+    return door(_NAME, _called, arguments, SolveError)
+
+
+def _called(arguments: Sequence[str]) -> int | None:
+    from models.portal_frame.command import determinant
+    from solve.commands.app import application, called
+
+    example = f"{_NAME} --plot determinant.png"
+    return called(arguments, application(_NAME, (determinant,), None, example), _NAME)
+
+
+def main() -> None:
+    """Entry point of the module."""
+    enter(_NAME, _called, SolveError)
+
+
+if __name__ == "__main__":
+    main()

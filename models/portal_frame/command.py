@@ -1,0 +1,32 @@
+"""`python -m models.portal_frame`: why its frequencies are counted and not looked for as zeros."""
+
+import sys
+from typing import Annotated
+
+from solve.commands.groups import Flag, Numbers, Results
+
+_MOST = 1200.0
+
+
+def determinant(
+    plot: Annotated[str, Flag("The picture: .png, .pdf or .svg.", "FILE")],
+    numbers: Numbers,
+    most: Annotated[float, Flag("Largest frequency in rad/s.", "W")] = _MOST,
+) -> None:
+    """Draw the determinant of the frame's dynamic stiffness, with one and with two exact elements a bar."""
+    (file, _) = Results(plot=plot).files()
+    model = numbers.of("portal_frame", still=True)
+
+    from models.portal_frame.determinant import determinants, determinants_figure
+    from solve.beams.structure import StructureModel
+    from solve.errors import ValueOutOfBoundsError
+    from solve.results.style import save_figure
+
+    if not 1.0 <= most <= 1e5:
+        raise ValueOutOfBoundsError(f"--most is {most}; allowed: 1 … 100000 rad/s, such as {_MOST:g}")
+    assert isinstance(model, StructureModel)
+    made = determinants(model, most)
+    assert file is not None
+    save_figure(determinants_figure(made, "Portal frame: determinant of the dynamic stiffness"), file)
+    print(f"natural frequencies (rad/s): {', '.join(f'{value:.3f}' for value in made.found)}")
+    print(f"wrote {file}", file=sys.stderr)

@@ -1,0 +1,63 @@
+"""Frequencies by several kinds of elements side by side (thesis Figs. 4.6 and 5.3)."""
+
+import json
+
+import numpy as np
+import pytest
+
+import solve
+from models.four_bar.__main__ import run
+from models.four_bar.element_kinds import element_kinds, kinds_figure
+from solve.errors import ValueOutOfBoundsError
+
+
+@pytest.fixture(scope="module")
+def made():
+    return element_kinds(solve.load("four_bar"), ["cubic:1", "cubic:3", "dynamic:1"], turn=6)
+
+
+def test_every_kind_is_the_model_with_that_option(made):
+    single = solve.load("four_bar", options={"elements": 3})
+    np.testing.assert_array_equal(made.values[1], single.frequencies(made.positions, 4))
+    assert made.freedoms == (9, 27, 9)
+
+
+def test_finite_elements_lie_above_the_exact_ones_and_more_of_them_nearer(made):
+    errors = made.mean_errors
+    assert (errors[0] > errors[1]).all()
+    assert (errors[1] > 0).all()
+    np.testing.assert_array_equal(errors[2], 0.0)
+
+
+def test_a_panel_a_frequency_and_a_curve_a_kind(made):
+    axes = [place for place in kinds_figure(made).axes if place.lines]
+    assert [len(place.lines) for place in axes] == [3] * 4
+    np.testing.assert_array_equal(axes[1].lines[0].get_ydata()[:-1], made.values[0, :, 1])
+
+
+def test_the_command_gives_the_means_of_the_thesis(capsys, tmp_path):
+    assert run(["elements", "--json", "--kinds", "cubic:1,dynamic:1", "--plot", str(tmp_path / "k.png")]) == 0
+    rows = json.loads(capsys.readouterr().out)["kinds"]
+    assert rows[0]["means"] == pytest.approx([184.085, 363.082, 577.383, 867.215], abs=5e-4)
+    assert rows[1]["means"] == pytest.approx([166.535, 353.486, 529.454, 682.538], abs=5e-4)
+    assert (tmp_path / "k.png").stat().st_size > 10_000
+    assert run(["elements", "--kinds", "cubic:1"]) == 0
+    assert "+10.538 %" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--kinds", "cubic"], "kind 'cubic' of elements; allowed: KIND:N, such as cubic:3"),
+        (["--kinds", "quartic:1"], "unknown value of option element 'quartic'; did you mean 'cubic'?"),
+        (["--count", "0"], "0 frequencies at 36 positions; allowed: 1 … 9 at 1 … 3600"),
+    ],
+)
+def test_bad_input_is_answered_in_one_line(arguments, said, capsys):
+    assert run(["elements", *arguments]) == 2
+    assert capsys.readouterr().err == f"python -m models.four_bar: {said}\n"
+
+
+def test_numbers_are_checked_in_python_too():
+    with pytest.raises(ValueOutOfBoundsError, match="0 positions"):
+        element_kinds(solve.load("four_bar"), ["cubic:1"], turn=0)
