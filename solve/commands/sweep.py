@@ -2,7 +2,6 @@
 
 from typing import Annotated, Any
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speeds, Steps
 from solve.commands.parse import harmonic_count, points
@@ -11,6 +10,8 @@ from solve.results.plot import shown
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
 from solve.results.turn_plot import checked_turn, turn_figure
+from solve.single import periodic as solved
+from solve.studies.sweep import sweep as swept
 from solve.system import PeriodicSystem
 
 
@@ -44,14 +45,12 @@ def sweep(
         _check_turn(model, turn, count, results, waterfall)
     asked = accuracy.rule, accuracy.steps, accuracy.rtol
     kept: dict[str, Any] = {"spectra": spectra, "harmonics": orders, "over": varied or None}
-    result = solve.sweep(model, omegas, *asked, **kept)
+    result = swept(model, omegas, *asked, **kept)
     result.results.require_any()
 
     def figure() -> Figure:
         if turn:
-            return turn_figure(
-                [solve.periodic(model, omega, *asked) for omega in _solved(result, turn)], turn
-            )
+            return turn_figure([solved(model, omega, *asked) for omega in _solved(result, turn)], turn)
         return result.waterfall(waterfall) if waterfall else result.plot(show)
 
     deliver_result(
