@@ -1,7 +1,7 @@
 """The picture of a stability chart: regions by their stability, the growth in unstable ones, boundaries."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,12 +98,17 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
 
     growth = np.clip(field.growth, 0.0, _MOST_GROWTH)
     top = max(float(np.nanmax(np.where(field.kinds != "", growth, 0.0))), 1e-3)
-    levels = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, top)
+    levels = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, top))
     levels = levels[levels >= 0]
+    # Away from the region its field is as far below zero as the growth beside is above.
+    plane = _plane(field, np.where(field.kinds != "", growth, -levels[1]))
+    colours = {"levels": levels, "extend": "max"}
     for kind in reversed(kinds):
-        # Away from the region its field is as far below zero as the growth beside is above.
-        inside = np.where(field.kinds == kind, growth, -levels[1])
-        filled = _filled(axes, field, inside, kind, levels=levels, colors=_shades(kind, len(levels) - 1))
+        filled = plane.fill(axes, plane.values, **colours, colors=_shades(kind, len(levels) - 1))
+        if len(kinds) > 1:
+            own = plane.fill(axes, (plane.kinds == kind).astype(float), levels=[1 / 3, 2.0], colors="none")
+            filled.set_clip_path(own.get_paths()[0], axes.transData)
+            own.remove()
         bar = figure.colorbar(filled, ax=axes, pad=0.015, fraction=0.035, aspect=28)
         bar.ax.set_title(_SHORT[kind], fontsize=8)
         bar.outline.set_linewidth(0.5)
@@ -117,22 +122,38 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
         axes.pcolormesh(field.x, field.y, cells, cmap=grey, shading="nearest", rasterized=True, zorder=1.5)
 
 
-def _filled(axes: Axes, field: Field, inside: Array, kind: str, **how: Any) -> Any:
-    """Colours of one kind: its boundaries are where the growth is zero."""
-    if inside.size > _FEW:
-        return axes.contourf(field.x, field.y, inside, extend="max", **how)
-    from matplotlib.tri import Triangulation
-    from scipy.spatial import Delaunay
+class _Plane(NamedTuple):
+    """Values at points, the kind of the nearest unstable one, and what fills axes with a field over them."""
+
+    values: Array
+    kinds: Array
+    fill: Callable[..., Any]
+
+
+def _plane(field: Field, values: Array) -> _Plane:
+    """The grid, and between its points the boundaries, where the value is zero."""
+    from scipy.spatial import Delaunay, KDTree
 
     points = np.column_stack([part.ravel() for part in np.meshgrid(field.x, field.y)])
-    edges = [(curve, 0.0 if name == kind else inside.min(initial=0.0)) for name, curve in field.boundaries]
-    every = np.concatenate([points, *(curve for curve, _ in edges)])
-    values = np.concatenate([inside.ravel(), *(np.full(len(curve), value) for curve, value in edges)])
-    every, first = np.unique(every, axis=0, return_index=True)
-    values = values[first]
-    spacing = np.ptp(points, axis=0) / (np.array(inside.shape[::-1]) - 1)
-    made = Triangulation(*every.T, Delaunay(every / spacing).simplices)
-    return axes.tricontourf(made, values, extend="max", **how)
+    spacing = np.ptp(points, axis=0) / (np.array(values.shape[::-1]) - 1)
+    unstable = field.kinds.ravel() != ""
+    few = values.size <= _FEW
+    curves = [curve for _, curve in field.boundaries] if few else []
+    every = np.concatenate([points, *curves])
+    flat = np.concatenate([values.ravel(), *(np.zeros(len(curve)) for curve in curves)])
+    kinds = np.full(len(every), "", dtype=field.kinds.dtype)
+    if unstable.any():
+        _, nearest = KDTree(points[unstable] / spacing).query(every / spacing)
+        kinds = field.kinds.ravel()[unstable][nearest]
+    if not few:
+        shape = values.shape
+        x, y = field.x, field.y
+        return _Plane(flat, kinds, lambda axes, z, **how: axes.contourf(x, y, z.reshape(shape), **how))
+    from matplotlib.tri import Triangulation
+
+    _, first = np.unique(every, axis=0, return_index=True)
+    triangles = Triangulation(every[first, 0], every[first, 1], Delaunay(every[first] / spacing).simplices)
+    return _Plane(flat[first], kinds[first], lambda axes, z, **how: axes.tricontourf(triangles, z, **how))
 
 
 def _shades(kind: str, count: int) -> Array:
