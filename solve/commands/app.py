@@ -93,13 +93,19 @@ def called(arguments: Sequence[str], commands: typer.Typer | None = None, name: 
     """The same within a door that is already open."""
     # Pictures go into files, whatever is set for windows.
     os.environ["MPLBACKEND"] = "agg"
-    commands = commands or solve_application(next(iter(arguments), None))
+    commands = commands or solve_application(_command_in(arguments))
     try:
         with shown(name):
             return commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False)
     except _UsageError as error:
         _hint(error)
         raise
+
+
+def _command_in(arguments: Sequence[str]) -> str | None:
+    """The command that is called, or whose line a shell wants to complete."""
+    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
+    return next(iter([*arguments] or line.split()[1:]), None)
 
 
 def _hint(error: Any) -> None:
