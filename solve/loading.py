@@ -6,16 +6,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol
 
-from solve.beams.structure import StructureModel
 from solve.errors import ModelFileError, ValueOutOfBoundsError
 from solve.model.bounds import checked_parameters
 from solve.model.cases import Case, chosen_case
 from solve.model.files import model_files
-from solve.model.generated import EQUATIONS, STRUCTURE, kind_of, model_module, module_of
+from solve.model.generated import EQUATIONS, kind_of, model_module, module_of
 from solve.model.model import Model
 from solve.model.setup import Setup
-
-_MODELS = {EQUATIONS: Model, STRUCTURE: StructureModel}
 
 
 class Derivable(Protocol):
@@ -63,7 +60,11 @@ def setup_of(
 
 def model_of(setup: Setup) -> Model:
     """The model of the setup, of the kind that its module states."""
-    return _MODELS[kind_of(setup.module)].of(setup)
+    if kind_of(setup.module) == EQUATIONS:
+        return Model.of(setup)
+    from solve.beams.structure import StructureModel
+
+    return StructureModel.of(setup)
 
 
 def _found(model: str | Derivable | Callable[[], Derivable]) -> tuple[ModuleType, Path | None]:

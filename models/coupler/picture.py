@@ -15,6 +15,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
 from solve.results.quantities import fixed, prefixed
+from solve.results.quantities import round_magnification as rounded
 from solve.results.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
@@ -84,9 +85,7 @@ def round_magnification(model: Model, orbit: Orbit) -> float:
     anywhere in the turn; 1 where even that bends it more."""
     turn = np.arange(_TURN_POINTS) * (orbit.system.period / _TURN_POINTS)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
-    allowed = _BULGE * model.parameters["l3"] / largest if largest else 1.0
-    decade = 10.0 ** math.floor(math.log10(max(allowed, 1.0)))
-    return decade * max(digit for digit in (1, 2, 5) if digit * decade <= max(allowed, 1.0))
+    return rounded(_BULGE * model.parameters["l3"] / largest if largest else 1.0)
 
 
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:

@@ -1,6 +1,7 @@
 """The commands together."""
 
 import importlib
+import inspect
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -10,7 +11,6 @@ import typer
 from typer.core import TyperCommand
 
 from solve.commands.door import ReadOnce, door
-from solve.commands.groups import flattened
 from solve.errors import SolveError
 from solve.progress import shown
 
@@ -45,15 +45,24 @@ def application(
         name=name,
         help=about,
         epilog=f"For example: {example}",
-        add_completion=False,
+        add_completion=name == "solve",
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
     for command in commands:
         epilog = f"For example: {example}" if len(commands) == 1 else None
-        made.command(command.__name__, cls=_Command, epilog=epilog)(flattened(command))
+        made.command(command.__name__, cls=_Command, epilog=epilog)(_with_flags(command))
     return made
+
+
+def _with_flags(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with the flags of its groups; one that only stands in a list has none."""
+    if not inspect.signature(command).parameters:
+        return command
+    from solve.commands.groups import flattened
+
+    return flattened(command)
 
 
 def solve_application(called: str | None) -> typer.Typer:
@@ -85,13 +94,19 @@ def called(arguments: Sequence[str], commands: typer.Typer | None = None, name: 
     """The same within a door that is already open."""
     # Pictures go into files, whatever is set for windows.
     os.environ["MPLBACKEND"] = "agg"
-    commands = commands or solve_application(next(iter(arguments), None))
+    commands = commands or solve_application(_command_in(arguments))
     try:
         with shown(name):
             return commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False)
     except _UsageError as error:
         _hint(error)
         raise
+
+
+def _command_in(arguments: Sequence[str]) -> str | None:
+    """The command that is called, or whose line a shell wants to complete."""
+    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
+    return next(iter([*arguments] or line.split()[1:]), None)
 
 
 def _hint(error: Any) -> None:

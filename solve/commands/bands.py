@@ -1,8 +1,8 @@
 """`solve bands`: the speeds at which the motion is unstable."""
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Problem, Results, Speeds
+from solve.studies.bands import bands as found
 
 
 def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results) -> None:
@@ -11,5 +11,5 @@ def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results
     Speeds are added as the model needs them; narrow bands are looked for between them.
     """
     omegas, model = speeds.omegas(), problem.loaded()
-    result = solve.bands(model, omegas, accuracy.rule, accuracy.rtol)
+    result = found(model, omegas, accuracy.rule, accuracy.rtol)
     deliver_result(results, result, problem.choices, result.notes)

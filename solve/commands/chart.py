@@ -2,11 +2,11 @@
 
 from typing import Annotated
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Flag, Places, Problem, Results, Speed
 from solve.commands.parse import assignments, numbers, points
 from solve.errors import MissingValueError
+from solve.studies.chart import chart as found
 from solve.units import speed_in_si, speeds_in_si
 
 _RANGE = 'NAME=A:B:N|"speed=A:B:N rpm"'
@@ -32,7 +32,7 @@ def chart(
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
     asked = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance}
     with places.given() as given:
-        result = solve.chart(model, across, upwards, omega, **asked, **given).with_cuts(lines)
+        result = found(model, across, upwards, omega, **asked, **given).with_cuts(lines)
     deliver_result(results, result, problem.choices, result.notes)
 
 

@@ -2,10 +2,10 @@
 
 from typing import Annotated
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Flag, Problem, Results, Speeds
 from solve.commands.parse import figure_kept
+from solve.studies.critical_speeds import critical_speeds as found
 
 
 def critical(
@@ -20,5 +20,5 @@ def critical(
 ) -> None:
     """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
     omegas, kept, model = speeds.omegas(), figure_kept(figure), problem.loaded()
-    result = solve.critical_speeds(model, omegas, of, kept, orders, accuracy.rule, accuracy.rtol)
+    result = found(model, omegas, of, kept, orders, accuracy.rule, accuracy.rtol)
     deliver_result(results, result, problem.choices, result.notes, figure=lambda: result.plot(campbell))

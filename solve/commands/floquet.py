@@ -1,12 +1,12 @@
 """`solve floquet`: stability alone."""
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import OnePoint, Problem, Results, Speed
+from solve.single import floquet as found
 
 
 def floquet(problem: Problem, speed: Speed, accuracy: OnePoint, results: Results) -> None:
     """Floquet multipliers, exponents and the verdict of stability."""
     model = problem.loaded()
-    result = accuracy.solved(solve.floquet, model, speed.omega(model))
+    result = accuracy.solved(found, model, speed.omega(model))
     deliver_result(results, result, problem.choices)

@@ -14,7 +14,6 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import typer
 
-from solve.batch.executors import cluster, processes
 from solve.commands.parse import assignments, number, quantities, whole
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.loading import case_numbers, model_of, setup_of
@@ -205,6 +204,8 @@ class Places:
         WorkersError, MissingLibraryError."""
         if self.workers is not None and self.scheduler is not None:
             raise ValueOutOfBoundsError("--workers and --scheduler name two places to work; give one of them")
+        from solve.batch.executors import cluster, processes
+
         with ExitStack() as opening:
             executor = None
             if self.workers is not None:

@@ -2,13 +2,13 @@
 
 from typing import Annotated
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, OnePoint, Problem, Results, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import ValueOutOfBoundsError
 from solve.results.plot import checked_scale, shown
 from solve.results.turn_plot import fits_figure
+from solve.single import periodic as linear_orbit
 
 
 def periodic(
@@ -34,13 +34,15 @@ def periodic(
         raise ValueOutOfBoundsError("--fits chooses what is drawn; add --plot FILE")
     picture = fits_figure(model) if fits else None
     if nonlinear:
+        from solve.newton.orbits import nonlinear as nonlinear_orbit
+
         _check_nonlinear(accuracy, quasi_static)
         given = accuracy.rule, accuracy.steps, accuracy.rtol
-        orbit = solve.nonlinear(model, speed.omega(model), None, 1 if periods is None else periods, *given)
+        orbit = nonlinear_orbit(model, speed.omega(model), None, 1 if periods is None else periods, *given)
     elif periods is not None:
         raise ValueOutOfBoundsError(f"--periods {periods} is of nonlinear orbits; add --nonlinear")
     else:
-        orbit = accuracy.solved(solve.periodic, model, speed.omega(model))
+        orbit = accuracy.solved(linear_orbit, model, speed.omega(model))
     deliver_result(
         results,
         orbit,

@@ -3,7 +3,6 @@
 import math
 from typing import Annotated, Any
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Places, Problem, Results, Speeds, Steps
 from solve.commands.parse import harmonic_count, points
@@ -14,6 +13,8 @@ from solve.results.style import Figure
 from solve.results.sweep import Sweep, SweepPoint
 from solve.results.sweep_plot import SPEED, labelled_by, moving
 from solve.results.turn_plot import checked_turn, turn_figure, turns_figure
+from solve.single import periodic as solved
+from solve.studies.sweep import sweep as swept
 from solve.system import PeriodicSystem
 
 
@@ -51,14 +52,14 @@ def sweep(
     asked = accuracy.rule, accuracy.steps, accuracy.rtol
     kept: dict[str, Any] = {"spectra": spectra, "harmonics": orders, "over": varied or None}
     with places.given() as given:
-        result = solve.sweep(model, omegas, *asked, **kept, **given)
+        result = swept(model, omegas, *asked, **kept, **given)
     result.results.require_any()
 
     def figure() -> Figure:
         if turn and varied:
             return _turns_over(model, result, turn, asked)
         if turn:
-            orbits = [solve.periodic(model, point.speed, *asked) for point in _solved(result, turn)]
+            orbits = [solved(model, point.speed, *asked) for point in _solved(result, turn)]
             return turn_figure(orbits, turn)
         return result.waterfall(waterfall) if waterfall else result.plot(show)
 
@@ -98,7 +99,7 @@ def _turns_over(model: Model, sweep: Sweep, turn: str, asked: tuple[Any, ...]) -
     for point in _solved(sweep, turn):
         values = {**point.parameters, SPEED: point.speed}
         label = labelled_by(model, {name: values[name] for name in vary})
-        orbits[label] = solve.periodic(model.varied(point.parameters), point.speed, *asked)
+        orbits[label] = solved(model.varied(point.parameters), point.speed, *asked)
     return turns_figure(orbits, turn, ", ".join(vary))
 
 

@@ -2,9 +2,9 @@
 
 from typing import Annotated
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speed
+from solve.newton.transients import transient as found
 
 
 def transient(
@@ -20,5 +20,5 @@ def transient(
 ) -> None:
     """Start-up in time from any state, and how soon it reaches the periodic vibration."""
     model = problem.loaded()
-    result = solve.transient(model, speed.omega(model), turns, start, nonlinear, rtol)
+    result = found(model, speed.omega(model), turns, start, nonlinear, rtol)
     deliver_result(results, result, problem.choices)

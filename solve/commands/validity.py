@@ -2,10 +2,10 @@
 
 from typing import Annotated
 
-import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Flag, Problem, Results, Speeds
 from solve.commands.parse import part
+from solve.studies.validity import validity as found
 
 
 def validity(
@@ -17,5 +17,5 @@ def validity(
 ) -> None:
     """How far the linear model is off over speed, and up to which speed to trust it."""
     omegas, model = speeds.omegas(), problem.loaded()
-    result = solve.validity(model, omegas, at, accuracy.rule, accuracy.rtol)
+    result = found(model, omegas, at, accuracy.rule, accuracy.rtol)
     deliver_result(results, result, problem.choices)

@@ -1,7 +1,6 @@
 """Stability over two quantities: spectral radius, verdict, and the boundaries between."""
 
 import math
-import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,27 +11,17 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
+from solve.results.chart_plot import Field, axis_label, chart_figure, factor_of
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
-from solve.results.plot import draw_map, title_of
 from solve.results.points import PointResults
-from solve.results.quantities import RPM
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.result import Result
 from solve.results.stability import Stability
-from solve.results.style import BLACK, Axes, Figure, page
-from solve.results.sweep_plot import KIND_NAMES
+from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
 _MOST_CURVES = 20
-
-_LINES = {"+1": "-", "-1": (0, (5, 2)), "complex": (0, (1, 1.2))}
-_COLORS = ["#1F4E79", "#5B9BD5", "#C9DFF2", "#FFFFFF", "#FBCDB0", "#DD6B20", "#8A2A06"]
-_MOST_DECAY = 4.0
-"""Growth exponents a period below minus this, and above it, look alike."""
-
-_LABEL = 48
-"""Characters a line of a label."""
 
 
 @lasting
@@ -173,26 +162,22 @@ class Chart(Result):
         return replace(self, cuts=[self.solve_cut(names.index(name), value) for name, value in held])
 
     def plot(self) -> Figure:
-        """Growth ln|ρ| a period, and the boundaries between stable and unstable; speeds in rpm."""
-        from matplotlib.lines import Line2D
-
-        factors = _factor(self.x_name), _factor(self.y_name)
-        kinds = [kind for kind in KIND_NAMES if any(curve.name == kind for curve in self.boundaries)]
-        styles = {kind: {"color": BLACK, "linestyle": _LINES[kind], "linewidth": 1.1} for kind in kinds}
-        with page(4.6, f"{title_of(self.system)}: stability") as figure:
-            axes = figure.subplots()
-            _draw_growth(figure, axes, self)
-            for kind, points in self.boundaries:
-                axes.plot(*(points * factors).T, **styles[kind])
-            if kinds:
-                keys = [Line2D([], [], **styles[kind]) for kind in kinds]
-                names = [f"boundary {KIND_NAMES[kind]}" for kind in kinds]
-                figure.legend(keys, names, loc="outside lower center", ncols=len(keys), handlelength=3)
-            axes.set_xlabel(_label(self.system, self.x_name))
-            axes.set_ylabel(_label(self.system, self.y_name))
-            axes.set_xlim(*(self.x[[0, -1]] * factors[0]))
-            axes.set_ylim(*(self.y[[0, -1]] * factors[1]))
-        return figure
+        """Stable and unstable regions with their growth ln|ρ| a period, and boundaries; speeds in rpm."""
+        names = self.x_name, self.y_name
+        factors = np.array([factor_of(name) for name in names])
+        with np.errstate(divide="ignore"):
+            growth = np.log(self.spectral_radius)
+        field = Field(
+            self.x * factors[0],
+            self.y * factors[1],
+            growth,
+            self.kinds,
+            np.isnan(self.stable),
+            [(kind, points * factors) for kind, points in self.boundaries],
+        )
+        return chart_figure(
+            self.system, field, (axis_label(self.system, names[0]), axis_label(self.system, names[1]))
+        )
 
     @property
     def whole(self) -> dict[str, Any]:
@@ -263,48 +248,5 @@ def _range(name: str, values: Array) -> str:
 
 def _span(name: str, values: Array, digits: int = 6) -> str:
     unit = " rpm" if name == "speed" else ""
-    low, high = (f"{value * _factor(name):.{digits}g}" for value in (values.min(), values.max()))
+    low, high = (f"{value * factor_of(name):.{digits}g}" for value in (values.min(), values.max()))
     return f"{low}{unit}" if low == high else f"{low} … {high}{unit}"
-
-
-def _draw_growth(figure: Figure, axes: Axes, chart: Chart) -> None:
-    from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
-
-    with np.errstate(divide="ignore"):
-        growth = np.clip(np.log(chart.spectral_radius), -_MOST_DECAY, _MOST_DECAY)
-    low, high = min(np.nanmin(growth), -1e-3), max(np.nanmax(growth), 1e-3)
-    axes.set_facecolor("#EEEEEE")
-    x, y = chart.x * _factor(chart.x_name), chart.y * _factor(chart.y_name)
-    colours = {
-        "cmap": LinearSegmentedColormap.from_list("stability", _COLORS),
-        "norm": TwoSlopeNorm(0.0, low if low < -1e-2 else -high, high),
-    }
-    bar = draw_map(figure, axes, x, y, growth, "growth a period, ln |ρ|", **colours)
-    if low >= -1e-2:
-        bar.ax.set_ylim(0.0, high)
-    else:
-        bar.set_ticks([*_ticks(low)[:-1], *_ticks(high)])
-    bar.outline.set_linewidth(0.5)
-
-
-def _ticks(end: float) -> list[float]:
-    """Round values between 0 and the end of one side of the colours, rising."""
-    from matplotlib.ticker import MaxNLocator
-
-    values = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(min(end, 0.0), max(end, 0.0))
-    return [float(value) for value in values if min(end, 0.0) <= value <= max(end, 0.0)]
-
-
-def _factor(name: str) -> float:
-    """From SI units to those shown."""
-    return RPM if name == "speed" else 1.0
-
-
-def _label(system: PeriodicSystem, name: str) -> str:
-    if name == "speed":
-        return "speed (rpm)"
-    if name not in system.parameter_labels:
-        return name
-    unit, meaning = system.parameter_labels[name]
-    label = f"{name} ({unit.replace('^2', '²')})" if unit != "1" else name
-    return "\n".join(textwrap.wrap(f"{label}: {meaning}", _LABEL))

@@ -3,7 +3,6 @@ infinity become None, complex numbers [re, im]."""
 
 import cmath
 import functools
-import importlib.metadata
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -94,7 +93,9 @@ class Contents:
 @functools.cache
 def _versions() -> dict[str, str]:
     """Of this program and of what it calculates with."""
-    return {name: importlib.metadata.version(name) for name in _DISTRIBUTIONS}
+    from importlib.metadata import version
+
+    return {name: version(name) for name in _DISTRIBUTIONS}
 
 
 def require_different_names(variables: Sequence[tuple[str, Column]]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
-from solve.results.plot import label_quantity, label_speeds, title_of
+from solve.results.plot import label_quantity, label_speeds, through, title_of
 from solve.results.quantities import RPM, fixed, named, prefixed
 from solve.results.report import RenderableType, Table, digits, model_heading, stacked, table, table_of
 from solve.results.result import Result
@@ -72,7 +72,8 @@ class Critical:
 @dataclass(frozen=True)
 class CriticalSpeeds(Result):
     """rows: critical speeds, falling; combinations: (ω̄i ± ω̄j)/k. Behind them over speeds (P,), rising:
-    response, the dominant multiplier's real part and modulus (P,), unstable (P,), mean frequencies (P, n)."""
+    response, the dominant multiplier's real part and modulus (P,), unstable (P,), mean frequencies (P, n),
+    and imaginary (P,): whether one of these is imaginary or complex at some position."""
 
     system: PeriodicSystem
     quantity: str
@@ -86,12 +87,39 @@ class CriticalSpeeds(Result):
     unstable: Array
     frequencies: Array
     orders: int
+    imaginary: Array
     notes: Sequence[str] = ()
 
     @cached_property
     def warnings(self) -> list[str]:
-        """About the equations themselves at the highest speed."""
-        return self.system.warnings(float(self.speeds[-1]))
+        """About the equations themselves at the highest speed, unstable ranges, and frozen frequencies that
+        mean nothing."""
+        found = self.system.warnings(float(self.speeds[-1]))
+        if self.unstable_ranges:
+            ranges = ", ".join(
+                f"{low * RPM:.5g} to {high * RPM:.5g}" for low, high, _ in self.unstable_ranges
+            )
+            found.append(
+                f"the motion is unstable from {ranges} rpm: the response there is never reached; "
+                "`bands` finds the edges"
+            )
+        if self.imaginary.any():
+            speeds = self.speeds[self.imaginary] * RPM
+            found.append(
+                "with matrices frozen somewhere in the turn a frequency is imaginary or complex at "
+                f"{len(speeds)} of {len(self.speeds)} speeds, from {speeds[0]:.5g} to {speeds[-1]:.5g} rpm: "
+                "means and divisions mean nothing there"
+            )
+        return found
+
+    @property
+    def unstable_ranges(self) -> list[tuple[float, float, float]]:
+        """Runs of unstable ones among the speeds: the first and the last (rad/s), the largest |ρ|."""
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], self.unstable, [False])).astype(int)))
+        return [
+            (float(self.speeds[first]), float(self.speeds[end - 1]), float(self.radius[first:end].max()))
+            for first, end in edges.reshape(-1, 2)
+        ]
 
     def maxima(self, way: str) -> list[tuple[float, float]]:
         """Speeds and heights of the maxima of the "response" or of the "multiplier"."""
@@ -104,10 +132,10 @@ class CriticalSpeeds(Result):
         return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
 
     def plot(self, campbell: bool = False) -> Figure:
-        """Response, dominant multiplier and Campbell diagram over speed, or this alone."""
-        drawn = (_draw_campbell,) if campbell else (_draw_response, _draw_multiplier, _draw_campbell)
+        """Response, dominant multiplier and Campbell diagram over speed, or this below the response alone."""
+        drawn = (_draw_response, _draw_campbell) if campbell else _ALL
         title = "Campbell diagram" if campbell else "critical speeds"
-        height, ratios = (3.8, (1.3,)) if campbell else (7.6, (1.1, 0.9, 1.3))
+        height, ratios = (5.4, (0.9, 1.3)) if campbell else (7.6, (1.1, 0.9, 1.3))
         with page(height, f"{title_of(self.system)}: {title}") as figure:
             places = figure.subplots(len(drawn), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
             for axes, draw in zip(places, drawn, strict=True):
@@ -125,6 +153,10 @@ class CriticalSpeeds(Result):
             "quantity": self.quantity,
             "figure": self.figure,
             "combinations": [vars(one) for one in self.combinations],
+            "unstable": [
+                {"from": low, "to": high, "spectral_radius": radius}
+                for low, high, radius in self.unstable_ranges
+            ],
             "notes": self.notes,
         }
 
@@ -180,7 +212,15 @@ class CriticalSpeeds(Result):
         head = model_heading(self.system, choices)
         low, high = (f"{speed * RPM:.6g}" for speed in self.speeds[[0, -1]])
         head.add_row("between", f"{low} and {high} rpm")
-        return stacked(head, self._rows_table(), *[self._combinations_table()] * bool(self.combinations))
+        further = [self._unstable_table()] * bool(self.unstable_ranges)
+        further += [self._combinations_table()] * bool(self.combinations)
+        return stacked(head, self._rows_table(), *further)
+
+    def _unstable_table(self) -> Table:
+        made = table("Unstable among the speeds, rpm", "from", "to", "largest |ρ|", left=0)
+        for low, high, radius in self.unstable_ranges:
+            made.add_row(f"{low * RPM:.3f}", f"{high * RPM:.3f}", f"{radius:.6g}")
+        return made
 
     def _rows_table(self) -> Table:
         height = named(self.figure, self.quantity)
@@ -203,13 +243,15 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     maxima = found.maxima("response")
     known = np.where(np.isfinite(found.response), np.abs(found.response), np.nan)
     factor = label_quantity(axes, found.system, found.quantity, known, found.figure)
-    speeds, response = _through(found.speeds, found.response, maxima)
+    stable = np.where(found.unstable, np.nan, found.response)
+    speeds, response = _curve(found.speeds, stable, maxima)
     axes.plot(speeds * RPM, response * factor, color=BLUE)
     largest, least = float(np.nanmax(known, initial=0.0)), float(np.nanmin(known, initial=np.inf))
     if largest > _MOST_DECADES * least > 0:
         axes.set_yscale("log")
-    _draw_marks(axes, maxima, factor, BLUE)
+    _draw_marks(axes, maxima, factor, BLUE, "maximum")
     _shade(axes, found)
+    _legend(axes)
 
 
 def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
@@ -220,19 +262,21 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
         return np.sign(values) * np.abs(values) ** power
 
     maxima = found.maxima("multiplier")
-    speeds, real_part = _through(found.speeds, found.real_part, maxima)
-    axes.plot(speeds * RPM, rooted(real_part), color=VERMILION, linewidth=0.9)
-    for sign in (1, -1):
-        axes.plot(found.speeds * RPM, sign * rooted(found.radius), color=GREY, linewidth=0.7, linestyle=":")
+    speeds, real_part = _curve(found.speeds, found.real_part, maxima)
+    axes.plot(speeds * RPM, rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
+    for sign, label in ((1, "±|ρ|"), (-1, None)):
+        dots = {"color": GREY, "linewidth": 0.7, "linestyle": ":", "label": label}
+        axes.plot(found.speeds * RPM, sign * rooted(found.radius), **dots)
     marks = [(speed, float(rooted(np.array(height)))) for speed, height in maxima]
-    _draw_marks(axes, marks, 1, VERMILION)
+    _draw_marks(axes, marks, 1, VERMILION, "maximum of Re ρ")
     reach = float(np.nanmax(found.radius, initial=1e-12))
     ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
     places = [0.0, *ticks, *(-size for size in ticks)]
     axes.set_yticks([float(rooted(np.array(place))) for place in places], [f"{place:g}" for place in places])
-    axes.set_ylabel("Re ρ, and\n±|ρ| (dots)")
+    axes.set_ylabel("dominant\nmultiplier")
     axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
     _shade(axes, found)
+    _legend(axes)
 
 
 def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
@@ -247,38 +291,53 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
         axes.plot(rpm, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)
         at = min(rpm[-1], top * 60 / order)
         if order <= 12 or order % 5 == 0:
-            place, style = (at, at * order / 60), {"color": GREY, "fontsize": 7, "annotation_clip": True}
-            axes.annotate(str(order), place, ha="right", va="top", **style)
+            place, white = (at, at * order / 60), {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
+            clear = {"xytext": (-2, -2), "textcoords": "offset points", "annotation_clip": True}
+            axes.annotate(
+                str(order), place, color=GREY, fontsize=7, ha="right", va="top", bbox=white, **clear
+            )
+    axes.plot([], [], color=GREY, linewidth=0.7, label="orders of rotation")
     for mode in shown:
-        axes.plot(rpm, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3)
-    for speed, _, order in divided:
-        axes.plot(speed * RPM, order * speed / (2 * math.pi), "o", color=GREEN, zorder=4)
+        label = "mean natural frequency" if mode == shown[0] else None
+        axes.plot(rpm, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3, label=label)
+    crossed = [(speed * RPM, order * speed / (2 * math.pi)) for speed, _, order in divided]
+    if crossed:
+        axes.plot(*zip(*crossed, strict=True), "o", color=GREEN, zorder=4, label="integer division")
     axes.set_ylim(0.0, top)
     axes.yaxis.set_major_locator(MaxNLocator(6))
     axes.set_ylabel("mean natural\nfrequency (Hz)")
-    axes.set_title("Campbell diagram: orders of rotation, integer divisions", loc="left", color=GREY)
+    axes.set_title("Campbell diagram", loc="left", color=GREY)
+    _legend(axes)
 
 
-def _through(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
-    """The curve's points and the maxima between them, by rising speed."""
+def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
+    """A curve through the points and the maxima between them."""
     at, heights = np.array([*zip(speeds, values, strict=True), *marks]).T
-    order = np.argsort(at)
-    return at[order], heights[order]
+    at, first = np.unique(at, return_index=True)
+    return through(at, heights[first])
 
 
-def _draw_marks(axes: Axes, marks: Sequence[tuple[float, float]], factor: float, color: str) -> None:
-    for speed, height in marks:
-        axes.plot(speed * RPM, height * factor, "v", color=color, markersize=4.5, zorder=4)
+def _draw_marks(
+    axes: Axes, marks: Sequence[tuple[float, float]], factor: float, color: str, label: str
+) -> None:
+    if marks:
+        speeds, heights = np.array(marks).T
+        style = {"color": color, "markersize": 4.5, "zorder": 4, "label": label}
+        axes.plot(speeds * RPM, heights * factor, "v", **style)
 
 
 def _shade(axes: Axes, found: CriticalSpeeds) -> None:
     """Unstable speeds."""
-    from matplotlib.lines import Line2D
-
     if not found.unstable.any():
         return
-    rpm = found.speeds * RPM
-    style = {"color": ORANGE, "alpha": 0.3}
-    across = axes.get_xaxis_transform()
-    axes.fill_between(rpm, 0, 1, where=found.unstable.tolist(), transform=across, linewidth=0, **style)
-    axes.legend(handles=[Line2D([], [], linewidth=6, label="unstable", **style)], loc="upper left")
+    style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0, "label": "unstable"}
+    across, where = axes.get_xaxis_transform(), found.unstable.tolist()
+    axes.fill_between(found.speeds * RPM, 0, 1, where=where, transform=across, **style)
+
+
+def _legend(axes: Axes) -> None:
+    """Above the frame, at its right."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, handlelength=1.6)
+
+
+_ALL = _draw_response, _draw_multiplier, _draw_campbell

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.results.quantities import RPM, named, prefixed
+from solve.results.quantities import RPM, greek, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
 from solve.system import PeriodicSystem
 
@@ -26,6 +26,9 @@ _CROWDED = 80
 
 _TITLE = 46
 """Characters that fit above a panel."""
+
+_BETWEEN = 16
+"""Parts in which a curve is drawn between two of its points."""
 
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
@@ -77,8 +80,8 @@ def orbit_figure(
         axes = upper.subplots(len(motions), 2, sharex="col", squeeze=False, width_ratios=(1.2, 1))
         orders = _orders(motions, scale)
         for (left, right), (name, motion) in zip(axes, motions.items(), strict=True):
-            _draw_curve(left, system, name, motion, (label, beside))
-            _draw_spectrum(right, system, name, motion.amplitudes[orders], orders, scale)
+            scaled = _draw_curve(left, system, name, motion, (label, beside))
+            _draw_spectrum(right, system, scaled, motion.amplitudes[orders], orders, scale)
         _label_columns(axes, system, speed)
         if any(motion.beside is not None for motion in motions.values()):
             low, high = axes[0, 0].get_ylim()
@@ -128,7 +131,8 @@ def title_of(system: PeriodicSystem) -> str:
 
 def _draw_curve(
     axes: Axes, system: PeriodicSystem, name: str, motion: Motion, labels: tuple[str, str]
-) -> None:
+) -> tuple[float, str]:
+    """Draw it; the factor and the unit, which its spectrum shares."""
     degrees = np.linspace(0.0, math.degrees(system.period), len(motion.values))
     curves: list[tuple[Array, dict[str, Any]]] = [(motion.values, {"color": BLUE, "label": labels[0]})]
     if motion.beside is not None:
@@ -142,6 +146,7 @@ def _draw_curve(
     axes.set_ylabel(labelled(name, unit))
     meaning = textwrap.shorten(system.meanings.get(name, ""), _TITLE, placeholder=" …")
     axes.set_title(meaning, loc="left", color=GREY)
+    return factor, unit
 
 
 def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> Any:
@@ -170,6 +175,23 @@ def label_phases(axes: Axes, period: float) -> None:
     axes.set_xlabel("phase (°)")
 
 
+def through(x: Array, y: Array) -> tuple[Array, Array]:
+    """Further points of a curve over rising x (k,) between its own: monotone cubics (F. Fritsch, R. Carlson,
+    SIAM J. Numer. Anal. 17 (1980) 238-246), which make no extreme that is not a point; gaps of NaN stay."""
+    from scipy.interpolate import PchipInterpolator
+
+    parts = []
+    for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.isfinite(y))) + 1):
+        at, values = x[part], y[part]
+        if np.isfinite(values).all() and len(part) > 1:
+            fine = np.interp(
+                np.linspace(0, len(part) - 1, _BETWEEN * (len(part) - 1) + 1), part - part[0], at
+            )
+            at, values = fine, PchipInterpolator(at, values)(fine)
+        parts.append((at, values))
+    return np.concatenate([at for at, _ in parts]), np.concatenate([values for _, values in parts])
+
+
 def shades(count: int) -> list[dict[str, Any]]:
     """Colours and dashes of several curves, the first darkest, that differ on a black and white print too."""
     import matplotlib
@@ -188,8 +210,8 @@ def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array,
 
 
 def labelled(name: str, unit: str) -> str:
-    """A label of few characters a line, the unit in brackets."""
-    lines = textwrap.wrap(name.replace("_", " "), 12)
+    """A label of few characters a line, Greek names as letters, the unit in brackets."""
+    lines = textwrap.wrap(greek(name).replace("_", " "), 12)
     if unit and len(lines) == 1 and len(lines[0] + unit) < 9:
         return f"{lines[0]} ({unit})"
     return "\n".join([*lines, f"({unit})"] if unit else lines)
@@ -204,12 +226,11 @@ def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
 
 
 def _draw_spectrum(
-    axes: Axes, system: PeriodicSystem, name: str, amplitudes: Array, k: Array, scale: str
+    axes: Axes, system: PeriodicSystem, scaled: tuple[float, str], amplitudes: Array, k: Array, scale: str
 ) -> None:
     from matplotlib.ticker import MultipleLocator
 
-    largest = amplitudes.max()
-    factor, unit = prefixed(system.units.get(name, ""), largest)
+    largest, (factor, unit) = amplitudes.max(), scaled
     order = k * (2 * math.pi / system.period)
     if scale == "dB":
         with np.errstate(divide="ignore"):

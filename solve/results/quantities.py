@@ -11,6 +11,30 @@ _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
 """Symbols that take a prefix, and the power of ten of the largest that is usual."""
 
 
+_SPELT = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
+_LETTERS: dict[str, str] = dict(zip(_SPELT.split(), "αβγδεζηθκλμνξρστφχψω", strict=True))
+_GREEK = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
+
+
+def greek(name: str) -> str:
+    """A name with the Greek letters that it spells out.
+
+    >>> greek("phi1"), greek("theta_max"), greek("max|epsilon|"), greek("mumps")
+    ('φ1', 'θ_max', 'max|ε|', 'mumps')
+    """
+    return _GREEK.sub(lambda found: _LETTERS[found[0]], name)
+
+
+def round_magnification(allowed: float) -> float:
+    """The largest of 1, 2, 5, 10, 20, … that is allowed; 1 where even that is too much.
+
+    >>> round_magnification(37.0), round_magnification(0.2)
+    (20.0, 1.0)
+    """
+    decade = 10.0 ** math.floor(math.log10(max(allowed, 1.0)))
+    return decade * max(digit for digit in (1, 2, 5) if digit * decade <= max(allowed, 1.0))
+
+
 def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
     """Factor and unit that show quantities up to this magnitude between 1 and 1000 where a prefix can.
 

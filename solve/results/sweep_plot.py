@@ -36,18 +36,22 @@ def sweep_figure(
     bands: Edges = (),
 ) -> Figure:
     """A row a quantity: its figure over speed with the maxima marked; below them the spectral radius.
-    Bands are shaded."""
+    Bands are shaded; in them the response is never reached, and not drawn."""
     order = np.argsort(speeds)
     rpm = speeds[order] * RPM
     with page(1.4 + 1.35 * (len(responses) + 1), f"{title_of(system)}: response over speed") as made:
         axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
         for place, (name, values) in zip(axes, responses.items(), strict=False):
             heights = values[order] * label_quantity(place, system, name, values, figure)
+            for low, high, _ in bands:
+                heights[(speeds[order] >= low) & (speeds[order] <= high)] = np.nan
             place.plot(rpm, heights, color=BLUE)
             known = np.where(np.isfinite(heights), heights, -np.inf)
             inner = known[1:-1]
             top = 1 + np.flatnonzero((inner > known[:-2]) & (inner >= known[2:]) & np.isfinite(inner))
-            place.plot(rpm[top], heights[top], "v", color=BLUE)
+            place.plot(rpm[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
+            if len(top):
+                place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
             _shade(place, bands)
         _draw_radius(axes[-1], rpm, radius[order], bands)
         made.align_ylabels(axes)

@@ -43,6 +43,10 @@ _NEAR = 0.2
 """Difference of frequency over speed from an integer up to which a maximum belongs to that division."""
 
 _PHASES = 64
+_ROUNDING, _COMPLEX = 1e-12, 1e-6
+"""Negative and imaginary parts of squares of frequencies, relative to the largest, that are rounding: of
+double ones half the digits."""
+
 _SECANTS = 4
 
 
@@ -55,18 +59,31 @@ class MeanFrequencies:
     system: PeriodicSystem
     speeds: Array
 
-    @cached_property
+    @property
     def values(self) -> Array:
         """(P, n)."""
+        return self._found[0]
+
+    @property
+    def imaginary(self) -> Array:
+        """Whether one of the frequencies is imaginary or complex at some phase (P,)."""
+        return self._found[1]
+
+    @cached_property
+    def _found(self) -> tuple[Array, Array]:
         phase = (np.arange(_PHASES) + 0.5) * (self.system.period / _PHASES)
         means = np.full((len(self.speeds), self.system.n), np.nan)
-        for mean, speed in zip(means, self.speeds, strict=True):
+        imaginary = np.zeros(len(self.speeds), dtype=bool)
+        for at, speed in enumerate(self.speeds):
             # Where there are no matrices, the solution at this speed says why.
             with part("speeds"), suppress(SolveError):
                 M, _, K, _ = self.system.at(phase, float(speed))
-                squares = np.sort(np.real(np.linalg.eigvals(np.linalg.solve(M, K))), axis=1)
-                mean[:] = np.sqrt(np.maximum(squares, 0.0)).mean(axis=0)
-        return means
+                squares = np.linalg.eigvals(np.linalg.solve(M, K))
+                size = np.abs(squares).max()
+                real = np.sort(np.real(squares), axis=1)
+                means[at] = np.sqrt(np.maximum(real, 0.0)).mean(axis=0)
+                imaginary[at] = real.min() < -_ROUNDING * size or np.abs(squares.imag).max() > _COMPLEX * size
+        return means, imaginary
 
     def at(self, speed: float) -> Array:
         """The same (n,) at a speed."""
@@ -132,6 +149,7 @@ def critical_speeds(
         found.verdicts == VERDICTS.index("unstable"),
         frequencies.values,
         orders,
+        frequencies.imaginary,
         notes,
     )
 

@@ -20,12 +20,19 @@ MODULES = sorted(
 FUNCTIONS = sorted(name for name in solve.__all__ if inspect.isfunction(getattr(solve, name)))
 
 CALLS = """
+import tempfile
+
 import numpy as np
 
 import solve
 
 mathieu, cam = solve.load("mathieu", delta=1.3, epsilon=0.2, zeta=0.05), solve.load("cam")
 rough = {"rtol": 1e-2, "engine": "numpy"}
+
+
+def reopened(folder):
+    solve.floquet(mathieu, 1.0, **rough).save(f"{folder}/kept.npz")
+    return solve.open(f"{folder}/kept.npz")
 
 
 def at(delta):
@@ -52,6 +59,7 @@ called = {
     "frequencies": solve.frequencies(cam),
     "frequencies_over": solve.frequencies_over(cam, "k1", [8e4, 9e4], np.zeros(1)),
     "boundaries": solve.boundaries(at, [0.5, 1.0, 1.5]),
+    "open": reopened(tempfile.mkdtemp()),
     "signal_statistics": solve.signal_statistics(np.cos, 2 * np.pi),
 }
 print(sorted(called))

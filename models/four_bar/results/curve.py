@@ -15,11 +15,12 @@ from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
 from solve.results.orbit import Turn
-from solve.results.quantities import fixed, prefixed
+from solve.results.quantities import fixed, prefixed, round_magnification
 from solve.results.report import RenderableType, heading, stacked, table
-from solve.results.style import BLACK, BLUE, GREY, VERMILION, Figure, page
+from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 
 _SAMPLES = 721
+_BULGE = 0.1
 
 
 @lasting
@@ -126,8 +127,14 @@ def curve_of_point(
     return CurveOfPoint(orbit, along, across, quasi_static, found)
 
 
+def _magnification(curve: CouplerCurve) -> float:
+    """By which the deviation stays within a tenth of the curve's size."""
+    size = max(float(np.ptp(part(curve.rigid))) for part in (np.real, np.imag))
+    return round_magnification(_BULGE * size / (float(np.abs(curve.deviation).max()) or np.inf))
+
+
 def curve_figure(title: str, curve: CouplerCurve) -> Figure:
-    """Both curves, and the distance between them over the turn."""
+    """Both curves, the deviation magnified, and its size over the turn."""
     from matplotlib.ticker import MultipleLocator
 
     deviation = curve.deviation
@@ -135,8 +142,10 @@ def curve_figure(title: str, curve: CouplerCurve) -> Figure:
     with page(3.4, title) as figure:
         left, right = figure.subplots(1, 2)
         left.plot(1e3 * np.real(curve.rigid), 1e3 * np.imag(curve.rigid), color=BLACK, label="rigid")
-        path = 1e3 * curve.elastic
-        left.plot(np.real(path), np.imag(path), color=VERMILION, linewidth=1.0, label="flexible")
+        times = _magnification(curve)
+        path = 1e3 * (curve.rigid + times * deviation)
+        label = "flexible" if times == 1 else f"flexible, deviation × {times:g}"
+        left.plot(np.real(path), np.imag(path), color=VERMILION, linewidth=1.0, label=label)
         left.plot(
             *(part(1e3 * curve.rigid[:1]) for part in (np.real, np.imag)),
             "o",
@@ -146,7 +155,7 @@ def curve_figure(title: str, curve: CouplerCurve) -> Figure:
         left.set_aspect("equal", adjustable="datalim")
         left.set_xlabel("x (mm)")
         left.set_ylabel("y (mm)")
-        left.legend(loc="best")
+        _legend(left)
         for part, name, colour in ((np.real, "along x", BLUE), (np.imag, "along y", VERMILION)):
             right.plot(np.degrees(curve.phase), factor * part(deviation), color=colour, label=name)
         right.plot(np.degrees(curve.phase), factor * np.abs(deviation), color=GREY, label="distance")
@@ -154,5 +163,11 @@ def curve_figure(title: str, curve: CouplerCurve) -> Figure:
         right.xaxis.set_major_locator(MultipleLocator(60))
         right.set_xlabel("crank angle (°)")
         right.set_ylabel(f"deviation ({unit})")
-        right.legend(loc="best")
+        _legend(right)
     return figure
+
+
+def _legend(axes: Axes) -> None:
+    """Above the frame."""
+    place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
+    axes.legend(ncols=3, columnspacing=1.0, handlelength=1.4, **place)

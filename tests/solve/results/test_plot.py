@@ -40,7 +40,7 @@ def overlaps(figure):
 def test_a_row_a_coordinate_with_curve_and_spectrum(result):
     curves, spectra, planes = panels(result.plot())
     assert [axes.get_title(loc="left") for axes in curves] == ["slide", "twist"]
-    assert [axes.get_ylabel() for axes in curves] == ["x (mm)", "phi (mrad)"]
+    assert [axes.get_ylabel() for axes in curves] == ["x (mm)", "φ (mrad)"]
     assert [len(axes.lines) for axes in curves] == [1, 1]
     assert len(spectra) == 2
     assert len(planes) == 1

@@ -173,9 +173,10 @@ def test_a_speed_is_needed():
 
 def test_the_picture_names_its_boundaries(undamped):
     figure = undamped.plot()
-    assert figure.axes[0].get_xlabel().startswith("delta")
+    assert figure.axes[0].get_xlabel().startswith("δ")
     names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert names == ["boundary ρ = +1: period T", "boundary ρ = −1: period 2T"]
+    unstable = ["unstable, ρ = +1: period T", "unstable, ρ = −1: period 2T"]
+    assert names == ["stable", *unstable, "boundary +1", "boundary −1"]
     assert len(figure.axes[0].get_lines()) == len(undamped.boundaries)
 
 

@@ -89,9 +89,45 @@ def test_bad_input():
 def test_the_picture_has_response_multiplier_and_campbell_diagram(found):
     response, multiplier, campbell = found.plot().axes
     assert response.get_ylabel().startswith("rms q1")
-    assert "Re ρ" in multiplier.get_ylabel()
+    assert "multiplier" in multiplier.get_ylabel()
     assert "frequency (Hz)" in campbell.get_ylabel()
-    assert len(found.plot(campbell=True).axes) == 1
+    shown = [axes.get_ylabel() for axes in found.plot(campbell=True).axes]
+    assert shown == [response.get_ylabel(), campbell.get_ylabel()]
+    for axes in (response, multiplier, campbell):
+        marked = [line for line in axes.get_lines() if line.get_marker() in {"v", "o"}]
+        named = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert {line.get_label() for line in marked} <= set(named)
+
+
+def _growing(phase, speed):
+    """q″ + c q′ + 4 q, c < 0 between the speeds 2 and 3, where K is frozen at 4 all the same."""
+    one = np.ones((len(phase), 1, 1))
+    damping = -0.1 if 2.0 < speed < 3.0 else 0.1
+    return one, damping * one, 4.0 * one, np.cos(phase)[:, None]
+
+
+def test_unstable_ranges_are_told_and_the_response_there_is_not_drawn():
+    made = solve.critical_speeds(solve.PeriodicSystem(_growing, ["q"]), np.linspace(1.0, 4.0, 31), orders=3)
+    ((low, high, radius),) = made.unstable_ranges
+    assert 2.0 < low < 2.2
+    assert 2.8 < high < 3.0
+    assert radius == pytest.approx(np.exp(0.05 * 2 * np.pi / low), rel=1e-6)
+    assert any("the motion is unstable from" in text for text in made.warnings)
+    assert "Unstable among the speeds" in made._repr_html_()
+    (curve,) = [line for line in made.plot().axes[0].get_lines() if line.get_marker() != "v"]
+    x, y = np.array(curve.get_data())
+    inside = (x > 2.2 * 30 / np.pi) & (x < 2.8 * 30 / np.pi)
+    assert not np.isfinite(y[inside]).any()
+
+
+def test_frozen_frequencies_that_mean_nothing_are_told():
+    def hill(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.4 * one, (1.0 + 2.0 * np.cos(phase))[:, None, None], np.cos(phase)[:, None]
+
+    made = solve.critical_speeds(solve.PeriodicSystem(hill, ["q"]), np.linspace(4.0, 6.0, 5), orders=3)
+    assert made.imaginary.all()
+    assert any("means and divisions mean nothing" in text for text in made.warnings)
 
 
 def test_the_curve_goes_through_the_maxima_that_are_marked(found):

@@ -1,0 +1,205 @@
+"""The picture of a stability chart: regions by their stability, the growth in unstable ones, boundaries."""
+
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.plot import title_of
+from solve.results.quantities import RPM, greek
+from solve.results.style import BLACK, GREY, Axes, Figure, page
+from solve.results.sweep_plot import KIND_COLORS, KIND_NAMES
+from solve.system import PeriodicSystem
+
+_LINES = {"+1": "-", "-1": (0, (5, 2)), "complex": (0, (1, 1.2))}
+_SHORT = {"+1": "+1", "-1": "−1", "complex": "pair"}
+_STABLE, _UNKNOWN = "#DCE9F4", "#9A9A9A"
+_MOST_GROWTH = 4.0
+"""Growth exponents a period above this look alike."""
+
+_FEW = 40_000
+"""Grid points up to which boundaries are drawn into the colours; more are dense enough by themselves."""
+
+_LETTER = 0.007, 0.035
+"""Half the width and half the height of a letter with its room, as parts of the picture."""
+
+_FEWEST = 5
+"""Points of a curve that can be smoothed."""
+
+_LABEL = 48
+"""Characters a line of a label."""
+
+
+class Field(NamedTuple):
+    """Over x (nx,) and y (ny,), as they are shown: growth ln|ρ| a period (ny, nx), the kind of unstable
+    points or "", and which are unknown. boundaries: kinds and curves (k, 2)."""
+
+    x: Array
+    y: Array
+    growth: Array
+    kinds: Array
+    unknown: Array
+    boundaries: Sequence[tuple[str, Array]]
+
+
+def chart_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
+    """Stable and unstable regions, the growth in the latter by the kind of the multiplier that leaves the
+    unit circle, and the boundaries between."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    shown = [kind for kind in KIND_NAMES if (field.kinds == kind).any()]
+    lines = [kind for kind in KIND_NAMES if any(kind == name for name, _ in field.boundaries)]
+    styles: dict[str, dict[str, Any]] = {
+        kind: {"color": BLACK, "linestyle": _LINES[kind], "linewidth": 1.1} for kind in lines
+    }
+    with page(5.0, f"{title_of(system)}: stability") as figure:
+        axes = figure.subplots()
+        axes.set_facecolor(_STABLE)
+        _draw_unstable(figure, axes, field, shown)
+        for kind, points in field.boundaries:
+            axes.plot(*smooth(points).T, **styles[kind])
+        _name_regions(axes, field, shown)
+        keys: list[Any] = [Patch(facecolor=_STABLE, edgecolor=GREY, linewidth=0.4, label="stable")]
+        names = {kind: f"unstable, {KIND_NAMES[kind]}" for kind in shown}
+        keys += [Patch(facecolor=KIND_COLORS[kind], label=names[kind]) for kind in shown]
+        if field.unknown.any():
+            keys.append(Patch(facecolor=_UNKNOWN, label="no result, or undetermined"))
+        keys += [Line2D([], [], label=f"boundary {_SHORT[kind]}", **styles[kind]) for kind in lines]
+        figure.legend(handles=keys, loc="outside lower center", ncols=3, handlelength=3)
+        axes.set(xlabel=labels[0], ylabel=labels[1], xlim=field.x[[0, -1]], ylim=field.y[[0, -1]])
+        axes.ticklabel_format(scilimits=(-3, 6))
+        axes.grid(visible=False)
+    return figure
+
+
+def axis_label(system: PeriodicSystem, name: str) -> str:
+    """A quantity with its unit and meaning."""
+    if name == "speed":
+        return "speed (rpm)"
+    if name not in system.parameter_labels:
+        return greek(name)
+    unit, meaning = system.parameter_labels[name]
+    label = f"{greek(name)} ({unit.replace('^2', '²')})" if unit != "1" else greek(name)
+    return "\n".join(textwrap.wrap(f"{label}: {meaning}", _LABEL))
+
+
+def factor_of(name: str) -> float:
+    """From SI units to those shown."""
+    return RPM if name == "speed" else 1.0
+
+
+def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str]) -> None:
+    """The growth in the regions of each kind, with a marked scale each."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.ticker import MaxNLocator
+
+    growth = np.clip(field.growth, 0.0, _MOST_GROWTH)
+    top = max(float(np.nanmax(np.where(field.kinds != "", growth, 0.0))), 1e-3)
+    levels = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, top))
+    levels = levels[levels >= 0]
+    # Away from the region its field is as far below zero as the growth beside is above.
+    plane = _plane(field, np.where(field.kinds != "", growth, -levels[1]))
+    colours = {"levels": levels, "extend": "max"}
+    for kind in reversed(kinds):
+        filled = plane.fill(axes, plane.values, **colours, colors=_shades(kind, len(levels) - 1))
+        if len(kinds) > 1:
+            own = plane.fill(axes, (plane.kinds == kind).astype(float), levels=[1 / 3, 2.0], colors="none")
+            filled.set_clip_path(own.get_paths()[0], axes.transData)
+            own.remove()
+        bar = figure.colorbar(filled, ax=axes, pad=0.015, fraction=0.035, aspect=28)
+        bar.ax.set_title(_SHORT[kind], fontsize=8)
+        bar.outline.set_linewidth(0.5)
+        if kind == kinds[-1]:
+            bar.set_label("growth a period, ln |ρ|", color=GREY)
+        else:
+            bar.ax.set_yticklabels([])
+    if field.unknown.any():
+        cells = np.where(field.unknown, 1.0, np.nan)
+        grey = ListedColormap([_UNKNOWN])
+        axes.pcolormesh(field.x, field.y, cells, cmap=grey, shading="nearest", rasterized=True, zorder=1.5)
+
+
+class _Plane(NamedTuple):
+    """Values at points, the kind of the nearest unstable one, and what fills axes with a field over them."""
+
+    values: Array
+    kinds: Array
+    fill: Callable[..., Any]
+
+
+def _plane(field: Field, values: Array) -> _Plane:
+    """The grid, and between its points the boundaries, where the value is zero."""
+    from scipy.spatial import Delaunay, KDTree
+
+    points = np.column_stack([part.ravel() for part in np.meshgrid(field.x, field.y)])
+    spacing = np.ptp(points, axis=0) / (np.array(values.shape[::-1]) - 1)
+    unstable = field.kinds.ravel() != ""
+    few = values.size <= _FEW
+    curves = [curve for _, curve in field.boundaries] if few else []
+    every = np.concatenate([points, *curves])
+    flat = np.concatenate([values.ravel(), *(np.zeros(len(curve)) for curve in curves)])
+    kinds = np.full(len(every), "", dtype=field.kinds.dtype)
+    if unstable.any():
+        _, nearest = KDTree(points[unstable] / spacing).query(every / spacing)
+        kinds = field.kinds.ravel()[unstable][nearest]
+    if not few:
+        shape = values.shape
+        x, y = field.x, field.y
+        return _Plane(flat, kinds, lambda axes, z, **how: axes.contourf(x, y, z.reshape(shape), **how))
+    from matplotlib.tri import Triangulation
+
+    _, first = np.unique(every, axis=0, return_index=True)
+    triangles = Triangulation(every[first, 0], every[first, 1], Delaunay(every[first] / spacing).simplices)
+    return _Plane(flat[first], kinds[first], lambda axes, z, **how: axes.tricontourf(triangles, z, **how))
+
+
+def _shades(kind: str, count: int) -> Array:
+    """From a light tint of the kind's colour to a dark one; one more above the last level."""
+    from matplotlib.colors import LinearSegmentedColormap, to_rgb
+
+    colour = np.array(to_rgb(KIND_COLORS[kind]))
+    map_ = LinearSegmentedColormap.from_list(kind, [0.25 * colour + 0.75, colour, 0.45 * colour])
+    return map_(np.linspace(0.0, 1.0, count + 1))
+
+
+def _name_regions(axes: Axes, field: Field, kinds: Sequence[str]) -> None:
+    """The name of each large region in the middle of it."""
+    from scipy import ndimage
+
+    stable = (field.kinds == "") & ~field.unknown
+    named: Mapping[str, Array] = {
+        "stable": stable,
+        **{f"unstable, {_SHORT[kind]}": field.kinds == kind for kind in kinds},
+    }
+    ny, nx = field.growth.shape
+    for words, inside in named.items():
+        regions: Any = ndimage.label(inside)
+        for number in range(1, regions[1] + 1):
+            framed = np.pad(regions[0] == number, 1)
+            # Distances in units of what the words need on either side.
+            need = _LETTER[1] * ny, _LETTER[0] * len(words) * nx
+            scales = 1 / need[0], 1 / need[1]
+            distance: Any = ndimage.distance_transform_edt(framed, sampling=scales)
+            distance = distance[1:-1, 1:-1]
+            j, i = np.unravel_index(distance.argmax(), distance.shape)
+            if distance[j, i] > 1:
+                box = {"boxstyle": "round,pad=0.2", "fc": "white", "alpha": 0.75, "ec": "none"}
+                axes.annotate(words, (field.x[i], field.y[j]), ha="center", va="center", bbox=box)
+
+
+def smooth(curve: Array) -> Array:
+    """Further points of a curve (k, 2) between its own, by Akima's cubics over its length."""
+    from scipy.interpolate import Akima1DInterpolator
+
+    steps = np.hypot(*(np.diff(curve, axis=0) / np.maximum(np.ptp(curve, axis=0), 1e-300)).T)
+    curve = curve[np.append(True, steps > 0)]
+    if len(curve) < _FEWEST:
+        return curve
+    length = np.append(0.0, np.cumsum(steps[steps > 0]))
+    fine = np.interp(
+        np.linspace(0, len(length) - 1, 8 * (len(length) - 1) + 1), np.arange(len(length)), length
+    )
+    return Akima1DInterpolator(length, curve)(fine)

@@ -1,0 +1,31 @@
+"""Every picture of the pages has the command beside it that draws it; one of them is drawn anew."""
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from tests import pictures
+
+EVERY = pictures.pictures()
+
+
+def test_every_picture_of_the_folder_is_shown_and_drawn_by_a_command_of_its_page():
+    shown = {picture.file for picture in EVERY}
+    assert shown == {file.resolve() for file in (pictures.ROOT / "docs").glob("*.png")}
+
+
+def test_a_picture_that_no_command_draws_is_told(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("python -m solve periodic cam --plot other.png\n![a](cam.png)\n")
+    with pytest.raises(LookupError, match=r"no command of page\.md draws cam\.png"):
+        pictures._command(page, "cam.png")
+
+
+@pytest.mark.parametrize("name", ["newmark_stability.png", "validity_cam.png"])
+def test_the_command_draws_what_the_page_shows(tmp_path, name):
+    """Pixel by pixel but for a few, since fonts differ by a version of matplotlib."""
+    (picture,) = (each for each in EVERY if each.file.name == name)
+    pictures.renew(picture._replace(file=tmp_path / name))
+    ours, theirs = (matplotlib.image.imread(file) for file in (tmp_path / name, picture.file))
+    assert ours.shape == theirs.shape
+    assert np.mean(np.abs(ours - theirs) > 0.1) < 0.02
