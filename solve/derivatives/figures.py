@@ -28,7 +28,7 @@ _PROMISING = 1e-3
 _NEWTON, _MOST = 3, 64
 """Steps by which an extremum's phase is brought to where the derivative is zero; most extrema looked at."""
 
-_NEAR = 0.1
+_NEAR = 0.03
 """Part of the distance of two samples by which values about an extremum are apart."""
 
 _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
