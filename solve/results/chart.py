@@ -11,10 +11,11 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
+from solve.period.named import Named
 from solve.results.contents import Contents, model_record, plain, table_contents
 from solve.results.plot import draw_map, title_of
 from solve.results.points import PointResults
-from solve.results.quantities import RPM
+from solve.results.quantities import RPM, prefixed
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.result import Result
 from solve.results.stability import Stability
@@ -85,7 +86,8 @@ class Chart(Result):
     system: the model as it was given, or the first that could be built. boundaries: curves between stable
     and unstable regions. at(x, y): the stability at a point anywhere, with its warnings. solve_cut (position
     of the quantity that is held, its value): stability along a line. notes: how the engine was chosen,
-    where that is not as asked.
+    where that is not as asked. of: a quantity that was asked for, values (ny, nx): what it is, NaN where
+    it has none.
     """
 
     x_name: str
@@ -99,6 +101,8 @@ class Chart(Result):
     solve_cut: Callable[[int, float], Cut]
     notes: Sequence[str] = ()
     cuts: Sequence[Cut] = ()
+    of: Named | None = None
+    values: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -167,15 +171,17 @@ class Chart(Result):
         return replace(self, cuts=[self.solve_cut(names.index(name), value) for name, value in held])
 
     def plot(self) -> Figure:
-        """Growth ln|ρ| a period, and the boundaries between stable and unstable; speeds in rpm."""
+        """Growth ln|ρ| a period, or the quantity that was asked for, and the boundaries between stable and
+        unstable; speeds in rpm."""
         from matplotlib.lines import Line2D
 
         factors = _factor(self.x_name), _factor(self.y_name)
         kinds = [kind for kind in KIND_NAMES if any(curve.name == kind for curve in self.boundaries)]
         styles = {kind: {"color": BLACK, "linestyle": _LINES[kind], "linewidth": 1.1} for kind in kinds}
-        with page(4.6, f"{title_of(self.system)}: stability") as figure:
+        shown = "stability" if self.of is None else self.of.text
+        with page(4.6, f"{title_of(self.system)}: {shown}") as figure:
             axes = figure.subplots()
-            _draw_growth(figure, axes, self)
+            _draw_values(figure, axes, self) if self.of else _draw_growth(figure, axes, self)
             for kind, points in self.boundaries:
                 axes.plot(*(points * factors).T, **styles[kind])
             if kinds:
@@ -198,6 +204,11 @@ class Chart(Result):
                 "x": {"name": self.x_name, "values": self.x},
                 "y": {"name": self.y_name, "values": self.y},
                 **{name: getattr(self, name) for name in names},
+                **(
+                    {}
+                    if self.of is None
+                    else {"of": self.of.text, "unit": self.of.unit, "values": self.values}
+                ),
                 "boundaries": self._boundary_records,
                 "cuts": [cut.record() for cut in self.cuts],
                 "failures": failures,
@@ -214,6 +225,9 @@ class Chart(Result):
         share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())
         head = model_heading(self.system, choices)
         head.add_row("over", f"{_range(self.x_name, self.x)}, {_range(self.y_name, self.y)}")
+        if self.of is not None and self.values is not None:
+            low, high = np.nanmin(self.values), np.nanmax(self.values)
+            head.add_row(self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1"))
         head.add_row("stable", f"{share:.4g} % of {radius.size} points; largest |ρ| {np.nanmax(radius):.6g}")
         if open_:
             head.add_row("undetermined", f"{open_} points, within their error of the unit circle")
@@ -242,6 +256,8 @@ class Chart(Result):
             "kind": (self.kinds, "", "largest multiplier of unstable points"),
             "error": (errors, "", "why there is no result"),
         }
+        if self.of is not None:
+            columns[self.of.text] = self.values, self.of.unit, "the quantity that was asked for"
         metadata = {**model_record(self.system), "boundaries": self._boundary_records}
         return table_contents(columns, metadata, (self.y_name, self.x_name))
 
@@ -280,6 +296,15 @@ def _draw_growth(figure: Figure, axes: Axes, chart: Chart) -> None:
     else:
         bar.set_ticks([*_ticks(low)[:-1], *_ticks(high)])
     bar.outline.set_linewidth(0.5)
+
+
+def _draw_values(figure: Figure, axes: Axes, chart: Chart) -> None:
+    assert chart.of is not None
+    assert chart.values is not None
+    factor, unit = prefixed(chart.of.unit, float(np.nanmax(np.abs(chart.values))))
+    x, y = chart.x * _factor(chart.x_name), chart.y * _factor(chart.y_name)
+    axes.set_facecolor("#EEEEEE")
+    draw_map(figure, axes, x, y, factor * chart.values, f"{chart.of.text} ({unit})".removesuffix(" ()"))
 
 
 def _ticks(end: float) -> list[float]:

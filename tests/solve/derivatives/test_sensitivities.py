@@ -159,7 +159,11 @@ def check(name, parameters):
     model = solve.load(name)
     text, of = CASES[name]
     speed = speed_in_si(text or model.case_speed)
-    settings = {"method": solve.Radau(), "steps": 384 if name in ("cam", "gear_pair") else 96, "engine": "numpy"}
+    settings = {
+        "method": solve.Radau(),
+        "steps": 384 if name in ("cam", "gear_pair") else 96,
+        "engine": "numpy",
+    }
     found = solve.sensitivities(model, speed, of, parameters, **settings)
     for by in parameters or found.by:
         at = found.by[by]
