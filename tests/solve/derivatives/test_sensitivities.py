@@ -179,7 +179,7 @@ def check(name, parameters):
                 # Half a turn later the unloaded hammer does the same, but for a load or an even order.
                 assert by == "F" or by.rstrip("0123456789") in ("a", "b", "Fa", "Fb")
                 continue
-            scale = max(abs(slope), LEAST.get(name, 1e-2) * abs(value) / (abs(at) or 0.1))
+            scale = max(abs(slope), LEAST.get(name, 1e-2) * abs(value) / (abs(at) or 0.05))
             assert abs(ours - slope) <= 1e-8 * scale, (quantity, by, ours, slope)
 
 

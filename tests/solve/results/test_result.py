@@ -5,6 +5,7 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -12,6 +13,14 @@ import pytest
 import solve
 
 PAGE = Path(__file__).parents[3] / "docs" / "results.md"
+
+
+def fitted(cam):
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "cam.csv"
+        solve.periodic(cam, "300 rpm", steps=64).save(file)
+        return solve.fit(cam.varied({"k1": 8.1e4}), file, ["k1", "c1"], speed="300 rpm")
+
 
 MADE = {
     "orbit": lambda cam: solve.periodic(cam, "300 rpm"),
@@ -27,6 +36,7 @@ MADE = {
     "frequencies": lambda cam: solve.frequencies(cam, [0.0, 1.0]),
     "frequencies over a parameter": lambda cam: solve.frequencies_over(cam, "k3", [1e8, 2e8], np.zeros(1)),
     "transient": lambda cam: solve.transient(cam, "100 rpm", 2),
+    "fitted model": fitted,
     "sensitivities": lambda cam: solve.sensitivities(cam, "300 rpm", ["q3.max_abs", "rho1"], ["k1", "speed"]),
     "validity": lambda cam: solve.validity(cam, [10.0, 20.0]),
 }
@@ -107,6 +117,7 @@ def test_the_page_names_every_result_and_nothing_else(cam):
     rows = [line.split("|")[1:-1] for line in PAGE.read_text("utf-8").splitlines() if line.startswith("| `")]
     named = {re.findall(r"`solve\.(\w+)", row[0])[0]: [cell.strip() for cell in row] for row in rows}
     made_by = {"nonlinear orbit": "nonlinear", "orbit": "periodic", "stability": "floquet"}
+    made_by |= {"fitted model": "fit"}
     made_by |= {"comparison": "compare", "critical speeds": "critical_speeds"}
     made_by |= {"frequencies over a parameter": "frequencies_over"}
     assert set(named) == {made_by.get(name, name) for name in MADE}
