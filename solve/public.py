@@ -16,6 +16,7 @@ from solve.period.quantities import statistics as signal_statistics
 from solve.results.bands import Band
 from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
+from solve.results.fit import Fitted
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
@@ -32,6 +33,7 @@ from solve.studies.chart import chart
 from solve.studies.compare import compare
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
+from solve.studies.fit import fit
 from solve.studies.frequencies import frequencies, frequencies_over
 from solve.studies.sweep import sweep, sweeps, variants
 from solve.studies.validity import validity
@@ -42,6 +44,7 @@ __all__ = [
     "Case",
     "Chart",
     "CriticalSpeeds",
+    "Fitted",
     "Frequencies",
     "Gauss",
     "Model",
@@ -66,6 +69,7 @@ __all__ = [
     "chart",
     "compare",
     "critical_speeds",
+    "fit",
     "floquet",
     "frequencies",
     "frequencies_over",

@@ -24,6 +24,7 @@ COMMANDS = {
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
     "transient": "Start-up in time from any state, and how soon it reaches the periodic vibration.",
     "sensitivity": "What matters most: derivatives of quantities by parameters and the speed.",
+    "fit": "Parameters of the model from measured vibration, with intervals.",
     "validity": "How far the linear model is off over speed, and up to which speed to trust it.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",
 }

@@ -23,6 +23,9 @@ def chart(
     cut: Annotated[
         list[str] | None, Flag("Also along the line where x or y is this; repeatable.", "NAME=NUMBER")
     ] = None,
+    of: Annotated[
+        str | None, Flag("Draw this over them: q3.max_abs, rho1.re, exponent1.re, …", "QUANTITY")
+    ] = None,
     tolerance: Annotated[float, Flag("Accuracy of boundaries, as part of the ranges.", "R")] = 1e-9,
 ) -> None:
     """Stability over two quantities, with named boundaries."""
@@ -30,7 +33,7 @@ def chart(
     lines = [_held(text) for text in cut or []]
     model = problem.loaded()
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
-    asked = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance}
+    asked = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of}
     with places.given() as given:
         result = found(model, across, upwards, omega, **asked, **given).with_cuts(lines)
     deliver_result(results, result, problem.choices, result.notes)

@@ -28,7 +28,7 @@ _PROMISING = 1e-3
 _NEWTON, _MOST = 3, 64
 """Steps by which an extremum's phase is brought to where the derivative is zero; most extrema looked at."""
 
-_NEAR = 0.1
+_NEAR = 0.03
 """Part of the distance of two samples by which values about an extremum are apart."""
 
 _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
@@ -60,35 +60,41 @@ class FigureSlopes:
     """Derivatives by θ (r,) of figures of an orbit, from the curves (r, n, …) of its derivatives."""
 
     def __init__(self, orbit: OrbitOnGrid, curves: Curve, dependence: Dependence):
-        self._orbit, self._curves, self._dependence = orbit, curves, dependence
+        self.orbit, self._curves, self._dependence = orbit, curves, dependence
 
     def signal(self, name: str, phase: Array) -> Array:
         """Of a coordinate or output (r, k) at phases (k,)."""
-        system = self._orbit.system
+        system = self.orbit.system
         if name in system.coordinates:
             row = system.coordinates.index(name)
             return self._curves[:, row : row + 1](phase)[:, 0]
-        states = np.array([self._orbit.curve(phase, order) for order in range(3)])
+        states = np.array([self.orbit.curve(phase, order) for order in range(3)])
         moved = np.stack([self._curves(phase, order) for order in range(3)], axis=1)
-        return self._dependence.output(name, phase, self._orbit.speed, states, moved)
+        return self._dependence.output(name, phase, self.orbit.speed, states, moved)
 
     def __call__(self, asked: Named) -> Array:
         """Derivatives (r,) of a figure. Raises NoDerivativeError."""
-        name, figure, orbit = asked.subject, asked.figure, self._orbit
+        name, figure, orbit = asked.subject, asked.figure, self.orbit
         if figure in ("max", "min", "max_abs"):
             return self._of_extremum(name, figure)
         if figure.endswith("_phase"):
             raise NoDerivativeError(f"{asked.text}: derivatives of phases of extrema are not calculated")
-        count = enough_samples(orbit.samples, asked.number)
-        phases = np.arange(count) * (orbit.system.period / count)
+        if figure in (HARMONIC, PHASE):
+            return _of_harmonic(asked, *self.harmonic(name, asked.number))
+        phases = np.arange(orbit.samples) * (orbit.system.period / orbit.samples)
         slopes = self.signal(name, phases)
         if figure == "mean":
             return slopes.mean(axis=1)
         values = orbit.signal(name)(phases)
-        if figure == "rms":
-            return _over(slopes @ values / count, np.sqrt(np.mean(values**2)), asked)
-        wave = np.exp(-2j * np.pi / orbit.system.period * asked.number * phases) / count
-        return _of_harmonic(asked, complex(wave @ values), slopes @ wave)
+        return _over(slopes @ values / len(phases), np.sqrt(np.mean(values**2)), asked)
+
+    def harmonic(self, name: str, number: int) -> tuple[complex, Array]:
+        """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0, and its
+        derivatives (r,)."""
+        period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
+        phases = np.arange(count) * (period / count)
+        wave = np.exp(-2j * np.pi / period * number * phases) * ((2 if number else 1) / count)
+        return complex(wave @ self.orbit.signal(name)(phases)), self.signal(name, phases) @ wave
 
     def _of_extremum(self, name: str, figure: str) -> Array:
         """Derivatives (r,); NaN where equally large extrema change differently."""
@@ -107,8 +113,8 @@ class FigureSlopes:
     def _highest(self, name: str, way: float) -> tuple[Array, float]:
         """Phases (k,) at which way · quantity is largest, and that value. Its derivative is brought to zero
         there: of values that hardly differ, the largest tells its phase to half of their digits only."""
-        signal, width = self._orbit.signal(name), self._orbit.system.period / self._orbit.samples
-        values = way * signal(np.arange(self._orbit.samples) * width)
+        signal, width = self.orbit.signal(name), self.orbit.system.period / self.orbit.samples
+        values = way * signal(np.arange(self.orbit.samples) * width)
         level = values.max() - _PROMISING * np.ptp(values)
         tops = (values >= level) & (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
         phases = np.flatnonzero(tops if tops.any() else values == values.max())[:_MOST] * width
@@ -123,13 +129,13 @@ class FigureSlopes:
 
 
 def _of_harmonic(asked: Named, value: complex, slopes: Array) -> Array:
-    """Of amplitude or phase angle of an order, half of whose complex amplitude is `value` and has these
-    derivatives (r,)."""
+    """Of amplitude or phase angle of an order, whose complex amplitude is `value` and has these derivatives
+    (r,)."""
     if asked.number == 0:
         return np.real(slopes) if asked.figure == HARMONIC else np.zeros(len(slopes))
     turned = _over(slopes * np.conj(value), abs(value), asked)
     assert asked.figure in (HARMONIC, PHASE)
-    return 2 * np.real(turned) if asked.figure == HARMONIC else np.imag(turned) / abs(value)
+    return np.real(turned) if asked.figure == HARMONIC else np.imag(turned) / abs(value)
 
 
 def _over(slopes: Array, size: float, asked: Named) -> Array:

@@ -76,7 +76,7 @@ def of_solution(
         raise ValueOutOfBoundsError(
             f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
         )
-    grids = [_OnGrid(solved, rule, max(1, solved.steps // part), dependence, names) for part in _GRIDS]
+    grids = [OnGrid(solved, rule, max(1, solved.steps // part), dependence, names) for part in _GRIDS]
     with one_thread(system.n):
         found = {each.text: _estimated(each, grids, solved, rule) for each in asked}
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
@@ -100,7 +100,7 @@ def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class _OnGrid:
+class OnGrid:
     """Derivatives on so many steps."""
 
     solved: Stability
@@ -169,7 +169,7 @@ def _require_alone(solved: Stability, at: int, asked: Named) -> None:
         )
 
 
-def _estimated(asked: Named, grids: Sequence[_OnGrid], solved: Stability, rule: Collocated) -> Sensitivity:
+def _estimated(asked: Named, grids: Sequence[OnGrid], solved: Stability, rule: Collocated) -> Sensitivity:
     """With the errors of the finest grid, by the rule of the solutions themselves."""
     value = asked.value(cast(Solved, solved))
     try:

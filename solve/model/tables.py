@@ -153,8 +153,8 @@ def _require_turn(name: str, path: Path, angles: Array, harmonics: int) -> None:
 
 def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Array, Array]:
     """Angles in rad and values in `unit`."""
-    sizes = [_size(name, column, to) for column, to in zip(columns, ("rad", unit), strict=True)]
-    header, *rows = _rows(name, path)
+    sizes = [size_in_header(name, column, to) for column, to in zip(columns, ("rad", unit), strict=True)]
+    header, *rows = cells_of(name, path)
     places = []
     for column in columns:
         if header.count(column) != 1:
@@ -163,11 +163,11 @@ def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Arr
                 + ", ".join(header)
             )
         places.append(header.index(column))
-    numbers = np.array([[_number(name, path, row, place) for place in places] for row in rows])
+    numbers = np.array([[number_in(name, path, row, place) for place in places] for row in rows])
     return tuple(numbers.reshape(-1, 2).T * np.array(sizes)[:, None])
 
 
-def _rows(name: str, path: Path) -> list[list[str]]:
+def cells_of(name: str, path: Path) -> list[list[str]]:
     """Cells of the lines that are not empty, the header first; comma, semicolon or tab divide them."""
     try:
         if path.exists() and not path.is_file():
@@ -176,8 +176,8 @@ def _rows(name: str, path: Path) -> list[list[str]]:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise CaseFileError(
-            f"{name}: table '{path}' cannot be read ({type(error).__name__}); give a CSV file, its path "
-            "relative to the case file"
+            f"{name}: table '{path}' cannot be read ({type(error).__name__}); give a CSV file; paths in a "
+            "case file are relative to it"
         ) from None
     if not lines:
         raise CaseFileError(f"{name}: table '{path}' is empty; give a header and rows")
@@ -185,7 +185,7 @@ def _rows(name: str, path: Path) -> list[list[str]]:
     return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=divider)]
 
 
-def _number(name: str, path: Path, row: Sequence[str], place: int) -> float:
+def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
     text = row[place] if place < len(row) else ""
     try:
         number = float(text)
@@ -199,7 +199,7 @@ def _number(name: str, path: Path, row: Sequence[str], place: int) -> float:
     return number
 
 
-def _size(name: str, column: str, unit: str) -> float:
+def size_in_header(name: str, column: str, unit: str) -> float:
     """Size of the unit that ends a column's header in brackets."""
     found = re.search(r"\(([^()]*)\)\s*$", column)
     if not found:

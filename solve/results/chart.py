@@ -11,10 +11,12 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
-from solve.results.chart_plot import Field, axis_label, chart_figure, factor_of
+from solve.period.named import Named
+from solve.results.chart_plot import Field, axis_label, chart_figure, factor_of, values_figure
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
 from solve.results.points import PointResults
+from solve.results.quantities import prefixed
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.result import Result
 from solve.results.stability import Stability
@@ -78,7 +80,8 @@ class Chart(Result):
     system: the model as it was given, or the first that could be built. boundaries: curves between stable
     and unstable regions. at(x, y): the stability at a point anywhere, with its warnings. solve_cut (position
     of the quantity that is held, its value): stability along a line. notes: how the engine was chosen,
-    where that is not as asked.
+    where that is not as asked. of: a quantity that was asked for, values (ny, nx): what it is, NaN where
+    it has none.
     """
 
     _of_solver: ClassVar[tuple[str, ...]] = ("at", "solve_cut")
@@ -94,6 +97,8 @@ class Chart(Result):
     solve_cut: Callable[[int, float], Cut]
     notes: Sequence[str] = ()
     cuts: Sequence[Cut] = ()
+    of: Named | None = None
+    values: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -162,7 +167,8 @@ class Chart(Result):
         return replace(self, cuts=[self.solve_cut(names.index(name), value) for name, value in held])
 
     def plot(self) -> Figure:
-        """Stable and unstable regions with their growth ln|ρ| a period, and boundaries; speeds in rpm."""
+        """Stable and unstable regions with their growth ln|ρ| a period, or the quantity that was asked for,
+        and boundaries; speeds in rpm."""
         names = self.x_name, self.y_name
         factors = np.array([factor_of(name) for name in names])
         with np.errstate(divide="ignore"):
@@ -175,14 +181,18 @@ class Chart(Result):
             np.isnan(self.stable),
             [(kind, points * factors) for kind, points in self.boundaries],
         )
-        return chart_figure(
-            self.system, field, (axis_label(self.system, names[0]), axis_label(self.system, names[1]))
-        )
+        labels = axis_label(self.system, names[0]), axis_label(self.system, names[1])
+        if self.of is None or self.values is None:
+            return chart_figure(self.system, field, labels)
+        factor, unit = prefixed(self.of.unit, float(np.nanmax(np.abs(self.values), initial=0.0)))
+        scale = f"{self.of.text} ({unit})".removesuffix(" ()")
+        return values_figure(self.system, field, labels, factor * self.values, scale)
 
     @property
     def whole(self) -> dict[str, Any]:
         cuts = [cut.record() for cut in self.cuts]
-        return {"boundaries": self._boundary_records, "cuts": cuts, "notes": self.notes}
+        asked = {} if self.of is None else {"of": self.of.text, "unit": self.of.unit}
+        return {**asked, "boundaries": self._boundary_records, "cuts": cuts, "notes": self.notes}
 
     def record(self) -> dict[str, Any]:
         """Of `solve chart --json`."""
@@ -190,7 +200,8 @@ class Chart(Result):
         failures = [{"row": j, "column": i, "error": reason} for (j, i), reason in self.failures.items()]
         axes = {"x": {"name": self.x_name, "values": self.x}, "y": {"name": self.y_name, "values": self.y}}
         points = {name: getattr(self, name) for name in names}
-        return {**super().record(), **plain({**axes, **points, "failures": failures})}
+        asked = {} if self.of is None else {"values": self.values}
+        return {**super().record(), **plain({**axes, **points, **asked, "failures": failures})}
 
     @property
     def _boundary_records(self) -> list[dict[str, Any]]:
@@ -202,6 +213,9 @@ class Chart(Result):
         share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())
         head = model_heading(self.system, choices)
         head.add_row("over", f"{_range(self.x_name, self.x)}, {_range(self.y_name, self.y)}")
+        if self.of is not None and self.values is not None:
+            low, high = np.nanmin(self.values), np.nanmax(self.values)
+            head.add_row(self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1"))
         head.add_row("stable", f"{share:.4g} % of {radius.size} points; largest |ρ| {np.nanmax(radius):.6g}")
         if open_:
             head.add_row("undetermined", f"{open_} points, within their error of the unit circle")
@@ -225,6 +239,10 @@ class Chart(Result):
         errors = [[self.failures.get((j, i), "") for i in range(len(self.x))] for j in range(len(self.y))]
         plane = self.y_name, self.x_name
         radius = "largest modulus of a Floquet multiplier"
+        asked = {}
+        if self.of is not None:
+            meaning = "the quantity that was asked for"
+            asked[self.of.text] = Column(self.values, self.of.unit, meaning, axes=plane)
         return {
             self.x_name: Column(self.x, *self._labels(self.x_name), axes=(self.x_name,)),
             self.y_name: Column(self.y, *self._labels(self.y_name), axes=(self.y_name,)),
@@ -233,6 +251,7 @@ class Chart(Result):
             "kind": Column(self.kinds, "", "largest multiplier of unstable points", axes=plane),
             "error_estimate": Column(self.error_estimate, "1", "of the multipliers, relative", axes=plane),
             "error": Column(np.array(errors), "", "why there is no result", axes=plane),
+            **asked,
         }
 
     def _labels(self, name: str) -> tuple[str, str]:

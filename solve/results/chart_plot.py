@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.plot import title_of
+from solve.results.plot import draw_map, title_of
 from solve.results.quantities import RPM, greek
 from solve.results.style import BLACK, GREY, Axes, Figure, page
 from solve.results.sweep_plot import KIND_COLORS, KIND_NAMES
@@ -47,14 +47,10 @@ class Field(NamedTuple):
 def chart_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
     """Stable and unstable regions, the growth in the latter by the kind of the multiplier that leaves the
     unit circle, and the boundaries between."""
-    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     shown = [kind for kind in KIND_NAMES if (field.kinds == kind).any()]
-    lines = [kind for kind in KIND_NAMES if any(kind == name for name, _ in field.boundaries)]
-    styles: dict[str, dict[str, Any]] = {
-        kind: {"color": BLACK, "linestyle": _LINES[kind], "linewidth": 1.1} for kind in lines
-    }
+    lines, styles = _boundary_styles(field)
     with page(5.0, f"{title_of(system)}: stability") as figure:
         axes = figure.subplots()
         axes.set_facecolor(_STABLE)
@@ -67,12 +63,43 @@ def chart_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) 
         keys += [Patch(facecolor=KIND_COLORS[kind], label=names[kind]) for kind in shown]
         if field.unknown.any():
             keys.append(Patch(facecolor=_UNKNOWN, label="no result, or undetermined"))
-        keys += [Line2D([], [], label=f"boundary {_SHORT[kind]}", **styles[kind]) for kind in lines]
+        keys += _boundary_keys(lines, styles)
         figure.legend(handles=keys, loc="outside lower center", ncols=3, handlelength=3)
         axes.set(xlabel=labels[0], ylabel=labels[1], xlim=field.x[[0, -1]], ylim=field.y[[0, -1]])
         axes.ticklabel_format(scilimits=(-3, 6))
         axes.grid(visible=False)
     return figure
+
+
+def values_figure(
+    system: PeriodicSystem, field: Field, labels: tuple[str, str], values: Array, scale: str
+) -> Figure:
+    """Values (ny, nx) with the text of their scale, grey where there is none, and the boundaries between
+    stable and unstable."""
+    lines, styles = _boundary_styles(field)
+    with page(5.0, f"{title_of(system)}: {scale.partition(' (')[0]}") as figure:
+        axes = figure.subplots()
+        axes.set_facecolor(_UNKNOWN)
+        draw_map(figure, axes, field.x, field.y, values, scale)
+        for kind, points in field.boundaries:
+            axes.plot(*smooth(points).T, **styles[kind])
+        if lines:
+            keys = _boundary_keys(lines, styles)
+            figure.legend(handles=keys, loc="outside lower center", ncols=3, handlelength=3)
+        axes.set(xlabel=labels[0], ylabel=labels[1], xlim=field.x[[0, -1]], ylim=field.y[[0, -1]])
+    return figure
+
+
+def _boundary_styles(field: Field) -> tuple[list[str], dict[str, dict[str, Any]]]:
+    """The kinds of the boundaries, and how each is drawn."""
+    lines = [kind for kind in KIND_NAMES if any(kind == name for name, _ in field.boundaries)]
+    return lines, {kind: {"color": BLACK, "linestyle": _LINES[kind], "linewidth": 1.1} for kind in lines}
+
+
+def _boundary_keys(lines: Sequence[str], styles: Mapping[str, Mapping[str, Any]]) -> list[Any]:
+    from matplotlib.lines import Line2D
+
+    return [Line2D([], [], label=f"boundary {_SHORT[kind]}", **styles[kind]) for kind in lines]
 
 
 def axis_label(system: PeriodicSystem, name: str) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial, singledispatch
 from pathlib import Path
 
@@ -11,13 +11,16 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
+from solve.batch.store import made_folder
 from solve.batch.task import task_of
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.choice import Rule
+from solve.period.named import EXPONENT, HARMONIC, PHASE, RADIUS, RHO, Named
+from solve.period.quantities import FIGURES
 from solve.progress import steps
 from solve.results.chart import BoundaryCurve, Chart, Cut
-from solve.results.points import KINDS, Kept
+from solve.results.points import KINDS, Kept, PointResults
 from solve.results.stability import Stability
 from solve.single import floquet
 from solve.sizes import NUMBERS_A_POINT, require_size
@@ -46,6 +49,7 @@ def chart(
     engine: str = "auto",
     executor: Executor | None = None,
     store: str | Path | None = None,
+    of: str | None = None,
 ) -> Chart:
     """Stability over two quantities: parameters in SI units, or "speed". Each is {name: values}, or a text as
     on the command line: "delta=0:10:60", "speed=100:400:40 rpm".
@@ -55,7 +59,8 @@ def chart(
     default that of the case. Boundaries are found between the points to `tolerance` of the range of the
     values, thin unstable tongues between stable points among them. engine: as in `sweep`. With an executor
     parts of the grid are handed to it; `store`: a folder that keeps them as they are finished, from which the
-    same call goes on. Raises SolveError subclasses for bad input; a point that fails, such
+    same call goes on. of: a quantity such as "q3.max_abs" or "rho1.re", whose values are those of the chart.
+    Raises SolveError subclasses for bad input; a point that fails, such
     as a linkage that cannot turn, is NaN with its reason, and boundaries end beside it.
     """
     (x_name, xs), (y_name, ys) = _axis("x", x), _axis("y", y)
@@ -64,19 +69,66 @@ def chart(
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
     points = np.column_stack([part.ravel() for part in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
+    asked = None if of is None else _Asked(Named.of(family.example, of))
     task, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     batch = task.batch(points)
     with steps(3) as step:
         step("the grid")
-        results = task.solved(batch, points, executor, store)
+        inner = made_folder(store) if store is not None and asked is not None and asked.of_orbit else None
+        results = task.solved(batch, points, executor, inner / "stability" if inner else store)
         results.require_any()
         search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
         parts = x_name, xs, y_name, ys, family.example, results
         solved = Chart(*parts, [], partial(_at, batch), solve_cut, notes)
+        if asked is not None:
+            chosen = task_of(family, method, rtol, engine, asked.kept, orbit=asked.of_orbit)[0]
+            found = results
+            if asked.of_orbit:
+                folder = inner / "quantity" if inner else None
+                found = chosen.solved(chosen.batch(points), points, executor, folder)
+            values = asked.over(found, family.speeds(points), family.example.period)
+            solved = replace(solved, of=asked.named, values=values.reshape(solved.shape))
         if not boundaries:
             return solved
         return replace(solved, boundaries=_boundaries(search, solved, Judged.of(points, results), step))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A quantity over points. Raises ValueOutOfBoundsError for what is no number of a point's results."""
+
+    named: Named
+
+    def __post_init__(self) -> None:
+        if self.named.figure == PHASE or (self.named.subject in (RHO, EXPONENT) and not self.named.figure):
+            raise ValueOutOfBoundsError(
+                f"a chart of {self.named.text} is not drawn; give a real number of each point, such as "
+                "spectral_radius, rho1.re or a coordinate's max_abs or harmonic5"
+            )
+
+    @property
+    def of_orbit(self) -> bool:
+        return self.named.of_orbit
+
+    @property
+    def kept(self) -> Kept:
+        """What is kept of the points."""
+        order = self.named.number if self.named.figure == HARMONIC else None
+        names = (self.named.subject,) if self.of_orbit else ()
+        return Kept(names, () if order is None else names, order or 0, warnings=False)
+
+    def over(self, results: PointResults, speeds: Array, period: float) -> Array:
+        """Values (P,), NaN where there is none; speeds (P,) in rad/s, period in phase."""
+        named = self.named
+        if named.figure == HARMONIC:
+            return results.amplitudes[:, 0, named.number]
+        if self.of_orbit:
+            return results.figures[:, 0, FIGURES.index(named.figure)]
+        if named.subject == RADIUS:
+            return results.spectral_radius
+        rho = np.where(results.multipliers == 0, np.nan, results.multipliers)[:, named.number - 1]
+        return named.part(np.log(rho) * speeds / period if named.subject == EXPONENT else rho)
 
 
 def _at(batch: Batch, x: float, y: float) -> Stability:

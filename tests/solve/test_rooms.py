@@ -39,12 +39,15 @@ def at(delta):
     return mathieu.varied({"delta": delta}), 1.0
 
 
+orbit_file = tempfile.mkdtemp() + "/cam.csv"
+solve.periodic(cam, "300 rpm", steps=32).save(orbit_file)
 called = {
     "load": mathieu,
     "case_numbers": solve.case_numbers("cam"),
     "periodic": solve.periodic(cam, "600 rpm", **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
     "transient": solve.transient(cam, "600 rpm", 1, rtol=1e-2),
+    "fit": solve.fit(cam, orbit_file, "k1", speed="300 rpm", rtol=1e-3),
     "sensitivities": solve.sensitivities(cam, "600 rpm", "q1.max_abs", "k1", **rough),
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
     "floquet": solve.floquet(mathieu, 1.0, **rough),

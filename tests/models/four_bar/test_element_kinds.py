@@ -7,7 +7,7 @@ import pytest
 
 import solve
 from models.four_bar.__main__ import run
-from models.four_bar.element_kinds import element_kinds, kinds_figure
+from models.four_bar.results.element_kinds import element_kinds
 from solve.errors import ValueOutOfBoundsError
 
 
@@ -30,7 +30,7 @@ def test_finite_elements_lie_above_the_exact_ones_and_more_of_them_nearer(made):
 
 
 def test_a_panel_a_frequency_and_a_curve_a_kind(made):
-    axes = [place for place in kinds_figure(made).axes if place.lines]
+    axes = [place for place in made.plot().axes if place.lines]
     assert [len(place.lines) for place in axes] == [3] * 4
     np.testing.assert_array_equal(axes[1].lines[0].get_ydata()[:-1], made.values[0, :, 1])
 

@@ -9,6 +9,9 @@ from solve.period.named import Named
 PARTS = 3e-2, 1e-3, 1e-4
 """Of a parameter, the first of four steps: large for those that hardly matter, small for the others."""
 
+NOISE = 1e-13
+"""Relative error of a value that two neighbours do not share."""
+
 
 def varied(model, speed, name, number):
     """The model and the speed with one of the quantities changed."""
@@ -17,7 +20,7 @@ def varied(model, speed, name, number):
 
 def differences(model, speed, name, texts, **settings):
     """Derivatives of the quantities by one parameter, or "speed"; from the steps at which the last two
-    extrapolations differ least."""
+    extrapolations and the rounding of the values leave least."""
     at = speed if name == "speed" else model.parameters[name]
 
     def values(number):
@@ -25,11 +28,11 @@ def differences(model, speed, name, texts, **settings):
         return np.array([complex(Named.of(model, text).value(orbit)) for text in texts])
 
     def extrapolated(part):
-        steps = part * (abs(at) or 1e-2) / 2 ** np.arange(4)
+        steps = part * (abs(at) or 0.1) / 2 ** np.arange(4)
         table = np.array([(values(at + step) - values(at - step)) / (2 * step) for step in steps])
         for order in (4, 16, 64):
             before, table = table, (order * table[1:] - table[:-1]) / (order - 1)
-        return table[0], np.abs(table[0] - before[1])
+        return table[0], np.abs(table[0] - before[1]) + NOISE * np.abs(values(at)) / steps[-1]
 
     found, apart = (np.array(part) for part in zip(*map(extrapolated, PARTS), strict=True))
     return np.take_along_axis(found, apart.argmin(axis=0)[None], axis=0)[0]

@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import tempfile
 from functools import cache
 from html.parser import HTMLParser
 from inspect import isclass, isfunction
@@ -19,6 +20,7 @@ from models.four_bar.design_map import design_map
 from models.four_bar.results.corrected import corrections
 from models.four_bar.results.curve import curve_of_point
 from models.four_bar.results.design import carry_out
+from models.four_bar.results.element_kinds import element_kinds
 from models.four_bar.results.linkage import rigid_motion
 from models.four_bar.results.modes import modes
 from solve.commands.app import run as solve_command
@@ -36,6 +38,14 @@ def cam():
 @cache
 def four_bar():
     return solve.load("four_bar")
+
+
+@cache
+def measured_torque():
+    """A file of what an orbit of the cam is."""
+    file = Path(tempfile.mkdtemp()) / "measured.csv"
+    solve.periodic(cam(), "400 rpm", rtol=1e-6).save(file)
+    return file
 
 
 def run_up():
@@ -78,6 +88,10 @@ MADE = {
         lambda: solve.sensitivities(cam(), "300 rpm", ["q1.max_abs", "rho1"], ["k1", "speed"]),
         '--speed "300 rpm" --of q1.max_abs --of rho1 --by k1 --by speed',
     ),
+    "solve.fit": (
+        lambda: solve.fit(cam(), measured_torque(), "k1", speed="400 rpm", rtol=1e-6),
+        f'--data {measured_torque()} --free k1 --speed "400 rpm" --rtol 1e-6',
+    ),
     "solve.sweeps": (
         lambda: solve.sweeps(
             solve.variants(four_bar(), "L4", [0.547, 0.6]), [25.0, 30.0], ["crank_root_stress"], "L4 (m)"
@@ -95,6 +109,10 @@ MADE = {
     "curve_of_point": (
         lambda: curve_of_point(four_bar(), 30.0, 0.5, 0.01),
         '--speed "30 rad/s" --across 0.01',
+    ),
+    "element_kinds": (
+        lambda: element_kinds(four_bar(), ["cubic:1", "dynamic:1"], 2, 4),
+        "--kinds cubic:1,dynamic:1 --count 2 --turn 4",
     ),
     "corrections": (
         lambda: corrections(four_bar(), 30.0, "follower_midpoint_stress", ["1"]),

@@ -6,6 +6,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import solve
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.period.named import Named
 from tests.solve import systems
 
 X, Y = {"delta": np.linspace(-1, 10, 30)}, {"epsilon": np.linspace(0.05, 8, 30)}
@@ -190,3 +191,24 @@ def test_axes_may_be_texts_as_on_the_command_line():
         np.testing.assert_array_equal(found.x, numbers.x)
         np.testing.assert_allclose(found.y, numbers.y, rtol=1e-15)
         np.testing.assert_allclose(found.spectral_radius, numbers.spectral_radius, rtol=1e-10)
+
+
+def test_a_quantity_is_that_of_single_solves():
+    cam, speeds, stiff = solve.load("cam"), np.array([50.0, 60.0]), np.array([7e4, 8e4])
+    for of in (
+        "q3.max_abs",
+        "contact_force.min",
+        "q1.harmonic4",
+        "rho1.re",
+        "exponent2.im",
+        "spectral_radius",
+    ):
+        chart = solve.chart(cam, {"speed": speeds}, {"k1": stiff}, boundaries=False, of=of)
+        orbit = solve.periodic(cam.varied({"k1": 7e4}), 60.0)
+        assert chart.values[0, 1] == pytest.approx(Named.of(cam, of).value(orbit), rel=1e-6), of
+        assert chart.record()["of"] == of
+        assert chart.to_xarray()[of].sel(k1=7e4, speed=60.0) == chart.values[0, 1]
+    with pytest.raises(ValueOutOfBoundsError, match="real number"):
+        solve.chart(cam, {"speed": speeds}, {"k1": stiff}, of="rho1")
+    with pytest.raises(UnknownNameError):
+        solve.chart(cam, {"speed": speeds}, {"k1": stiff}, of="q3.maximal")

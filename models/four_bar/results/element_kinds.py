@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,17 +11,20 @@ from solve.arrays import Array
 from solve.beams.elements import EXACT
 from solve.beams.structure import StructureModel
 from solve.errors import ValueOutOfBoundsError
+from solve.results.contents import Column, Columns, plain
+from solve.results.report import RenderableType, model_heading, stacked, table
+from solve.results.result import Result
 from solve.results.style import MANY, Figure, page
 
 _MOST_COUNT, _MOST_TURN = 9, 3600
 
 
 @dataclass(frozen=True)
-class ElementKinds:
+class ElementKinds(Result):
     """kinds (r,) as "cubic:3", freedoms (r,); values (r, m, k) and exact (m, k): frequencies in rad/s at
     positions (m,), crank angles in rad."""
 
-    system: StructureModel
+    system: StructureModel  # type: ignore[override]
     kinds: tuple[str, ...]
     freedoms: tuple[int, ...]
     positions: Array
@@ -36,6 +40,37 @@ class ElementKinds:
     def mean_errors(self) -> Array:
         """Of the means, relative to the exact ones (r, k)."""
         return self.means / self.exact.mean(axis=0) - 1
+
+    @property
+    def columns(self) -> Columns:
+        """A row a position, a column a kind and frequency."""
+        axes = ("position",)
+        found = {"position": Column(self.positions, "rad", "crank angle", axes=axes)}
+        for kind, values in zip(self.kinds, self.values, strict=True):
+            for k, column in enumerate(values.T, start=1):
+                meaning = f"frequency {k}, elements {kind}"
+                found[f"{kind.replace(':', '_')}_f{k}"] = Column(column, "rad/s", meaning, axes=axes)
+        return found
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        rows = zip(self.kinds, self.freedoms, self.means, self.mean_errors, strict=True)
+        names = "kind", "freedoms", "means", "mean_errors"
+        kinds = plain(dict(zip(names, row, strict=True)) for row in rows)
+        return {"positions": self.positions, "kinds": kinds}
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """Means over the turn, and how far they are from the exact ones."""
+        columns = [f"f{k}" for k in range(1, self.values.shape[2] + 1)]
+        shown = table("Means over the turn (rad/s), and above the exact ones", "kind", "freedoms", *columns)
+        rows = zip(self.kinds, self.freedoms, self.means, self.mean_errors, strict=True)
+        for kind, freedoms, mean, error in rows:
+            shown.add_row(kind, str(freedoms), *(f"{value:.3f}" for value in mean))
+            shown.add_row("", "", *(f"{100 * part:+.3f} %" for part in error))
+        return stacked(model_heading(self.system, choices), shown)
+
+    def plot(self) -> Figure:
+        return _figure(self)
 
 
 def element_kinds(
@@ -65,7 +100,7 @@ def _varied(model: StructureModel, kind: str) -> StructureModel:
     return model.varied(options={"element": element, "elements": int(number)})
 
 
-def kinds_figure(made: ElementKinds) -> Figure:
+def _figure(made: ElementKinds) -> Figure:
     """A panel a frequency, a curve a kind (matplotlib Figure)."""
     count = made.values.shape[2]
     columns = 1 if count == 1 else 2

@@ -1,0 +1,252 @@
+"""Parameters of a model from measured vibration, by nonlinear least squares with exact derivatives (M. A.
+Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as SciPy has it)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.derivatives.figures import FigureSlopes
+from solve.derivatives.point import OnGrid
+from solve.errors import ValueOutOfBoundsError
+from solve.methods.choice import Rule
+from solve.methods.collocation import Collocated
+from solve.model.bounds import clauses
+from solve.model.model import Model
+from solve.progress import part, stage
+from solve.results.fit import Channel, Fitted, Interval
+from solve.single import periodic
+from solve.studies.measured import Measured, measured
+from solve.units import speed_in_si
+
+_CONFIDENCE = 0.95
+_UNTOLD = 0.5
+"""Standard deviation, relative, from which on the data do not tell a combination of parameters."""
+
+_SHARE = 0.1
+"""Part of the largest from which on a parameter is named in a combination."""
+
+_SPREAD = 1.4826
+"""Standard deviation by the median of the moduli, of normal errors."""
+
+_OUTLIER = 2.0
+"""Standard deviations from which on a robust fit counts errors by their moduli."""
+
+
+def fit(
+    model: Model,
+    data: str | Path,
+    free: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    speed: float | str | None = None,
+    robust: bool = False,
+    method: str | Rule = "auto",
+    rtol: float = 1e-7,
+) -> Fitted:
+    """The values of the free parameters with which the linear orbit is nearest to what was measured; they
+    start from those of the model.
+
+    data: a CSV file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
+    and high by name, in SI units. speed: where the file has no column of speeds. robust: outliers count by
+    their moduli, not their squares. Positive parameters are fitted by their logarithms. Raises SolveError
+    subclasses for bad input, and where the model has no orbit on the way.
+    """
+    from scipy.optimize import least_squares
+
+    names = list(dict.fromkeys([free] if isinstance(free, str) else free))
+    if not names:
+        raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
+    model.dependence(names)
+    sets = measured(data, model, None if speed is None else speed_in_si(speed))
+    problem = _Problem(model, sets, names, method, rtol)
+    count = sum(len(each) for each in problem.measured)
+    if count <= len(names):
+        raise ValueOutOfBoundsError(
+            f"{count} numbers are measured for {len(names)} parameters; free fewer, or measure more"
+        )
+    low, high = _limits(problem, bounds or {})
+    settings: dict[str, Any] = {"jac": problem.jacobian, "bounds": (low, high), "x_scale": "jac"}
+    with stage("trials"):
+        found = least_squares(problem.residuals, problem.start, **settings)
+        if robust:
+            for _ in range(2):
+                scale = _OUTLIER * _spread(found.fun)
+                found = least_squares(problem.residuals, found.x, loss="soft_l1", f_scale=scale, **settings)
+    sigma = _spread(found.fun) if robust else np.sqrt(2 * found.cost / (count - len(names)))
+    return _fitted(problem, found.x, found.jac, float(sigma), count, Path(data).name)
+
+
+def _spread(residuals: Array) -> float:
+    return float(_SPREAD * np.median(np.abs(residuals)))
+
+
+@dataclass(eq=False)
+class _Problem:
+    """x (r,): logarithms of the parameters that are positive, parts of their sizes of the others."""
+
+    model: Model
+    sets: Sequence[Measured]
+    names: Sequence[str]
+    method: str | Rule
+    rtol: float
+    _last: tuple[bytes, Array, Array] | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        bound = {name: clauses(text) for name, _, _, text in self.model.module.PARAMETERS}
+        at = self.initial = np.array([self.model.parameters[name] for name in self.names])
+        self.by_logarithm = (at > 0) & [bool({"> 0", ">= 0"} & {*bound[name]}) for name in self.names]
+        self.unit = np.where(at != 0, np.abs(at), 1.0)
+        self.scales = {
+            name: float(np.sqrt(np.mean(np.abs(np.concatenate([s.channels[name] for s in self.sets])) ** 2)))
+            or 1.0
+            for name in self.sets[0].channels
+        }
+
+    @property
+    def start(self) -> Array:
+        return self.inner(self.initial)
+
+    def inner(self, values: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.by_logarithm, np.log(values), values / self.unit)
+
+    def outer(self, x: Array) -> Array:
+        return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, x, 0.0)), x * self.unit)
+
+    @property
+    def measured(self) -> list[Array]:
+        return [_flat(values) / self.scales[name] for s in self.sets for name, values in s.channels.items()]
+
+    def residuals(self, x: Array) -> Array:
+        return self._solved(x)[0]
+
+    def jacobian(self, x: Array) -> Array:
+        return self._solved(x)[1]
+
+    def varied(self, x: Array) -> Model:
+        return self.model.varied(dict(zip(self.names, self.outer(x).tolist(), strict=True)))
+
+    def _solved(self, x: Array) -> tuple[Array, Array]:
+        key = x.tobytes()
+        if self._last is None or self._last[0] != key:
+            with part("trials"):
+                model, rate = self.varied(x), np.where(self.by_logarithm, self.outer(x), self.unit)
+                found = [row for s in self.sets for row in self.computed(model, s)]
+                values = np.concatenate([_flat(row) / self.scales[name] for name, row, _ in found])
+                slopes = np.concatenate(
+                    [
+                        np.array([_flat(each) for each in rows]).T / self.scales[name]
+                        for name, _, rows in found
+                    ]
+                )
+            self._last = key, values - np.concatenate(self.measured), slopes * rate
+        return self._last[1], self._last[2]
+
+    def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
+        """Of every channel its name, values (k,) and their derivatives (r, k) by the parameters."""
+        orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
+        rule = orbit.certified.method
+        if not isinstance(rule, Collocated):
+            raise ValueOutOfBoundsError(f"method is {rule.name}; a fit takes radau, gauss, or auto")
+        slopes = OnGrid(orbit, rule, orbit.steps, model.dependence(self.names), self.names).figures
+        found = []
+        for name, values in data.channels.items():
+            if data.orders:
+                found.append((name, *_of_orders(slopes, name, data.at, np.iscomplexobj(values))))
+            else:
+                found.append((name, slopes.orbit.signal(name)(data.at), slopes.signal(name, data.at)))
+        return found
+
+
+def _of_orders(slopes: FigureSlopes, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:
+    """Complex amplitudes (k,) of orders and their derivatives (r, k), or moduli, but for the mean's sign."""
+    pairs = [slopes.harmonic(name, round(order)) for order in orders.tolist()]
+    amplitudes, moved = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs]).T
+    if angles:
+        return amplitudes, moved
+    size = np.abs(amplitudes)
+    along = np.where(orders == 0, 1.0, amplitudes / np.where(size > 0, size, 1.0))
+    return np.real(amplitudes * np.conj(along)), np.real(moved * np.conj(along))
+
+
+def _flat(values: Array) -> Array:
+    return np.concatenate((np.real(values), np.imag(values))) if np.iscomplexobj(values) else values
+
+
+def _limits(problem: _Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+    """Bounds of x. Raises ValueOutOfBoundsError."""
+    low, high = np.full((2, len(problem.names)), np.inf) * np.array([[-1.0], [1.0]])
+    for name, (least, most) in bounds.items():
+        if name not in problem.names:
+            raise ValueOutOfBoundsError(
+                f"bounds are given for {name}, which is not free; free it, or drop them"
+            )
+        at = list(problem.names).index(name)
+        value = float(problem.initial[at])
+        if not least < most or not least <= value <= most:
+            raise ValueOutOfBoundsError(
+                f"bounds of {name} are {least:g} to {most:g}, and it starts from {value:g}; give a range "
+                f"that holds it, or another start with --set {name}=NUMBER"
+            )
+        if problem.by_logarithm[at]:
+            low[at], high[at] = np.log(least) if least > 0 else -np.inf, np.log(most)
+        else:
+            low[at], high[at] = least / problem.unit[at], most / problem.unit[at]
+    return low, high
+
+
+def _fitted(problem: _Problem, x: Array, jac: Array, sigma: float, count: int, file: str) -> Fitted:
+    from scipy.stats import t
+
+    values, model = problem.outer(x), problem.varied(x)
+    covariance, lost, untold = _uncertainty(problem, values, jac, sigma, count)
+    deviations = np.sqrt(np.diag(covariance))
+    reach = np.where(lost, np.inf, t.ppf((1 + _CONFIDENCE) / 2, count - len(x)) * deviations)
+    with np.errstate(over="ignore"):
+        ends = [problem.outer(x + way * reach) for way in (-1, 1)]
+    intervals = {
+        name: Interval(float(value), float(low), float(high))
+        for name, value, low, high in zip(problem.names, values, *ends, strict=True)
+    }
+    channels = [
+        Channel(s.speed, s.orders, name, s.at, s.channels[name], computed)
+        for s in problem.sets
+        for name, computed, _ in problem.computed(model, s)
+    ]
+    scale = np.where(deviations > 0, deviations, 1.0)
+    residual = float(np.sqrt(np.mean(problem.residuals(x) ** 2)))
+    return Fitted(model, file, intervals, covariance / scale / scale[:, None], residual, untold, channels)
+
+
+def _uncertainty(
+    problem: _Problem, values: Array, jac: Array, sigma: float, count: int
+) -> tuple[Array, Array, list[str]]:
+    """Covariance (r, r) of x within what the data tell, which parameters (r,) they tell nothing of, and in
+    words what they cannot tell."""
+    _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
+    known = sizes > np.finfo(float).eps * count * sizes[0]
+    spread = np.where(known, sigma / np.where(known, sizes, 1.0), np.inf)
+    rate = np.where(problem.by_logarithm | (values == 0), 1.0, problem.unit / np.where(values, values, 1.0))
+    untold = [
+        _sentence(problem.names, axis * rate)
+        for axis, each in zip(axes, spread, strict=True)
+        if each > _UNTOLD
+    ]
+    lost = np.asarray((np.abs(axes[~known]) > _SHARE).any(axis=0))
+    return (axes.T * np.where(known, spread, 0.0) ** 2) @ axes, lost, untold
+
+
+def _sentence(names: Sequence[str], axis: Array) -> str:
+    """What may change without the data telling it, in words."""
+    lead = axis[np.abs(axis).argmax()]
+    parts = [
+        f"{name} by {100 * share:+.3g} %"
+        for name, share in zip(names, (axis / lead).tolist(), strict=True)
+        if abs(share) > _SHARE
+    ]
+    if len(parts) == 1:
+        return f"the data do not tell {parts[0].split()[0]}"
+    return f"the data do not tell a change of {' with '.join(parts)}: only what these do not change together"
