@@ -50,7 +50,7 @@ def renew(picture: Picture) -> None:
     if "savefig(" in picture.command:
         exec(picture.command.replace(picture.file.name, str(picture.file)), {})
         return
-    words = shlex.split(picture.command)
+    words = shlex.split(re.sub(r"--save \S+", "", picture.command))
     words[words.index("--plot") + 1] = str(picture.file)
     run = {"solve": solve, "models.four_bar": four_bar, "models.coupler": coupler}[words[2]]
     if run(words[3:]) != 0:

@@ -336,7 +336,9 @@ def _shade(axes: Axes, found: CriticalSpeeds) -> None:
 
 
 def _legend(axes: Axes) -> None:
-    """Above the frame, at its right."""
+    """Above the frame, at its right, where there is something to name."""
+    if not axes.get_legend_handles_labels()[0]:
+        return
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, handlelength=1.6)
 
 
