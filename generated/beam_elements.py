@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "ace20239c5e324e604e28dd0bc0028a7b5bd16391d5aa47b3b92be1daac8909b"
+DERIVE_SHA256 = "e25ca2c40f98bce9bfc3d46f79c9ec14d9e76025d0b66b6f469ebadae585b078"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1d458ae83e1a05fd39c5b5f5c694bdd14e0d5b810eccf1ce62934f26c448dfbf"
+FILE_SHA256 = "cd48fb8528fac0e9b0d4ef09fcac076d0d3433ec3677fbf4fd2053179de9e723"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "ace20239c5e324e604e28dd0bc0028a7b5bd16391d5aa47b3b92be1daac8909b"
+DERIVE_SHA256 = "e25ca2c40f98bce9bfc3d46f79c9ec14d9e76025d0b66b6f469ebadae585b078"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "618cea576e5f9731dabc8e62c7142c73a1076cb8fb24b471a64270c40a095c73"
+FILE_SHA256 = "2eb9e89e61779663e79c3be63cba2295a776976f3abc9d6e07370da52d2cc026"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

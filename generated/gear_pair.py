@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "ace20239c5e324e604e28dd0bc0028a7b5bd16391d5aa47b3b92be1daac8909b"
+DERIVE_SHA256 = "e25ca2c40f98bce9bfc3d46f79c9ec14d9e76025d0b66b6f469ebadae585b078"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "9079d709943c3ee4d02c0f89780d9af61936e00b5452d5f12207fd10d960b6de"
+FILE_SHA256 = "ced5e138f0de75be14e456ead18886eb9d846712820c57f9182e29ae7e91008e"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -200,6 +200,35 @@ def residual(*, load="tracking"):
     )
 
 
+def accelerated(*, load="tracking"):
+    """What an acceleration of the drive adds to r."""
+    load_tracking, load_constant = _choice("load", load)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 1)
+    (qd,) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 1)
+    (qdd,) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 40)
+    (
+        J1, J2, rb1, rb2, z1, zeta, q0, k0, k1, k2, k3, k4, k5, k6, k7, k8, k9, k10, gamma1, gamma2,
+        gamma3, gamma4, gamma5, gamma6, gamma7, gamma8, gamma9, gamma10, e1, e2, e3, e4, e5, e6, alpha1,
+        alpha2, alpha3, alpha4, alpha5, alpha6,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(0),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
 def outputs(*, load="tracking"):
     """One scalar for each of OUTPUTS."""
     load_tracking, load_constant = _choice("load", load)
@@ -246,6 +275,20 @@ def outputs(*, load="tracking"):
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["transmission_error_rate", "mesh_force", "pinion_speed_ripple", "wheel_speed_ripple"],
+    )
+
+
+def residual_varying(*, load="tracking"):
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual(load=load), accelerated(load=load)
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "ace20239c5e324e604e28dd0bc0028a7b5bd16391d5aa47b3b92be1daac8909b"
+DERIVE_SHA256 = "e25ca2c40f98bce9bfc3d46f79c9ec14d9e76025d0b66b6f469ebadae585b078"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "28d82d0b54c76c60ff0a1b753fa79053a7562827a4539004a0882b496066601a"
+FILE_SHA256 = "63781bc300a9082dbfa3c2d8e7c56e7700fa174a4770245b3a7b790c8723d3b6"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -171,6 +171,42 @@ def residual():
     )
 
 
+def accelerated():
+    """What an acceleration of the drive adds to r."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 2)
+    (q1, q2) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 2)
+    (q1d, q2d) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 2)
+    (q1dd, q2dd) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 32)
+    (
+        I0, I1, m2, k1, k2, c1, c2, F, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2, b3, b4,
+        b5, b6, b7, b8, b9, b10, b11, b12,
+    ) = casadi.vertsplit(parameters)
+    [U_1] = _fourier(
+        q1 + phase, 0.0,
+        (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
+        (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
+        [0],
+    )
+    return casadi.Function(
+        "accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.vertcat(
+                speedd*(I1 + U_1**2*m2),
+                U_1*m2*speedd,
+            ),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
 def outputs():
     """One scalar for each of OUTPUTS."""
     phase = casadi.SX.sym("phase")
@@ -203,6 +239,20 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "load_torque", "hammer_displacement"],
+    )
+
+
+def residual_varying():
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual(), accelerated()
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
     )
 
 

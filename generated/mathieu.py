@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "3d5d844475585a5a66f39c520098f2aaf6ccc6f6e51368c3868239da0db447f9"
-DERIVE_SHA256 = "ace20239c5e324e604e28dd0bc0028a7b5bd16391d5aa47b3b92be1daac8909b"
+DERIVE_SHA256 = "e25ca2c40f98bce9bfc3d46f79c9ec14d9e76025d0b66b6f469ebadae585b078"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "890b91efa87bbfa30d5aae832e5f5c5df25ca701f3fa1942405dfb84da56a3e4"
+FILE_SHA256 = "2495dba9a278970862406958cd4c1ea2a1a7dd956a016f60d907676690a32c71"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -75,6 +75,30 @@ def residual():
     )
 
 
+def accelerated():
+    """What an acceleration of the drive adds to r."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 1)
+    (qd,) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 1)
+    (qdd,) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 3)
+    (delta, epsilon, zeta) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(0),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
 def outputs():
     """One scalar for each of OUTPUTS."""
     phase = casadi.SX.sym("phase")
@@ -94,6 +118,20 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         [],
+    )
+
+
+def residual_varying():
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual(), accelerated()
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
     )
 
 

@@ -62,7 +62,6 @@ def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path
     ("arguments", "words"),
     [
         ((*CAM, "--quasi-static"), ("--quasi-static", "--nonlinear")),
-        ((*CAM, "--all-multipliers"), ("--all-multipliers", "--nonlinear")),
         ((*CAM, "--periods", "0"), ("periods is 0", "at least 1")),
         ((*CAM, "--method", "newmark"), ("newmark", "radau")),
         ((*CAM[:-1], "--periods", "2"), ("--periods 2", "--nonlinear")),
