@@ -12,7 +12,7 @@ from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
 from derive.structure import Structure
 from derive.switches import switches
-from derive.symbols import PHASE, SPEED
+from derive.symbols import ACCELERATION, PHASE, SPEED
 from derive.transmission import PeriodicFunction
 from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, require_coherent, short
 
@@ -152,7 +152,7 @@ def _require_last_piece(statement: _Statement) -> None:
 
 
 def dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
-    known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND}
+    known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND, ACCELERATION: ONE / SECOND**2}
     known |= {each.symbol: parse(each.unit) for each in mechanism.declared_parameters}
     known |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}
     moving = {each.symbol: parse(each.unit) for each in mechanism.declared_coordinates}

@@ -12,7 +12,7 @@ from derive.symbols import Moving
 
 RESERVED = (
     *("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math"),
-    *("time", "multiplier_re", "multiplier_im", "exponent_re", "exponent_im"),
+    *("time", "speedd", "multiplier_re", "multiplier_im", "exponent_re", "exponent_im"),
 )
 """Names of generated code, and of what files of results hold besides coordinates and outputs."""
 

@@ -14,7 +14,13 @@ from derive.errors import ImpulseError
 from derive.field import Field
 from derive.field_text import definitions, field_functions, field_tools
 from derive.freshness import banner, hashed_module
-from derive.function_text import GeneratedFunction, breaks_text, function_text, options_text
+from derive.function_text import (
+    GeneratedFunction,
+    breaks_text,
+    function_text,
+    options_text,
+    residual_varying,
+)
 from derive.galerkin import Projection, project
 from derive.linearise import clearances, linearise
 from derive.loop_text import loop_orders, loop_text
@@ -25,6 +31,7 @@ from derive.printer import CasadiPrinter
 from derive.progress import steps
 from derive.reading import Equation, read
 from derive.recurrence import COMPONENTS, FOURIER
+from derive.symbols import steady
 from derive.transmission import PeriodicFunction
 from derive.units import size
 
@@ -55,6 +62,7 @@ MOST_TO_READ = 2000
 """Operations of M, C, K and d that are still printed for reading."""
 
 STATE = ("phase", "speed", "q", "qd", "qdd", "p")
+VARYING = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
 
 
 @dataclass(frozen=True)
@@ -65,7 +73,7 @@ class Equations:
     no inputs. tools, functions: texts that go before and after the others. conditions: beyond those that
     the mechanism states. passages: where the matrices switch. nonlinear: what the linear answer ignores, a
     sentence each; idle: what moves nothing. no_drive_torque: why there is none, if so. projection: of a
-    deflection, on its mode functions.
+    deflection, on its mode functions. added: to the residual where the speed varies.
     """
 
     linearised: dict[str, Any]
@@ -80,13 +88,14 @@ class Equations:
     idle: list[str] = field(default_factory=list)
     no_drive_torque: str = ""
     projection: Projection | None = None
+    added: sympy.Matrix | None = None
 
 
 def derive_equations(mechanism: Mechanism) -> Equations:
     """Equations of a checked mechanism; SingularMassError where a coordinate has no inertia."""
     if mechanism.declared_field:
         return _field_equations(mechanism, mechanism.declared_field)
-    r = lagrange.residual(mechanism)
+    r, added = lagrange.residuals(mechanism)
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
@@ -96,7 +105,7 @@ def derive_equations(mechanism: Mechanism) -> Equations:
         except ImpulseError as error:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
-        expression = lagrange.from_fundamental(mechanism, each.expression)
+        expression = steady(lagrange.from_fundamental(mechanism, each.expression))
         outputs.append(_in_its_unit(each, expression))
     q = [each.symbol for each in mechanism.declared_coordinates]
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
@@ -105,6 +114,10 @@ def derive_equations(mechanism: Mechanism) -> Equations:
         linearised._asdict(),
         r,
         outputs,
+        functions=[
+            residual_varying(options_text(mechanism), [each.name for each in mechanism.declared_options])
+        ],
+        added=added,
         conditions=clearances(r, q),
         passages=passages(linearised, expressions, moving),
         nonlinear=losses(mechanism, [*r], linearised),
@@ -117,7 +130,7 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
     projection = project(mechanism, deflection)
     outputs = [] if mechanism.no_drive_torque else [_torque(projection.drive_torque)]
     for each in mechanism.declared_outputs:
-        outputs.append(_in_its_unit(each, each.expression.xreplace(projection.tensions)))
+        outputs.append(_in_its_unit(each, steady(each.expression.xreplace(projection.tensions))))
     options = [each.name for each in mechanism.declared_options]
     functions = field_functions(deflection, options_text(mechanism), options)
     tools = field_tools(projection)
@@ -218,6 +231,13 @@ def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunc
     if equations.residual is not None:
         doc = "Nonlinear r of the equation of motion r = 0."
         functions.append(GeneratedFunction("residual", doc, STATE, {"r": equations.residual}))
+    if equations.added is not None:
+        doc = "What an acceleration of the drive adds to r."
+        functions.append(GeneratedFunction("accelerated", doc, VARYING, {"r": equations.added}))
+    if equations.projection is not None:
+        doc = "M, C, K, d where the speed varies."
+        inputs, varying = ("phase", "speed", "acceleration", "p"), equations.projection.varying
+        functions.append(GeneratedFunction("linearised_varying", doc, inputs, varying, names))
     outputs = {each.name: each.expression for each in equations.outputs}
     functions.append(GeneratedFunction("outputs", "One scalar for each of OUTPUTS.", STATE, outputs, names))
     if mechanism.damping_ratios:

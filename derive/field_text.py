@@ -53,7 +53,7 @@ def field_tools(projection: Projection) -> list[str]:
 
 
 def field_functions(deflection: Field, given: str, options: Sequence[str]) -> list[str]:
-    """The residual, and the mode functions for those who want the deflection elsewhere.
+    """The residuals, and the mode functions for those who want the deflection elsewhere.
 
     given: text of the functions' parameters. options: names of the module's options.
     """
@@ -74,6 +74,21 @@ def residual({given}):
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["r"],
     )'''
+    varying = f'''\
+def residual_varying({given}):
+    """r where the speed varies; linear too."""
+    matrices = linearised_varying({passed})
+    phase, speed, acceleration = (casadi.SX.sym(name) for name in ("phase", "speed", "acceleration"))
+    q, qd, qdd = (casadi.SX.sym(name, matrices.size1_out("d")) for name in ("q", "qd", "qdd"))
+    p = casadi.SX.sym("p", len(PARAMETERS))
+    M, C, K, d = matrices(phase, speed, acceleration, p)
+    return casadi.Function(
+        "residual_varying",
+        [phase, speed, acceleration, q, qd, qdd, p],
+        [M @ qdd + C @ qd + K @ q - d],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )'''
     fields = f'''\
 def fields({given}):
     """Mode functions of each of FIELDS at a fraction xi of its length."""
@@ -81,7 +96,7 @@ def fields({given}):
     xi = casadi.SX.sym("xi")
     shapes = _{deflection.name}(xi, 0, {modes})
     return casadi.Function("fields", [xi], [shapes], ["xi"], ["{deflection.name}"])'''
-    return [residual, fields]
+    return [residual, varying, fields]
 
 
 def _points(deflection: Field) -> dict[sympy.Symbol, str]:

@@ -16,11 +16,13 @@ from derive.loop_text import loop_calls
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
 from derive.recurrence import series_calls, series_operations
+from derive.symbols import ACCELERATION
 from derive.units import size
 
 WIDTH = 106
 NO_LOOPS: Mapping[Loop, list[Order]] = MappingProxyType({})
 VECTORS = {"q": "coordinates", "qd": "rates", "qdd": "accelerations", "p": "parameters"}
+VECTORS["acceleration"] = ACCELERATION.name
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,11 @@ def function_text(
 
     loops: the orders of derivatives that each loop's generated function returns.
     """
-    taken = mechanism.names() | {"phase", "speed"} | {symbol.name for symbol in function.definitions}
+    taken = (
+        mechanism.names()
+        | {"phase", "speed", ACCELERATION.name}
+        | {symbol.name for symbol in function.definitions}
+    )
     solved, positions = loop_calls(function.matrices, loops, taken)
     results = [matrix.xreplace(positions) for matrix in function.matrices]
     calls, values = series_calls(results, taken)
@@ -95,6 +101,25 @@ def breaks_text(mechanism: Mechanism, passages: Sequence[Passage]) -> str:
     options = options_text(mechanism)
     signature = f"speed, p, {options}" if options else "speed, p"
     return f"def breaks({signature}):\n" + textwrap.indent("\n".join(filter(None, body)), "    ")
+
+
+def residual_varying(given: str, options: Sequence[str]) -> str:
+    """The residual where the speed varies, from that at constant speed. given: text of the function's
+    parameters; options: names of the module's options."""
+    passed = ", ".join(f"{name}={name}" for name in options)
+    return f'''\
+def residual_varying({given}):
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual({passed}), accelerated({passed})
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
+    )'''
 
 
 def options_text(mechanism: Mechanism) -> str:

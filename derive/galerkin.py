@@ -23,10 +23,12 @@ from derive.lagrange import Energies, equation
 from derive.linearise import expanded
 from derive.mechanism import Mechanism
 from derive.modal_integrals import ModalIntegral, modal_integral, modal_moment
-from derive.symbols import PHASE, Moving, counted
+from derive.symbols import PHASE, Moving, counted, steady
 
 ZERO_MATRIX, ZERO_COLUMN = sympy.symbols("zero_matrix zero_column", real=True)
 """Stand for zeros of the size that the number of modes gives."""
+
+ZEROS = {"C": ZERO_MATRIX, "K": ZERO_MATRIX, "d": ZERO_COLUMN}
 
 
 @dataclass(frozen=True)
@@ -61,10 +63,17 @@ class Projection:
     pairs: dict[sympy.Symbol, Pair] = field(default_factory=dict)
     moments: dict[sympy.Symbol, Moment] = field(default_factory=dict)
     weighted: dict[Moving, sympy.Symbol] = field(default_factory=dict)
-    linearised: dict[str, Any] = field(default_factory=dict)
+    varying: dict[str, Any] = field(default_factory=dict)
+    """M, C, K, d where the speed varies."""
     drive_torque: Any = sympy.S.Zero
     tension: Any = sympy.S.Zero
     """N, a polynomial of the field's position."""
+
+    @property
+    def linearised(self) -> dict[str, Any]:
+        """M, C, K, d at constant speed."""
+        named = {name: steady(part) for name, part in self.varying.items()}
+        return {name: part if part != 0 else ZEROS[name] for name, part in named.items()}
 
     @property
     def tensions(self) -> dict[Any, Any]:
@@ -96,7 +105,7 @@ def project(mechanism: Mechanism, deflection: Field) -> Projection:
     if not mechanism.no_drive_torque:
         whole = Energies(*(each.xreplace(straight) for each in whole))
         forces = [[each.xreplace(straight) for each in work] for work in mechanism.forces]
-        projection.drive_torque = equation(whole, PHASE, forces) + _torque(projection, density)
+        projection.drive_torque = steady(equation(whole, PHASE, forces) + _torque(projection, density))
     _require_free_names(mechanism, projection)
     return projection
 
@@ -142,15 +151,15 @@ def _project_rows(projection: Projection, density: Energies) -> None:
     K[1, 1] += projection.tension
     matrices: dict[str, Any] = {"M": M, "C": C, "K": K}
     for name, local in matrices.items():
-        projection.linearised[name] = sympy.Add(
+        projection.varying[name] = sympy.Add(
             *(_pair_terms(projection, local[a, b], a, b) for a in range(3) for b in range(3))
         )
-    projection.linearised["d"] = sympy.Add(*(_moment_terms(projection, d[a], a) for a in range(3)))
-    if projection.linearised["M"] == 0:
+    projection.varying["d"] = sympy.Add(*(_moment_terms(projection, d[a], a) for a in range(3)))
+    if projection.varying["M"] == 0:
         raise SingularMassError(f"the kinetic energy gives no inertia to {deflection.name}; add its mass")
-    for name, zeros in (("C", ZERO_MATRIX), ("K", ZERO_MATRIX), ("d", ZERO_COLUMN)):
-        if projection.linearised[name] == 0:
-            projection.linearised[name] = zeros
+    for name, zeros in ZEROS.items():
+        if projection.varying[name] == 0:
+            projection.varying[name] = zeros
 
 
 def _pair_terms(projection: Projection, coefficient: Any, a: int, b: int) -> Any:

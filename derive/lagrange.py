@@ -13,7 +13,7 @@ import sympy
 from derive.gather import gathered, simplified
 from derive.mechanism import Mechanism
 from derive.switches import slope
-from derive.symbols import PHASE, Moving, counted, rate
+from derive.symbols import ACCELERATION, PHASE, Moving, counted, rate, steady
 
 
 class Energies(NamedTuple):
@@ -24,13 +24,20 @@ class Energies(NamedTuple):
     dissipation: Any
 
 
-def residual(mechanism: Mechanism) -> sympy.Matrix:
-    """Left-hand sides r(φ, Ω, q, q̇, q̈) of the equations of motion r = 0, one row a coordinate.
+def residuals(mechanism: Mechanism) -> tuple[sympy.Matrix, sympy.Matrix]:
+    """Left-hand sides r(φ, Ω, q, q̇, q̈) of the equations of motion r = 0 at constant speed, one row a
+    coordinate, and what an acceleration Ω̇ of the drive adds to them.
 
     Coordinates with a fundamental motion are counted from it: q → q̄(φ) + q before anything else.
     """
     rows = sympy.Matrix([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
-    return simplified([rows])[0]
+    return simplified([steady(rows)])[0], simplified([rows.applyfunc(_accelerated)])[0]
+
+
+def _accelerated(row: Any) -> Any:
+    """What Ω̇ adds to a row."""
+    factor = sympy.diff(row, ACCELERATION)
+    return row - steady(row) if factor.has(ACCELERATION) else ACCELERATION * gathered(factor)
 
 
 def drive_torque(mechanism: Mechanism, residual: Iterable[Any]) -> sympy.Expr:
@@ -41,7 +48,7 @@ def drive_torque(mechanism: Mechanism, residual: Iterable[Any]) -> sympy.Expr:
     the error that a motion of the linear equations would leave in the inertia terms. residual: the rows of
     the coordinates, none where they lack a part of what acts.
     """
-    torque = _row(mechanism, PHASE)
+    torque = steady(_row(mechanism, PHASE))
     accelerations = [each.symbol.rate.rate for each in mechanism.declared_coordinates]
     for row in residual:
         without = gathered(torque - row)

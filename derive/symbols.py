@@ -31,12 +31,15 @@ class Phase(Moving):
 
 
 SPEED = sympy.Symbol("speed", real=True)
+ACCELERATION = sympy.Symbol("speedd", real=True)
+"""Rate of the speed, rad/s², where a transient changes it; 0 in all that is steady."""
+
 PHASE = Phase("phase")
 
 
 def rate(expression: Any) -> Any:
-    """Total time derivative at constant speed, through phase, coordinates and their rates; of a vector or
-    matrix that of each entry.
+    """Total time derivative through phase, speed, coordinates and their rates; of a vector or matrix that of
+    each entry.
 
     Raises ImpulseError where the expression jumps.
     """
@@ -44,7 +47,15 @@ def rate(expression: Any) -> Any:
         return expression.applyfunc(rate)
     stated = counted(sympy.sympify(expression))
     moving = sorted(stated.atoms(Moving), key=lambda symbol: symbol.name)
-    return sympy.Add(*(slope(stated, symbol) * symbol.rate for symbol in moving))
+    terms = [slope(stated, symbol) * symbol.rate for symbol in moving]
+    if stated.has(SPEED):
+        terms.append(slope(stated, SPEED) * ACCELERATION)
+    return sympy.Add(*terms)
+
+
+def steady(expression: Any) -> Any:
+    """An expression or matrix at constant speed."""
+    return expression.xreplace({ACCELERATION: sympy.S.Zero})
 
 
 def counted(expression: Any) -> Any:

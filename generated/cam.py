@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "028a5ba26a626a2f1306e14f09413a931bc96b94c2e41d4186e461e2c20514b2"
-DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
+DERIVE_SHA256 = "e5c2eaaf503f9a49840668683601c6e89988e57c3922e6e3ae8f9cb988555662"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "7f7ef2386fc4e32a30aa8a5fe2fd5e4347e73eec27c713a037fc22d43d12228a"
+FILE_SHA256 = "fdb7166529f7d992c62287f7970b8506e3ffcd918be1c6f0e7c68baa3cef56af"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -220,6 +220,46 @@ def residual():
     )
 
 
+def accelerated():
+    """What an acceleration of the drive adds to r."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 3)
+    (q1, q2, q3) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 3)
+    (q1d, q2d, q3d) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 3)
+    (q1dd, q2dd, q3dd) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 47)
+    (
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
+        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
+        Fb5, Fb6,
+    ) = casadi.vertsplit(parameters)
+    [U_1] = _fourier(
+        q1 + phase, 0.0,
+        (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
+        (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
+        [0],
+    )
+    x0 = m2 + m3
+    x1 = U_1*speedd
+    return casadi.Function(
+        "accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.vertcat(
+                speedd*(I1 + U_1**2*x0),
+                x0*x1,
+                m3*x1,
+            ),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
 def outputs():
     """One scalar for each of OUTPUTS."""
     phase = casadi.SX.sym("phase")
@@ -254,6 +294,20 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "shaft_torque", "contact_force", "output_displacement"],
+    )
+
+
+def residual_varying():
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual(), accelerated()
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0a7077f4722b2fd341c5f9770ab01671cae6245d029c8206989fc60c3acf9443"
-DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
+DERIVE_SHA256 = "e5c2eaaf503f9a49840668683601c6e89988e57c3922e6e3ae8f9cb988555662"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f3a2116c16d391bcc036655efba82fba5261a51c94b94fa1c3502a39b43d5244"
+FILE_SHA256 = "6c8c140c0a58eda52d022c35ef9f90c4d5c28d313a5b39a141d1261bc4efeedd"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -271,6 +271,75 @@ def linearised(*, modes=3, branch="open"):
     )
 
 
+def linearised_varying(*, modes=3, branch="open"):
+    """M, C, K, d where the speed varies."""
+    modes = _count("modes", modes)
+    branch_open, branch_crossed = _choice("branch", branch)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    parameters = casadi.SX.sym("p", 18)
+    (
+        l1, l2, l3, l4, s4, m4, E, A, I, rho, cx, cy, JC, alpha, alpha4, theta, g, Me,
+    ) = casadi.vertsplit(parameters)
+    w_00_0 = _pairs(_w_00_0, modes)
+    w_11_0 = _pairs(_w_11_0, modes)
+    w_22_0 = _pairs(_w_22_0, modes)
+    w_11_1 = _pairs(_w_11_1, modes)
+    w_11_2 = _pairs(_w_11_2, modes)
+    w_0_0 = _column(_w_0_0, modes)
+    w_0_1 = _column(_w_0_1, modes)
+    (phi3_0_0, phi4_0_0, phi3_0_1, phi4_0_1, phi3_1_0, phi4_1_0, phi3_2_0, phi4_2_0) = _phi3_phi4(
+        phase, l3, branch_crossed, branch_open, l1, l2, l4, theta,
+    )
+    x0 = l3*w_00_0
+    x1 = A*x0
+    x2 = w_11_0/l3
+    x3 = l3**3
+    x4 = 1/x3
+    x5 = phi3_1_0**2
+    x6 = speed**2
+    x7 = rho*x6
+    x8 = x5*x7
+    x9 = A*rho
+    x10 = x6*x9
+    x11 = g*x9
+    x12 = x11*casadi.sin(phi3_0_0)
+    x13 = phase - phi3_0_0
+    x14 = l2*casadi.sin(x13)
+    x15 = cx*speed*x14
+    x16 = speedd*x9
+    x17 = x14*x16
+    x18 = l2*casadi.cos(x13)
+    x19 = x10*x18
+    x20 = 6*phi4_0_1
+    x21 = JC*x20
+    x22 = 6*l3
+    x23 = cy*speed
+    x24 = phi3_1_0*x23
+    x25 = 2*phi3_0_1
+    x26 = casadi.cos(phi3_0_0)
+    x27 = l3**2
+    x28 = A*x27
+    x29 = 3*x28
+    x30 = phi3_0_1*x29
+    x31 = x18*x23
+    x32 = rho*speedd
+    x33 = l3*x25*(3*I + x28)
+    return casadi.Function(
+        "linearised_varying",
+        [phase, speed, speedd, parameters],
+        [
+            casadi.SX(rho*(I*x2 + x1)),
+            casadi.SX(E*I*alpha*w_22_0*x4 + cy*x0),
+            casadi.SX(E*I*w_22_0*x4 - 1/2*l3*w_11_2*x10*x5 - w_11_1*(-x12 + x15 + x17 + x19) - x1*x8 - 1/6*x2*(Me*x20 + g*m4*s4*x20*casadi.cos(alpha4 + phi4_0_0) + g*rho*x26*x30 + 3*phi3_0_1*x27*x31 + phi3_1_0*x32*x33 + phi3_2_0*x33*x7 + phi4_1_0*speedd*x21 + phi4_2_0*x21*x6 + x12*x22 - x14*x30*x7 - x15*x22 - x17*x22 + x18*x30*x32 - x19*x22 + x24*x25*x3 - x29*x8)),
+            casadi.SX(-l3*(l3*w_0_1*(phi3_1_0*x16 + phi3_2_0*x10 + x24) + w_0_0*(-x10*x14 + x11*x26 + x16*x18 + x31))),
+        ],
+        ["phase", "speed", "acceleration", "p"],
+        ["M", "C", "K", "d"],
+    )
+
+
 def outputs(*, modes=3, branch="open"):
     """One scalar for each of OUTPUTS."""
     modes = _count("modes", modes)
@@ -395,6 +464,22 @@ def residual(*, modes=3, branch="open"):
         [phase, speed, q, qd, qdd, p],
         [M @ qdd + C @ qd + K @ q - d],
         ["phase", "speed", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
+def residual_varying(*, modes=3, branch="open"):
+    """r where the speed varies; linear too."""
+    matrices = linearised_varying(modes=modes, branch=branch)
+    phase, speed, acceleration = (casadi.SX.sym(name) for name in ("phase", "speed", "acceleration"))
+    q, qd, qdd = (casadi.SX.sym(name, matrices.size1_out("d")) for name in ("q", "qd", "qdd"))
+    p = casadi.SX.sym("p", len(PARAMETERS))
+    M, C, K, d = matrices(phase, speed, acceleration, p)
+    return casadi.Function(
+        "residual_varying",
+        [phase, speed, acceleration, q, qd, qdd, p],
+        [M @ qdd + C @ qd + K @ q - d],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
         ["r"],
     )
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
+DERIVE_SHA256 = "e5c2eaaf503f9a49840668683601c6e89988e57c3922e6e3ae8f9cb988555662"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "66f27c2d47da1dad124e4e75a943feee2bb006b9a5e5efbd5748b5f6ed5a480e"
+FILE_SHA256 = "9027236eb89962ba171fcddc166dd9445992132b8358737657b77a54166cb0a6"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -200,6 +200,35 @@ def residual(*, load="tracking"):
     )
 
 
+def accelerated(*, load="tracking"):
+    """What an acceleration of the drive adds to r."""
+    load_tracking, load_constant = _choice("load", load)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 1)
+    (qd,) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 1)
+    (qdd,) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 40)
+    (
+        J1, J2, rb1, rb2, z1, zeta, q0, k0, k1, k2, k3, k4, k5, k6, k7, k8, k9, k10, gamma1, gamma2,
+        gamma3, gamma4, gamma5, gamma6, gamma7, gamma8, gamma9, gamma10, e1, e2, e3, e4, e5, e6, alpha1,
+        alpha2, alpha3, alpha4, alpha5, alpha6,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(0),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
 def outputs(*, load="tracking"):
     """One scalar for each of OUTPUTS."""
     load_tracking, load_constant = _choice("load", load)
@@ -246,6 +275,20 @@ def outputs(*, load="tracking"):
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["transmission_error_rate", "mesh_force", "pinion_speed_ripple", "wheel_speed_ripple"],
+    )
+
+
+def residual_varying(*, load="tracking"):
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual(load=load), accelerated(load=load)
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
+DERIVE_SHA256 = "e5c2eaaf503f9a49840668683601c6e89988e57c3922e6e3ae8f9cb988555662"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "cf2c0e2b612663d48aa279f8f609c1168cafa399924e458bdc5695195643a5ba"
+FILE_SHA256 = "91ebfd0c317baceab815a0e4338a52854c2e68a1c239de9c1ad9cf3f98bf09c6"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -171,6 +171,42 @@ def residual():
     )
 
 
+def accelerated():
+    """What an acceleration of the drive adds to r."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 2)
+    (q1, q2) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 2)
+    (q1d, q2d) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 2)
+    (q1dd, q2dd) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 32)
+    (
+        I0, I1, m2, k1, k2, c1, c2, F, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2, b3, b4,
+        b5, b6, b7, b8, b9, b10, b11, b12,
+    ) = casadi.vertsplit(parameters)
+    [U_1] = _fourier(
+        q1 + phase, 0.0,
+        (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
+        (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
+        [0],
+    )
+    return casadi.Function(
+        "accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.vertcat(
+                speedd*(I1 + U_1**2*m2),
+                U_1*m2*speedd,
+            ),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
 def outputs():
     """One scalar for each of OUTPUTS."""
     phase = casadi.SX.sym("phase")
@@ -203,6 +239,20 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "load_torque", "hammer_displacement"],
+    )
+
+
+def residual_varying():
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual(), accelerated()
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "3d5d844475585a5a66f39c520098f2aaf6ccc6f6e51368c3868239da0db447f9"
-DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
+DERIVE_SHA256 = "e5c2eaaf503f9a49840668683601c6e89988e57c3922e6e3ae8f9cb988555662"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "99239c852feeb01bbe8cd8d35af69b001f9ff54fd8d7740302c4d73fde0f033e"
+FILE_SHA256 = "b4afbefc3714edbb8090c19e6b117cd1d4d8bb350c0bfd926b98d1a384d4bb3f"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -75,6 +75,30 @@ def residual():
     )
 
 
+def accelerated():
+    """What an acceleration of the drive adds to r."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 1)
+    (qd,) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 1)
+    (qdd,) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 3)
+    (delta, epsilon, zeta) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(0),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
 def outputs():
     """One scalar for each of OUTPUTS."""
     phase = casadi.SX.sym("phase")
@@ -94,6 +118,20 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         [],
+    )
+
+
+def residual_varying():
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual(), accelerated()
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
     )
 
 

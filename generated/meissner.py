@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a823a9e0016a7feda6122a423fa40bca56d2406ac9295b515905234f5abc2267"
-DERIVE_SHA256 = "eaf76bfa959b237e331dc2d54e60d9166238e7711a599dc6c3a2d74207846210"
+DERIVE_SHA256 = "e5c2eaaf503f9a49840668683601c6e89988e57c3922e6e3ae8f9cb988555662"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "cf7b1d69a42ba8abbf3d7bc46a2ad6cd31991bab4a5e9849bda7802fc2e17261"
+FILE_SHA256 = "a75f7f732e25bd6538e03e2b58d19bf2262a45785811d63a6f026a7a9b55b659"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -100,6 +100,30 @@ def residual():
     )
 
 
+def accelerated():
+    """What an acceleration of the drive adds to r."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 1)
+    (qd,) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 1)
+    (qdd,) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 3)
+    (w1, w2, share) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(0),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["r"],
+    )
+
+
 def outputs():
     """One scalar for each of OUTPUTS."""
     phase = casadi.SX.sym("phase")
@@ -119,6 +143,20 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         [],
+    )
+
+
+def residual_varying():
+    """r where the speed varies: at constant speed, and what its acceleration adds."""
+    steady, added = residual(), accelerated()
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, acceleration, *state = inputs
+    return casadi.Function(
+        "residual_varying",
+        inputs,
+        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
+        added.name_in(),
+        ["r"],
     )
 
 

@@ -88,14 +88,16 @@ class ManyPoints(Protocol):
 
 
 class Marcher(Protocol):
-    """A system followed in time, with its states at nodes (k,) over a period; derivatives by the phase."""
+    """A system followed in time, with its states at nodes (k,) from 0 to the period. Derivatives are by
+    time times the mean speed, which is the phase at constant speed."""
 
     @property
     def nodes(self) -> Array: ...
 
-    def __call__(self, state: Array, start: float, speed: float) -> Array:
+    def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         """q, v, a (3, n, k) over a period, both ends included, from the state (q, v) (2n,) at the phase
-        `start`. Raises TransientError where the motion cannot be followed."""
+        `start`, while the speed goes linearly in time to `last`, by default not at all. Raises TransientError
+        where the motion cannot be followed."""
         ...
 
 
@@ -110,6 +112,13 @@ class Dependence(Protocol):
         """Derivatives (r, k) of an output at phases (k,) and states (3, n, k): q and its derivatives by the
         phase, which move with θ by `moved` (r, 3, n, k)."""
         ...
+
+
+def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]:
+    """Phase within a period, speed and acceleration (rad, rad/s, rad/s²) at s, time times the mean speed, 0
+    to the period, where the speed goes linearly in time from the first to the last; of symbols too."""
+    mean, slope = (first + last) / 2, (last - first) / period
+    return (first * s + slope * s**2 / 2) / mean, first + slope * s, slope * mean
 
 
 class Motion(Protocol):
@@ -331,6 +340,14 @@ class PeriodicSystem:
         raise NoDerivativeError(
             f"{self.name} has no generated equations that could be differentiated; state it as a mechanism "
             "and derive it"
+        )
+
+    def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
+        """M, C, K (m, n, n) and d (m, n), for derivatives by time, where the drive turns at speeds (m,) in
+        rad/s that change by an acceleration in rad/s². Raises TransientError for systems of which that is not
+        known."""
+        raise TransientError(
+            f"{self.name} states nothing of speeds that vary; state it as a mechanism and derive it"
         )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from numbers import Real
 from typing import TYPE_CHECKING
@@ -106,6 +106,28 @@ def speeds_in_si(text: str) -> list[float]:
     if not numbers or not all(map(_is_number, numbers)) or _is_number(unit):
         raise UnitError(usage)
     return [speed_in_si(f"{number} {unit}") for number in numbers]
+
+
+def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
+    """First and last speed in rad/s of a ramp, from "A:B unit" or from two numbers in rad/s or texts with
+    unit; one of them may be 0. Raises UnitError, ValueOutOfBoundsError.
+
+    >>> ramp_in_si("0:60 rad/s"), ramp_in_si((0, "60 rad/s"))
+    ((0.0, 60.0), (0.0, 60.0))
+    """
+    usage = f"speeds are {speeds!r}; give two, such as '0:600 rpm', not both 0"
+    if isinstance(speeds, str):
+        *numbers, unit = _apart(speeds).split() or [""]
+        ends = numbers[0].split(":") if len(numbers) == 1 else []
+        if not all(map(_is_number, ends)):
+            raise UnitError(usage)
+        given = [f"{end} {unit}" if float(end) else 0.0 for end in ends]
+    else:
+        given = [*speeds]
+    if len(given) != 2 or not any(given):
+        raise UnitError(usage)
+    first, last = (speed_in_si(each) if each else 0.0 for each in given)
+    return first, last
 
 
 def evenly(text: str, name: str) -> list[float]:

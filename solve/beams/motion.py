@@ -24,11 +24,11 @@ from solve.trigonometric import interpolated
 
 
 def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:
-    """q̈_r/Ω² of the elements' own freedoms in the axes of their links, (m, elements, k) for each link, and
-    that of the joints as x + iy, (m, joints).
+    """q̈_r of the elements' own freedoms in the axes of their links, (m, elements, k) for each link, and that
+    of the joints as x + iy, (m, joints).
 
-    rate, second (m, links): first and second derivative of the links' angles by the phase. Held freedoms
-    accelerate too where their link does.
+    rate, second (m, links): first and second derivative of the links' angles by time; by the phase they
+    give q̈_r/Ω² at constant Ω. Held freedoms accelerate too where their link does.
     """
     spans = positions.beams.properties.length * (1j * second - rate**2) * np.exp(1j * positions.angle)
     joints, accelerations = positions.placed(spans), []
@@ -48,7 +48,7 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
 
 
 def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
-    """−M q̈_r/Ω² (m, n) of the elements and of the joints' masses, at constant Ω."""
+    """−M q̈_r (m, n) of the elements and of the joints' masses; rate, second as in `rigid_accelerations`."""
     beams, freedoms = positions.beams, positions.beams.freedoms
     load = np.zeros((len(positions.phase), freedoms.n + 1))
     accelerations, joints = rigid_accelerations(positions, rate, second)
@@ -113,19 +113,19 @@ class Motion:
     stiffening: str
     damping: str
 
-    def __call__(self, phase: Array, speed: float) -> tuple[Array, Array, Array, Array]:
-        """M, C, K (m, n, n) and d (m, n) at phases (m,), Ω in rad/s."""
+    def __call__(
+        self, phase: Array, speed: Array | float, acceleration: float = 0.0
+    ) -> tuple[Array, Array, Array, Array]:
+        """M, C, K (m, n, n) and d (m, n) at phases (m,), Ω, one or (m, 1), in rad/s, Ω̇ in rad/s²."""
         positions = Positions(self.beams, phase)
         rate, second = self.rates(phase)
+        rate, second = speed * rate, speed**2 * second + acceleration * rate
         M, K = positions.matrices()
-        d = speed**2 * inertia_load(positions, rate, second)
+        d = inertia_load(positions, rate, second)
         C = self._damping(phase) + self.beams.dashpots
         axial = self.axial_forces(positions, K, d) if self.stiffening == "on" else None
         if self.terms == "full":
-            first, turned, squared = (
-                each[..., None] * positions.terms
-                for each in (speed * rate, speed**2 * second, speed**2 * rate**2)
-            )
+            first, turned, squared = (each[..., None] * positions.terms for each in (rate, second, rate**2))
             turning, centrifugal = self._rotary
             C = C + 2 * np.tensordot(first, turning, 2)
             K = K + np.tensordot(turned, turning, 2)

@@ -128,6 +128,10 @@ class StructureModel(Model):
         self.require_motion()
         return super().at(phase, speed)
 
+    def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
+        self.require_motion()
+        return self.motion(phase, speed[:, None], acceleration)
+
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         """At more than three speeds by Lagrange's polynomials between three of them."""
         low, high = speeds.min(), speeds.max()

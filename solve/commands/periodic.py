@@ -36,8 +36,11 @@ def periodic(
     if nonlinear:
         from solve.newton.orbits import nonlinear as nonlinear_orbit
 
-        _check_nonlinear(accuracy, quasi_static)
-        given = accuracy.rule, accuracy.steps, accuracy.rtol
+        if quasi_static:
+            raise ValueOutOfBoundsError(
+                "--quasi-static is of the linear orbit; leave out --quasi-static or --nonlinear"
+            )
+        given = accuracy.rule, accuracy.steps, accuracy.rtol, "auto", accuracy.all_multipliers
         orbit = nonlinear_orbit(model, speed.omega(model), None, 1 if periods is None else periods, *given)
     elif periods is not None:
         raise ValueOutOfBoundsError(f"--periods {periods} is of nonlinear orbits; add --nonlinear")
@@ -51,10 +54,3 @@ def periodic(
         report=lambda: orbit.report(problem.choices, quasi_static),
         figure=lambda: picture or orbit.plot(show, quasi_static, scale, harmonics),
     )
-
-
-def _check_nonlinear(accuracy: OnePoint, quasi_static: bool) -> None:
-    """Raise ValueOutOfBoundsError for what only the linear model has."""
-    flags = {"--quasi-static": quasi_static, "--all-multipliers": accuracy.all_multipliers}
-    for flag in (flag for flag, given in flags.items() if given):
-        raise ValueOutOfBoundsError(f"{flag} is of the linear orbit; leave out {flag} or --nonlinear")

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speed
+from solve.errors import ValueOutOfBoundsError
 from solve.newton.transients import transient as found
 
 
@@ -17,8 +18,14 @@ def transient(
     ] = "rest",
     nonlinear: Annotated[bool, Flag("By the nonlinear equations of motion.")] = False,
     rtol: Annotated[float, Flag("To which the orbit is reached.", "R")] = 1e-3,
+    speeds: Annotated[
+        str | None, Flag("Instead of one speed: linear in time over the turns; one may be 0.", '"A:B unit"')
+    ] = None,
 ) -> None:
-    """Start-up in time from any state, and how soon it reaches the periodic vibration."""
+    """Start-up in time from any state, and how soon it reaches the periodic vibration; run-up to a speed."""
     model = problem.loaded()
-    result = found(model, speed.omega(model), turns, start, nonlinear, rtol)
+    if speeds is not None and speed.speed is not None:
+        raise ValueOutOfBoundsError("--speed is constant and --speeds varies; give one of them")
+    omega = speed.omega(model) if speeds is None else None
+    result = found(model, omega, turns, start, nonlinear, rtol, speeds=speeds)
     deliver_result(results, result, problem.choices)

@@ -8,6 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import TransientError
 from solve.model.sampling import folded
+from solve.system import driven
 
 if TYPE_CHECKING:
     import casadi
@@ -19,10 +20,10 @@ _QUIET = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
 
 class ModelMarcher:
-    """One period after another of r(φ, Ω, q, q̇, q̈) = 0, with `count` states a period, evenly spaced.
+    """One period after another of r(φ, Ω, Ω̇, q, q̇, q̈) = 0, with `count` states a period, evenly in time.
 
-    residual: a generated one. sizes (n,): by which coordinates are measured, so that rtol is relative to
-    these. Derivatives are by the phase.
+    residual: a generated `residual_varying`. sizes (n,): by which coordinates are measured, so that rtol is
+    relative to these.
     """
 
     def __init__(
@@ -37,31 +38,33 @@ class ModelMarcher:
         import casadi
 
         n = residual.size1_in("q")
-        phase, speed, offset = (casadi.SX.sym(name) for name in ("phase", "speed", "offset"))  # pyright: ignore[reportAttributeAccessIssue]
+        s, first, last, offset = (casadi.SX.sym(name) for name in ("s", "first", "last", "offset"))  # pyright: ignore[reportAttributeAccessIssue]
+        phase, speed, acceleration = driven(s, first, last, period)
+        mean = (first + last) / 2
         x, a = casadi.SX.sym("x", 2 * n), casadi.SX.sym("a", n)  # pyright: ignore[reportAttributeAccessIssue]
         scale = casadi.DM(sizes)
         q, v = x[:n] * scale, x[n:] * scale
-        inputs = [phase + offset, speed, q, speed * v, speed**2 * a, casadi.SX(0, 1)]
+        inputs = [phase + offset, speed, acceleration, q, mean * v, mean**2 * a, casadi.SX(0, 1)]
         (r,) = folded(residual, parameters).call(inputs, True, False)
         M, rest = casadi.jacobian(r, a), casadi.substitute(r, a, 0)
         rate = casadi.vertcat(x[n:], casadi.solve(M, -rest) / scale)
-        self._acceleration = casadi.Function("acceleration", [phase, offset, speed, x], [rate[n:] * scale])
+        self._acceleration = casadi.Function("a", [s, first, last, offset, x], [rate[n:] * scale])
         grid = np.linspace(0.0, period, count + 1)
         options = {"reltol": rtol, "abstol": rtol, "max_num_steps": _MOST_STEPS, **_QUIET}
-        problem = {"x": x, "t": phase, "p": casadi.vertcat(speed, offset), "ode": rate}
+        problem = {"x": x, "t": s, "p": casadi.vertcat(first, last, offset), "ode": rate}
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
         self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
 
-    def __call__(self, state: Array, start: float, speed: float) -> Array:
-        """q, v, a (3, n, count + 1) over a period from the state (q, v) (2n,) at the phase `start`. Raises
-        TransientError where the motion cannot be followed."""
+    def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
+        """See `Marcher`. Raises TransientError where the motion cannot be followed."""
+        drive = speed, speed if last is None else last, start
         try:
-            found = self._integrator(x0=state / self._sizes, p=[speed, start])["xf"].full()
+            found = self._integrator(x0=state / self._sizes, p=drive)["xf"].full()
         except RuntimeError:
             raise TransientError(
                 f"the transient cannot be followed beyond phase {start:.6g}; look at the start and the speed"
             ) from None
         x = np.column_stack((state / self._sizes, found))
-        a = self._acceleration(self.nodes[None], start, speed, x).full()
+        a = self._acceleration(self.nodes[None], *drive, x).full()
         q, v = np.split(x * self._sizes[:, None], 2)
         return np.stack((q, v, a))

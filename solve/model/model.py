@@ -175,10 +175,20 @@ class Model(PeriodicSystem):
             return super().marcher(sizes, count, rtol)
         from solve.model.marching import ModelMarcher
 
-        residual = self.setup.function("residual")
+        residual = self.setup.function("residual_varying")
         if isinstance(self._matrices, DampedSampler):
             residual = damped_residual(residual, self._matrices.damping, self.period)
         return ModelMarcher(residual, self.setup.p, self.module.PERIOD, sizes, count, rtol)
+
+    def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
+        still = np.zeros((3, len(phase), self.n))
+        M, C, K, d = parted(self._varying(phase, speed, np.full(len(phase), acceleration), *still), self.n)
+        sampler = self._matrices
+        return M, C + sampler.damping(phase) if isinstance(sampler, DampedSampler) else C, K, d
+
+    @cached_property
+    def _varying(self) -> Sampler:
+        return Sampler(tangent(self.setup.function("residual_varying"), self.setup.p))
 
     @cached_property
     def tangent(self) -> Sampler:

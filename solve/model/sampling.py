@@ -63,14 +63,14 @@ def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] =
 
 
 def tangent(residual: "casadi.Function", parameters: Array) -> "casadi.Function":
-    """∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r of a generated `residual` at
-    fixed parameters, one after another: a function of phase, speed, q, qd and qdd."""
+    """∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r of a generated residual at fixed
+    parameters, one after another: a function of its other inputs, of which q, qd and qdd are the last."""
     import casadi
 
-    names = ("phase", "speed", "q", "qd", "qdd")
+    names = [name for name in residual.name_in() if name != "p"]
     inputs = [casadi.SX.sym(name, residual.size1_in(name)) for name in names]  # pyright: ignore[reportAttributeAccessIssue]
     (r,) = folded(residual, parameters).call([*inputs, casadi.SX(0, 1)], True, False)
-    states = inputs[:1:-1]
+    states = inputs[:-4:-1]
     matrices = [casadi.densify(casadi.jacobian(r, x)) for x in states]
     d = sum((A @ x for A, x in zip(matrices, states, strict=True)), -r)
     rows = [casadi.vec(A.T) for A in matrices]

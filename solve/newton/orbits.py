@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solve.certify.all_multipliers import Spectrum
+from solve.certify.all_multipliers import Spectrum, refined
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.errors import NoOrbitError, ResonanceError, SolveError, ValueOutOfBoundsError
@@ -43,6 +43,7 @@ def nonlinear(
     steps: int | None = None,
     rtol: float = 1e-8,
     engine: str = "auto",
+    all_multipliers: bool = False,
 ) -> NonlinearOrbit:
     """The periodic solution of a model's nonlinear equations at a speed (rad/s, or a text with unit).
 
@@ -51,9 +52,10 @@ def nonlinear(
     many of the model's make one of the orbit. start: an orbit, or a motion with `nodes` from 0 to the end of
     its period and q (n, k) at phases (k,) when called, as `PeriodicSystem.along` takes it. Without, the
     iteration starts from the linear orbit; where that does not converge, the orbit is followed in the load
-    or in the speed, or a transient from rest leads to it. Raises LinearModelError for systems without
-    nonlinear equations, NoOrbitError, which says how far each way came, and other SolveError subclasses for
-    bad input.
+    or in the speed, or a transient from rest leads to it. all_multipliers: `rtol` holds for each multiplier,
+    however small, on grids on which the iteration has converged too. Raises LinearModelError for systems
+    without nonlinear equations, NoOrbitError, which says how far each way came, and other SolveError
+    subclasses for bad input.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     if not (isinstance(periods, int | np.integer) and periods >= 1):
@@ -61,7 +63,7 @@ def nonlinear(
     asked = request(steps, rtol, used, True)
     system.checked(omega)
     task = Task(system, omega, int(periods), _collocated(rule, system, omega), used, asked.rtol)
-    search = _Search(task, steps, notes)
+    search = _Search(task, steps, notes, all_multipliers)
     return search.found() if start is None else search.certified(search.iterated(start), "start")
 
 
@@ -77,11 +79,13 @@ def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
 
 @dataclass(frozen=True)
 class _Search:
-    """Ways to an orbit, on grids of so many steps or, without, of few; notes: what the engine has to say."""
+    """Ways to an orbit, on grids of so many steps or, without, of few; notes: what the engine has to say;
+    every: whether each multiplier shall have its digits."""
 
     task: Task
     steps: int | None
     notes: Sequence[str]
+    every: bool = False
 
     @property
     def grids(self) -> list[Grid]:
@@ -158,12 +162,13 @@ class _Search:
         if isinstance(result, Failed):
             raise result.reason
         assert result.solutions.curve is not None
+        every_one = refined(newton.point(), newton, asked, result.steps) if self.every else None
         linearised, result = task.system.along(result.solutions.curve[0]), replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,
             task.speed,
             result,
-            Spectrum(OnePoint(linearised, task.speed), result),
+            Spectrum(OnePoint(linearised, task.speed), result, every_one),
             self.notes,
             iterations=found.iterations,
             found_by=way,

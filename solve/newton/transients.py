@@ -1,6 +1,7 @@
 """The motion in time from a state, and how soon it reaches the periodic one."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +9,14 @@ import numpy as np
 from solve.arrays import Array, solved
 from solve.errors import FileError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.newton.orbits import nonlinear as nonlinear_orbit
+from solve.newton.ramps import RampMarcher
 from solve.period.curve import Curve
 from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
 from solve.system import Marcher, PeriodicSystem
-from solve.units import checked_rtol, speed_in_si
+from solve.units import checked_rtol, ramp_in_si, speed_in_si
 
 REST, ORBIT = "rest", "orbit"
 TURNS = "turns"
@@ -32,14 +34,16 @@ Start = str | Path | tuple[Array, Array]
 
 def transient(
     system: PeriodicSystem,
-    speed: float | str,
+    speed: float | str | None = None,
     turns: int = 40,
     start: Start = REST,
     nonlinear: bool = False,
     rtol: float = 1e-3,
     engine: str = "auto",
+    speeds: str | tuple[float | str, float | str] | None = None,
 ) -> Transient:
-    """The motion over `turns` periods at a speed (rad/s, or a text with unit), from the phase 0 on.
+    """The motion over `turns` periods at a speed (rad/s, or a text with unit), or while the speed goes
+    linearly in time from one of two speeds to the other ("0:600 rpm"), from the phase 0 on.
 
     start: "rest", "orbit" (the linear one), q and q̇ (n,) by time, or a file .npz of an orbit or of a
     transient, which goes on from its end. The linear motion goes by the certified maps of the steps, the
@@ -47,27 +51,65 @@ def transient(
     as reached. Raises TransientError where the motion cannot be followed, LinearModelError for nonlinear
     motions of linear systems, FileError, and other SolveError subclasses for bad input.
     """
-    omega, rtol = speed_in_si(speed), checked_rtol(rtol)
+    if (speed is None) == (speeds is None):
+        raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
+    rtol = checked_rtol(rtol)
     if not (isinstance(turns, int | np.integer) and turns >= 1):
         raise ValueOutOfBoundsError(f"turns is {turns!r}; allowed: whole numbers of at least 1")
     given = start if isinstance(start, tuple) or start in (REST, ORBIT) else _read(Path(start), system)
-    finer = max(_FINER * rtol, _FINEST)
+    if speeds is not None:
+        return _run_up(system, ramp_in_si(speeds), int(turns), given, nonlinear, rtol, engine)
+    assert speed is not None
+    omega, finer = speed_in_si(speed), max(_FINER * rtol, _FINEST)
     linear = periodic(system, omega, rtol=min(1e-6, finer), engine=engine)
-    state, parts = _state(given, linear), []
     march = _marcher(system, linear, finer) if nonlinear else StepMarcher.of(linear)
-    with stage(TURNS, turns) as count:
-        for turn in range(turns):
-            parts.append(march(state, turn * system.period, omega))
-            state = parts[-1][:2, :, -1].ravel()
-            count.add()
-    motion = np.stack(parts)
+    ends = np.full(turns + 1, omega)
+    motion = _marched(march, _state(given, system, linear), ends, system.period)
     orbit = _settled(system, omega, motion[-1], march.nodes, engine) if nonlinear else linear
-    return Transient(system, omega, march.nodes, motion, orbit, rtol, nonlinear)
+    return Transient(system, ends, march.nodes, motion, orbit, rtol, nonlinear)
+
+
+def _run_up(
+    system: PeriodicSystem,
+    ramp: tuple[float, float],
+    turns: int,
+    start: Start,
+    nonlinear: bool,
+    rtol: float,
+    engine: str,
+) -> Transient:
+    """While the speed goes linearly in time, so that its square goes linearly from turn to turn."""
+    system.require_motion()
+    ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
+    if start == ORBIT and ramp[0] == 0:
+        raise ValueOutOfBoundsError("a drive at rest has no orbit to start from; start from rest")
+    linear = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
+    finer = max(_FINER * rtol, _FINEST)
+    if nonlinear:
+        march = _marcher(system, periodic(system, max(ramp), rtol=1e-6, engine=engine), finer)
+    else:
+        march = RampMarcher(system, _COUNT, finer)
+    motion = _marched(march, _state(start, system, linear), ends, system.period)
+    return Transient(system, ends, march.nodes, motion, None, rtol, nonlinear)
+
+
+def _marched(march: Marcher, state: Array, ends: Array, period: float) -> Array:
+    """Motions (turns, 3, n, k) from q and q̇ (2n,) by time, with the speeds (turns + 1,) at the ends of turns;
+    derivatives as `Marcher` has them."""
+    parts, n = [], len(state) // 2
+    with stage(TURNS, len(ends) - 1) as count:
+        for turn, (first, last) in enumerate(pairwise(ends.tolist())):
+            scale = np.repeat([1.0, (first + last) / 2], n)
+            parts.append(march(state / scale, turn * period, first, last))
+            state = parts[-1][:2, :, -1].ravel() * scale
+            count.add()
+    return np.stack(parts)
 
 
 @dataclass(frozen=True)
 class StepMarcher:
-    """The affine maps A (m, 2n, 2n), b (m, 2n) of the steps of a linear orbit, one after another."""
+    """The affine maps A (m, 2n, 2n), b (m, 2n) of the steps of a linear orbit, one after another, at its
+    speed."""
 
     system: PeriodicSystem
     nodes: Array
@@ -82,7 +124,7 @@ class StepMarcher:
             raise TransientError(f"{orbit.method} has no maps of steps to go on with; use radau or gauss")
         return cls(orbit.system, orbit.phase, steps.A[0], steps.b[0])
 
-    def __call__(self, state: Array, start: float, speed: float) -> Array:
+    def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         states = np.empty((len(self.nodes), len(state)))
         states[0] = state
         for k, (A, b) in enumerate(zip(self.A, self.b, strict=True)):
@@ -93,21 +135,17 @@ class StepMarcher:
         return np.stack((q.T, v.T, a[..., 0].T))
 
 
-def _state(start: Start, orbit: Orbit) -> Array:
-    """q and dq/dφ (2n,)."""
-    n = orbit.system.n
+def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
+    """q and q̇ (2n,), where the start is that of the orbit."""
+    n = system.n
     if isinstance(start, str | Path):
-        return (
-            np.zeros(2 * n)
-            if start == REST
-            else np.concatenate((orbit.q[:, 0], orbit.qd[:, 0] / orbit.speed))
-        )
+        return np.zeros(2 * n) if orbit is None or start == REST else np.append(orbit.q[:, 0], orbit.qd[:, 0])
     q, qd = (np.asarray(part, dtype=float) for part in start)
     if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():
         raise ValueOutOfBoundsError(
             f"the start has shapes {q.shape} and {qd.shape}; give finite q and q̇ of shape ({n},) each"
         )
-    return np.concatenate((q, qd / orbit.speed))
+    return np.concatenate((q, qd))
 
 
 def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:

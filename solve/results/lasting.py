@@ -91,7 +91,7 @@ class StoredSystem(PeriodicSystem):
             f"{self.name} was read from a file, which holds no equations; load the model and solve again"
         )
 
-    output_values = varied = along = marcher = mode_shapes = _refused  # type: ignore[assignment]
+    output_values = varied = along = marcher = mode_shapes = varying = dependence = _refused  # type: ignore[assignment]
 
 
 class _Packing:

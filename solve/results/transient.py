@@ -10,12 +10,12 @@ import numpy as np
 from solve.arrays import Array
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
-from solve.results.plot import MOST_ROWS, label_quantity, titled
-from solve.results.quantities import fixed, prefixed
-from solve.results.report import RenderableType, heading, stacked, table, text
+from solve.results.plot import MOST_ROWS, label_quantity, title_of, titled
+from solve.results.quantities import RPM, fixed, prefixed
+from solve.results.report import RenderableType, heading, model_heading, stacked, table, text
 from solve.results.result import Result
-from solve.results.style import BLUE, VERMILION, Figure, page
-from solve.system import PeriodicSystem
+from solve.results.style import BLUE, VERMILION, Axes, Figure, page
+from solve.system import PeriodicSystem, driven
 
 _AXIS = ("phase",)
 _MOST_TURNS = 40
@@ -24,12 +24,14 @@ _MOST_TURNS = 40
 
 @dataclass(frozen=True)
 class Transient(Result):
-    """Motions (turns, 3, n, k): q, dq/dφ, d²q/dφ² over the turns at nodes (k,), both ends included; speed in
-    rad/s. orbit: what it is compared with, None where there is none; rtol: to which that counts as reached.
+    """Motions (turns, 3, n, k): q, dq/ds, d²q/ds² over the turns at nodes s (k,), time times the mean speed
+    of the turn (the phase where the speed is constant), both ends included; ends: speeds (turns + 1,) in
+    rad/s at the ends of the turns. orbit: what it is compared with, None where there is none; rtol: to
+    which that counts as reached.
     """
 
     system: PeriodicSystem
-    speed: float
+    ends: Array
     nodes: Array
     motions: Array
     orbit: Orbit | None
@@ -41,15 +43,34 @@ class Transient(Result):
         return len(self.motions)
 
     @property
+    def speed(self) -> float:
+        """The speed at the end, in rad/s."""
+        return float(self.ends[-1])
+
+    @property
+    def ramp(self) -> bool:
+        """Whether the speed varies."""
+        return bool(np.ptp(self.ends) > 0)
+
+    @property
     def phase(self) -> Array:
         """Phases (j,) of all turns, the end of one and the start of the next once."""
+        first, last = self.ends[:-1, None], self.ends[1:, None]
+        within, *_ = driven(self.nodes[:-1], first, last, self.system.period)
         turns = np.arange(self.turns)[:, None] * self.system.period
-        return np.append((turns + self.nodes[:-1]).ravel(), self.turns * self.system.period)
+        return np.append((turns + within).ravel(), self.turns * self.system.period)
 
     @property
     def time(self) -> Array:
         """Times (j,) in seconds."""
-        return self.phase / self.speed
+        starts = np.concatenate(([0.0], np.cumsum(self.system.period / self._mean)))
+        within = self.nodes[:-1] / self._mean[:, None]
+        return np.append((starts[:-1, None] + within).ravel(), starts[-1])
+
+    @property
+    def _mean(self) -> Array:
+        """Mean speeds (turns,) of the turns."""
+        return (self.ends[:-1] + self.ends[1:]) / 2
 
     @property
     def q(self) -> Array:
@@ -59,10 +80,10 @@ class Transient(Result):
     @property
     def qd(self) -> Array:
         """Velocities (n, j), by time."""
-        return self.speed * self._joined(1)
+        return self._joined(1)
 
     def _joined(self, derivative: int) -> Array:
-        values = self.motions[:, derivative]
+        values = self.motions[:, derivative] * (self._mean**derivative)[:, None, None]
         turns = np.concatenate(values[..., :-1], axis=-1)
         return np.concatenate((turns, values[-1][:, -1:]), axis=-1)
 
@@ -91,6 +112,8 @@ class Transient(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
+        if self.ramp:
+            return []
         if self.orbit is None:
             return [
                 "no orbit lies near the last turn: more turns may reach one, or there is none of this period"
@@ -121,7 +144,10 @@ class Transient(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        solved = {"speed": self.speed, "period": self.system.period / self.speed, "nonlinear": self.nonlinear}
+        drive: dict[str, Any] = {"speed": self.speed, "period": self.system.period / self.speed}
+        if self.ramp:
+            drive = {"speed": None, "period": None, "speeds": self.ends[[0, -1]], "time": self.time[-1]}
+        solved = {**drive, "nonlinear": self.nonlinear}
         return {**solved, "turns": self.turns, "reached": self.reached, "rtol": self.rtol}
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
@@ -134,23 +160,37 @@ class Transient(Result):
         columns = [
             f"{name} ({unit})" if unit else name for name, (_, unit) in zip(names, scales, strict=True)
         ]
-        made = table("Largest moduli, turn by turn", "turn", *columns, "from orbit", left=0)
+        judged = "to rpm" if self.ramp else "from orbit"
+        made = table("Largest moduli, turn by turn", "turn", *columns, judged, left=0)
         for turn in range(0, self.turns, -(-self.turns // _MOST_TURNS)):
             row = zip(self.peaks[turn], scales, sizes, strict=False)
             cells = [fixed(peak * factor, size * factor, 6) for peak, (factor, _), size in row]
             distance = self.distances[turn].max()
-            made.add_row(str(turn + 1), *cells, f"{distance:.1e}" if np.isfinite(distance) else "–")
+            last = f"{distance:.1e}" if np.isfinite(distance) else "–"
+            made.add_row(str(turn + 1), *cells, f"{self.ends[turn + 1] * RPM:.6g}" if self.ramp else last)
+        if self.ramp:
+            grid = model_heading(self.system, choices)
+            grid.add_row("speed", f"{self._ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s")
+            return stacked(grid, made)
         words = f"the orbit is not reached to {self.rtol:g} within {self.turns} turns"
         if self.reached is not None:
             words = f"the orbit is reached to {self.rtol:g} after {self.reached} of {self.turns} turns"
         return stacked(heading(self.system, self.speed, choices), made, text("\n" + words))
 
+    @property
+    def _ramp_in_words(self) -> str:
+        return f"{self.ends[0] * RPM:.6g} to {self.ends[-1] * RPM:.6g} rpm"
+
     def plot(self) -> Figure:
-        """The coordinates over the turns, the orbit beside (matplotlib Figure)."""
+        """The coordinates over the turns, the orbit beside; over time and speed where that varies
+        (matplotlib Figure)."""
         names = self.system.coordinates[:MOST_ROWS]
-        turns = self.phase / self.system.period
+        turns = self.time if self.ramp else self.phase / self.system.period
         kind = "nonlinear" if self.nonlinear else "linear"
-        with page(1.1 + 1.5 * len(names), f"{titled(self.system, self.speed)}: {kind} transient") as figure:
+        title = f"{titled(self.system, self.speed)}: {kind} transient"
+        if self.ramp:
+            title = f"{title_of(self.system)}, {self._ramp_in_words}: {kind} transient"
+        with page(1.1 + 1.5 * len(names) + 0.5 * self.ramp, title) as figure:
             axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
             for place, name, values in zip(axes, names, self.q, strict=False):
                 factor = label_quantity(place, self.system, name, values)
@@ -159,12 +199,22 @@ class Transient(Result):
                     found = self.orbit.statistics(name)
                     for level in (found.max, found.min):
                         place.axhline(factor * level, color=VERMILION, linewidth=0.8, linestyle="--")
-            axes[-1].set_xlim(0, self.turns)
-            axes[-1].set_xlabel(
-                "turns" + (" (dashed: extrema of the orbit)" if self.orbit is not None else "")
-            )
+            axes[-1].set_xlim(0, turns[-1])
+            dashed = " (dashed: extrema of the orbit)" if self.orbit is not None else ""
+            axes[-1].set_xlabel("time (s)" if self.ramp else "turns" + dashed)
+            if self.ramp:
+                self._add_speeds(axes[0])
             figure.align_ylabels(axes)
         return figure
+
+    def _add_speeds(self, axes: Axes) -> None:
+        """The speed, which is linear in time, along the upper edge."""
+        first, slope = self.ends[0] * RPM, np.ptp(self.ends) * RPM / self.time[-1]
+        slope *= np.sign(self.ends[-1] - self.ends[0])
+        above = axes.secondary_xaxis(
+            "top", functions=(lambda t: first + slope * t, lambda rpm: (rpm - first) / slope)
+        )
+        above.set_xlabel("speed (rpm)")
 
     def contents(self) -> Contents:
         """Time, phase and coordinates, for a file; in .npz and .mat also q, qd (n, j), from whose end another
@@ -174,6 +224,9 @@ class Transient(Result):
             ("time", Column(self.time, "s", "time", axes=_AXIS)),
             ("phase", Column(self.phase, "rad", "phase of the drive", axes=_AXIS)),
         ]
+        if self.ramp:
+            rising = self.ends[0] + np.diff(self.ends[[0, -1]]) * self.time / self.time[-1]
+            columns.append(("speed", Column(rising, "rad/s", "speed of rotation", axes=_AXIS)))
         for name, values in zip(system.coordinates, q, strict=True):
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
             columns.append((name, Column(values, unit, meaning, axes=_AXIS)))

@@ -33,3 +33,12 @@ def test_mathieu():
         truth = solve.floquet(solve.load("mathieu", **given), 1.0, rtol=1e-10)
         trace = found[300 * row + column].sum()
         assert abs(trace - truth.multipliers.sum()) <= ACCURACY * truth.spectral_radius
+
+
+def test_shooting_closes_on_the_nonlinear_orbit():
+    from tests.benchmarks import heyoka_shooting
+
+    x, multipliers, _ = heyoka_shooting.shooting()
+    orbit = solve.nonlinear(solve.load("cam", case="1"), heyoka_shooting.SPEED, rtol=1e-9)
+    assert (np.abs(x[:3] - orbit.q[:, 0]) <= ACCURACY * np.abs(orbit.q).max(axis=1)).all()
+    assert np.abs(multipliers).max() == pytest.approx(orbit.spectral_radius, rel=1e-5)

@@ -1,4 +1,4 @@
-"""`solve periodic --nonlinear` and `solve validity`."""
+"""`solve periodic --nonlinear`, `solve validity` and `solve transient`."""
 
 import json
 
@@ -62,7 +62,6 @@ def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path
     ("arguments", "words"),
     [
         ((*CAM, "--quasi-static"), ("--quasi-static", "--nonlinear")),
-        ((*CAM, "--all-multipliers"), ("--all-multipliers", "--nonlinear")),
         ((*CAM, "--periods", "0"), ("periods is 0", "at least 1")),
         ((*CAM, "--method", "newmark"), ("newmark", "radau")),
         ((*CAM[:-1], "--periods", "2"), ("--periods 2", "--nonlinear")),
@@ -94,3 +93,21 @@ def test_a_transient_says_after_how_many_turns_the_orbit_is_reached(command, tmp
     assert "is reached to 0.001 after 0 of 4 turns" in again.out
     assert max(map(len, again.out.splitlines())) <= 80
     assert command(*cam, "--start", "tset").status == 2
+
+
+def test_a_run_up_has_its_speeds_and_its_picture_over_time(command, tmp_path):
+    up = ("transient", "cam", "--speeds", "0:300 rpm", "--turns", "3")
+    record = json.loads(command(*up, "--json", "--plot", "up.svg", "--save", "up.npz").out)
+    assert record["speeds"] == [0.0, pytest.approx(10 * np.pi)]
+    assert record["time"] == pytest.approx(3 * 2 * 60 / 300)
+    assert (record["turns"], record["reached"], record["speed"]) == (3, None, None)
+    assert "speed (rpm)" in (tmp_path / "up.svg").read_text("utf-8")
+    ran = command(*up)
+    assert "0 to 300 rpm, 3 turns in 1.2 s" in ran.out
+    for flags, words in (
+        (("--speed", "9 rpm", "--speeds", "0:9 rpm"), "give one of them"),
+        (("--speeds", "0:9"), "speeds are '0:9'"),
+    ):
+        ran = command("transient", "cam", *flags)
+        assert (ran.status, ran.out) == (2, "")
+        assert words in ran.err

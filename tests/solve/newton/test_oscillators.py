@@ -140,3 +140,12 @@ def test_an_orbit_survives_copies_and_is_written_with_how_it_was_found(tmp_path)
     assert metadata["found_by"] == "linear orbit"
     assert metadata["iterations"] == orbit.iterations
     assert float(orbit.to_xarray()["q3"].max()) == orbit.q[2].max()
+
+
+def test_every_multiplier_of_a_strongly_damped_oscillator():
+    """Liouville: their product is exp(−2ζT), of which one multiplier alone has most."""
+    model, speed = model_of(duffing(), zeta=9.0, k=1.0, alpha=1.0, f=2.0), 0.8
+    orbit = solve.nonlinear(model, speed, all_multipliers=True)
+    assert orbit.multiplier_errors.max() < 1e-8
+    product = np.log(np.abs(orbit.multipliers)).sum()
+    assert product == pytest.approx(-2 * 9.0 * 2 * np.pi / speed, rel=1e-9)

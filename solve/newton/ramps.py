@@ -1,0 +1,82 @@
+"""The linear motion of a system whose drive changes its speed, turn by turn, by steps of Radau's method."""
+
+import math
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import TransientError
+from solve.methods.method import Discretisation
+from solve.methods.radau import Radau
+from solve.period.grid import Grid
+from solve.period.points import OnePoint
+from solve.system import Matrices, PeriodicSystem, driven
+
+_FIRST, _MOST = 64, 2**14
+"""Steps a turn at first, and beyond which the motion is not followed."""
+
+
+class RampMarcher:
+    """Turn after turn with `count` states a turn, evenly in time; the steps are doubled until both agree to
+    rtol of the largest that each coordinate has reached."""
+
+    def __init__(self, system: PeriodicSystem, count: int, rtol: float):
+        self.nodes = np.linspace(0.0, system.period, count + 1)
+        self._system, self._rtol, self._steps = system, rtol, _FIRST
+        self._largest = np.zeros(system.n)
+
+    def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
+        """See `Marcher`. Raises TransientError where steps do not agree."""
+        turn = _Turn(self._system, speed, speed if last is None else last)
+        found = turn.motion(state, self._steps, self.nodes)
+        while self._steps < _MOST:
+            coarse, found = found, turn.motion(state, 2 * self._steps, self.nodes)
+            sizes = np.maximum(self._largest, np.abs(found[0]).max(axis=1))
+            change = np.abs(found[0] - coarse[0]).max(axis=1)
+            if (change <= self._rtol * np.where(sizes > 0, sizes, sizes.max())).all():
+                self._largest, self._steps = sizes, max(_FIRST, self._steps // 2)
+                return found
+            self._steps *= 2
+        raise TransientError(
+            f"the transient cannot be followed beyond phase {start:.6g} with {_MOST} steps a turn: its "
+            "vibration is too fast for the speed there; give fewer turns, or a faster start"
+        )
+
+
+class _Turn:
+    """A turn while the speed goes from the first to the last (rad/s), over s, time times the mean speed."""
+
+    def __init__(self, system: PeriodicSystem, first: float, last: float):
+        self._system, self._ends = system, (first, last)
+        self._mean = (first + last) / 2
+
+    def motion(self, state: Array, steps: int, nodes: Array) -> Array:
+        """q, v, a (3, n, k) at nodes (k,) by so many steps from the state (2n,)."""
+        made = self._discretised(steps)
+        x = np.empty((len(made.steps.A[0]) + 1, len(state)))
+        x[0] = state
+        for k, (A, b) in enumerate(zip(made.steps.A[0], made.steps.b[0], strict=True)):
+            x[k + 1] = A @ x[k] + b
+        curve = made.curve(x[None])[0]
+        # At the period itself the curve begins anew.
+        inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
+        return np.stack([curve(inside, derivative) for derivative in range(3)])
+
+    def _discretised(self, steps: int) -> Discretisation:
+        grid = Grid.uniform(steps, self._system.period, self._breaks)
+        in_time = PeriodicSystem(self._matrices, self._system.coordinates, self._system.period, self._breaks)
+        return Radau().discretise(OnePoint(in_time, self._mean), grid)
+
+    def _matrices(self, s: Array, _: float) -> Matrices:
+        phase, speed, acceleration = driven(s, *self._ends, self._system.period)
+        return self._system.varying(phase, speed, acceleration)
+
+    @cached_property
+    def _breaks(self) -> tuple[float, ...]:
+        """Where the matrices jump, over s: φ mean = first s + slope s²/2 solved for s."""
+        first, last = self._ends
+        slope = (last - first) / self._system.period
+        phases = (float(each) % self._system.period for each in self._system.breaks)
+        ways = (2 * self._mean * phase for phase in phases)
+        return tuple(way / (first + math.sqrt(first**2 + slope * way)) if way else 0.0 for way in ways)
