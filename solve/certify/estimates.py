@@ -21,7 +21,7 @@ _ALIASING_PHASES = 1021
 _COMPARED, _MOST_COMPARED = 4, 8
 """Phases a step at which curves are compared at least, and at most to meet evenly those of the next grid."""
 
-_NOT_FOLLOWED = 0.5
+_NOT_FOLLOWED = 5.0
 """Part of the highest power in a step from which on half as many steps more tell no digit either."""
 
 Burdens = Callable[[Array, Array], Array]
