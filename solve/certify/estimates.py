@@ -8,6 +8,7 @@ import numpy as np
 
 from solve.arrays import Array, across, whole
 from solve.methods.method import Method, Solutions
+from solve.period.curve import Curve
 from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
 from solve.period.points import Points, matrices
 
@@ -19,6 +20,9 @@ _ALIASING_PHASES = 1021
 
 _COMPARED, _MOST_COMPARED = 4, 8
 """Phases a step at which curves are compared at least, and at most to meet evenly those of the next grid."""
+
+_NOT_FOLLOWED = 5.0
+"""Part of the highest power in a step from which on half as many steps more tell no digit either."""
 
 Burdens = Callable[[Array, Array], Array]
 """`Frozen.burdens` of points at positions (k,), from sizes (k, n)."""
@@ -92,6 +96,15 @@ def _sizes(largest: Array, rounding: Array, burdens: Burdens) -> Array:
 def differences(coarse: Solutions, fine: Solutions, burdens: Burdens) -> Array:
     """Of orbits and multipliers, see `Reference.differences`."""
     return Reference.of(coarse).differences(fine, burdens)
+
+
+def not_followed(solutions: Solutions) -> Array:
+    """Points (P,) with curves of which the steps are sure to tell no digit."""
+    curve = solutions.curve
+    if not isinstance(curve, Curve):
+        return np.zeros(len(solutions), dtype=bool)
+    with np.errstate(all="ignore"):
+        return curve.last_power >= _NOT_FOLLOWED
 
 
 def at_one(coarse: Multipliers, fine: Multipliers, ratio: float, order: float, steps: int) -> Array:

@@ -39,6 +39,11 @@ class Pace:
         """To the next rung, or to twice the steps where that is `far` and not beyond `most`."""
         return self.to(2 * self.steps if far and 2 * self.steps <= most else rung(self.steps + 1))
 
+    def over_one(self, most: int) -> "Pace":
+        """To three times the steps, past the next rung, where that is a rung and not beyond `most`."""
+        steps = 3 * self.steps
+        return self.to(steps) if steps <= most and rung(steps) == steps else self.onward(False, most)
+
 
 def rung(steps: int) -> int:
     """The least of the numbers 16, 24, 32, 48, 64, … that is not below `steps`."""

@@ -17,6 +17,7 @@ from solve.certify.estimates import (
     aliasing,
     at_one,
     differences,
+    not_followed,
     radius_changes,
     raised,
     rounding,
@@ -288,7 +289,8 @@ class Refinement:
         return near
 
     def _begun(self, pace: Pace, trail: _Trail, first: Solutions) -> Iterator[Certified | Failed]:
-        """The first grid; points that overflow begin with twice the steps."""
+        """The first grid; points that overflow begin with twice the steps, and those whose curves it does not
+        follow pass over the next."""
         again = [at for at, reason in first.failures.items() if isinstance(reason, StepsError)]
         if 2 * pace.steps > self.most:
             again = []
@@ -297,10 +299,12 @@ class Refinement:
         for at, reason in first.failures.items():
             if at not in again:
                 yield Failed(int(positions[at]), reason)
-        if len(known):
-            second = pace.onward(False, self.most)
-            reference = Reference.of(first[known], second.steps)
-            onward.append((second, _Trail(positions[known], trail.differences[known], reference)))
+        far = not_followed(first)[known]
+        for second, some in ((pace.onward(False, self.most), ~far), (pace.over_one(self.most), far)):
+            at = known[some]
+            if len(at):
+                reference = Reference.of(first[at], second.steps)
+                onward.append((second, _Trail(positions[at], trail.differences[at], reference)))
         if again:
             onward.append((Pace(2 * pace.steps), trail[np.array(again)]))
         return onward

@@ -115,10 +115,11 @@ class MatrixSampler:
         if key not in self._kept:
             if sum(table.nbytes for table in self._kept.values()) > _MOST_KEPT:
                 self._kept.clear()
-            table = np.zeros((m, self._terms.most + 1, E))
+            table = np.zeros((m, self._terms.powers, E))
             table[:, self._terms.power, self._terms.entry] = self._evaluate(phase)
-            self._kept[key] = np.ascontiguousarray(np.moveaxis(table, 1, 0)).reshape(-1, m * E)
-        powers = speeds[:, None] ** np.arange(self._terms.most + 1)
+            by_power = np.ascontiguousarray(np.moveaxis(table, 1, 0))
+            self._kept[key] = by_power.reshape(self._terms.powers, m * E)
+        powers = speeds[:, None] ** np.arange(self._terms.powers)
         return (powers @ self._kept[key]).reshape(P, m, E)
 
 
@@ -130,9 +131,9 @@ class _Terms(NamedTuple):
     power: Array
 
     @property
-    def most(self) -> int:
-        """The highest power."""
-        return int(self.power.max(initial=0))
+    def powers(self) -> int:
+        """Powers from 0 to the highest."""
+        return 1 + int(self.power.max(initial=0))
 
 
 def _powers(entries: "casadi.SX", speed: "casadi.SX") -> _Terms | None:

@@ -94,6 +94,14 @@ class Curve:
         with np.errstate(invalid="ignore"):
             return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
 
+    @property
+    def last_power(self) -> Array:
+        """Largest part (…) that the highest power of θ has in a step, by the largest value of its coordinate:
+        where it is about 1, the steps do not follow the curve."""
+        size = np.abs(self.coefficients[..., 0]).max(axis=-1)
+        last = np.abs(self.coefficients[..., -1]).max(axis=-1)
+        return (last / np.where(size > 0, size, 1.0)).max(axis=-1)
+
     def __getitem__(self, points: Any) -> "Curve":
         return Curve(self.nodes, self.coefficients[points])
 

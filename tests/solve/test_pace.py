@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
+from solve.certify.estimates import not_followed
 from solve.certify.pace import Pace, estimated, far, finished, first_steps, rung
 from solve.methods.gauss import Gauss
+from solve.methods.method import Solutions
 from solve.methods.radau import Radau
+from solve.period.curve import Curve
+from solve.period.grid import Grid
 
 
 def test_rungs_are_twos_and_threes():
@@ -62,3 +66,24 @@ def test_two_grids_that_meet_by_chance_are_not_believed():
     pace, order = Pace(24).to(32).to(48), np.array([8.0, 8.0])
     before, chance = np.full(2, errors[0] - errors[1]), np.full(2, 1e-6 * errors[2])
     assert np.all(estimated(chance, before, pace, order) > 0.999 * errors[2])
+
+
+def test_the_next_rung_is_passed_over_where_three_times_the_steps_are_a_rung():
+    assert Pace(64).over_one(1000) == Pace(192, 3.0, Pace(64).ratio)
+    assert Pace(96).over_one(1000) == Pace(96).onward(False, 1000)
+    assert Pace(64).over_one(191) == Pace(64).onward(False, 191)
+
+
+def test_curves_that_the_first_grid_does_not_follow_pass_over_the_next():
+    """16 steps: a wave a step, and an eighth of one."""
+    nodes = np.linspace(0, 2 * np.pi, 17)
+
+    def solutions(order):
+        angle = order * (nodes + 0.1)
+        q, v, a = np.cos(angle), -order * np.sin(angle), -(order**2) * np.cos(angle)
+        parts = (part[None, :, None] for part in (q, v, a[:-1], a[1:]))
+        curve = Curve.quintic(nodes, *parts)
+        return Solutions(Grid.uniform(16, 2 * np.pi), np.eye(2)[None], curve, np.ones(1))
+
+    assert not_followed(solutions(16)).tolist() == [True]
+    assert not_followed(solutions(2)).tolist() == [False]
