@@ -144,7 +144,12 @@ class Model(PeriodicSystem):
         from solve.model.dependence import GeneratedDependence
 
         self.require_smooth(names)
-        return GeneratedDependence(self.setup, self.n, names)
+        return self._dependences.setdefault(tuple(names), GeneratedDependence(self.setup, self.n, names))
+
+    @cached_property
+    def _dependences(self) -> dict[tuple[str, ...], Dependence]:
+        """Those that were asked for: their functions are built once."""
+        return {}
 
     def require_smooth(self, names: Sequence[str]) -> None:
         """Raise UnknownNameError or NoDerivativeError unless there are derivatives by parameters, or
