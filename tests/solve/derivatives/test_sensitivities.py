@@ -140,7 +140,7 @@ CASES = {
     "gear_pair": (None, ["q.max_abs", "mesh_force.max", "q.rms", "rho1"]),
     "coupler": ("600 rpm", ["q1.max_abs", "q2.rms", "midpoint_deflection.max", "drive_torque.rms", "rho1"]),
     "mathieu": ("1 rad/s", ["rho1", "exponent1.im"]),
-    "four_bar": ("300 rpm", ["crank_root_stress_plus.max_abs", "crank_tip_deflection.rms", "rho1"]),
+    "four_bar": ("300 rpm", ["crank_tip_deflection.rms", "rho1"]),
 }  # fmt: skip
 FEW = {
     "cam": ["k1", "speed"],
@@ -189,9 +189,14 @@ def test_derivatives_are_those_of_the_grid(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [name for name in CASES if name != "four_bar"])
 def test_derivatives_are_those_of_the_grid_by_every_parameter(name):
     check(name, None)
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_structure_are_those_of_the_grid():
+    check("four_bar", ["L2", "E", "zeta"])
 
 
 def test_multipliers_that_meet_have_no_derivative():
