@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 _LOOKS = 128
 """Phases of a period at which the matrices are looked at before a solution."""
+
+_NUDGE = 1e-6
+"""Part of a parameter by which it is changed to see what it moves."""
 
 _TOGETHER = 4096
 """Sets of parameters whose conditions are looked at together."""
@@ -154,13 +158,30 @@ class Model(PeriodicSystem):
     @property
     def smooth_parameters(self) -> tuple[str, ...]:
         whole = {name for name, _, _, bound in self.module.PARAMETERS if "integer" in clauses(bound)}
-        return tuple(name for name in self.parameters if name not in whole)
+        return tuple(name for name in self.parameters if name not in whole and not self._moves_breaks(name))
+
+    def _moves_breaks(self, name: str) -> bool:
+        """Whether the phases of jumps and kinks depend on a parameter."""
+        if not hasattr(self.module, "breaks"):
+            return False
+        value, found = self.parameters[name], self.setup.breaks
+        for way in (1, -1):
+            # One of the two may be out of bounds.
+            with suppress(ValueOutOfBoundsError):
+                changed = {name: value + way * _NUDGE * (abs(value) or 1.0)}
+                return self.setup.varied(changed, {}).breaks != found
+        return True
 
     def dependence(self, names: Sequence[str]) -> Dependence:
         from solve.model.dependence import GeneratedDependence
 
         self.require_smooth(names)
-        return GeneratedDependence(self.setup, self.n, names)
+        return self._dependences.setdefault(tuple(names), GeneratedDependence(self.setup, self.n, names))
+
+    @cached_property
+    def _dependences(self) -> dict[tuple[str, ...], Dependence]:
+        """Those that were asked for: their functions are built once."""
+        return {}
 
     def require_smooth(self, names: Sequence[str]) -> None:
         """Raise UnknownNameError or NoDerivativeError unless there are derivatives by parameters, or
@@ -168,7 +189,10 @@ class Model(PeriodicSystem):
         for name in names:
             require_name(f"quantity of {self.name}", name, [SPEED, *self.parameters])
             if name not in (SPEED, *self.smooth_parameters):
-                raise NoDerivativeError(f"{name} is a whole number, by which nothing has a derivative")
+                raise NoDerivativeError(
+                    f"{name} is a whole number, or moves the phase of a jump: derivatives by it are not "
+                    "calculated; leave it out"
+                )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:
         if not self.nonlinear:

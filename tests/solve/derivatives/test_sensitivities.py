@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import solve
-from derive import Mechanism, cos, rate, sin
+from derive import Mechanism, cos, rate, sign, sin
 from solve.errors import NoDerivativeError, ResonanceError, UnknownNameError, ValueOutOfBoundsError
 from solve.units import speed_in_si
 from tests.derive.modules import module_of
@@ -140,7 +140,7 @@ CASES = {
     "gear_pair": (None, ["q.max_abs", "mesh_force.max", "q.rms", "rho1"]),
     "coupler": ("600 rpm", ["q1.max_abs", "q2.rms", "midpoint_deflection.max", "drive_torque.rms", "rho1"]),
     "mathieu": ("1 rad/s", ["rho1", "exponent1.im"]),
-    "four_bar": ("300 rpm", ["crank_root_stress_plus.max_abs", "crank_tip_deflection.rms", "rho1"]),
+    "four_bar": ("300 rpm", ["crank_tip_deflection.rms", "rho1"]),
 }  # fmt: skip
 FEW = {
     "cam": ["k1", "speed"],
@@ -189,9 +189,14 @@ def test_derivatives_are_those_of_the_grid(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [name for name in CASES if name != "four_bar"])
 def test_derivatives_are_those_of_the_grid_by_every_parameter(name):
     check(name, None)
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_structure_are_those_of_the_grid():
+    check("four_bar", ["L2", "E", "zeta"])
 
 
 def test_multipliers_that_meet_have_no_derivative():
@@ -215,6 +220,27 @@ def test_an_extremum_has_a_kink_where_two_are_alike_and_change_differently():
     assert found["q1.max"]["k1"] != 0
     assert "several extrema" in found.warnings[0]
     assert found["q1.rms"]["F"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_parameter_that_moves_a_jump_is_refused_and_left_out():
+    made = Mechanism("pushed", "An oscillator under a push", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    k, c, f, end = made.parameters(
+        k=("1/s^2", "stiffness"), c=("1/s", "damping"), f=("1/s^2", "push"), end=("rad", "its end")
+    )
+    made.kinetic, made.potential, made.dissipation = rate(q) ** 2 / 2, k * q**2 / 2, c * rate(q) ** 2 / 2
+    made.force(f * (1 + sign(sin(made.phase - end))), along=q)
+    made.decline_drive_torque("an equation without units")
+    pushed = model_of(module_of(made), k=7.0, c=0.5, f=1.0, end=1.0)
+    assert pushed.smooth_parameters == ("k", "c", "f")
+    found = solve.sensitivities(pushed, 2.0, ["q.rms", "q.mean"])
+    assert list(found.by) == ["k", "c", "f", "speed"]
+    assert found["q.mean"]["f"] == pytest.approx(1 / 7.0)
+    for by in ("k", "c", "speed"):
+        (expected,) = differences(pushed, 2.0, by, ["q.rms"], method=solve.Radau(), steps=96, engine="numpy")
+        assert found["q.rms"][by] == pytest.approx(expected.real, rel=1e-8)
+    with pytest.raises(NoDerivativeError, match="moves the phase of a jump"):
+        solve.sensitivities(pushed, 2.0, "q.rms", "end")
 
 
 def test_what_cannot_be_asked_is_said_in_a_line():

@@ -1,0 +1,42 @@
+"""Derivatives of the cam's orbit against one certified solve and against central differences.
+
+python -m tests.benchmarks.sensitivities
+"""
+
+import solve
+from tests.benchmarks.timing import median
+
+SPEED = "600 rpm"
+
+
+def differences(cam, names, quantity):
+    """Central differences of a figure by the parameters."""
+    found = {}
+    for name in names:
+        at = cam.parameters[name]
+        step = 1e-4 * (abs(at) or 1.0)
+        ends = [solve.periodic(cam.varied({name: at + way * step}), SPEED) for way in (-1, 1)]
+        low, high = (orbit.statistics(quantity).max_abs for orbit in ends)
+        found[name] = (high - low) / (2 * step)
+    return found
+
+
+def main():
+    cam = solve.load("cam")
+    names = [name for name in cam.parameters if name != "I0"][:40]
+    curves = [f"{name}.{figure}" for name in cam.coordinates for figure in ("max", "min", "rms", "harmonic1")]
+    calls = {
+        "one certified orbit": lambda: solve.periodic(cam, SPEED),
+        "q3.max_abs by 40 parameters": lambda: solve.sensitivities(cam, SPEED, "q3.max_abs", names),
+        "12 figures of all coordinates by 40": lambda: solve.sensitivities(cam, SPEED, curves, names),
+        "spectral_radius by 40": lambda: solve.sensitivities(cam, SPEED, "spectral_radius", names),
+    }
+    times = {what: median(call)[0] for what, call in calls.items()}
+    times["central differences of q3.max_abs by 40"] = median(lambda: differences(cam, names, "q3"), 1)[0]
+    one = next(iter(times.values()))
+    for what, cost in times.items():
+        print(f"{what:42}{1e3 * cost:10.1f} ms{cost / one:8.1f} times")
+
+
+if __name__ == "__main__":
+    main()
