@@ -45,6 +45,7 @@ def renew(picture: Picture) -> None:
     """Draw it where the page shows it. Raises RuntimeError where its command fails."""
     from models.coupler.__main__ import run as coupler
     from models.four_bar.__main__ import run as four_bar
+    from models.portal_frame.__main__ import run as portal_frame
     from solve.commands.app import run as solve
 
     if "savefig(" in picture.command:
@@ -52,8 +53,8 @@ def renew(picture: Picture) -> None:
         return
     words = shlex.split(re.sub(r"--save \S+", "", picture.command))
     words[words.index("--plot") + 1] = str(picture.file)
-    run = {"solve": solve, "models.four_bar": four_bar, "models.coupler": coupler}[words[2]]
-    if run(words[3:]) != 0:
+    runs = {"solve": solve, "coupler": coupler, "four_bar": four_bar, "portal_frame": portal_frame}
+    if runs[words[2].removeprefix("models.")](words[3:]) != 0:
         raise RuntimeError(f"{picture.command}: failed")
 
 

@@ -22,7 +22,7 @@ COMMANDS = {
     "bands": "Unstable bands between the lowest and the highest speed, their edges refined.",
     "chart": "Stability over two quantities, with named boundaries.",
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
-    "transient": "Start-up in time from any state, and how soon it reaches the periodic vibration.",
+    "transient": "Start-up from any state, until the periodic vibration is reached; run-up to a speed.",
     "sensitivity": "What matters most: derivatives of quantities by parameters and the speed.",
     "fit": "Parameters of the model from measured vibration, with intervals.",
     "validity": "How far the linear model is off over speed, and up to which speed to trust it.",

@@ -22,7 +22,7 @@ def transient(
         str | None, Flag("Instead of one speed: linear in time over the turns; one may be 0.", '"A:B unit"')
     ] = None,
 ) -> None:
-    """Start-up in time from any state, and how soon it reaches the periodic vibration; run-up to a speed."""
+    """Start-up from any state, until the periodic vibration is reached; run-up to a speed."""
     model = problem.loaded()
     if speeds is not None and speed.speed is not None:
         raise ValueOutOfBoundsError("--speed is constant and --speeds varies; give one of them")

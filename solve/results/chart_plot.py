@@ -123,8 +123,8 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
     from matplotlib.colors import ListedColormap
     from matplotlib.ticker import MaxNLocator
 
-    growth = np.clip(field.growth, 0.0, _MOST_GROWTH)
-    top = max(float(np.nanmax(np.where(field.kinds != "", growth, 0.0))), 1e-3)
+    growth = np.clip(field.growth, 0.0, 2 * _MOST_GROWTH)
+    top = np.clip(np.nanmax(np.where(field.kinds != "", growth, 0.0)), 1e-3, _MOST_GROWTH)
     levels = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, top))
     levels = levels[levels >= 0]
     # Away from the region its field is as far below zero as the growth beside is above.

@@ -126,7 +126,8 @@ class Orbit(Stability, Turn):
     _curve_names: ClassVar[tuple[str, str]] = ("dynamic", "quasi-static")
     _calculated: ClassVar[tuple[str, ...]] = (
         *Stability._calculated,
-        *("curve", "residual", "linearisation_error", "outputs", "output_statistics", "output_samples"),
+        *("curve", "residual", "linearisation_error", "_figures"),
+        *("outputs", "output_statistics", "output_samples"),
     )
 
     @cached_property

@@ -114,7 +114,7 @@ def _axis(system: PeriodicSystem, name: str, values: Array) -> tuple[Array, str]
     if name == SPEED:
         return values * RPM, "speed (rpm)"
     unit = system.parameter_labels.get(name, ("", ""))[0]
-    return values, labelled(name, unit).replace("\n", " ")
+    return values, labelled(name, unit.replace("^2", "²")).replace("\n", " ")
 
 
 def _named(system: PeriodicSystem, name: str, value: float) -> str:

@@ -12,7 +12,17 @@ from solve.kernel.library import trouble
 
 PAGE = (Path(__file__).parents[2] / "docs" / "walk.md").read_text("utf-8")
 ROOMS = {path.stem for path in Path(solve.__file__).parent.iterdir() if path.is_dir() or path.suffix == ".py"}
-BOTTOM = {"arrays", "errors", "progress", "sizes", "statistics", "threads", "trigonometric", "units"}
+BOTTOM = {
+    "arrays",
+    "differences",
+    "errors",
+    "progress",
+    "sizes",
+    "statistics",
+    "threads",
+    "trigonometric",
+    "units",
+}
 STOPS = [
     (room, name)
     for room, names in re.findall(r"^\d+\. \*\*(\w+)\*\*, ((?:`\w+`,? ?)+)\.", PAGE, re.MULTILINE)
