@@ -1,7 +1,7 @@
 """The text of generated functions that solve loops, and the calls of them."""
 
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import Any
 
 import sympy
@@ -37,9 +37,9 @@ def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
         for each, value in zip(loop.at(loop.given, order), loop.derivative(order), strict=True)
     ]
     start = [(z, value.xreplace(formal)) for z, value in zip(loop.unknowns, loop.start, strict=True)]
-    blocks = [_lines(start + derivatives)]
+    blocks = [_lines(start + derivatives, taken)]
     if loop.iterations:
-        blocks = [_lines(start), _newton(loop, formal), _lines(derivatives)]
+        blocks = [_lines(start, taken), _newton(loop, formal, taken), _lines(derivatives, taken)]
     unknowns, given = (", ".join(symbol.name for symbol in each) for each in (loop.unknowns, formal.values()))
     signature = ", ".join(symbol.name for symbol in (*formal.values(), *loop.parameters))
     body = [
@@ -71,20 +71,20 @@ def loop_calls(
     return lines, values
 
 
-def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol]) -> tuple[list[str], int]:
+def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str]) -> tuple[list[str], int]:
     """A fixed number of steps, so that the function can be differentiated and mapped like any other."""
     following = [sympy.Symbol(f"{symbol.name}_new", real=True) for symbol in loop.unknowns]
     step = [value.xreplace(formal) for value in loop.newton_step]
-    lines, count = _lines(list(zip(following, step, strict=True)))
+    lines, count = _lines(list(zip(following, step, strict=True)), taken)
     unknowns, renewed = (", ".join(symbol.name for symbol in each) for each in (loop.unknowns, following))
     indented = [f"    {line}" for line in (*lines, f"{unknowns} = {renewed}")]
     return [f"for _ in range({loop.iterations}):", *indented], loop.iterations * count
 
 
-def _lines(assignments: Sequence[Assignment]) -> tuple[list[str], int]:
-    """Assignments with their common subexpressions taken out, each line after those that it needs."""
-    taken = set().union(*({symbol, *value.free_symbols} for symbol, value in assignments))
-    fresh = sympy.numbered_symbols("x", exclude=sorted(taken, key=lambda symbol: symbol.name))
+def _lines(assignments: Sequence[Assignment], taken: Set[str]) -> tuple[list[str], int]:
+    """Assignments with their common subexpressions taken out under names that the function has not taken,
+    each line after those that it needs."""
+    fresh = sympy.numbered_symbols("x", exclude={sympy.Symbol(name) for name in taken})
     expressions = [value for _, value in assignments]
     common, reduced = sympy.cse(expressions, symbols=fresh, optimizations="basic", order="canonical")
     waiting = [*common, *zip((symbol for symbol, _ in assignments), reduced, strict=True)]

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "e5c2eaaf503f9a49840668683601c6e89988e57c3922e6e3ae8f9cb988555662"
+DERIVE_SHA256 = "ca1986809207fbea832233b6f91550a84fafaa2bf3750593d8ad9a2510a801cf"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "dcc7e649896b96781f8f7d5714ee9c9e7e40722133b0e1c3ccdc1607a61ca9b2"
+FILE_SHA256 = "4e2d95a4963110a4ccd8d6a7a745ea4498054172b090d6865a51a99fe06393ea"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "e5c2eaaf503f9a49840668683601c6e89988e57c3922e6e3ae8f9cb988555662"
+DERIVE_SHA256 = "ca1986809207fbea832233b6f91550a84fafaa2bf3750593d8ad9a2510a801cf"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e9d280ce2a9780c4f04c218ba4b836a87f6ceb38838d5eef2753fa0ac7a69e95"
+FILE_SHA256 = "36298f5e5e22de101dcb7b8e001cf3948403fc49d2c36f55a6fdabbcaf8cdbfe"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

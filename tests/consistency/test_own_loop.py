@@ -4,6 +4,7 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import solve
@@ -25,6 +26,33 @@ def press(tmp_path, monkeypatch):
         main()
     assert not finished.value.code
     return str(path)
+
+
+def test_unknowns_may_be_named_like_parts_of_generated_code(tmp_path, monkeypatch):
+    """The same press, whose unknowns are called x0 and x1."""
+    found = re.search(r"```python\n# press.py\n(.*?)```", PAGE, re.DOTALL)
+    assert found
+    other = found.group(1)
+    for theirs, ours in (
+        ("s, beta = press", "x0, x1 = press"),
+        ('{"s": "m", "beta": "rad"}', '{"x0": "m", "x1": "rad"}'),
+        ("rate(s + q)", "rate(x0 + q)"),
+        ('"slide", s,', '"slide", x0,'),
+    ):
+        assert theirs in other
+        other = other.replace(theirs, ours)
+    texts = found.group(1), other
+    values = []
+    for name, text in zip(("press", "other"), texts, strict=True):
+        path = tmp_path / f"{name}.py"
+        path.write_text(text.replace('"press"', f'"{name}"'), encoding="utf-8")
+        monkeypatch.setattr(sys, "argv", ["derive", str(path)])
+        with pytest.raises(SystemExit) as finished:
+            main()
+        assert not finished.value.code
+        values.append(solve.load(str(path), **NUMBERS).at(np.linspace(0.0, 6.0, 5), 40.0))
+    for ours, theirs in zip(*values, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12 * np.abs(theirs).max())
 
 
 def test_a_loop_that_does_not_close_is_refused_in_one_line(press):
