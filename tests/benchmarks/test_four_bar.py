@@ -15,6 +15,7 @@ def test_a_turn_of_radau_leads_the_periodic_state_back_to_itself():
     assert (np.abs(after - start) / scale).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_the_map_of_stresses_reaches_its_accuracy():
     found = map_of_stress(2)
     for speed, stress in zip(SPEEDS, found.figures(STRESS), strict=False):

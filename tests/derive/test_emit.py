@@ -93,6 +93,7 @@ def test_an_option_value_that_is_not_allowed():
         generated("gear_pair").linearised(load="heavy")
 
 
+@pytest.mark.slow
 def test_the_same_bytes_for_five_hash_seeds(tmp_path):
     runs = [
         subprocess.Popen(

@@ -81,6 +81,7 @@ def test_several_quantities_rms_and_damping(answer):
         assert np.isfinite(each["spectral_radius"]).all()
 
 
+@pytest.mark.slow
 def test_the_corrected_model_beside_others(answer, tmp_path):
     picture = tmp_path / "corrected.png"
     out, _ = answer("corrected", "--elements", "1", "--json", "--plot", str(picture))

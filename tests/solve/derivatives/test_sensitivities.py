@@ -142,13 +142,7 @@ CASES = {
     "mathieu": ("1 rad/s", ["rho1", "exponent1.im"]),
     "four_bar": ("300 rpm", ["crank_tip_deflection.rms", "rho1"]),
 }  # fmt: skip
-FEW = {
-    "cam": ["k1", "speed"],
-    "manipulator": ["speed"],
-    "gear_pair": ["k1"],
-    "coupler": ["E"],
-    "mathieu": ["delta"],
-}
+FEW = {"manipulator": ["speed"], "gear_pair": ["k1"], "mathieu": ["delta"]}
 
 LEAST = {"four_bar": 1.0}
 """Elasticity of which 1e-8 are asked for: differences of the stiff linkage tell no more."""

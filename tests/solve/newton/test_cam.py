@@ -77,8 +77,18 @@ def test_both_cases_converge_at_600_rpm():
     assert peaks(second)[0] == pytest.approx(0.530, abs=5e-4)
 
 
+@pytest.fixture
+def chaos(monkeypatch):
+    """A transient that ends near no orbit: whether the cam's does so at 450 rpm differs between machines."""
+
+    def unsettled(task, grid):
+        raise solve.errors.NoOrbitError("after 80 turns from rest the motion still changes by 6%")
+
+    monkeypatch.setattr("solve.newton.orbits.by_transient", unsettled)
+
+
 @pytest.mark.slow
-def test_where_no_orbit_is_reached_the_refusal_says_how_far_each_way_came():
+def test_where_no_orbit_is_reached_the_refusal_says_how_far_each_way_came(chaos):
     with pytest.raises(solve.errors.NoOrbitError) as refused:
         solve.nonlinear(solve.load("cam"), "450 rpm")
     text = str(refused.value)
