@@ -31,7 +31,7 @@ class Batch:
     def __init__(self, family: Family, region: Array, method: Rule, request: Request):
         """`region`: points (T, v) that span those to be solved; the shared tables are learnt from them."""
         self.family, self.method, self.request = family, method, request
-        self._region = region
+        self.region = region
         self._separation: Separation | None = None
 
     def solved(self, points: Array) -> Iterator[Certified | Failed]:
@@ -101,7 +101,7 @@ class Batch:
         try:
             system.checked(float(self.family.speeds(points[:1])[0]))
             self._separation = Separation(
-                self.family, self._region, system.period, system.n, self.request.engine
+                self.family, self.region, system.period, system.n, self.request.engine
             )
         except SolveError:
             return False

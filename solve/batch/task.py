@@ -66,7 +66,7 @@ class Task:
             if store is not None:
                 columns = dict(zip(self.family.names, points.T, strict=True))
                 kept_in = opening.enter_context(
-                    opened(store, self._description(points), columns, n, self.kept, size)
+                    opened(store, self._description(batch.region, points), columns, n, self.kept, size)
                 )
                 size = kept_in.size
             count = opening.enter_context(stage(POINTS, len(points)))
@@ -91,7 +91,7 @@ class Task:
                     found = gathered(batch, points[index], self.kept)
                 yield index, found
             return
-        work = _Part(self, training(points))
+        work = _Part(self, batch.region)
         waiting = {executor.submit(work, points[index]): index for index in parts}
         try:
             for future in as_completed(waiting):
@@ -107,7 +107,7 @@ class Task:
             for future in waiting:
                 future.cancel()
 
-    def _description(self, points: Array) -> dict[str, Any]:
+    def _description(self, region: Array, points: Array) -> dict[str, Any]:
         """What decides the results, by which a store is known again."""
         family, asked, kept = self.family, self.request, self.kept
         example = family.example
@@ -116,7 +116,7 @@ class Task:
         return {
             **model_record(example),
             "points": _digest(points),
-            "matrices": _digest(family.entries(phases, training(points))),
+            "matrices": _digest(family.entries(phases, region)),
             "method": method,
             "rtol": asked.rtol,
             "steps": asked.steps,

@@ -71,10 +71,14 @@ class Result(Lasting):
         rows = {self._rows: rows_of(self.columns)} if self._rows else {}
         return plain({**self.about, **self.whole, **rows, "warnings": self.warnings})
 
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """What its files say of the whole."""
+        return plain({**self.about, **self.whole, "warnings": self.warnings})
+
     def contents(self) -> Contents:
         """What its files hold."""
-        told = {**self.about, **self.whole, "warnings": self.warnings}
-        return Contents(self.columns, {}, plain(told))
+        return Contents(self.columns, {}, self.metadata)
 
     def save(self, path: str | Path) -> None:
         """Write the result as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.

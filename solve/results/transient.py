@@ -233,5 +233,4 @@ class Transient(Result):
         require_different_names(columns)
         arrays = {"phase": self.phase, "time": self.time, "q": q, "qd": self.qd}
         arrays["coordinates"] = np.array(system.coordinates)
-        told = {**self.about, **self.whole, "warnings": self.warnings}
-        return Contents(dict(columns), {}, plain(told), arrays)
+        return Contents(dict(columns), {}, self.metadata, arrays)

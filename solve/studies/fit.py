@@ -202,7 +202,7 @@ def _fitted(problem: _Problem, x: Array, jac: Array, sigma: float, count: int, f
     from scipy.stats import t
 
     values, model = problem.outer(x), problem.varied(x)
-    covariance, lost, untold = _uncertainty(problem, values, jac, sigma, count)
+    covariance, lost, unidentifiable = _uncertainty(problem, values, jac, sigma, count)
     deviations = np.sqrt(np.diag(covariance))
     reach = np.where(lost, np.inf, t.ppf((1 + _CONFIDENCE) / 2, count - len(x)) * deviations)
     with np.errstate(over="ignore"):
@@ -218,7 +218,9 @@ def _fitted(problem: _Problem, x: Array, jac: Array, sigma: float, count: int, f
     ]
     scale = np.where(deviations > 0, deviations, 1.0)
     residual = float(np.sqrt(np.mean(problem.residuals(x) ** 2)))
-    return Fitted(model, file, intervals, covariance / scale / scale[:, None], residual, untold, channels)
+    return Fitted(
+        model, file, intervals, covariance / scale / scale[:, None], residual, unidentifiable, channels
+    )
 
 
 def _uncertainty(
@@ -230,13 +232,13 @@ def _uncertainty(
     known = sizes > np.finfo(float).eps * count * sizes[0]
     spread = np.where(known, sigma / np.where(known, sizes, 1.0), np.inf)
     rate = np.where(problem.by_logarithm | (values == 0), 1.0, problem.unit / np.where(values, values, 1.0))
-    untold = [
+    unidentifiable = [
         _sentence(problem.names, axis * rate)
         for axis, each in zip(axes, spread, strict=True)
         if each > _UNTOLD
     ]
     lost = np.asarray((np.abs(axes[~known]) > _SHARE).any(axis=0))
-    return (axes.T * np.where(known, spread, 0.0) ** 2) @ axes, lost, untold
+    return (axes.T * np.where(known, spread, 0.0) ** 2) @ axes, lost, unidentifiable
 
 
 def _sentence(names: Sequence[str], axis: Array) -> str:

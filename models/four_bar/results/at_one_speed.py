@@ -1,4 +1,4 @@
-"""What is told of one periodic solution of the elastic four-bar."""
+"""Results of one periodic solution of the elastic four-bar."""
 
 from dataclasses import dataclass
 from functools import cached_property
