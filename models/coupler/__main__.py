@@ -1,9 +1,13 @@
 """The command of the flexible coupler: `python -m models.coupler`."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from solve.commands.door import door, enter
 from solve.errors import SolveError
+
+if TYPE_CHECKING:
+    import typer
 
 _NAME = "python -m models.coupler"
 
@@ -13,12 +17,18 @@ def run(arguments: Sequence[str]) -> int:
     return door(_NAME, _called, arguments, SolveError)
 
 
-def _called(arguments: Sequence[str]) -> int | None:
+def commands() -> "typer.Typer":
+    """The one that there is, for Typer."""
     from models.coupler.command import picture
-    from solve.commands.app import application, called
+    from solve.commands.app import application
 
-    example = f'{_NAME} --speed "600 rpm" --plot bent.png'
-    return called(arguments, application(_NAME, (picture,), None, example), _NAME)
+    return application(_NAME, (picture,), None, f'{_NAME} --speed "600 rpm" --plot bent.png')
+
+
+def _called(arguments: Sequence[str]) -> int | None:
+    from solve.commands.app import called
+
+    return called(arguments, commands(), _NAME)
 
 
 def main() -> None:

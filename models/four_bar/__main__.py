@@ -1,9 +1,13 @@
 """The commands of the four-bar linkage: `python -m models.four_bar COMMAND`."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from solve.commands.door import door, enter
 from solve.errors import SolveError
+
+if TYPE_CHECKING:
+    import typer
 
 _NAME = "python -m models.four_bar"
 
@@ -13,7 +17,8 @@ def run(arguments: Sequence[str]) -> int:
     return door(_NAME, _called, arguments, SolveError)
 
 
-def _called(arguments: Sequence[str]) -> int | None:
+def commands() -> "typer.Typer":
+    """All of them, for Typer."""
     from models.four_bar.commands.corrected import corrected
     from models.four_bar.commands.curve import curve
     from models.four_bar.commands.design import design
@@ -21,12 +26,18 @@ def _called(arguments: Sequence[str]) -> int | None:
     from models.four_bar.commands.linkage import linkage
     from models.four_bar.commands.modes import modes
     from models.four_bar.commands.study import study
-    from solve.commands.app import application, called
+    from solve.commands.app import application
 
-    commands = (linkage, elements, study, corrected, modes, curve, design)
+    every = (linkage, elements, study, corrected, modes, curve, design)
     about = "The four-bar linkage of the thesis."
     example = f'{_NAME} linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png'
-    return called(arguments, application(_NAME, commands, about, example), _NAME)
+    return application(_NAME, every, about, example)
+
+
+def _called(arguments: Sequence[str]) -> int | None:
+    from solve.commands.app import called
+
+    return called(arguments, commands(), _NAME)
 
 
 def main() -> None:

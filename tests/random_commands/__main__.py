@@ -7,8 +7,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from tests.random_commands.lines import prepare
 from tests.random_commands.run import complaint, drawn, inside
+from tests.random_commands.values import prepare
 
 
 def main(count: int = 5000, seed: int = 1) -> int:

@@ -2,8 +2,9 @@
 
 import pytest
 
-from tests.random_commands.lines import prepare
+from tests.random_commands.lines import flags
 from tests.random_commands.run import SECONDS, Ended, complaint, drawn, inside, outside
+from tests.random_commands.values import VALUES, prepare
 
 INSIDE, OUTSIDE, SEED = 240, 60, 20
 
@@ -18,6 +19,13 @@ def folder(tmp_path_factory):
 def test_the_same_seed_draws_the_same_lines():
     assert list(drawn(3, 50)) == list(drawn(3, 50))
     assert len({str(each) for each in drawn(3, 50)}) > 45
+
+
+def test_every_flag_of_every_command_has_values():
+    """A command or a flag that is new is drawn too."""
+    known = {flag: valued for command in flags().values() for flag, valued in command.items()}
+    assert {flag for flag, valued in known.items() if valued} == set(VALUES)
+    assert {each[0] for each in flags()} == {"derive", "solve", "models.four_bar", "models.coupler"}
 
 
 @pytest.mark.parametrize(
