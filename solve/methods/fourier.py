@@ -29,6 +29,12 @@ _DEFECTIVE = 1e4
 _CLUSTER = 1e-3
 """How far, relative to the rotation, rounding may separate the exponents of a multiple one."""
 
+_MOST_ITERATIONS = 40
+"""Others may lie three times as far from the shift as the exponents of a cluster."""
+
+_CONVERGED = 1e-6
+"""Residual of an invariant subspace, relative to the width of a cluster, that shows it found."""
+
 
 @dataclass(frozen=True)
 class Fourier(Method):
@@ -141,7 +147,8 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
     perturbation = float(_EPS * np.abs(exponents).max() * period)
     rounding = min(perturbation * condition, math.sqrt(perturbation))
     if condition > _DEFECTIVE:
-        Z, T = _invariant_subspace(A, exponents[np.argsort(distance)], N, 2 * np.pi / period)
+        preferred = np.argsort(distance)
+        Z, T = _invariant_subspaces(A, exponents[preferred], vectors[:, preferred], N, 2 * np.pi / period)
         if Z.shape[1] == N:
             return _closed(samples(Z)[0], T * period), rounding
         rounding = 1.0
@@ -161,21 +168,45 @@ def _closed(X: Array, exponent: Array) -> Array:
     return np.real(X @ expm(exponent) @ np.linalg.inv(X))
 
 
-def _invariant_subspace(A: Array, exponents: Array, N: int, rotation: float) -> tuple[Array, Array]:
-    """Z and T with A Z = Z T for the first N exponents, given in the order of preference, of which no two
-    differ by a multiple of i·rotation: multiple ones together, so that Z has N columns even where
-    eigenvectors are fewer; or another number, where truncation has split a multiple one."""
-    from scipy.linalg import schur
+def _invariant_subspaces(
+    A: Array, exponents: Array, vectors: Array, N: int, rotation: float
+) -> tuple[Array, Array]:
+    """Z and T with A Z = Z T for the first N exponents, given with their eigenvectors in the order of
+    preference, of which no two differ by a multiple of i·rotation: multiple ones together, so that Z has N
+    columns even where eigenvectors are fewer; or another number, where truncation has split a multiple
+    one."""
+    from scipy.linalg import block_diag
 
     near = _CLUSTER * rotation
-    left, centres, count = exponents, [], 0
-    while count < N and len(left):
-        apart = left - left[0]
-        count += int((np.abs(apart) < near).sum())
-        centres.append(left[0])
-        left = left[np.abs(apart - 1j * rotation * np.round(apart.imag / rotation)) >= near]
-    T, Z, *sorted_ = schur(
-        A, output="complex", sort=lambda each: np.abs(each - np.array(centres)).min() < near
-    )
-    count = int(sorted_[0])
-    return Z[:, :count], T[:count, :count]
+    bases, blocks, count = [], [], 0
+    while count < N and len(exponents):
+        apart = exponents - exponents[0]
+        cluster = np.abs(apart) < near
+        Z, T = vectors[:, cluster], np.diag(exponents[cluster])
+        if len(T) > 1:
+            Z, T = _invariant_subspace(A, exponents[cluster], near)
+        bases.append(Z)
+        blocks.append(T)
+        count += int(cluster.sum())
+        others = np.abs(apart - 1j * rotation * np.round(apart.imag / rotation)) >= near
+        exponents, vectors = exponents[others], vectors[:, others]
+    return np.hstack(bases), block_diag(*blocks)
+
+
+def _invariant_subspace(A: Array, exponents: Array, near: float) -> tuple[Array, Array]:
+    """Z, orthonormal, and T with A Z = Z T for the exponents, which lie together, by inverse iteration of a
+    block; without columns where it does not converge."""
+    from scipy.linalg import lu_factor, lu_solve
+
+    factors = lu_factor(A - (exponents.mean() + 0.25 * near) * np.eye(len(A)))
+    Z = np.random.default_rng(0).standard_normal((len(A), len(exponents)))
+    best = np.inf
+    for _ in range(_MOST_ITERATIONS):
+        Z = np.linalg.qr(lu_solve(factors, Z))[0]
+        T = Z.conj().T @ A @ Z
+        residual = float(np.linalg.norm(A @ Z - Z @ T))
+        if residual > 0.5 * best:
+            break
+        best = residual
+    kept = len(T) if residual < _CONVERGED * near else 0
+    return Z[:, :kept], T[:kept, :kept]

@@ -129,7 +129,9 @@ class Multipliers:
 
     def with_digits(self, error: Array) -> "Multipliers":
         """Those alone of which the error (…), relative to the spectral radius, leaves a digit."""
-        bound = np.maximum(error * self.spectral_radius, self.bound)
+        unknown = np.isinf(error)
+        bound = np.where(unknown, np.inf, np.where(unknown, 0.0, error) * self.spectral_radius)
+        bound = np.maximum(bound, self.bound)
         kept = np.abs(self.values) > bound[..., None]
         return Multipliers(np.where(kept, self.values, 0.0), kept.sum(axis=-1), bound)
 
