@@ -1,12 +1,17 @@
-"""BLAS in one thread while small matrices are solved, for which its threads wait longer than they work."""
+"""BLAS in one thread while small matrices are solved, for which its threads wait longer than they work; a
+thread of its own for what cannot be interrupted."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
+from contextvars import copy_context
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from solve.sizes import SMALL
+
+Value = TypeVar("Value")
 
 _lock = threading.Lock()
 _within: list[Any] = []
@@ -39,3 +44,19 @@ def _libraries() -> Any:
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")
+
+
+def interruptible(work: Callable[[], Value]) -> Value:
+    """What the work returns or raises, done in a thread while this one waits, so that an interruption need
+    not wait until a long call of LAPACK returns; then the work is left to the end of the process."""
+    done: Future[Value] = Future()
+    context = copy_context()
+
+    def run() -> None:
+        try:
+            done.set_result(context.run(work))
+        except BaseException as error:
+            done.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return done.result()

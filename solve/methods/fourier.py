@@ -4,6 +4,7 @@ R. G. Fenton, B. Tabarrok, Mech. Mach. Theory 19 (1984) 417-423)."""
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -14,9 +15,13 @@ from solve.methods.method import Method, Solutions, no_orbit, one_by_one
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
 from solve.period.points import Points, matrices, state_rate
+from solve.threads import interruptible
 
 MOST_UNKNOWNS = 2000
 """Largest order of a dense eigenvalue problem that is still worth waiting for."""
+
+_QUICK = 500
+"""Order of a dense eigenvalue problem that takes less than a second."""
 
 _EPS = float(np.finfo(float).eps)
 
@@ -65,7 +70,9 @@ class Fourier(Method):
             )
         if not np.isfinite(state_rate(point, odd.nodes[:-1])).all():
             raise self._no_map(point, odd)
-        Phi, rounding = self.multiplied(point, odd)
+        multiplied = partial(self.multiplied, point, odd)
+        long = 2 * point.n * odd.steps > _QUICK
+        Phi, rounding = interruptible(multiplied) if long else multiplied()
         curve, condition = self.balanced_orbit(point, odd) if orbit else (None, np.nan)
         return Solutions(odd, Phi[None], curve, np.array([condition]), rounding=np.array([rounding]))
 
@@ -190,7 +197,7 @@ def _invariant_subspaces(
         count += int(cluster.sum())
         others = np.abs(apart - 1j * rotation * np.round(apart.imag / rotation)) >= near
         exponents, vectors = exponents[others], vectors[:, others]
-    return np.hstack(bases), block_diag(*blocks)
+    return np.hstack(bases), np.asarray(block_diag(*blocks))
 
 
 def _invariant_subspace(A: Array, exponents: Array, near: float) -> tuple[Array, Array]:
@@ -200,13 +207,14 @@ def _invariant_subspace(A: Array, exponents: Array, near: float) -> tuple[Array,
 
     factors = lu_factor(A - (exponents.mean() + 0.25 * near) * np.eye(len(A)))
     Z = np.random.default_rng(0).standard_normal((len(A), len(exponents)))
-    best = np.inf
+    T: Array = np.diag(exponents)
+    residual, before = np.inf, np.inf
     for _ in range(_MOST_ITERATIONS):
         Z = np.linalg.qr(lu_solve(factors, Z))[0]
         T = Z.conj().T @ A @ Z
         residual = float(np.linalg.norm(A @ Z - Z @ T))
-        if residual > 0.5 * best:
+        if residual > 0.5 * before:
             break
-        best = residual
+        before = residual
     kept = len(T) if residual < _CONVERGED * near else 0
     return Z[:, :kept], T[:kept, :kept]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.random_commands.lines import CASES
+from tests.random_commands.values import CASES
 
 SPEED = ("--speed", "600 rpm")
 CAM = ("periodic", "cam", *SPEED)

@@ -11,11 +11,15 @@ def _of(*values: complex) -> Multipliers:
 
 def test_those_below_the_error_are_left_out():
     kept = _of(0.5, 1e-3).with_digits(np.array(0.01))
-    assert kept.resolved == 1 and list(kept.values) == [0.5, 0.0] and kept.bound == 0.005
+    assert kept.resolved == 1
+    assert list(kept.values) == [0.5, 0.0]
+    assert kept.bound == 0.005
 
 
 def test_an_unknown_error_leaves_no_digit_of_any():
     """Nor of multipliers that are all 0, where the spectral radius says nothing."""
     for values in ((0.5, 1e-3), (0.0, 0.0)):
         kept = _of(*values).with_digits(np.array(np.inf))
-        assert kept.resolved == 0 and kept.bound == np.inf and not kept.values.any()
+        assert kept.resolved == 0
+        assert kept.bound == np.inf
+        assert not kept.values.any()
