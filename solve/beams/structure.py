@@ -17,6 +17,7 @@ from solve.errors import NoDerivativeError, NoMotionError, ValueOutOfBoundsError
 from solve.model.damping import beyond_critical
 from solve.model.dependence import AssembledDependence
 from solve.model.model import Model
+from solve.model.sampling import Sampler
 from solve.model.setup import Setup
 from solve.system import Dependence, DrawnLink, Matrices, ModeShape
 
@@ -68,21 +69,22 @@ class Kinematics:
 
     def angle(self, phase: Array) -> Array:
         """Angles (m, links) of the links at phases (m,)."""
-        return self._properties(phase=phase[None], p=self._p)["angle"].full().T
+        return np.split(self._angles(phase), 3, axis=1)[0]
 
     def rates(self, phase: Array) -> tuple[Array, Array]:
         """First and second derivative (m, links) of the links' angles by the phase."""
-        rate, second = (each.full().T for each in self._rates(phase[None]))
+        _, rate, second = np.split(self._angles(phase), 3, axis=1)
         return rate, second
 
     @cached_property
-    def _rates(self) -> "casadi.Function":
+    def _angles(self) -> Sampler:
         import casadi
 
         phase = casadi.SX.sym("phase")  # pyright: ignore[reportAttributeAccessIssue]
         angle = self._properties(phase=phase, p=self._p)["angle"]
         rate = casadi.jacobian(angle, phase)
-        return casadi.Function("rates", [phase], [rate, casadi.jacobian(rate, phase)])
+        rows = map(casadi.densify, (angle, rate, casadi.jacobian(rate, phase)))
+        return Sampler(casadi.Function("angles", [phase], [casadi.vertcat(*rows)]))
 
 
 class StructureModel(Model):
