@@ -17,7 +17,7 @@ _NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 LARGEST = 1e60
 """Beyond this size, and below its inverse, products of a few numbers leave what a computer can hold."""
 
-_POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2})?"
+_POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2}(\.\d{1,2})?)?"
 _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
 _PRODUCT = rf"{_NAME}((\s*[*/]\s*|\s+){_NAME})*+"
 _FACTOR = rf"({_NAME}|\({_PRODUCT}\){_POWER})"
