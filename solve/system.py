@@ -164,7 +164,7 @@ class PeriodicSystem:
     """Whether it has equations: what is read from a file of results has labels alone."""
     options: Mapping[str, Any] = MappingProxyType({})
     parameters: Mapping[str, float] = MappingProxyType({})
-    """Those that can be varied, in SI units."""
+    """Those that can be varied, in the units that the model declares."""
     parameter_labels: Mapping[str, tuple[str, str]] = MappingProxyType({})
     """Unit and meaning of each parameter."""
     links: tuple[DrawnLink, ...] = ()

@@ -137,7 +137,7 @@ def evenly(text: str, name: str) -> list[float]:
     >>> evenly("0.2:0.6:3", "L2")
     [0.2, 0.4, 0.6]
     """
-    usage = f"{name}={text}: write {name}=A:B:N, N numbers from A to B in SI units, N > 1"
+    usage = f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1"
     try:
         first, last, number = text.split(":")
         low, high, count = float(first), float(last), int(number)

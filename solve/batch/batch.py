@@ -84,12 +84,15 @@ class Batch:
         yield from ((every[at : at + 1], self._alone(points, at)) for at in alone.tolist())
 
     def _side_by_side(self, points: Array) -> Generator[tuple[Array, Points], None, Array]:
-        """The points in groups whose matrices jump at the same phases; returns the positions of those that
-        have no system, or jumps of their own."""
+        """The points in groups whose matrices jump at the same phases; returns the positions of those without
+        a system."""
         family, system, left = self.family, self.family.example, []
         for breaks, alike in family.by_breaks(points):
-            if breaks is None or (breaks and len(alike) == 1):
+            if breaks is None:
                 left.append(alike)
+                continue
+            if family.moves_breaks and len(alike) < _LEAST_GROUP:
+                yield alike, Sampled(family, points[alike], self.request.engine, breaks)
                 continue
             shared = self._separation
             if shared is None or shared.breaks != breaks:

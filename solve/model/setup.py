@@ -26,7 +26,7 @@ _PHASES = 720
 
 @dataclass(frozen=True)
 class Setup:
-    """A generated module, a case with a value (SI units) for every parameter, and every option's value."""
+    """A generated module, a case with a value for every parameter in its own unit, every option's value."""
 
     module: ModuleType
     case: Case
