@@ -121,7 +121,8 @@ def _free(*expressions: Any) -> bool:
 def _unknown(switch: Any) -> UnsupportedExpressionError:
     return UnsupportedExpressionError(
         f"the phases where {short(switch)} = 0 are not known; let steps and kinks depend on the phase by "
-        "sin or cos of an angle, or by wrapped(angle) alone, the angle a multiple of the phase and a constant"
+        "sin or cos of an angle, or by wrapped(angle) alone, the angle a multiple of phase and a constant",
+        switch,
     )
 
 

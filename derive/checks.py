@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy
 
-from derive.errors import DeclarationError, UnknownSymbolError, UnusedParameterError
+from derive.errors import DeclarationError, DeriveError, UnknownSymbolError, UnusedParameterError
 from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
 from derive.structure import Structure
@@ -47,14 +47,22 @@ def check(mechanism: Mechanism) -> None:
     statements += _kinematic_statements(mechanism)
     known = dimensions(mechanism)
     for each in statements:
-        _require_finite(each)
-        _require_last_piece(each)
-        _require_known(each, known)
-        if each.unit is None:
-            dimension_of(each.what, each.expression, known)
-        else:
-            require(each.what, each.expression, each.unit, known)
+        try:
+            _require(each, known)
+        except DeriveError as error:
+            error.about = each.expression
+            raise
     _require_use(mechanism, [each.expression for each in statements])
+
+
+def _require(statement: _Statement, known: Dimensions) -> None:
+    _require_finite(statement)
+    _require_last_piece(statement)
+    _require_known(statement, known)
+    if statement.unit is None:
+        dimension_of(statement.what, statement.expression, known)
+    else:
+        require(statement.what, statement.expression, statement.unit, known)
 
 
 def _require_equations(mechanism: Mechanism) -> None:
@@ -62,6 +70,11 @@ def _require_equations(mechanism: Mechanism) -> None:
     if not mechanism.declared_coordinates:
         raise DeclarationError(f"{mechanism.name} has no coordinates; declare one with coordinates(...)")
     require_coherent("the energy", mechanism.energy)
+    ratios, modes = len(mechanism.damping_ratios), len(mechanism.declared_coordinates)
+    if ratios > modes:
+        raise DeclarationError(
+            f"{ratios} damping ratios for {modes} coordinate{'s'[: modes > 1]}; give one a mode at most"
+        )
     for loop in mechanism.declared_loops:
         for unknown, unit in zip(loop.unknowns, loop.units, strict=True):
             require_coherent(unknown.name, unit)
@@ -173,7 +186,10 @@ def _require_known(statement: _Statement, known: Dimensions) -> None:
     names = [symbol.name for symbol in known]
     for symbol in sorted(statement.expression.free_symbols - (set(known) - statement.forbidden), key=str):
         if symbol in statement.forbidden:
-            raise UnknownSymbolError(f"{statement.what} holds {symbol}, which cannot stand there")
+            raise UnknownSymbolError(
+                f"{statement.what} holds {symbol}, which cannot stand there; drop it, or state the term by "
+                "another energy, a dissipation or a force"
+            )
         if str(symbol) in names:
             raise UnknownSymbolError(
                 f"{statement.what} holds a symbol named {symbol} that is not the declared one; "
@@ -192,7 +208,8 @@ def _require_use(mechanism: Mechanism, expressions: list[sympy.Expr]) -> None:
         symbols |= set(unknown.loop.parameters)
     for parameter in mechanism.declared_parameters:
         if parameter.symbol not in symbols:
-            raise UnusedParameterError(f"parameter {parameter.symbol} is never used; use it or drop it")
+            unused = f"parameter {parameter.symbol} is never used; use it or drop it"
+            raise UnusedParameterError(unused, parameter.symbol)
     for option in mechanism.declared_options:
         if mechanism.declared_field and option.name == mechanism.declared_field.modes:
             continue

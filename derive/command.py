@@ -87,7 +87,7 @@ def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> s
     from derive.structure_text import structure_text
 
     mechanism = loader.load(source)
-    with loader.located(source):
+    with loader.located(source, mechanism):
         if isinstance(mechanism, Structure):
             return structure_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
         return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command, report)
@@ -140,5 +140,5 @@ def _show(sources: list[Source], case: str | None) -> None:
             continue
         mechanism = loader.load(source)
         numbers = case_numbers(source.cases, case, mechanism) if case is not None else {}
-        with loader.located(source):
+        with loader.located(source, mechanism):
             typer.echo(equations(mechanism, numbers))

@@ -1,8 +1,17 @@
 """What can be wrong with a mechanism, its file or the generated module; one class a cause."""
 
+from typing import Any
+
 
 class DeriveError(Exception):
-    """Base of everything that `derive` refuses; its text is one line for the user."""
+    """Base of everything that `derive` refuses; its text is one line for the user.
+
+    about: the expression that it is about, if there is one.
+    """
+
+    def __init__(self, text: str, about: Any = None):
+        super().__init__(text)
+        self.about = about
 
 
 class UsageError(DeriveError):

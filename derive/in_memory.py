@@ -6,8 +6,10 @@ import sympy
 
 from derive.checks import check
 from derive.emit import module_text
+from derive.errors import DeriveError
 from derive.freshness import derive_sha256, sha256
 from derive.mechanism import Mechanism
+from derive.stated import line_of
 from derive.structure import Structure
 from derive.structure_text import structure_text
 
@@ -22,16 +24,25 @@ def code(mechanism: Mechanism) -> str:
     """
     statement = "\n".join(_statement(mechanism))
     if statement not in _codes:
-        check(mechanism)
+        text = _derived(mechanism, statement)
         while len(_codes) >= _KEPT:
             del _codes[next(iter(_codes))]
-        of_statement = sha256(statement), derive_sha256(), f"{mechanism.name}.py"
-        _codes[statement] = (
-            structure_text(mechanism, *of_statement)
-            if isinstance(mechanism, Structure)
-            else module_text(mechanism, *of_statement)
-        )
+        _codes[statement] = text
     return _codes[statement]
+
+
+def _derived(mechanism: Mechanism, statement: str) -> str:
+    of_statement = sha256(statement), derive_sha256(), f"{mechanism.name}.py"
+    try:
+        check(mechanism)
+        if isinstance(mechanism, Structure):
+            return structure_text(mechanism, *of_statement)
+        return module_text(mechanism, *of_statement)
+    except DeriveError as error:
+        line = line_of(mechanism.lines, error)
+        if line is None:
+            raise
+        raise type(error)(f"{mechanism.name}, line {line}: {error}") from error
 
 
 def _statement(mechanism: Mechanism) -> Iterator[str]:

@@ -41,7 +41,8 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
                 remedy = SMOOTHED
             raise ExpansionError(
                 f"there is no linearisation at the desired motion: {where}, where forces jump with the "
-                f"coordinates, or their slope does; {remedy}"
+                f"coordinates, or their slope does; {remedy}",
+                switch,
             )
 
 

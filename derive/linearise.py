@@ -83,5 +83,6 @@ def _require_inertia(mechanism: Mechanism, M: sympy.Matrix) -> None:
         without = [name for name, share in zip(names, massless[0], strict=True) if abs(share) > 1e-20]
         raise SingularMassError(
             f"the kinetic energy gives no inertia to {' with '.join(without)}: M is singular; "
-            "add a mass there, or drop the coordinate"
+            "add a mass there, or drop the coordinate",
+            mechanism.kinetic,
         )

@@ -132,18 +132,23 @@ def load(source: Source) -> "Mechanism":
         raise MechanismFileError(
             f'{source.path} states a mechanism "{stated.name}"; it must be called "{source.name}"'
         )
-    with located(source):
+    with located(source, stated):
         check(stated)
     return stated
 
 
 @contextmanager
-def located(source: Source) -> Iterator[None]:
-    """Put the mechanism's file before the message of an error that arises within."""
+def located(source: Source, stated: "Mechanism") -> Iterator[None]:
+    """Put the mechanism's file, and the line where that is known, before the message of an error that arises
+    within."""
+    from derive.stated import line_of
+
     try:
         yield
     except DeriveError as error:
-        raise type(error)(f"{source.path}: {error}") from error
+        line = line_of(stated.lines, error)
+        where = f"{source.path}, line {line}" if line else f"{source.path}"
+        raise type(error)(f"{where}: {error}") from error
 
 
 def _run(source: Source) -> object:

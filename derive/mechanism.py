@@ -22,6 +22,7 @@ from derive.declarations import (
 from derive.errors import DeclarationError
 from derive.field import Field
 from derive.kinematics import Loop, four_bar, full_turn
+from derive.stated import note
 from derive.symbols import PHASE, SPEED, Moving
 from derive.transmission import PeriodicFunction, Series
 from derive.units import parse, require_coherent, short
@@ -62,10 +63,15 @@ class Mechanism:
     declared_loops: list[Loop] = field(default_factory=list, init=False)
     conditions: list[Condition] = field(default_factory=list, init=False)
     no_drive_torque: str = field(default="", init=False)
+    lines: dict[Any, int] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """By what is stated, lines of the author's file."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         """An energy may be a product of vectors and matrices; it is then its one entry."""
         object.__setattr__(self, name, scalar(name, value) if name in _ENERGIES else value)
+        if name in (*_ENERGIES, "damping_ratio") and hasattr(self, "lines"):
+            for each in value if isinstance(value, tuple | list) else [getattr(self, name)]:
+                note(self.lines, each)
 
     @property
     def phase(self) -> sympy.Symbol:
@@ -323,7 +329,10 @@ class Mechanism:
             raise DeclarationError(
                 f"force {short(F)} along {short(y)}: give two numbers, or two vectors of one shape"
             )
-        self.forces += zip(F, y, strict=True) if all(vectors) else [(F, y)]
+        for force, along in zip(F, y, strict=True) if all(vectors) else [(F, y)]:
+            self.forces.append((force, along))
+            note(self.lines, force * along)
+            note(self.lines, along)
 
     def fundamental(self, **motions: sympy.Expr) -> None:
         """State the desired motion of coordinates as functions of the phase: `q1=expression`.
@@ -340,6 +349,7 @@ class Mechanism:
         self._described(name, (unit, meaning))
         self._require_unused(name)
         self.declared_outputs.append(Output(name, sympy.sympify(expression), unit, meaning))
+        note(self.lines, self.declared_outputs[-1].expression)
 
     def limit(self, output: str, bound: str, beyond: str) -> None:
         """Bound an output, such as ">= 0", and say in `beyond` what is true where it leaves the bound."""
@@ -396,6 +406,7 @@ class Mechanism:
         self._require_unused(name)
         symbol = sympy.Symbol(name, real=True)
         self.declared_parameters.append(Parameter(symbol, unit, meaning, bound))
+        note(self.lines, symbol)
         return symbol
 
     def _described(self, name: str, described: tuple[str, ...]) -> tuple[str, str, str]:

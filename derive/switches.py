@@ -134,7 +134,8 @@ def require_no_jump(expression: Any, by: Sequence[Any]) -> None:
             raise ImpulseError(
                 f"{short(expression)} jumps where {short(switch)} = 0, and its derivative by {moving} would "
                 "be an impulse there; V and forces may jump with the phase, T and displacements have "
-                "kinks at most, and so may V with coordinates"
+                "kinks at most, and so may V with coordinates",
+                switch,
             )
 
 

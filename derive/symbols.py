@@ -45,7 +45,13 @@ def rate(expression: Any) -> Any:
     """
     if isinstance(expression, sympy.MatrixBase):
         return expression.applyfunc(rate)
-    stated = counted(sympy.sympify(expression))
+    given = sympy.sympify(expression)
+    if not isinstance(given, sympy.Expr):
+        raise DeclarationError(
+            f"rate({short(given)}): give one number, expression or Matrix; coordinates(...) gives a tuple, "
+            "also of one: write coordinate(...), or (q,) = coordinates(...)"
+        )
+    stated = counted(given)
     moving = sorted(stated.atoms(Moving), key=lambda symbol: symbol.name)
     terms = [slope(stated, symbol) * symbol.rate for symbol in moving]
     if stated.has(SPEED):

@@ -66,8 +66,8 @@ SECOND = UNITS["s"]
 _LONGEST = 80
 """Characters."""
 
-_COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(?!\d|\.|\*\*|\^))")
-"""A power that is more than a number of one or two digits."""
+_COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))")
+"""A power that is more than a number of one or two digits, and as many behind the point."""
 
 
 @runtime_checkable
@@ -112,7 +112,7 @@ def _coherent(text: str) -> Dimension | None:
 def _known_to_pint(text: str) -> tuple[Dimension, float]:
     registry, refused = _registry(), f'the unit "{text}" is not understood'
     if len(text) > _LONGEST or _COMPUTED.search(text):
-        raise UnitError(f"{refused}: powers are whole numbers of one or two digits")
+        raise UnitError(f"{refused}: powers are numbers such as 2, -1 or 1.5")
     try:
         units = registry.parse_units(text)
         zero, one = (registry.Quantity(x, units).to_base_units().magnitude for x in (0.0, 1.0))

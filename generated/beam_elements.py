@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "ca1986809207fbea832233b6f91550a84fafaa2bf3750593d8ad9a2510a801cf"
+DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4e2d95a4963110a4ccd8d6a7a745ea4498054172b090d6865a51a99fe06393ea"
+FILE_SHA256 = "8755f9f8206a4e2e97c417e8f1eb90e8abdb4ac2f7fb86de0b0f71e3d85cc77b"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

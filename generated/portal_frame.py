@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "ca1986809207fbea832233b6f91550a84fafaa2bf3750593d8ad9a2510a801cf"
+DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "36298f5e5e22de101dcb7b8e001cf3948403fc49d2c36f55a6fdabbcaf8cdbfe"
+FILE_SHA256 = "fd8d430c17e7887505edc6e7e1fc14c6f42835b10b3fe7f2dcfc205a4e211391"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -31,7 +31,7 @@ def load(
 
     model: a name, the path of a mechanism file, or without files a `derive.Mechanism` or a function that
     returns one, which is then derived in memory, once for the same statement. Parameters override the case's
-    values, in SI units as the model declares them or as texts with unit such as "30 mm"; options may stand
+    values, in the units that the model declares or as texts with unit such as "30 mm"; options may stand
     among them by name. The first case is the default. Raises UnknownNameError, ModelFileError (no or stale
     generated code), CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, and what the
     mechanism itself raises.

@@ -82,6 +82,10 @@ class ManyPoints(Protocol):
         what the formulas give, where it is known; it may be overwritten."""
         ...
 
+    def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
+        """Phases at which the matrices jump, of each point; None of points without a system."""
+        ...
+
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
         """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
         ...
@@ -160,7 +164,7 @@ class PeriodicSystem:
     """Whether it has equations: what is read from a file of results has labels alone."""
     options: Mapping[str, Any] = MappingProxyType({})
     parameters: Mapping[str, float] = MappingProxyType({})
-    """Those that can be varied, in SI units."""
+    """Those that can be varied, in the units that the model declares."""
     parameter_labels: Mapping[str, tuple[str, str]] = MappingProxyType({})
     """Unit and meaning of each parameter."""
     links: tuple[DrawnLink, ...] = ()
@@ -368,6 +372,11 @@ class PeriodicSystem:
         """What gives matrices and outputs at all points at once, where parameters of these names vary; None
         where every point needs a system of its own."""
         return None
+
+    @property
+    def moves_breaks(self) -> bool:
+        """Whether the phases at which the matrices jump depend on parameters."""
+        return False
 
     @property
     def freedoms(self) -> int:

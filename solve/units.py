@@ -17,7 +17,7 @@ _NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 LARGEST = 1e60
 """Beyond this size, and below its inverse, products of a few numbers leave what a computer can hold."""
 
-_POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2})?"
+_POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2}(\.\d{1,2})?)?"
 _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
 _PRODUCT = rf"{_NAME}((\s*[*/]\s*|\s+){_NAME})*+"
 _FACTOR = rf"({_NAME}|\({_PRODUCT}\){_POWER})"
@@ -137,7 +137,7 @@ def evenly(text: str, name: str) -> list[float]:
     >>> evenly("0.2:0.6:3", "L2")
     [0.2, 0.4, 0.6]
     """
-    usage = f"{name}={text}: write {name}=A:B:N, N numbers from A to B in SI units, N > 1"
+    usage = f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1"
     try:
         first, last, number = text.split(":")
         low, high, count = float(first), float(last), int(number)

@@ -78,10 +78,29 @@ class Batch:
     def _chunks(self, points: Array) -> Iterator[tuple[Array, Points | Failed]]:
         """Groups of points that can be solved side by side, or single ones; positions (k,) of each."""
         every = np.arange(len(points))
+        alone = every
         if self._together(points):
-            yield from self._shared(points, every)
-        else:
-            yield from ((every[at : at + 1], self._alone(points, at)) for at in every.tolist())
+            alone = yield from self._side_by_side(points)
+        yield from ((every[at : at + 1], self._alone(points, at)) for at in alone.tolist())
+
+    def _side_by_side(self, points: Array) -> Generator[tuple[Array, Points], None, Array]:
+        """The points in groups whose matrices jump at the same phases; returns the positions of those without
+        a system."""
+        family, system, left = self.family, self.family.example, []
+        for breaks, alike in family.by_breaks(points):
+            if breaks is None:
+                left.append(alike)
+                continue
+            if family.moves_breaks and len(alike) < _LEAST_GROUP:
+                yield alike, Sampled(family, points[alike], self.request.engine, breaks)
+                continue
+            shared = self._separation
+            if shared is None or shared.breaks != breaks:
+                region = training(points[alike]) if family.moves_breaks else self.region
+                shared = Separation(family, region, system.period, system.n, self.request.engine, breaks)
+                self._separation = shared
+            yield from self._shared(shared, points, alike)
+        return np.sort(np.concatenate(left)) if left else np.zeros(0, dtype=int)
 
     def _alone(self, points: Array, at: int) -> Points | Failed:
         try:
@@ -94,32 +113,27 @@ class Batch:
     def _together(self, points: Array) -> bool:
         """Whether the points can be solved side by side."""
         system = self.family.example
-        if system.n > SMALL or system.breaks:
+        if system.n > SMALL:
             return False
         if self._separation is not None:
             return True
         try:
             system.checked(float(self.family.speeds(points[:1])[0]))
-            self._separation = Separation(
-                self.family, self.region, system.period, system.n, self.request.engine
-            )
         except SolveError:
             return False
         return True
 
-    def _shared(self, points: Array, every: Array) -> Iterator[tuple[Array, Points]]:
+    def _shared(self, shared: Separation, points: Array, positions: Array) -> Iterator[tuple[Array, Points]]:
         """The points whose entries separate, over all quantities or over the speed alone; then the rest."""
-        shared = self._separation
-        assert shared is not None
-        others = yield from _represented(shared, points, every)
+        others = yield from _represented(shared, points, positions)
         for alike in self._by_parameters(points, others):
             if len(alike) >= _LEAST_GROUP:
                 region = training(points[alike])
-                own = Separation(self.family, region, shared.period, shared.n, shared.engine)
+                own = Separation(self.family, region, shared.period, shared.n, shared.engine, shared.breaks)
                 left = yield from _represented(own, points, alike)
                 others = np.setdiff1d(others, np.setdiff1d(alike, left))
         if len(others):
-            yield others, Sampled(self.family, points[others], shared.engine)
+            yield others, Sampled(self.family, points[others], shared.engine, shared.breaks)
 
     def _by_parameters(self, points: Array, positions: Array) -> list[Array]:
         """The positions in groups of equal parameters, where the speed varies too."""

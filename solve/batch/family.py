@@ -49,6 +49,26 @@ class Family:
                 rows[:] = system.entries(phase, speed)
         return found
 
+    @property
+    def moves_breaks(self) -> bool:
+        """Whether the matrices may jump at other phases at other points."""
+        return True
+
+    def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
+        """Phases of jumps, and the positions (k,) of the points (P, v) that have these; None where there is
+        no system."""
+        found: dict[tuple[float, ...] | None, list[int]] = {}
+        for position, breaks in enumerate(self._breaks(points)):
+            found.setdefault(breaks, []).append(position)
+        return [(breaks, np.array(positions)) for breaks, positions in found.items()]
+
+    def _breaks(self, points: Array) -> list[tuple[float, ...] | None]:
+        each: list[tuple[float, ...] | None] = [None] * len(points)
+        for position, point in enumerate(points):
+            with suppress(SolveError):
+                each[position] = self.system(point)[0].breaks
+        return each
+
     def outputs(
         self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
@@ -88,6 +108,20 @@ class SystemFamily(Family):
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         (speed,), (values,) = self._numbers(point[None])
         return self._varied(values), float(speed)
+
+    @property
+    def moves_breaks(self) -> bool:
+        return bool(self._free) and self.example.moves_breaks
+
+    def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
+        if self.moves_breaks:
+            return super().by_breaks(points)
+        return [(self.example.breaks, np.arange(len(points)))]
+
+    def _breaks(self, points: Array) -> list[tuple[float, ...] | None]:
+        if self._together is None:
+            return super()._breaks(points)
+        return self._together.breaks(self._numbers(points)[1])
 
     def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
         speeds, free = self._numbers(points)

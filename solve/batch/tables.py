@@ -14,6 +14,7 @@ import numpy as np
 from solve.arrays import Array, across
 from solve.batch.family import Family
 from solve.kernel.engines import NUMPY
+from solve.period.grid import pieces
 from solve.period.points import Tables
 
 _MOST_TERMS = 10
@@ -30,7 +31,10 @@ _MOST_KEPT = 2**26
 """Bytes that the tables kept for the next points may take together."""
 
 _CHECKS = np.array([0.1357, 0.7311])
-"""Where points are checked, in periods."""
+"""Where points are checked, in parts of each piece between two jumps."""
+
+_LEAST_PHASES = 8
+"""Training phases of a piece, however short."""
 
 
 class Separation:
@@ -40,11 +44,25 @@ class Separation:
     that a small term costs no digits of the others.
     """
 
-    def __init__(self, family: Family, points: Array, period: float, n: int, engine: str = NUMPY):
-        self.family, self.period, self.n, self.engine = family, period, n, engine
+    def __init__(
+        self,
+        family: Family,
+        points: Array,
+        period: float,
+        n: int,
+        engine: str = NUMPY,
+        breaks: tuple[float, ...] = (),
+    ):
+        self.family, self.period, self.n, self.engine, self.breaks = family, period, n, engine, breaks
+        ends, _ = pieces(period, breaks)
+        counts = np.maximum(_LEAST_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / period)).astype(int)
+        self._checks = np.ravel(ends[:-1, None] + np.diff(ends)[:, None] * _CHECKS)
         self._kept: dict[bytes, Array] = {}
         self._points = points
-        phases = (np.arange(_TRAINING_PHASES) + 0.5) * (period / _TRAINING_PHASES)
+        evenly = (
+            (np.arange(k) + 0.5) * ((b - a) / k) + a for a, b, k in zip(ends, ends[1:], counts, strict=False)
+        )
+        phases = np.concatenate([*evenly])
         samples = family.entries(phases, self._points, engine)
         finite = np.isfinite(samples).all(axis=(1, 2))
         # Points without a system have NaN for entries.
@@ -96,7 +114,7 @@ class Separation:
 
     def coefficients(self, points: Array) -> tuple[Array, Array]:
         """Coefficients (P, R), and whether each point is represented (P,)."""
-        checks = _CHECKS * self.period
+        checks = self._checks
         samples = self.family.entries(np.concatenate((self._taken, checks)), points, self.engine)
         every, nested = np.arange(samples.shape[2]), []
         for stage, columns in enumerate(self._columns):
@@ -118,7 +136,10 @@ class Separated:
     separation: Separation
     coefficients: Array
     bytes_a_phase: int = 0
-    breaks: tuple[float, ...] = ()
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.separation.breaks
 
     @property
     def n(self) -> int:
@@ -164,7 +185,7 @@ class Sampled:
         return len(self.points)
 
     def __getitem__(self, positions: Array) -> "Sampled":
-        return Sampled(self.family, self.points[positions], self.engine)
+        return Sampled(self.family, self.points[positions], self.engine, self.breaks)
 
     def tables(self, phase: Array) -> Tables:
         return Tables.of(self.family.entries(phase, self.points, self.engine), self.n)

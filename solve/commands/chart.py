@@ -40,7 +40,7 @@ def chart(
 
 
 def _axis(flag: str, text: str | None) -> dict[str, list[float]]:
-    """{name: values in SI units}. Raises MissingValueError, ValueOutOfBoundsError, UnitError."""
+    """{name: values in the model's own unit}. Raises MissingValueError, ValueOutOfBoundsError, UnitError."""
     if text is None:
         raise MissingValueError(
             f"no {flag} given; add {flag} NAME=A:B:N, N values of a parameter from A to B"
@@ -52,7 +52,7 @@ def _axis(flag: str, text: str | None) -> dict[str, list[float]]:
 
 
 def _held(text: str) -> tuple[str, float]:
-    """Name and value in SI units from NAME=NUMBER, or "speed=NUMBER unit"."""
+    """Name and value in the unit that the model declares from NAME=NUMBER, or "speed=NUMBER unit"."""
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)

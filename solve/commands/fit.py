@@ -43,7 +43,8 @@ def _bounds(texts: list[str] | None) -> dict[str, tuple[float, float]]:
             low, high = map(float, text.split(":"))
         except ValueError:
             raise ValueOutOfBoundsError(
-                f"--bounds {name}={text}: write two numbers in SI units, such as --bounds {name}=1e4:1e6"
+                f"--bounds {name}={text}: write two numbers in the model's own unit, such as "
+                f"--bounds {name}=1e4:1e6"
             ) from None
         found[name] = low, high
     return found

@@ -81,8 +81,8 @@ def _read_each(flag: str, texts: Sequence[str], read: Callable[[str], Any], more
             values[name] = read(text)
         except ValueError:
             raise ValueOutOfBoundsError(
-                f"{flag} {name}={text}: '{text}' is not a number; write numbers alone, in SI units, such as "
-                f"{flag} {name}=1.5e3{more}"
+                f"{flag} {name}={text}: '{text}' is not a number; write numbers alone, in the "
+                f"model's own units, such as {flag} {name}=1.5e3{more}"
             ) from None
     return values
 

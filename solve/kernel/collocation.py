@@ -43,15 +43,17 @@ def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
 
 
 def solved(
-    size: Size, weights: Mapping[str, Array], period: float, stages: Samples, nodes: Samples | None
+    size: Size, weights: Mapping[str, Array], h: Array, jumps: bool, stages: Samples, nodes: Samples | None
 ) -> Periods:
-    """Each point on m equal steps, sampled at the stages (m s phases, step by step) and, for orbits by a
-    method whose steps do not end at a stage, at the nodes (m phases). Raises CompilerError, MemoryError.
+    """Each point on steps of lengths h (m,), sampled at the stages (m s phases, step by step) and, for orbits
+    by a method whose steps do not end at a stage, at their starts (m phases); for orbits by any method at
+    their starts and then their ends (2m) where the matrices jump at ends of steps. Raises CompilerError,
+    MemoryError.
 
     The lanes are points, or the segments of one.
     """
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
-    segments = points == 1 and m % width == 0 and stages.own and size.orbit
+    segments = points == 1 and m % width == 0 and stages.own and size.orbit and not jumps
     groups, steps = -(-points // width), m // width if segments else m
     n, N, D = size.n, 2 * size.n, len(weights["powers"])
     Phi, closed = (np.zeros((groups, *shape, width)) for shape in ((N, N), (2, N, N)))
@@ -60,6 +62,7 @@ def solved(
         "stages": _laid_out(stages, groups, width, segments),
         "nodes": np.zeros(1) if nodes is None else _laid_out(nodes, groups, width, segments),
         "coefficients": _grouped(stages.coefficients, groups, width),
+        "h": np.ascontiguousarray(h),
         **weights,
         "Phi": Phi,
         "closed": closed,
@@ -68,7 +71,7 @@ def solved(
     if points == 1 and size.orbit:
         arrays["maps"] = np.zeros((width, steps, N, N + 1))
     own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
-    numbers = {"groups": groups, "steps": steps, "h": period / m, "terms": len(stages.entry), "own": own}
+    numbers = {"groups": groups, "steps": steps, "jumps": jumps, "terms": len(stages.entry), "own": own}
     run("segments" if segments else "level", size, arrays, stages.entry, **numbers)
     Phi = _by_points(Phi, points)
     if not size.orbit:

@@ -24,12 +24,14 @@
 
 typedef struct {
     long groups, steps;
-    double h;
+    int jumps;                     /* whether the matrices jump at ends of steps */
     int terms;                     /* R */
     int own;                       /* whether every lane has tables of its own: SEGMENT or LANE */
     const int *entry;              /* (R), rising: where a term belongs */
     const double *stages;          /* (steps S, R), LANE: (groups, steps S, R, LANES), SEGMENT: (LANES, steps S, R) */
-    const double *nodes;           /* the same for steps instead of steps S; unless STIFF */
+    const double *nodes;           /* the same for the starts of the steps instead, with jumps for their starts
+                                      and behind these for their ends; not used where STIFF and no jumps */
+    const double *h;               /* (steps): their lengths */
     const double *coefficients;    /* (groups, R, LANES) */
     const double *A, *A2, *b, *bA, *c, *powers;
     double *Phi;                   /* (groups, NX, NX, LANES) */
@@ -83,7 +85,7 @@ static void matrices(const problem *p, long group, const double *tables, long ph
 
 /* The stage system of one step beside its right sides, rows (ROWS, COLS). */
 static void build(const problem *p, long group, long step, lane *e, lane *rows) {
-    const double h = p->h;
+    const double h = p->h[step];
     for (int i = 0; i < S; i++) {
         matrices(p, group, p->stages, step * S + i, p->steps * S, e);
         const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
@@ -235,8 +237,8 @@ static void substitute(lane *rows, const lane *inverse) {
 }
 
 /* x over the step, (NX, W), from the stage accelerations (ROWS of COLS, the last W of each). */
-static void step_map(const problem *p, const lane *rows, lane *map) {
-    const double h = p->h;
+static void step_map(const problem *p, long step, const lane *rows, lane *map) {
+    const double h = p->h[step];
     for (int a = 0; a < N; a++)
         for (int j = 0; j < W; j++) {
             lane q = {0}, v = {0};
@@ -471,9 +473,9 @@ static void close_segments(const problem *p, long blocks, const lane *maps, lane
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
 }
 
-/* Acceleration (N) that the equation of motion gives to a state at a node. */
-static void acceleration(const problem *p, long group, long step, const lane *x, lane *e, lane *z, lane *a) {
-    matrices(p, group, p->nodes, step, p->steps, e);
+/* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
+static void acceleration(const problem *p, long group, long node, const lane *x, lane *e, lane *z, lane *a) {
+    matrices(p, group, p->nodes, node, p->jumps ? 2 * p->steps : p->steps, e);
     const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
     for (int i = 0; i < N; i++) {
         lane *row = z + i * (N + 1);
@@ -491,8 +493,8 @@ static void acceleration(const problem *p, long group, long step, const lane *x,
 
 /* States (steps + 1, NX) and stage accelerations (steps, ROWS) from the starts of the blocks. */
 static void trace(const problem *p, long length, const lane *starts, const lane *stages, lane *x, lane *a) {
-    const double h = p->h;
     for (long k = 0; k < p->steps; k++) {
+        const double h = p->h[k];
         if (k % length == 0) memcpy(x + k * NX, starts + k / length * NX, NX * sizeof(lane));
         const lane *from = x + k * NX, *map = stages + k * ROWS * W;
         lane *to = x + (k + 1) * NX, *found = a + k * ROWS;
@@ -522,16 +524,17 @@ static lane rotated(lane x, int places) {
 }
 
 /* Powers of theta in every step, from states and accelerations. */
-static void draw(const problem *p, long group, const lane *x, const lane *a, const lane *starts) {
-    const double h = p->h;
+static void draw(const problem *p, long group, const lane *x, const lane *a, const lane *starts, const lane *ends) {
+    const int known = STIFF && !p->jumps;
     for (long k = 0; k < p->steps; k++)
         for (int i = 0; i < N; i++) {
+            const double h = p->h[k];
             lane data[NODES], power[D];
-            data[0] = h * h * (STIFF ? a[(k ? k - 1 : p->steps - 1) * ROWS + (S - 1) * N + i] : starts[k * N + i]);
-            if (STIFF && !k && p->own == SEGMENT) data[0] = rotated(data[0], LANES - 1);
+            data[0] = h * h * (known ? a[(k ? k - 1 : p->steps - 1) * ROWS + (S - 1) * N + i] : starts[k * N + i]);
+            if (known && !k && p->own == SEGMENT) data[0] = rotated(data[0], LANES - 1);
             for (int j = 0; j < S; j++) data[1 + j] = h * h * a[k * ROWS + j * N + i];
             if (NODES > S + 1) {
-                data[NODES - 1] = h * h * starts[(k + 1) % p->steps * N + i];
+                data[NODES - 1] = h * h * (p->jumps ? ends[k * N + i] : starts[(k + 1) % p->steps * N + i]);
                 if (k + 1 == p->steps && p->own == SEGMENT) data[NODES - 1] = rotated(data[NODES - 1], 1);
             }
             power[0] = x[k * NX + i];
@@ -550,7 +553,7 @@ static void draw(const problem *p, long group, const lane *x, const lane *a, con
 /* Room for the work on one group. */
 typedef struct {
     long length, blocks;           /* steps a block, blocks of a lane */
-    lane *memory, *e, *rows, *inverse, *map, *sum, *next, *maps, *z, *saved, *chain, *x0, *stages, *a, *x, *starts;
+    lane *memory, *e, *rows, *inverse, *map, *sum, *next, *maps, *z, *saved, *chain, *x0, *stages, *a, *x, *starts, *ends;
 } room;
 
 static int open_room(const problem *p, long most_blocks, room *r) {
@@ -560,7 +563,7 @@ static int open_room(const problem *p, long most_blocks, room *r) {
     r->blocks = (p->steps + r->length - 1) / r->length;
     const size_t B = r->blocks + LANES;
     size_t size = ENTRIES + (size_t)ROWS * (COLS + 1) + 3 * NX * W + B * NX * W;
-    if (ORBIT) size += widest + B * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + N) + NX;
+    if (ORBIT) size += widest + B * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + 2 * N) + NX;
     r->memory = aligned_alloc(sizeof(lane), size * sizeof(lane));
     if (!r->memory) return 1;
     r->e = r->memory, r->rows = r->e + ENTRIES, r->inverse = r->rows + ROWS * COLS, r->map = r->inverse + ROWS;
@@ -568,6 +571,7 @@ static int open_room(const problem *p, long most_blocks, room *r) {
     r->z = r->maps + B * NX * W, r->saved = r->z + widest, r->chain = r->saved + B * NX * CYCLIC;
     r->x0 = r->chain + B * NX * ROW, r->stages = r->x0 + B * NX, r->a = r->stages + p->steps * ROWS * W;
     r->x = r->a + p->steps * ROWS, r->starts = r->x + (p->steps + 1) * NX;
+    r->ends = r->starts + p->steps * N;
     memset(r->e, 0, ENTRIES * sizeof(lane));
     return 0;
 }
@@ -596,7 +600,7 @@ static void advance(const problem *p, long group, room *r) {
             if (ORBIT)
                 for (int i = 0; i < ROWS; i++)
                     memcpy(r->stages + (k * ROWS + i) * W, r->rows + i * COLS + ROWS, W * sizeof(lane));
-            step_map(p, r->rows, r->map);
+            step_map(p, k, r->rows, r->map);
             if (p->maps)
                 for (int i = 0; i < NX * W; i++)
                     for (int l = 0; l < LANES; l++) p->maps[((group * LANES + l) * p->steps + k) * NX * W + i] = r->map[i][l];
@@ -614,9 +618,12 @@ static void write(const problem *p, long group, const room *r) {
         for (int j = 0; j < NX; j++) ((loose *)p->Phi)[(group * NX + i) * NX + j] = r->sum[i * W + j];
     if (!ORBIT) return;
     trace(p, r->length, r->x0, r->stages, r->x, r->a);
-    if (!STIFF)
-        for (long k = 0; k < p->steps; k++) acceleration(p, group, k, r->x + k * NX, r->e, r->rows, r->starts + k * N);
-    draw(p, group, r->x, r->a, r->starts);
+    for (long k = 0; k < (STIFF && !p->jumps ? 0 : p->steps); k++) {
+        acceleration(p, group, k, r->x + k * NX, r->e, r->rows, r->starts + k * N);
+        if (NODES > S + 1 && p->jumps)
+            acceleration(p, group, p->steps + k, r->x + (k + 1) * NX, r->e, r->rows, r->ends + k * N);
+    }
+    draw(p, group, r->x, r->a, r->starts, r->ends);
 }
 
 /* Solve the groups one after another; 1 where memory is missing, else 0. */

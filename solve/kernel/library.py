@@ -36,10 +36,10 @@ class _Problem(ctypes.Structure):
     _fields_ = (
         ("groups", ctypes.c_long),
         ("steps", ctypes.c_long),
-        ("h", ctypes.c_double),
+        ("jumps", ctypes.c_int),
         ("terms", ctypes.c_int),
         ("own", ctypes.c_int),
-        *((name, ctypes.c_void_p) for name in ("entry", "stages", "nodes", "coefficients")),
+        *((name, ctypes.c_void_p) for name in ("entry", "stages", "nodes", "h", "coefficients")),
         *((name, ctypes.c_void_p) for name in ("A", "A2", "b", "bA", "c", "powers")),
         *((name, ctypes.c_void_p) for name in ("Phi", "closed", "curves", "maps")),
     )

@@ -241,7 +241,7 @@ class Collocated(OneStep):
         return Discretisation(method.steps(grid.h, a), curve)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
-        if engine != COMPILED or not grid.smooth or points.n > SMALL:
+        if engine != COMPILED or points.n > SMALL:
             return super().solutions(points, grid, orbit)
         method, n = self.collocation, points.n
         # A single point takes the library with orbits for its multipliers too: one less to compile.
@@ -251,9 +251,12 @@ class Collocated(OneStep):
             return super().solutions(points, grid, orbit)
         stages = points.tables(grid.stages(np.array(method.c)).ravel())
         nodes = None
-        if with_orbit and not method.stiffly_accurate:
+        if with_orbit and not grid.smooth:
+            nodes = _samples(points.tables(grid.stages(np.array([0.0, 1.0])).T.ravel()))
+        elif with_orbit and not method.stiffly_accurate:
             nodes = _samples(points.tables(grid.nodes[:-1]))
-        made = kernel.solved(size, method.weights, grid.period, _samples(stages), nodes)
+        h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
+        made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes)
         steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
         if not orbit or made.curves is None or made.closed is None:
             return self.sound(points, grid, made.Phi, steps=steps)

@@ -160,9 +160,13 @@ class Model(PeriodicSystem):
         whole = {name for name, _, _, bound in self.module.PARAMETERS if "integer" in clauses(bound)}
         return tuple(name for name in self.parameters if name not in whole and not self._moves_breaks(name))
 
+    @property
+    def moves_breaks(self) -> bool:
+        return hasattr(self.module, "breaks")
+
     def _moves_breaks(self, name: str) -> bool:
         """Whether the phases of jumps and kinks depend on a parameter."""
-        if not hasattr(self.module, "breaks"):
+        if not self.moves_breaks:
             return False
         value, found = self.parameters[name], self.setup.breaks
         for way in (1, -1):
@@ -325,6 +329,16 @@ class ModelPoints:
         if self._names:
             entries[~self._admitted(values)] = np.nan
         return entries
+
+    def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
+        p = np.tile(self._setup.p, (len(values), 1))
+        order = list(self._setup.case.parameters)
+        p[:, [order.index(name) for name in self._names]] = values
+        found: list[tuple[float, ...] | None] = [None] * len(values)
+        for at in np.flatnonzero(self._admitted(values)).tolist():
+            with suppress(ValueOutOfBoundsError):
+                found[at] = self._setup.breaks_with(p[at])
+        return found
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
         P, n, k = q.shape

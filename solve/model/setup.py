@@ -26,7 +26,7 @@ _PHASES = 720
 
 @dataclass(frozen=True)
 class Setup:
-    """A generated module, a case with a value (SI units) for every parameter, and every option's value."""
+    """A generated module, a case with a value for every parameter in its own unit, every option's value."""
 
     module: ModuleType
     case: Case
@@ -61,10 +61,14 @@ class Setup:
     @property
     def breaks(self) -> tuple[float, ...]:
         """Phases at which the generated matrices jump or have kinks, rising. Raises ValueOutOfBoundsError."""
+        return self.breaks_with(self.p)
+
+    def breaks_with(self, p: Array) -> tuple[float, ...]:
+        """The same with other parameters, in the order of the generated functions."""
         found = getattr(self.module, "BREAKS", ())
         if hasattr(self.module, "breaks"):
             try:
-                found = self.module.breaks(None, self.p.tolist(), **self._module_options)
+                found = self.module.breaks(None, p.tolist(), **self._module_options)
             except ValueError as error:
                 raise ValueOutOfBoundsError(f"{self.module.NAME}: {error}") from None
         return tuple(sorted(set(found)))

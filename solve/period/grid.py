@@ -31,15 +31,15 @@ class Grid:
         """
         if not breaks:
             return cls(np.linspace(0.0, period, steps + 1), np.zeros(steps, dtype=bool))
-        ends, jump_at_zero = _pieces(period, breaks)
+        ends, jump_at_zero = pieces(period, breaks)
         counts = _counts(steps, np.diff(ends) / period)
-        pieces = [
+        parts = [
             np.linspace(a, b, k, endpoint=False) for a, b, k in zip(ends, ends[1:], counts, strict=False)
         ]
         at_break = np.zeros(counts.sum(), dtype=bool)
         at_break[np.concatenate(([0], np.cumsum(counts)[:-1]))] = True
         at_break[0] = jump_at_zero
-        return cls(np.append(np.concatenate(pieces), period), at_break)
+        return cls(np.append(np.concatenate(parts), period), at_break)
 
     @property
     def steps(self) -> int:
@@ -83,7 +83,7 @@ class Grid:
         return np.clip(phases, low[:, None], high[:, None])
 
 
-def _pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
+def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
     """Ends of the pieces between the jumps, 0 and the period among them, and whether there is a jump at
     0. Breaks that differ by rounding are one."""
     same = 0.5 * _INSIDE * period

@@ -75,7 +75,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class Chart(Result):
-    """Stability at ny × nx points: y (ny,) over x (nx,), each a parameter in SI units or "speed" (rad/s).
+    """Stability at ny × nx points: y (ny,) over x (nx,), each a parameter in its own unit or "speed" (rad/s).
 
     system: the model as it was given, or the first that could be built. boundaries: curves between stable
     and unstable regions. at(x, y): the stability at a point anywhere, with its warnings. solve_cut (position

@@ -28,8 +28,8 @@ _CLOSE = 0.9
 
 @lasting
 class Interval(NamedTuple):
-    """A fitted value, and the ends of the interval that holds the true one in 95 of 100 cases, in SI units;
-    infinite where the data do not tell."""
+    """A fitted value, and the ends of the interval that holds the true one in 95 of 100 cases, in the model's
+    unit; infinite where the data do not tell."""
 
     value: float
     low: float
@@ -96,7 +96,7 @@ class Fitted(Result):
         every = list(self.parameters.values())
         return {
             "parameter": Column(list(self.parameters), "", "what was fitted"),
-            "value": Column([each.value for each in every], "", "in SI units"),
+            "value": Column([each.value for each in every], "", "in the model's units"),
             "low": Column([each.low for each in every], "", "lower end of the 95 % interval"),
             "high": Column([each.high for each in every], "", "upper end of the 95 % interval"),
         }

@@ -94,7 +94,7 @@ class Frequencies(Result):
 
 @dataclass(frozen=True)
 class Variation(Result):
-    """Frequencies (v, m, k) in rad/s over a parameter, values (v,) in SI units, at positions (m,) in rad.
+    """Frequencies (v, m, k) in rad/s over a parameter, values (v,) in its own unit, at positions (m,) in rad.
 
     NaN where errors (v,) says why there are none. pinned: the lowest frequency of each link by itself,
     pinned at both ends, (v,) by name.
@@ -126,7 +126,7 @@ class Variation(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        """In rad/s and rad, the parameter in SI units."""
+        """In rad/s and rad, the parameter in its own unit."""
         over = {"parameter": self.parameter, "values": self.values, "positions": self.positions}
         return {**over, **self.figures, "pinned": self.pinned, "errors": self.errors}
 
@@ -187,7 +187,7 @@ class Findings(Result):
         return texts
 
     def record(self) -> dict[str, Any]:
-        """Of `solve frequencies --json`; rad/s and rad, parameters in SI units."""
+        """Of `solve frequencies --json`; rad/s and rad, parameters in the model's own units."""
         here = {"position": self.here.positions[0], "frequencies": self.here.values[0]}
         further = {
             "turn": self.turn and self.turn.whole,

@@ -51,8 +51,8 @@ def chart(
     store: str | Path | None = None,
     of: str | None = None,
 ) -> Chart:
-    """Stability over two quantities: parameters in SI units, or "speed". Each is {name: values}, or a text as
-    on the command line: "delta=0:10:60", "speed=100:400:40 rpm".
+    """Stability over two quantities: parameters in the model's own units, or "speed". Each is {name: values},
+    or a text as on the command line: "delta=0:10:60", "speed=100:400:40 rpm".
 
     model: a name or path, a system (a generated one varies in its parameters, any other in its speed), or
     a function that builds a system from the two values by name. speed: where it is not among the two, by

@@ -50,9 +50,9 @@ def fit(
     start from those of the model.
 
     data: a CSV file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
-    and high by name, in SI units. speed: where the file has no column of speeds. robust: outliers count by
-    their moduli, not their squares. Positive parameters are fitted by their logarithms. Raises SolveError
-    subclasses for bad input, and where the model has no orbit on the way.
+    and high by name, in the model's own units. speed: where the file has no column of speeds. robust:
+    outliers count by their moduli, not their squares. Positive parameters are fitted by their logarithms.
+    Raises SolveError subclasses for bad input, and where the model has no orbit on the way.
     """
     from scipy.optimize import least_squares
 

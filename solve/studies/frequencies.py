@@ -58,7 +58,7 @@ def frequencies_over(
     positions: Array,
     count: int | None = None,
 ) -> Variation:
-    """Frequencies at the positions for each value (SI units) of a parameter.
+    """Frequencies at the positions for each value (in its own unit) of a parameter.
 
     Values that the system refuses become NaN with their reason. Raises UnknownNameError.
     """

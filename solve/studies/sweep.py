@@ -45,8 +45,8 @@ def sweep(
     """`periodic` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm"), keeping
     the figures of each.
 
-    over: values of parameters in SI units, {name: values} or texts such as "k1=1e4:9e4:50"; every combination
-    is solved, the speeds running fastest; without speeds at that of the case.
+    over: values of parameters in the model's own units, {name: values} or texts such as "k1=1e4:9e4:50";
+    every combination is solved, the speeds running fastest; without speeds at that of the case.
     quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
     are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
     which no periodic solution is found gives NaN and the reason; the sweep goes on. With an executor
@@ -89,7 +89,8 @@ def _over(given: Over | None) -> dict[str, Array]:
         found[name] = np.array(numbers)
         if not numbers or not np.isfinite(found[name]).all():
             raise ValueOutOfBoundsError(
-                f"over gives {name} = {values!r}; give finite numbers in SI units, or a text such as '1:9:5'"
+                f"over gives {name} = {values!r}; give finite numbers in the model's own units, or a text "
+                "such as '1:9:5'"
             )
     return found
 
@@ -113,7 +114,7 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
 
 
 def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str, Model]:
-    """The model with each of several values of a parameter (SI units) or an option, by the value.
+    """The model with each of several values of a parameter (in its own unit) or an option, by the value.
 
     Raises UnknownNameError, and ValueOutOfBoundsError for a value that the model does not allow.
     """
@@ -156,4 +157,4 @@ def _number(name: str, value: float | str) -> float:
     try:
         return float(value)
     except ValueError:
-        raise ValueOutOfBoundsError(f"{name} is '{value}'; give a number in SI units") from None
+        raise ValueOutOfBoundsError(f"{name} is '{value}'; give a number in the model's own unit") from None

@@ -56,7 +56,8 @@ def test_orbit_and_multipliers(mesh, z, eps, engine):
     assert len(model.breaks) == 2 * z
 
 
-def test_band_edges_to_eight_digits_by_bands_sweep_and_chart(mesh):
+@pytest.mark.parametrize("engine", ["numpy", "auto"])
+def test_band_edges_to_eight_digits_by_bands_sweep_and_chart(mesh, engine):
     """At an edge of the band of kind −1 a multiplier is −1: 1 + tr Φ + det Φ = 0."""
 
     def edge(speed, eps):
@@ -65,15 +66,25 @@ def test_band_edges_to_eight_digits_by_bands_sweep_and_chart(mesh):
 
     edges = [brentq(edge, *around, args=(1.3,), xtol=1e-14) for around in [(3.4, 3.6), (3.9, 4.2)]]
     model = solve.load(str(mesh), **NUMBERS, eps=1.3)
-    (band,) = solve.bands(model, np.linspace(3, 5, 40)).record()["bands"]
+    (band,) = solve.bands(model, np.linspace(3, 5, 40), engine=engine).record()["bands"]
     assert band["kind"] == "-1"
     np.testing.assert_allclose([band["from"], band["to"]], edges, rtol=1e-8)
 
     sides = np.ravel([[e - 1e-7, e + 1e-7] for e in edges])
-    assert [point.stable for point in solve.sweep(model, sides).points] == [True, False, False, True]
+    assert [point.stable for point in solve.sweep(model, sides, engine=engine).points] == [
+        True,
+        False,
+        False,
+        True,
+    ]
 
     duties = np.array([1.2, 1.3, 1.6])
-    chart = solve.chart(model, x={"eps": duties}, y={"speed": np.array([3.3, 3.8])})
+    chart = solve.chart(model, x={"eps": duties}, y={"speed": np.array([3.3, 3.8])}, engine=engine)
+    assert chart.boundaries
+    for kind, points in chart.boundaries:
+        assert kind == "-1"
+        for eps, speed in points:
+            assert speed == pytest.approx(brentq(edge, speed - 1e-4, speed + 1e-4, args=(eps,)), rel=1e-8)
     for column, eps in enumerate(duties):
         for row, speed in enumerate([3.3, 3.8]):
             radius = np.abs(np.linalg.eigvals(turn(speed, eps)[:2, :2])).max()

@@ -41,6 +41,7 @@ def test_what_is_no_unit_of_mechanics_is_refused(text):
         ("rpm", "rad/s", math.pi / 30),
         ("bar", "Pa", 1e5), ("g cm^2", "kg m^2", 1e-7), ("lbf", "N", 4.4482216152605), ("kilogram", "kg", 1),
         ("newton meter", "N m", 1), ("1/min", "1/s", 1 / 60), ("percent", "1", 0.01), ("V A", "W", 1),
+        ("N/mm^1.5", "N m^-1.5", 1000**1.5),
     ],
 )  # fmt: skip
 def test_units_of_other_sizes(text, coherent, factor):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 import solve
 from solve.batch import tables
@@ -348,3 +349,69 @@ def test_the_points_that_are_done_are_told():
 def test_an_unknown_engine_is_refused():
     with pytest.raises(UnknownNameError, match="did you mean 'numpy'"):
         solve.sweep(solve.load("mathieu"), [1.0], engine="numpie")
+
+
+def meissner(delta=1.0, amplitude=0.5, duty=0.5):
+    """q″ + 0.05 q′ + (delta ± amplitude) q = 1, + over the first `duty` of the turn; without a jump where
+    that is nothing."""
+
+    def matrices(phase, speed):
+        sign = np.where(phase % (2 * np.pi) < 2 * np.pi * duty, 1.0, -1.0)
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.05 * one, (delta + amplitude * sign)[:, None, None] * one, one[:, 0]
+
+    return solve.PeriodicSystem(matrices, ["q"], breaks=(0.0, 2 * np.pi * duty) if duty else ())
+
+
+def meissner_turn(delta, amplitude, duty, speed):
+    """Its spectral radius, by exponentials."""
+    Phi = np.eye(2)
+    for sign, share in ((1.0, duty), (-1.0, 1.0 - duty)):
+        rate = np.array([[0.0, 1.0], [-(delta + amplitude * sign), -0.05]])
+        Phi = expm(rate * (2 * np.pi / speed * share)) @ Phi
+    return np.abs(np.linalg.eigvals(Phi)).max()
+
+
+@pytest.mark.parametrize("engine", ["numpy", "auto"])
+def test_points_whose_jumps_move(engine):
+    """Groups of points that jump alike, points that jump like no other, and points that do not jump."""
+    duties, deltas = np.array([0.0, 0.004, 0.3, 0.7]), np.linspace(0.6, 2.0, 5)
+    chart = solve.chart(meissner, x={"duty": duties}, y={"delta": deltas}, speed=0.9, engine=engine)
+    for row, delta in enumerate(deltas):
+        for column, duty in enumerate(duties):
+            truth = meissner_turn(delta, 0.5, duty, 0.9)
+            assert chart.spectral_radius[row, column] == pytest.approx(truth, rel=1e-8)
+            alone = solve.floquet(meissner(delta, 0.5, duty), 0.9, engine=engine)
+            assert chart.spectral_radius[row, column] == pytest.approx(alone.spectral_radius, rel=SAME)
+
+
+def test_what_acts_between_two_near_jumps_alone_is_not_missed():
+    """Two jumps so near that samples all over the turn would fall beside both, and a parameter that acts
+    between them alone."""
+    amplitudes = np.linspace(0.0, 400.0, 5)
+
+    def pulse(height, delta):
+        def matrices(phase, speed):
+            inside = (phase % (2 * np.pi) > 1.0) & (phase % (2 * np.pi) < 1.001)
+            one = np.ones((len(phase), 1, 1))
+            return one, 0.05 * one, (delta + height * inside)[:, None, None] * one, one[:, 0]
+
+        return solve.PeriodicSystem(matrices, ["q"], breaks=(1.0, 1.001))
+
+    chart = solve.chart(pulse, x={"height": amplitudes}, y={"delta": np.array([1.0, 2.0])}, speed=1.0)
+    for row, delta in enumerate((1.0, 2.0)):
+        for column, height in enumerate(amplitudes):
+            rates = [np.array([[0.0, 1.0], [-k, -0.05]]) for k in (delta, delta + height)]
+            Phi = expm(rates[0] * (2 * np.pi - 0.001)) @ expm(rates[1] * 0.001)
+            radius = np.abs(np.linalg.eigvals(Phi)).max()
+            assert chart.spectral_radius[row, column] == pytest.approx(radius, rel=1e-8)
+
+
+@pytest.mark.parametrize("engine", ["numpy", "auto"])
+def test_a_sweep_of_jumping_matrices_is_its_single_solves(engine):
+    system = meissner(duty=0.3)
+    speeds = np.linspace(0.4, 2.0, 9)
+    for point, speed in zip(
+        solve.sweep(system, speeds, rtol=1e-8, engine=engine).points, speeds, strict=True
+    ):
+        agrees(point, system, float(speed), engine=engine)

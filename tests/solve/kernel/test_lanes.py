@@ -20,16 +20,16 @@ SMALL = Size(1, 1, 2, True, False)
 needs_compiler = pytest.mark.skipif(bool(trouble()), reason=trouble() or "compiles")
 
 
-def grids(family, points, n, method, steps, orbit=True, own=False, period=2 * np.pi):
+def grids(family, points, n, method, steps, orbit=True, own=False, period=2 * np.pi, breaks=()):
     """The same grid by both engines: compiled, NumPy."""
     if own:
-        chunk = Sampled(family, points)
+        chunk = Sampled(family, points, breaks=breaks)
     else:
-        separation = Separation(family, points, period, n)
+        separation = Separation(family, points, period, n, breaks=breaks)
         coefficients, fits = separation.coefficients(points)
         assert fits.all()
         chunk = Separated(separation, coefficients)
-    grid = Grid.uniform(steps, period)
+    grid = Grid.uniform(steps, period, breaks)
     return [method.solutions(chunk, grid, orbit, engine) for engine in (COMPILED, NUMPY)]
 
 
@@ -60,6 +60,31 @@ def same(ours, theirs):
 def test_grids_are_the_same(seed, n, method, steps, points, orbit):
     family = over_speed(systems.random_system(seed, n))
     same(*grids(family, np.linspace(0.7, 1.4, points)[:, None], n, method, steps, orbit))
+
+
+@needs_compiler
+@settings(max_examples=20, deadline=None)
+@given(
+    seed=systems.seeds,
+    n=st.sampled_from([1, 2, 3]),
+    method=st.sampled_from([solve.Radau(5), solve.Radau(), solve.Gauss(4), solve.Gauss()]),
+    ends=st.sampled_from([(0.0, 1.0), (0.7, 0.75), (2.0, 6.0)]),
+    points=st.sampled_from([1, 8, 11]),
+    own=st.booleans(),
+    orbit=st.booleans(),
+)
+def test_grids_with_jumps_are_the_same(seed, n, method, ends, points, own, orbit):
+    smooth = systems.random_system(seed, n)
+
+    def matrices(phase, speed):
+        M, C, K, d = smooth.at(phase, speed)
+        inside = (ends[0] < phase % (2 * np.pi)) & (phase % (2 * np.pi) < ends[1])
+        share = np.where(inside, 1.3, 1.0)
+        return M, C, share[:, None, None] * K, share[:, None] * d
+
+    family = over_speed(solve.PeriodicSystem(matrices, smooth.coordinates, breaks=ends))
+    speeds = np.linspace(0.7, 1.4, points)[:, None]
+    same(*grids(family, speeds, n, method, 48, orbit, own, breaks=ends))
 
 
 @needs_compiler

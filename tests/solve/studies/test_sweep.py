@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import solve
+from derive import Max, Mechanism, Rational, rate
 from solve.errors import MissingValueError, StepsError, UnitError, UnknownNameError, ValueOutOfBoundsError
 from tests.solve import systems
 
@@ -166,10 +167,15 @@ def test_a_point_over_parameters_fails_alone():
         (None, None, ValueOutOfBoundsError, "speeds are None; give numbers in rad/s"),
         (50.0, {"k9": [1.0]}, UnknownNameError, "unknown quantity of cam 'k9'; did you mean 'k"),
         (50.0, {"k1": [-1.0, 1.0]}, ValueOutOfBoundsError, "k1 .* is -1 N m/rad; allowed: > 0"),
-        (50.0, {"k1": []}, ValueOutOfBoundsError, r"over gives k1 = \[\]; give finite numbers in SI units"),
-        (50.0, {"k1": [np.nan]}, ValueOutOfBoundsError, "give finite numbers in SI units"),
-        (50.0, {"k1": ["stiff"]}, ValueOutOfBoundsError, "give finite numbers in SI units"),
-        (50.0, {"k1": 3.0}, ValueOutOfBoundsError, "give finite numbers in SI units"),
+        (
+            50.0,
+            {"k1": []},
+            ValueOutOfBoundsError,
+            r"over gives k1 = \[\]; give finite numbers in the model's own units",
+        ),
+        (50.0, {"k1": [np.nan]}, ValueOutOfBoundsError, "give finite numbers in the model's own units"),
+        (50.0, {"k1": ["stiff"]}, ValueOutOfBoundsError, "give finite numbers in the model's own units"),
+        (50.0, {"k1": 3.0}, ValueOutOfBoundsError, "give finite numbers in the model's own units"),
         (50.0, "k1", ValueOutOfBoundsError, "over is 'k1'; write NAME=A:B:N"),
         (50.0, ["k1=1:2:2", "k1=1:2:3"], ValueOutOfBoundsError, "over gives k1 twice; give it once"),
         (50.0, "k1=1:2:99999999", ValueOutOfBoundsError, "values in one range; allowed"),
@@ -193,3 +199,24 @@ def test_too_many_lines_for_one_picture():
         solve.sweep(
             solve.load("mathieu"), "1:2:2 rad/s", spectra=["q"], over={"epsilon": [0.1, 0.2]}
         ).waterfall("q")
+
+
+def test_over_takes_numbers_in_the_unit_that_the_model_declares():
+    """Grams, on a contact as Hertz has it."""
+
+    def hanging():
+        scale = Mechanism("hanging", "Weight on a preloaded contact")
+        q = scale.coordinate("q", "m", "deflection")
+        m, kh, q0 = scale.parameters(m=("g", "mass"), kh=("N/mm^1.5", "contact"), q0=("mm", "preload"))
+        scale.kinetic = m * rate(q) ** 2 / 2
+        contact = Rational(2, 5) * Max(0, q + q0) ** Rational(5, 2)
+        scale.potential = kh * (contact - q0 ** Rational(3, 2) * q)
+        scale.force(m * scale.parameter("g", "m/s^2", "gravity"), along=q)
+        return scale
+
+    model = solve.load(hanging, m=1, kh=2, q0="40 um", g=9.81)
+    found = solve.sweep(model, 3.0, over="m=2:6:3")
+    for point, grams in zip(found.points, (2.0, 4.0, 6.0), strict=True):
+        assert point.parameters == {"m": grams}
+        stiffness = 1.5 * 2 * 1000**1.5 * np.sqrt(40e-6)
+        assert point.statistics["q"].mean == pytest.approx(1e-3 * grams * 9.81 / stiffness, rel=1e-8)

@@ -76,7 +76,7 @@ def test_variants_of_a_parameter_and_of_an_option():
     ("name", "values", "error", "message"),
     [
         ("l33", [1.0], UnknownNameError, "did you mean 'l3'"),
-        ("l3", ["long"], ValueOutOfBoundsError, "give a number in SI units"),
+        ("l3", ["long"], ValueOutOfBoundsError, "give a number in the model's own unit"),
         ("l3", [0.7, 0.7], ValueOutOfBoundsError, "twice"),
         ("modes", ["40"], ValueOutOfBoundsError, "allowed"),
     ],
