@@ -288,13 +288,14 @@ def _passing(low: Judged, high: Judged) -> Array:
 
 
 def _chord(kinds: Array) -> Aim:
-    """Where gaps of these kinds (E,) are zero on the chords between two points."""
+    """Where gaps of these kinds (E,) are zero on the chords between two points; the middle where they are
+    not, as beyond another edge that came to lie between."""
 
     def aim(low: Judged, high: Judged, lines: Array) -> Array:
         every, kind = np.arange(len(lines)), kinds[lines]
         above, below = low.gaps[every, kind], high.gaps[every, kind]
-        apart = above - below
-        return np.where(apart != 0, above / np.where(apart != 0, apart, 1.0), 0.5)
+        passes = above * below < 0
+        return np.where(passes, above / np.where(passes, above - below, 1.0), 0.5)
 
     return aim
 
