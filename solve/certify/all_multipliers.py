@@ -23,6 +23,7 @@ from solve.period.product_eigenvalues import (
     joined_blocks,
     product_eigenvalues,
 )
+from solve.progress import stage
 
 _NO_DIGIT = 0.1
 """Relative error from which on a multiplier is not known."""
@@ -225,17 +226,19 @@ def _on_steps(point: OnePoint, method: Method, request: Request, steps: int) -> 
     """Multipliers from the factors on so many steps, which are taken in parts where memory asks for it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     parts = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
-    if len(parts) == 1:
-        blocks = _blocks(_solutions(point, method, request, steps))
-    else:
-        assert isinstance(method, OneStep)
-        taken = []
-        for part in parts:
-            with np.errstate(all="ignore"):
-                A = method.discretise(point, part).steps.A
-            taken.append(balanced_blocks(A, first=sum(each.steps for each in parts[: len(taken)])))
-        blocks = joined_blocks(taken)
-    return product_eigenvalues(blocks.factors, blocks.rounding)
+    with stage(f"parts of {steps} steps, for every multiplier", len(parts)) as done:
+        if len(parts) == 1:
+            blocks = _blocks(_solutions(point, method, request, steps))
+        else:
+            assert isinstance(method, OneStep)
+            taken = []
+            for part in parts:
+                with np.errstate(all="ignore"):
+                    A = method.discretise(point, part).steps.A
+                taken.append(balanced_blocks(A, first=sum(each.steps for each in parts[: len(taken)])))
+                done.add()
+            blocks = joined_blocks(taken)
+        return product_eigenvalues(blocks.factors, blocks.rounding)
 
 
 def _exponential(logarithms: Array) -> Array:

@@ -225,6 +225,7 @@ LONG = [
     'solve validity cam --speeds "100:600:200 rpm"',
     'solve transient cam --speed "300 rpm" --turns 4000 --nonlinear',
     'solve floquet cam --speed "60 rpm" --method fourier',
+    'solve floquet gear_pair --speed "0.01 rpm" --rtol 1e-3 --all-multipliers',
     'models.four_bar study --speeds "15:50:71 rad/s" --over L4=0.5,0.6',
     'models.four_bar design --allowable "100 MPa"',
     "models.four_bar corrected --elements 4,5,6",
