@@ -144,6 +144,7 @@ def test_progress_is_told_while_the_map_is_made():
     assert list(dict.fromkeys(told))[:2] == [(8, 12), (12, 12)]
 
 
+@pytest.mark.slow
 def test_the_worst_link_of_a_quiet_speed_decides_whether_damping_helps(design):
     """Against the allowable stresses, not the stresses: a weak coupler is the worst link."""
     model = design.map.model
@@ -154,6 +155,7 @@ def test_the_worst_link_of_a_quiet_speed_decides_whether_damping_helps(design):
     assert design.map.worst_link(float(design.map.speeds[-1])) == "crank"
 
 
+@pytest.mark.slow
 def test_the_default_goal_is_beyond_a_limiting_speed_where_it_can_be_reached():
     """At 118 MPa the quiet speed above 26.1 rad/s is reached with the pivot back in its place."""
     found = carry_out(made(118e6, speeds=(8.0, 28.0)), duration=4.0)
@@ -164,6 +166,7 @@ def test_the_default_goal_is_beyond_a_limiting_speed_where_it_can_be_reached():
     assert found.trials[0].simulated.L4[-1] == pytest.approx(0.547)
 
 
+@pytest.mark.slow
 def test_a_coarse_start_finds_the_same_map(design):
     """Narrow peaks between the first speeds are found: halving goes on until they are resolved."""
     model = solve.load("four_bar")
@@ -205,6 +208,7 @@ def test_files_of_every_kind_hold_what_a_run_up_needs(design, tmp_path):
     np.testing.assert_allclose(record["stress"]["crank"], design.map.stress[:, :, 0])
 
 
+@pytest.mark.slow
 def test_compression_beyond_what_a_link_bears_is_told():
     """A slender coupler; its Euler load is π²EI/L²."""
     model = solve.load("four_bar", options={"stiffening": "on"}, I2=3e-12)

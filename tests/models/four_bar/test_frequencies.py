@@ -74,7 +74,9 @@ def test_exact_elements_have_frequencies_alone():
 
 
 @pytest.mark.parametrize(
-    ("element", "elements"), [("internal", 50), ("cubic", 30), ("dynamic", 50)], ids=lambda value: str(value)
+    ("element", "elements"),
+    [("internal", 50), ("cubic", 30), pytest.param("dynamic", 50, marks=pytest.mark.slow)],
+    ids=lambda value: str(value),
 )
 def test_low_frequencies_keep_their_digits_beside_very_high_ones(element, elements):
     """A short crank in many parts has modes a million times as fast as the lowest."""
