@@ -9,9 +9,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.results.quantities import RPM, greek, named, prefixed
+from solve.results.quantities import greek, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
-from solve.system import PeriodicSystem
+from solve.system import SPEED, PeriodicSystem
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
 """Inches, by the number of rows: one page holds them all."""
@@ -33,6 +33,9 @@ _BETWEEN = 16
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
 """Place in the colour map beyond which lines fade into the page."""
+
+_LABEL = 48
+"""Characters a line of a label."""
 
 _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
@@ -120,7 +123,7 @@ def checked_scale(scale: str) -> str:
 
 def titled(system: PeriodicSystem, speed: float) -> str:
     """Model, case and speed."""
-    return f"{title_of(system)}, {speed * RPM:.6g} rpm"
+    return f"{title_of(system)}, {system.speed_unit.text(speed)}"
 
 
 def title_of(system: PeriodicSystem) -> str:
@@ -159,10 +162,19 @@ def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: st
     return bar
 
 
-def label_speeds(axes: Axes, rpm: Array) -> None:
-    """The horizontal axis of rising speeds (k,)."""
-    axes.set_xlim(rpm[0], rpm[-1])
-    axes.set_xlabel("speed (rpm)")
+def axis_label(system: PeriodicSystem, name: str) -> str:
+    """A parameter or the speed with its unit and meaning."""
+    unit = system.unit_of(name).name
+    label = greek(name) + (f" ({unit.replace('^2', '²')})" if unit not in ("", "1") else "")
+    _, meaning = system.parameter_labels.get(name, ("", ""))
+    return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
+
+
+def label_speeds(axes: Axes, system: PeriodicSystem, speeds: Array) -> None:
+    """The horizontal axis of rising speeds (k,) in rad/s."""
+    shown = system.speed_unit.of(speeds)
+    axes.set_xlim(shown[0], shown[-1])
+    axes.set_xlabel(axis_label(system, SPEED))
     axes.ticklabel_format(axis="x", scilimits=(-3, 6))
 
 

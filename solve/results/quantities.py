@@ -3,9 +3,6 @@
 import math
 import re
 
-RPM = 30 / math.pi
-"""Turns a minute in a radian a second."""
-
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
 """Symbols that take a prefix, and the power of ten of the largest that is usual."""

@@ -2,14 +2,14 @@
 
 import functools
 import itertools
-import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from solve.methods.method import Method
-from solve.results.contents import Columns
+from solve.results.contents import Column, Columns
 from solve.results.quantities import prefixed
 from solve.system import PeriodicSystem
+from solve.units import USUAL, ShownUnit
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -75,6 +75,22 @@ def table_of(title: str, columns: Columns, every: int = 1, left: int = 0) -> Tab
     return made
 
 
+def speeds_of(
+    system: PeriodicSystem,
+    speeds: Any,
+    meaning: str = "speed of rotation",
+    heading: str = "",
+    form: str = ".6g",
+    axes: tuple[str, ...] = ("row",),
+) -> Column:
+    """Speeds (rad/s), in a table in the unit in which results of the system show them, which "{}" in the
+    heading stands for."""
+    unit = system.speed_unit
+    return Column(
+        speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes
+    )
+
+
 def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
     """Numbers times a factor as texts of this form.
 
@@ -118,14 +134,21 @@ def model_heading(system: PeriodicSystem, choices: Sequence[str]) -> Table:
     return grid
 
 
+def in_every_unit(speed: float, first: ShownUnit) -> str:
+    """A speed (rad/s) in the usual units, first in this one.
+
+    >>> from solve.units import RPM
+    >>> in_every_unit(1.0, RPM)
+    '9.5493 rpm = 1 rad/s = 0.159155 Hz'
+    """
+    units = dict.fromkeys([first, *USUAL])
+    return " = ".join(unit.text(speed, ".7g" if unit.size == 1 else ".6g") for unit in units)
+
+
 def heading(system: PeriodicSystem, speed: float, choices: Sequence[str]) -> Table:
     """Which model, at which speed; further rows can be added."""
     grid = model_heading(system, choices)
     period = system.period / speed
     factor, unit = prefixed("s", period)
-    grid.add_row(
-        "speed",
-        f"{speed * 30 / math.pi:.6g} rpm = {speed:.7g} rad/s = {speed / (2 * math.pi):.6g} Hz; "
-        f"period {period * factor:.6g} {unit}",
-    )
+    grid.add_row("speed", f"{in_every_unit(speed, system.speed_unit)}; period {period * factor:.6g} {unit}")
     return grid

@@ -27,7 +27,7 @@ from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.studies.boundaries import Judged, Search, hidden, judge
 from solve.studies.contours import Crossings, contours
 from solve.system import PeriodicSystem
-from solve.units import checked_tolerance, evenly, speed_in_si, speeds_given
+from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
 
 Names = tuple[str, str]
 Speed = float | str | None
@@ -63,7 +63,8 @@ def chart(
     Raises SolveError subclasses for bad input; a point that fails, such
     as a linkage that cannot turn, is NaN with its reason, and boundaries end beside it.
     """
-    (x_name, xs), (y_name, ys) = _axis("x", x), _axis("y", y)
+    (x_name, across), (y_name, upwards) = _axis("x", x), _axis("y", y)
+    xs, ys = np.array(across), np.array(upwards)
     if x_name == y_name:
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
@@ -79,8 +80,9 @@ def chart(
         results.require_any()
         search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
-        parts = x_name, xs, y_name, ys, family.example, results
-        solved = Chart(*parts, [], partial(_at, batch), solve_cut, notes)
+        system = family.example.shown_in(across[0]).shown_in(upwards[0])
+        at = partial(_at, batch, system.speed_unit)
+        solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, notes)
         if asked is not None:
             chosen = task_of(family, method, rtol, engine, asked.kept, orbit=asked.of_orbit)[0]
             found = results
@@ -131,9 +133,9 @@ class _Asked:
         return named.part(np.log(rho) * speeds / period if named.subject == EXPONENT else rho)
 
 
-def _at(batch: Batch, x: float, y: float) -> Stability:
+def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
     system, speed = batch.family.system(np.array([x, y]))
-    return floquet(system, speed, batch.method, rtol=batch.request.rtol)
+    return floquet(system, GivenSpeed(speed, unit), batch.method, rtol=batch.request.rtol)
 
 
 def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float) -> Cut:
@@ -154,7 +156,10 @@ def _truth(known: Judged) -> Array:
     return np.where(known.failed, np.nan, known.stable)
 
 
-def _axis(which: str, given: str | Mapping[str, str | Sequence[float | str] | Array]) -> tuple[str, Array]:
+def _axis(
+    which: str, given: str | Mapping[str, str | Sequence[float | str] | Array]
+) -> tuple[str, Sequence[float]]:
+    """Name and rising values."""
     if isinstance(given, str):
         name, _, text = given.partition("=")
         given = {name.strip(): text.strip()}
@@ -172,7 +177,7 @@ def _axis(which: str, given: str | Mapping[str, str | Sequence[float | str] | Ar
         raise ValueOutOfBoundsError(
             f"values of {name} must be at least two finite numbers, each larger than the one before"
         )
-    return name, found
+    return name, numbers
 
 
 @singledispatch

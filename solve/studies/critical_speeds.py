@@ -109,7 +109,8 @@ def critical_speeds(
     order up to `orders`; below those no maxima are looked for. Maxima are found to `tolerance`, relative.
     engine: as in `sweep`. Raises SolveError subclasses for bad input.
     """
-    omegas = np.array(speeds_between(speeds, "critical speeds"))
+    given = speeds_between(speeds, "critical speeds")
+    system, omegas = system.shown_in(given[0]), np.array(given)
     (name,) = system.known_quantities([quantity or system.coordinates[0]])
     require_name("figure", figure, RESPONSES)
     if orders < 1:
@@ -131,8 +132,8 @@ def critical_speeds(
         rows = _rows(search, grid, found, frequencies, rest, orders, step)
     skipped = frequencies.values[:, 0] > (orders + 0.5) * grid
     if skipped.any():
-        limit = float(grid[skipped].max()) * 30 / np.pi
-        notes = [*notes, f"below {limit:.4g} rpm only orders above {orders} lie: no maxima are looked for"]
+        limit = system.speed_unit.text(float(grid[skipped].max()), ".4g")
+        notes = [*notes, f"below {limit} only orders above {orders} lie: no maxima are looked for"]
     if found.failures:
         reason = next(iter(found.failures.values()))
         notes = [*notes, f"{len(found.failures)} of {len(grid)} speeds give no result: {reason}"]

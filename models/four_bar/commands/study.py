@@ -55,7 +55,9 @@ def study(
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **given)
     if all(each.results.failed.all() for each in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()
-    deliver_result(results, replace(compared, system=model, figure=kept), four_bar.choices)
+    deliver_result(
+        results, replace(compared, system=model.shown_in(omegas[0]), figure=kept), four_bar.choices
+    )
 
 
 def _systems(

@@ -66,7 +66,7 @@ def test_a_failed_point_says_why_and_the_sweep_goes_on(command):
     assert failed.keys() == {"speed", "error"}
     assert failed["speed"] == 1.0
     assert good["stable"] is True
-    assert f"warning: no result: {failed['error']} (at 9.5493 rpm)" in ran.err
+    assert f"warning: no result: {failed['error']} (at 1 rad/s)" in ran.err
 
 
 def test_warnings_are_whole_and_told_once_a_kind(command):
