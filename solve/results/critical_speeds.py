@@ -32,6 +32,8 @@ _MOST_DECADES = 1e3
 """Ratio of a response over speed from which its axis is logarithmic."""
 
 _HEADROOM = 1.15
+_CLEAR, _ASIDE = 0.05, 0.015
+"""Parts of the height and of the width that labels stay away from frames and curves."""
 
 
 @lasting
@@ -306,17 +308,8 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     for order in orders:
         rays = order * found.speeds / (2 * math.pi)
         axes.plot(speeds, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)
-        # One in Hz is a turn a second.
-        at = min(found.speeds[-1] / (2 * math.pi), top / order)
         if order <= 12 or order % 5 == 0:
-            place, white = (
-                (unit.of(2 * math.pi * at), at * order),
-                {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"},
-            )
-            clear = {"xytext": (-2, -2), "textcoords": "offset points", "annotation_clip": True}
-            axes.annotate(
-                str(order), place, color=GREY, fontsize=7, ha="right", va="top", bbox=white, **clear
-            )
+            _label_order(axes, found, order, found.frequencies[:, [mode - 1 for mode in shown]], top)
     axes.plot([], [], color=GREY, linewidth=0.7, label="orders of rotation")
     for mode in shown:
         label = "mean natural frequency" if mode == shown[0] else None
@@ -331,11 +324,24 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     _legend(axes)
 
 
+def _label_order(axes: Axes, found: CriticalSpeeds, order: int, frequencies: Array, top: float) -> None:
+    """Name an order on its ray, within the frame that ends at `top` (Hz) and clear of the frequencies (P, k)
+    in rad/s."""
+    clear = _CLEAR * top * 2 * math.pi
+    ray = order * found.speeds
+    free = (ray < 2 * math.pi * top - clear) & (np.abs(ray[:, None] - frequencies) > clear).all(axis=1)
+    span = np.ptp(found.speeds)
+    free &= np.minimum(found.speeds - found.speeds[0], found.speeds[-1] - found.speeds) > _ASIDE * span
+    if free.any():
+        at = found.speeds[free][-1]
+        box = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
+        place = found.system.speed_unit.of(at), order * at / (2 * math.pi)
+        axes.annotate(str(order), place, color=GREY, fontsize=7, ha="center", va="center", bbox=box, zorder=2)
+
+
 def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
     """A curve through the points and the maxima between them."""
-    at, heights = np.array([*zip(speeds, values, strict=True), *marks]).T
-    at, first = np.unique(at, return_index=True)
-    return through(at, heights[first])
+    return through(*np.array([*zip(speeds, values, strict=True), *marks]).T)
 
 
 def _draw_marks(

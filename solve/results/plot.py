@@ -34,7 +34,10 @@ _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
 """Place in the colour map beyond which lines fade into the page."""
 
-_LABEL = 48
+_FEW = 60
+"""Points of a curve up to which they are marked."""
+
+_LABEL = 54
 """Characters a line of a label."""
 
 _CLOSER = 0.4
@@ -188,11 +191,13 @@ def label_phases(axes: Axes, period: float) -> None:
 
 
 def through(x: Array, y: Array) -> tuple[Array, Array]:
-    """Further points of a curve over rising x (k,) between its own: monotone cubics (F. Fritsch, R. Carlson,
-    SIAM J. Numer. Anal. 17 (1980) 238-246), which make no extreme that is not a point; gaps of NaN stay."""
+    """Further points of a curve over x (k,), in any order, between its own: monotone cubics (F. Fritsch, R.
+    Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246), which make no extreme that is not a point; gaps of NaN
+    stay."""
     from scipy.interpolate import PchipInterpolator
 
-    parts = []
+    parts, (x, first) = [], np.unique(x, return_index=True)
+    y = np.where(np.isfinite(y), y, np.nan)[first]
     for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.isfinite(y))) + 1):
         at, values = x[part], y[part]
         if np.isfinite(values).all() and len(part) > 1:
@@ -202,6 +207,17 @@ def through(x: Array, y: Array) -> tuple[Array, Array]:
             at, values = fine, PchipInterpolator(at, values)(fine)
         parts.append((at, values))
     return np.concatenate([at for at, _ in parts]), np.concatenate([values for _, values in parts])
+
+
+def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **style: Any) -> None:
+    """A curve over x (k,) `through` its points, or `by_logarithm` of positive ones; where these are few they
+    are marked."""
+    with np.errstate(divide="ignore"):
+        fine, values = through(x, np.log(y) if by_logarithm else y)
+    axes.plot(fine, np.exp(values) if by_logarithm else values, **style)
+    if len(x) <= _FEW:
+        dots = {"color": style.get("color"), "markersize": 3.5, "zorder": 3}
+        axes.plot(x, y, ".", **dots)
 
 
 def shades(count: int) -> list[dict[str, Any]]:

@@ -7,7 +7,15 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.results.plot import axis_label, draw_map, label_quantity, label_speeds, shades, title_of
+from solve.results.plot import (
+    axis_label,
+    draw_map,
+    draw_through,
+    label_quantity,
+    label_speeds,
+    shades,
+    title_of,
+)
 from solve.results.quantities import greek, prefixed
 from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
 from solve.system import SPEED, PeriodicSystem
@@ -45,10 +53,10 @@ def sweep_figure(
             heights = values[order] * label_quantity(place, system, name, values, figure)
             for low, high, _ in bands:
                 heights[(speeds >= low) & (speeds <= high)] = np.nan
-            place.plot(shown, heights, color=BLUE)
-            known = np.where(np.isfinite(heights), heights, -np.inf)
-            inner = known[1:-1]
-            top = 1 + np.flatnonzero((inner > known[:-2]) & (inner >= known[2:]) & np.isfinite(inner))
+            draw_through(place, shown, heights, color=BLUE)
+            # Beside a gap the response may rise on.
+            inner = heights[1:-1]
+            top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
             place.plot(shown[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
             if len(top):
                 place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
@@ -87,10 +95,10 @@ def over_figure(
         for place, (name, values) in zip(axes, responses.items(), strict=False):
             factor = label_quantity(place, system, name, values, figure)
             for index, shade in zip(lines.values(), shapes, strict=True):
-                place.plot(x[index], values[index] * factor, **shade)
+                draw_through(place, x[index], values[index] * factor, **shade)
         axes[-1].axhline(1.0, color=BLACK, linewidth=0.9)
         for (words, index), shade in zip(lines.items(), shapes, strict=True):
-            axes[-1].plot(x[index], radius[index], label=words, **shade)
+            draw_through(axes[-1], x[index], radius[index], label=words, **shade)
         axes[-1].set_ylabel("spectral\nradius |ρ|")
         axes[-1].set_xlabel(label)
         if others:
@@ -155,9 +163,9 @@ def radius_figure(system: PeriodicSystem, speeds: Array, radius: Array, bands: E
 def _draw_radius(axes: Axes, system: PeriodicSystem, speeds: Array, radius: Array, bands: Edges) -> None:
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
     positive = np.where(radius > 0, radius, np.nan)
-    axes.semilogy(system.speed_unit.of(speeds), positive, color=BLUE)
-    if np.nanmin(positive, initial=1.0) > 0.1 and np.nanmax(positive, initial=1.0) < 10:
-        axes.set_yscale("linear")
+    draw_through(axes, system.speed_unit.of(speeds), positive, True, color=BLUE)
+    if np.nanmin(positive, initial=1.0) <= 0.1 or np.nanmax(positive, initial=1.0) >= 10:
+        axes.set_yscale("log")
     axes.set_ylabel("spectral\nradius |ρ|")
     label_speeds(axes, system, speeds)
     _shade(axes, system, bands)

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
-from solve.results.plot import label_quantity, label_speeds, shades, title_of
+from solve.results.plot import draw_through, label_quantity, label_speeds, shades, title_of
 from solve.results.quantities import fixed, named, prefixed
 from solve.results.report import RenderableType, model_heading, speeds_of, stacked, table
 from solve.results.result import Result
@@ -85,7 +85,7 @@ class Sweeps(Result):
             for place, (name, values) in zip(axes, responses.items(), strict=True):
                 factor = label_quantity(place, self.system, name, values, figure or self.figure)
                 for label, row, shade in zip(self.sweeps, values, shades(len(self.sweeps)), strict=True):
-                    place.plot(speeds, row[order] * factor, label=label, **shade)
+                    draw_through(place, speeds, row[order] * factor, label=label, **shade)
                 if np.nanmin(values, initial=0.0) >= 0:
                     place.set_ylim(bottom=0.0)
             label_speeds(axes[-1], self.system, self.speeds[order])

@@ -7,7 +7,7 @@ from typing import Any
 
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
-from solve.results.plot import MOST_ROWS, label_speeds, shades, title_of
+from solve.results.plot import MOST_ROWS, draw_through, label_speeds, shades, title_of
 from solve.results.report import RenderableType, digits, model_heading, speeds_of, stacked, table_of, text
 from solve.results.result import Result
 from solve.results.style import GREY, Figure, page
@@ -87,11 +87,12 @@ class Validity(Result):
         with page(3.4, f"{title_of(self.system)}: error of the linear orbit") as figure:
             axes = figure.subplots()
             for name, row, shade in zip(names, self.errors.T, shades(len(names)), strict=False):
-                axes.semilogy(unit.of(self.speeds), 100 * row, marker="o", label=name, **shade)
+                draw_through(axes, unit.of(self.speeds), 100 * row, True, label=name, **shade)
             limit = {"color": GREY, "linewidth": 0.8}
             axes.axhline(100 * self.allowed, linestyle="--", label=f"{100 * self.allowed:g} %", **limit)
             if self.trusted_to is not None:
                 axes.axvline(unit.of(self.trusted_to), linestyle=":", label="trusted to here", **limit)
+            axes.set_yscale("log")
             label_speeds(axes, self.system, self.speeds)
             axes.set_ylabel("max|difference| / max|q| (%)")
             axes.legend()
