@@ -20,7 +20,7 @@ from solve.errors import (
 )
 from solve.statistics import Statistics
 from solve.trigonometric import Trigonometric
-from solve.units import RPM, ShownUnit, unit_given
+from solve.units import RPM, ShownUnit, raised, unit_given
 
 Matrices = tuple[Array, Array, Array, Array]
 
@@ -252,7 +252,7 @@ class PeriodicSystem:
     def unit_of(self, name: str) -> ShownUnit:
         """In which values of a parameter, or of the "speed", are shown."""
         unit, _ = self.parameter_labels.get(name, ("", ""))
-        return self.speed_unit if name == SPEED else ShownUnit(unit, 1.0)
+        return self.speed_unit if name == SPEED else ShownUnit(raised(unit), 1.0)
 
     def known_quantities(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
         """Names of coordinates and outputs, by default all, each once. Raises UnknownNameError."""

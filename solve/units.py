@@ -27,6 +27,8 @@ _UNIT = re.compile(rf"{_FACTOR}((\s*[*/]\s*|\s+){_FACTOR})*+")
 _PREFIXES = {"G": 9, "M": 6, "k": 3, "c": -2, "m": -3, "u": -6, "µ": -6, "n": -9}
 _DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W)(?P<power>\^[2-4])?")
 
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 _LONGEST_UNIT = 80
 """Characters."""
 
@@ -69,6 +71,15 @@ class GivenSpeed(float):
 
     def __getnewargs__(self) -> tuple[float, ShownUnit | None]:  # type: ignore[override]
         return float(self), self.unit
+
+
+def raised(unit: str) -> str:
+    """A unit with its powers as they are printed.
+
+    >>> raised("kg m^2/s^3"), raised("1/s^10")
+    ('kg m²/s³', '1/s¹⁰')
+    """
+    return re.sub(r"\^(-?\d+)", lambda found: found[1].translate(_RAISED), unit)
 
 
 def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:

@@ -17,7 +17,7 @@ from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
 from solve.results.plot import axis_label
 from solve.results.points import PointResults
-from solve.results.quantities import greek, prefixed
+from solve.results.quantities import greek, headed, prefixed
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.result import Result
 from solve.results.stability import Stability
@@ -65,7 +65,7 @@ class Cut:
 
     def table(self, system: PeriodicSystem) -> RenderableType:
         """A row a crossing."""
-        where = f"Along {greek(self.along)} at {system.unit_of(self.across).text(self.value)}"
+        where = f"Along {self.along} at {system.unit_of(self.across).text(self.value)}"
         if not self.crossings:
             return text(f"\n{where}: no boundary")
         made = table(where, "at", "kind", left=0)
@@ -186,7 +186,7 @@ class Chart(Result):
         if self.of is None or self.values is None:
             return chart_figure(self.system, field, labels)
         factor, unit = prefixed(self.of.unit, float(np.nanmax(np.abs(self.values), initial=0.0)))
-        scale = f"{self.of.text} ({unit})".removesuffix(" ()")
+        scale = headed(self.of.text, unit)
         return values_figure(self.system, field, labels, factor * self.values, scale)
 
     @property

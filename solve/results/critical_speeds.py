@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, through, title_of
-from solve.results.quantities import fixed, named, prefixed
+from solve.results.quantities import fixed, headed, named, prefixed
 from solve.results.report import (
     RenderableType,
     Table,
@@ -187,12 +187,11 @@ class CriticalSpeeds(Result):
             return speeds_of(self.system, values, meaning, heading, ".3f")
 
         response, multiplier, rows = "response", "multiplier", self.rows
-        height = f"height ({unit})" if unit else "height"
         return {
             "speed": speeds([row.speed for row in rows], "of this row"),
             "response": speeds(of(response, "speed"), "maximum of the response", "response"),
             "response_height": Column(
-                *(of(response, "height"), si, f"{self.figure} of {self.quantity}", height),
+                *(of(response, "height"), si, f"{self.figure} of {self.quantity}", headed("height", unit)),
                 lambda value: fixed(value * factor, largest * factor, 5),
             ),
             "multiplier": speeds(

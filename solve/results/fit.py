@@ -112,7 +112,7 @@ class Fitted(Result):
         head.add_row("data", self.data)
         made = table("Fitted, with 95 % intervals", "parameter", "unit", "value", "low", "high", left=2)
         for name, each in self.parameters.items():
-            unit = self.system.parameter_labels[name][0]
+            unit = self.system.unit_of(name).name
             cells = (f"{number:.6g}" if math.isfinite(number) else "–" for number in each)
             made.add_row(name, unit, *cells)
         names = list(self.parameters)

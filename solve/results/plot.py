@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.results.quantities import greek, named, prefixed
+from solve.results.quantities import greek, headed, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
 from solve.system import SPEED, PeriodicSystem
 
@@ -167,8 +167,7 @@ def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: st
 
 def axis_label(system: PeriodicSystem, name: str) -> str:
     """A parameter or the speed with its unit and meaning."""
-    unit = system.unit_of(name).name
-    label = greek(name) + (f" ({unit.replace('^2', '²')})" if unit not in ("", "1") else "")
+    label = headed(name, system.unit_of(name).name)
     _, meaning = system.parameter_labels.get(name, ("", ""))
     return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
 

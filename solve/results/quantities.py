@@ -22,6 +22,15 @@ def greek(name: str) -> str:
     return _GREEK.sub(lambda found: _LETTERS[found[0]], name)
 
 
+def headed(name: str, unit: str) -> str:
+    """A name above its values, with their unit where they have one.
+
+    >>> headed("max|q1|", "mm"), headed("zeta", "1")
+    ('max|q1| (mm)', 'ζ')
+    """
+    return greek(name) + (f" ({unit})" if unit not in ("", "1") else "")
+
+
 def round_magnification(allowed: float) -> float:
     """The largest of 1, 2, 5, 10, 20, … that is allowed; 1 where even that is too much.
 

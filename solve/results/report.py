@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from solve.methods.method import Method
 from solve.results.contents import Column, Columns
-from solve.results.quantities import prefixed
+from solve.results.quantities import greek, prefixed
 from solve.system import PeriodicSystem
 from solve.units import USUAL, ShownUnit
 
@@ -45,11 +45,12 @@ def text(words: str, style: str = "") -> RenderableType:
 
 
 def table(title: str, *columns: str, left: int = 1) -> Table:
-    """A table of this program: the first `left` columns are text, the others numbers."""
+    """A table of this program: the first `left` columns are text, the others numbers; names that spell out
+    Greek letters have them."""
     from rich.box import SIMPLE_HEAD
 
     made = _number_table()(
-        title="\n" + title,
+        title="\n" + greek(title),
         title_justify="left",
         title_style="bold",
         box=SIMPLE_HEAD,
@@ -61,7 +62,7 @@ def table(title: str, *columns: str, left: int = 1) -> Table:
     )
     for index, column in enumerate(columns):
         made.add_column(
-            column, justify="left" if index < left else "right", no_wrap=index > 0, overflow="fold"
+            greek(column), justify="left" if index < left else "right", no_wrap=index > 0, overflow="fold"
         )
     return made
 
@@ -106,6 +107,9 @@ def _number_table() -> type[Table]:
     import rich.table
 
     class NumberTable(rich.table.Table):
+        def add_row(self, *cells: Any, **style: Any) -> None:
+            super().add_row(*(greek(cell) if isinstance(cell, str) else cell for cell in cells), **style)
+
         def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
             for column in self.columns:
                 if column.justify == "right":
@@ -130,7 +134,7 @@ def model_heading(system: PeriodicSystem, choices: Sequence[str]) -> Table:
         grid.add_row("", Text(system.title))
     chosen = dict.fromkeys([*(f"{name}={value}" for name, value in system.options.items()), *choices])
     if chosen:
-        grid.add_row("with", Text(", ".join(chosen)))
+        grid.add_row("with", Text(greek(", ".join(chosen))))
     return grid
 
 

@@ -16,7 +16,7 @@ from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Column, Columns, plain
 from solve.results.points import FAILED, FIGURES, PointResults
-from solve.results.quantities import fixed, prefixed
+from solve.results.quantities import fixed, headed, prefixed
 from solve.results.report import RenderableType, model_heading, speeds_of, stacked, table
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
@@ -225,14 +225,14 @@ class Sweep(Result):
         names = names or [name for name in self.system.coordinates if name in self.results.kept.names]
         sizes = {name: float(np.nanmax(self.figures(name), initial=0.0)) for name in names}
         scales = {name: prefixed(self.system.units.get(name, ""), size) for name, size in sizes.items()}
-        columns = [f"max|{name}| ({unit})" if unit else f"max|{name}|" for name, (_, unit) in scales.items()]
+        columns = [headed(f"max|{name}|", unit) for name, (_, unit) in scales.items()]
         widths = itertools.accumulate(len(each) + 2 for each in columns)
         fitting = max(1, sum(width <= _WIDTH for width in widths))
         every = math.ceil(len(self.points) / _MOST_ROWS)
         unit = self.system.speed_unit
         over = ", ".join([*self.parameters, "speed"])
         title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(self.points)}"
-        labels = [f"{name} ({self.system.parameter_labels[name][0]})" for name in self.parameters]
+        labels = [headed(name, self.system.unit_of(name).name) for name in self.parameters]
         made = table(title, *labels, unit.name, *columns[:fitting], "|ρ|", "stability", left=0)
         if fitting < len(names):
             made.caption = "others by --show NAME, all by --json"

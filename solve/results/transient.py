@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
 from solve.results.plot import MOST_ROWS, axis_label, label_quantity, title_of, titled
-from solve.results.quantities import fixed, prefixed
+from solve.results.quantities import fixed, headed, prefixed
 from solve.results.report import RenderableType, heading, model_heading, speeds_of, stacked, table, text
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
@@ -157,9 +157,7 @@ class Transient(Result):
         scales = [
             prefixed(self.system.units.get(name, ""), size) for name, size in zip(names, sizes, strict=False)
         ]
-        columns = [
-            f"{name} ({unit})" if unit else name for name, (_, unit) in zip(names, scales, strict=True)
-        ]
+        columns = [headed(name, unit) for name, (_, unit) in zip(names, scales, strict=True)]
         unit = self.system.speed_unit
         judged = f"to {unit.name}" if self.ramp else "from orbit"
         made = table("Largest moduli, turn by turn", "turn", *columns, judged, left=0)
