@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
-from solve.batch.store import made_folder
+from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.loading import load
@@ -71,12 +71,16 @@ def chart(
     points = np.column_stack([part.ravel() for part in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
     asked = None if of is None else _Asked(Named.of(family.example, of))
-    task, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
-    batch = task.batch(points)
+    of_orbit = asked is not None and asked.of_orbit
+    stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
+    task = stability
+    if asked is not None and of_orbit:
+        task, _ = task_of(family, method, rtol, engine, asked.kept)
+    batch = stability.batch(points)
     with steps(3) as step:
         step("the grid")
-        inner = made_folder(store) if store is not None and asked is not None and asked.of_orbit else None
-        results = task.solved(batch, points, executor, inner / "stability" if inner else store)
+        found = task.solved(task.batch(points), points, executor, store)
+        results = _stability(found, batch, points) if of_orbit else found
         results.require_any()
         search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
@@ -84,16 +88,22 @@ def chart(
         at = partial(_at, batch, system.speed_unit)
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, notes)
         if asked is not None:
-            chosen = task_of(family, method, rtol, engine, asked.kept, orbit=asked.of_orbit)[0]
-            found = results
-            if asked.of_orbit:
-                folder = inner / "quantity" if inner else None
-                found = chosen.solved(chosen.batch(points), points, executor, folder)
-            values = asked.over(found, family.speeds(points), family.example.period)
+            values = asked.over(found, family.speeds(points), system.period)
             solved = replace(solved, of=asked.named, values=values.reshape(solved.shape))
         if not boundaries:
             return solved
         return replace(solved, boundaries=_boundaries(search, solved, Judged.of(points, results), step))
+
+
+def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
+    """That of orbits at points (P, 2); where there is no orbit, as at resonance, by itself."""
+    failed = np.flatnonzero(orbits.failed)
+    blank = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
+    nothing = {"kept": blank.kept, "figures": blank.figures, "amplitudes": blank.amplitudes}
+    results = replace(orbits, **nothing, failures={})
+    if len(failed):
+        results.insert(failed, gathered(batch, points[failed], blank.kept))
+    return results
 
 
 @dataclass(frozen=True)
