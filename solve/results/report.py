@@ -51,14 +51,11 @@ def table(title: str, *columns: str, left: int = 1) -> Table:
 
     made = _number_table()(
         title="\n" + greek(title),
-        title_justify="left",
-        title_style="bold",
         box=SIMPLE_HEAD,
         show_edge=False,
         padding=(0, 1, 0, 1),
         collapse_padding=True,
         pad_edge=False,
-        caption_justify="left",
     )
     for index, column in enumerate(columns):
         made.add_column(
@@ -105,6 +102,7 @@ def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
 def _number_table() -> type[Table]:
     """Tables in which no number is cut: where the width is short, names go on in the next line."""
     import rich.table
+    from rich.text import Text
 
     class NumberTable(rich.table.Table):
         def add_row(self, *cells: Any, **style: Any) -> None:
@@ -115,7 +113,14 @@ def _number_table() -> type[Table]:
                 if column.justify == "right":
                     widths = (console.measure(cell).maximum for cell in column.cells)
                     column.min_width = max(widths, default=0)
-            yield from super().__rich_console__(console, options)
+            # Of themselves they would be broken at the table's width.
+            above, below = self.title, self.caption
+            self.title = self.caption = None
+            rows = [*super().__rich_console__(console, options)]
+            self.title, self.caption = above, below
+            yield from (Text(str(above), "bold"), *rows)
+            if below:
+                yield Text(str(below), "dim italic")
 
     return NumberTable
 
@@ -134,7 +139,7 @@ def model_heading(system: PeriodicSystem, choices: Sequence[str]) -> Table:
         grid.add_row("", Text(system.title))
     chosen = dict.fromkeys([*(f"{name}={value}" for name, value in system.options.items()), *choices])
     if chosen:
-        grid.add_row("with", Text(greek(", ".join(chosen))))
+        grid.add_row("with", Text(", ".join(chosen)))
     return grid
 
 
