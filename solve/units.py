@@ -53,6 +53,14 @@ class ShownUnit(NamedTuple):
         """
         return f"{self.of(value):{form}} {self.name}".removesuffix(" 1").rstrip()
 
+    def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
+        """Two numbers in SI units with this unit.
+
+        >>> RPM.span(math.pi, 2 * math.pi)
+        '30 to 60 rpm'
+        """
+        return f"{self.of(low):{form}} {word} {self.text(high, form)}"
+
 
 USUAL = tuple(ShownUnit(*each) for each in _RAD_PER_S.items())
 RPM = USUAL[0]

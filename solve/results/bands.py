@@ -108,11 +108,12 @@ class Bands(Sequence[Band], Result):
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a band."""
         unit = self.system.speed_unit
-        low, high = f"{unit.of(self.range[0]):.6g}", unit.text(self.range[1])
         head = model_heading(self.system, choices)
         width = unit.text(self.spacing, ".3g")
         limit = text(f"solved at speeds up to {width} apart: narrower bands may be missed", "dim")
         if not self:
-            return stacked(head, text(f"\nno unstable band found from {low} to {high}", "bold green"), limit)
-        made = table_of(f"Unstable between {low} and {high}", self.columns, left=2)
+            return stacked(
+                head, text(f"\nno unstable band found from {unit.span(*self.range)}", "bold green"), limit
+            )
+        made = table_of(f"Unstable between {unit.span(*self.range, 'and')}", self.columns, left=2)
         return stacked(head, made, limit)

@@ -260,8 +260,8 @@ class Chart(Result):
 
     def _span(self, name: str, values: Array) -> str:
         unit = self.system.unit_of(name)
-        low, high = unit.text(values.min()), unit.text(values.max())
-        return high if low == high else f"{unit.of(values.min()):.6g} … {high}"
+        low, high = values.min(), values.max()
+        return unit.text(high) if unit.text(low) == unit.text(high) else unit.span(low, high, "…")
 
     def _labels(self, name: str) -> tuple[str, str]:
         """Unit and meaning of a quantity."""

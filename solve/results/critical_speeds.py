@@ -107,20 +107,17 @@ class CriticalSpeeds(Result):
         mean nothing."""
         found, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
         if self.unstable_ranges:
-            ranges = ", ".join(
-                f"{unit.of(low):.5g} to {unit.text(high, '.5g')}" for low, high, _ in self.unstable_ranges
-            )
+            ranges = ", ".join(unit.span(*ends[:2], form=".5g") for ends in self.unstable_ranges)
             found.append(
                 f"the motion is unstable from {ranges}: the response there is never reached; "
                 "`bands` finds the edges"
             )
         if self.imaginary.any():
             speeds = self.speeds[self.imaginary]
-            first, last = unit.of(speeds[0]), unit.text(speeds[-1], ".5g")
             found.append(
                 "with matrices frozen somewhere in the turn a frequency is imaginary or complex at "
-                f"{len(speeds)} of {len(self.speeds)} speeds, from {first:.5g} to {last}: "
-                "means and divisions mean nothing there"
+                f"{len(speeds)} of {len(self.speeds)} speeds, "
+                f"from {unit.span(speeds[0], speeds[-1], form='.5g')}: means and divisions mean nothing there"
             )
         return found
 
@@ -221,8 +218,7 @@ class CriticalSpeeds(Result):
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a critical speed; combinations below."""
         head = model_heading(self.system, choices)
-        unit = self.system.speed_unit
-        head.add_row("between", f"{unit.of(self.speeds[0]):.6g} and {unit.text(self.speeds[-1])}")
+        head.add_row("between", self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and"))
         further = [self._unstable_table()] * bool(self.unstable_ranges)
         further += [self._combinations_table()] * bool(self.combinations)
         return stacked(head, self._rows_table(), *further)

@@ -185,10 +185,11 @@ class Sweep(Result):
         """Of points with these speeds, in words."""
         if self.parameters:
             return f"at {len(speeds)} of {len(self.speeds)} points"
-        first, low, high = map(self.system.speed_unit.text, (speeds[0], min(speeds), max(speeds)))
+        unit = self.system.speed_unit
+        first, span = f"at {unit.text(speeds[0])}", unit.span(min(speeds), max(speeds))
         if len(speeds) == 1:
-            return f"at {first}"
-        return f"at {first}; of this kind at {len(speeds)} of {len(self.speeds)} speeds, from {low} to {high}"
+            return first
+        return f"{first}; of this kind at {len(speeds)} of {len(self.speeds)} speeds, from {span}"
 
     @property
     def whole(self) -> dict[str, Any]:

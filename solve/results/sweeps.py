@@ -126,9 +126,8 @@ class Sweeps(Result):
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """Peaks and quiet speeds of each quantity, and its largest figures."""
         head = model_heading(self.system, choices)
-        unit = self.system.speed_unit
-        low, high = f"{unit.of(self.speeds.min()):.6g}", unit.text(self.speeds.max())
-        head.add_row("over", f"{len(self.speeds)} speeds from {low} to {high}")
+        span = self.system.speed_unit.span(self.speeds.min(), self.speeds.max())
+        head.add_row("over", f"{len(self.speeds)} speeds from {span}")
         return stacked(head, *map(self._table, self.quantities))
 
     def _table(self, name: str) -> RenderableType:

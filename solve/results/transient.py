@@ -179,8 +179,7 @@ class Transient(Result):
 
     @property
     def _ramp_in_words(self) -> str:
-        unit = self.system.speed_unit
-        return f"{unit.of(self.ends[0]):.6g} to {unit.text(self.ends[-1])}"
+        return self.system.speed_unit.span(self.ends[0], self.ends[-1])
 
     def plot(self) -> Figure:
         """The coordinates over the turns, the orbit beside; over time and speed where that varies

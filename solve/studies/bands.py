@@ -123,11 +123,8 @@ def _failures(batch: Batch, points: Array, unit: ShownUnit) -> str:
     reason = gathered(batch, points[:1], Kept(warnings=False)).failures.get(
         0, "multipliers are within their error of the unit circle; ask for a smaller rtol"
     )
-    low, high = unit.of(points[:, 0].min()), unit.text(points[:, 0].max())
-    return (
-        f"{len(points)} speeds between {low:.6g} and {high} give no result, and bands "
-        f"end open beside them: {reason}"
-    )
+    between = unit.span(points[:, 0].min(), points[:, 0].max(), "and")
+    return f"{len(points)} speeds between {between} give no result, and bands end open beside them: {reason}"
 
 
 Turning = Callable[[Array], Array]

@@ -77,7 +77,7 @@ def test_warnings_are_whole_and_told_once_a_kind(command):
     for line, text in zip(lines, first["warnings"], strict=True):
         assert line.startswith(f"warning: {text} (at 400 rpm; of this kind at ")
     trusted = [line for line in lines if "max|q1|" in line]
-    assert trusted[0].endswith("of this kind at 2 of 3 speeds, from 300 rpm to 400 rpm)")
+    assert trusted[0].endswith("of this kind at 2 of 3 speeds, from 300 to 400 rpm)")
     assert len(last["warnings"]) == 2
 
 
