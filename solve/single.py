@@ -43,6 +43,7 @@ def periodic(
     0.333148302
     """
     omega = speed_in_si(speed)
+    system = system.shown_in(omega)
     solved = _solved(system, omega, method, steps, rtol, engine, True, all_multipliers)
     return Orbit(system, omega, *solved)
 
@@ -63,9 +64,9 @@ def floquet(
     `periodic`. Raises SolveError subclasses for bad input, matrices or steps.
     """
     omega = speed_in_si(speed)
-    return Stability(
-        system, omega, *_solved(system, omega, method, steps, rtol, engine, False, all_multipliers)
-    )
+    system = system.shown_in(omega)
+    solved = _solved(system, omega, method, steps, rtol, engine, False, all_multipliers)
+    return Stability(system, omega, *solved)
 
 
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:

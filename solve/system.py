@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -19,6 +20,7 @@ from solve.errors import (
 )
 from solve.statistics import Statistics
 from solve.trigonometric import Trigonometric
+from solve.units import RPM, ShownUnit, raised, unit_given
 
 Matrices = tuple[Array, Array, Array, Array]
 
@@ -182,6 +184,8 @@ class PeriodicSystem:
     """Names that stand for several outputs, of which the largest counts: a stress on either surface."""
     units: Mapping[str, str] = MappingProxyType({})
     meanings: Mapping[str, str] = MappingProxyType({})
+    speed_unit: ShownUnit = RPM
+    """In which its results show speeds, in tables, pictures and sentences."""
 
     def __init__(
         self,
@@ -231,6 +235,28 @@ class PeriodicSystem:
     def n(self) -> int:
         """Number of coordinates."""
         return len(self.coordinates)
+
+    def shown_in(self, speed: float) -> Self:
+        """The same system, whose results show speeds in the unit in which this one was given, if it was given
+        in one."""
+        unit = unit_given(speed, self.speed_unit)
+        if unit == self.speed_unit:
+            return self
+        if unit not in self._by_speed_unit:
+            shown = object.__new__(type(self))
+            vars(shown).update(vars(self), speed_unit=unit)
+            self._by_speed_unit[unit] = shown
+        return self._by_speed_unit[unit]
+
+    @cached_property
+    def _by_speed_unit(self) -> dict[ShownUnit, Self]:
+        """Those that were asked for: what they calculated is kept."""
+        return {self.speed_unit: self}
+
+    def unit_of(self, name: str) -> ShownUnit:
+        """In which values of a parameter, or of the "speed", are shown."""
+        unit, _ = self.parameter_labels.get(name, ("", ""))
+        return self.speed_unit if name == SPEED else ShownUnit(raised(unit), 1.0)
 
     def known_quantities(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
         """Names of coordinates and outputs, by default all, each once. Raises UnknownNameError."""

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from numbers import Real
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from solve.errors import UnitError, ValueOutOfBoundsError
 from solve.sizes import NUMBERS_A_POINT, require_size
@@ -27,20 +27,83 @@ _UNIT = re.compile(rf"{_FACTOR}((\s*[*/]\s*|\s+){_FACTOR})*+")
 _PREFIXES = {"G": 9, "M": 6, "k": 3, "c": -2, "m": -3, "u": -6, "µ": -6, "n": -9}
 _DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W)(?P<power>\^[2-4])?")
 
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 _LONGEST_UNIT = 80
 """Characters."""
 
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
 
-def speed_in_si(speed: float | str) -> float:
-    """Ω in rad/s from a float in rad/s or a text such as "600 rpm", "62.8 rad/s", "10 Hz".
+class ShownUnit(NamedTuple):
+    """A unit in which numbers are shown, and its size in SI units."""
+
+    name: str
+    size: float
+
+    def of(self, values: Any) -> Any:
+        """A number, or an array of numbers, in SI units as it is shown."""
+        return values / self.size
+
+    def text(self, value: float, form: str = ".6g") -> str:
+        """A number in SI units with this unit.
+
+        >>> RPM.text(math.pi)
+        '30 rpm'
+        """
+        return f"{self.of(value):{form}} {self.name}".removesuffix(" 1").rstrip()
+
+    def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
+        """Two numbers in SI units with this unit.
+
+        >>> RPM.span(math.pi, 2 * math.pi)
+        '30 to 60 rpm'
+        """
+        return f"{self.of(low):{form}} {word} {self.text(high, form)}"
+
+
+USUAL = tuple(ShownUnit(*each) for each in _RAD_PER_S.items())
+RPM = USUAL[0]
+
+
+class GivenSpeed(float):
+    """A speed in rad/s, and the unit in which it was given; None where it was a number alone."""
+
+    __slots__ = ("unit",)
+    unit: ShownUnit | None
+
+    def __new__(cls, omega: float, unit: ShownUnit | None = None) -> "GivenSpeed":
+        made = super().__new__(cls, omega)
+        made.unit = unit
+        return made
+
+    def __getnewargs__(self) -> tuple[float, ShownUnit | None]:  # type: ignore[override]
+        return float(self), self.unit
+
+
+def raised(unit: str) -> str:
+    """A unit with its powers as they are printed.
+
+    >>> raised("kg m^2/s^3"), raised("1/s^10")
+    ('kg m²/s³', '1/s¹⁰')
+    """
+    return re.sub(r"\^(-?\d+)", lambda found: found[1].translate(_RAISED), unit)
+
+
+def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:
+    """In which the speed was given, if it was in one."""
+    return getattr(speed, "unit", None) or otherwise
+
+
+def speed_in_si(speed: float | str) -> GivenSpeed:
+    """Ω in rad/s, with its unit, from a float in rad/s or a text such as "600 rpm", "62.8 rad/s", "10 Hz".
 
     Raises UnitError for a text without a unit of rotation, ValueOutOfBoundsError unless finite and > 0.
 
     >>> round(speed_in_si("600 rpm"), 6)
     62.831853
     """
+    unit = getattr(speed, "unit", None)
     try:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
     except (TypeError, ValueError):
@@ -48,7 +111,10 @@ def speed_in_si(speed: float | str) -> float:
     if isinstance(speed, bool) or not (math.isfinite(omega) and omega > 0):
         raise ValueOutOfBoundsError(f"speed is {speed}; allowed: finite and > 0, such as '600 rpm'")
     require_size_of_number("speed", omega)
-    return omega
+    if isinstance(speed, str):
+        name = _apart(speed).partition(" ")[2].strip()
+        unit = ShownUnit(name, _RAD_PER_S.get(name) or conversion(name, "rad/s"))
+    return GivenSpeed(omega, unit)
 
 
 def require_size_of_number(what: str, value: float) -> None:
@@ -60,7 +126,7 @@ def require_size_of_number(what: str, value: float) -> None:
         )
 
 
-def speeds_given(speeds: float | str | Iterable[float | str]) -> list[float]:
+def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed]:
     """Speeds in rad/s from numbers in rad/s or texts with unit, from one of them, or from one text of many.
 
     Raises UnitError, ValueOutOfBoundsError.
@@ -82,7 +148,7 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[float]:
     return omegas
 
 
-def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> list[float]:
+def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> list[GivenSpeed]:
     """The same rising, each once. Raises ValueOutOfBoundsError for fewer than two, which `what` needs."""
     found = sorted(set(speeds_given(speeds)))
     if len(found) < 2:
@@ -90,7 +156,7 @@ def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> li
     return found
 
 
-def speeds_in_si(text: str) -> list[float]:
+def speeds_in_si(text: str) -> list[GivenSpeed]:
     """Speeds in rad/s from "A:B:N unit" (N points, both ends) or "600 900 1200 rpm"."""
     *numbers, unit = _apart(text).split() or [""]
     usage = f"speeds are '{text}'; give 'A:B:N unit' or numbers with one unit, such as '600 900 1200 rpm'"

@@ -1,5 +1,6 @@
 """`solve chart`: stability over two quantities."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 from solve.commands.deliver import deliver_result
@@ -39,7 +40,7 @@ def chart(
     deliver_result(results, result, problem.choices, result.notes)
 
 
-def _axis(flag: str, text: str | None) -> dict[str, list[float]]:
+def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
     """{name: values in the model's own unit}. Raises MissingValueError, ValueOutOfBoundsError, UnitError."""
     if text is None:
         raise MissingValueError(

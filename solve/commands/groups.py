@@ -6,7 +6,7 @@ command's own flags, so that a new command is a short file.
 
 import inspect
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -134,7 +134,7 @@ class Speeds:
         str | None, Flag('N speeds from A to B, or a list: "600 900 1200 rpm".', '"A:B:N unit"')
     ] = None
 
-    def omegas(self) -> list[float]:
+    def omegas(self) -> Sequence[float]:
         """Speeds in rad/s. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
         if self.speeds is None:
             raise MissingValueError('no speeds given; add a range, such as --speeds "100:900:81 rpm"')

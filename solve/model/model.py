@@ -81,14 +81,17 @@ class Model(PeriodicSystem):
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
         origin = getattr(self.module, "CODE", None) or Path(self.module.__file__ or "")
-        return _rebuilt, (type(self), origin, self.setup.case, self.options)
+        made_from = type(self), origin, self.setup.case, self.options
+        return _rebuilt, made_from, {"speed_unit": self.speed_unit}
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """The same model with some parameters (SI units) and options changed. Raises UnknownNameError and
         ValueOutOfBoundsError."""
-        return self.of(self.setup.varied(parameters or {}, options or {}))
+        made = self.of(self.setup.varied(parameters or {}, options or {}))
+        made.speed_unit = self.speed_unit
+        return made
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
@@ -272,6 +275,7 @@ class ModelAlong(Model):
         super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
         self.model, self.motion = model, motion
         self.period, self.validity = float(motion.nodes[-1]), {}
+        self.speed_unit = model.speed_unit
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model, self.motion)

@@ -1,6 +1,5 @@
 """Following an orbit from where Newton's iteration converges: in the speed, or in the load."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -50,11 +49,10 @@ def by_speed(task: Task, grid: Grid) -> Converged:
         except NoOrbitError:
             continue
         return _followed(
-            lambda speed: replace(task, speed=speed), float(slow), task.speed, start, grid, in_rpm
+            lambda speed: replace(task, speed=speed), float(slow), task.speed, start, grid, task.in_words
         )
-    raise NoOrbitError(
-        f"down to {in_rpm(task.speed / 2**_SLOWEST)} the iteration does not converge from the linear orbit"
-    )
+    slowest = task.in_words(task.speed / 2**_SLOWEST)
+    raise NoOrbitError(f"down to {slowest} the iteration does not converge from the linear orbit")
 
 
 def by_load(task: Task, grid: Grid) -> Converged:
@@ -97,11 +95,6 @@ def _followed(
             steps += found.iterations
             count.add(100 * at - count.done)
     return replace(found, iterations=steps)
-
-
-def in_rpm(speed: float) -> str:
-    """A speed (rad/s) in words."""
-    return f"{speed * 30 / math.pi:.4g} rpm"
 
 
 def _secant(before: tuple[float, Curve] | None, last: tuple[float, Curve], to: float) -> Curve:

@@ -48,6 +48,10 @@ class Task:
     engine: str
     rtol: float
 
+    def in_words(self, speed: float) -> str:
+        """A speed (rad/s)."""
+        return self.system.speed_unit.text(speed, ".4g")
+
     @property
     def period(self) -> float:
         """In phase."""

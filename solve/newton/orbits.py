@@ -14,7 +14,7 @@ from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocation import Collocated
 from solve.methods.radau import Radau
-from solve.newton.continuation import by_load, by_speed, in_rpm
+from solve.newton.continuation import by_load, by_speed
 from solve.newton.iteration import Converged, Newton, Task, iterated
 from solve.newton.settling import by_transient
 from solve.period.grid import Grid
@@ -62,6 +62,7 @@ def nonlinear(
         raise ValueOutOfBoundsError(f"periods is {periods!r}; allowed: whole numbers of at least 1")
     asked = request(steps, rtol, used, True)
     system.checked(omega)
+    system = system.shown_in(omega)
     task = Task(system, omega, int(periods), _collocated(rule, system, omega), used, asked.rtol)
     search = _Search(task, steps, notes, all_multipliers)
     return search.found() if start is None else search.certified(search.iterated(start), "start")
@@ -116,9 +117,9 @@ class _Search:
         if unstable is not None:
             return replace(unstable, settled=False)
         raise NoOrbitError(
-            f"no periodic orbit of {self.task.system.name} was reached at {in_rpm(self.task.speed)}; "
-            f"{'; '.join(failed)}; there may be no stable orbit of this period: try more periods or another "
-            "speed, or give a start"
+            f"no periodic orbit of {self.task.system.name} was reached at "
+            f"{self.task.in_words(self.task.speed)}; {'; '.join(failed)}; there may be no stable orbit of "
+            "this period: try more periods or another speed, or give a start"
         )
 
     def _by(self, way: str, failed: Sequence[str]) -> NonlinearOrbit:

@@ -58,9 +58,11 @@ def transient(
         raise ValueOutOfBoundsError(f"turns is {turns!r}; allowed: whole numbers of at least 1")
     given = start if isinstance(start, tuple) or start in (REST, ORBIT) else _read(Path(start), system)
     if speeds is not None:
-        return _run_up(system, ramp_in_si(speeds), int(turns), given, nonlinear, rtol, engine)
+        ramp = ramp_in_si(speeds)
+        return _run_up(system.shown_in(max(ramp)), ramp, int(turns), given, nonlinear, rtol, engine)
     assert speed is not None
     omega, finer = speed_in_si(speed), max(_FINER * rtol, _FINEST)
+    system = system.shown_in(omega)
     linear = periodic(system, omega, rtol=min(1e-6, finer), engine=engine)
     march = _marcher(system, linear, finer) if nonlinear else StepMarcher.of(linear)
     ends = np.full(turns + 1, omega)

@@ -17,7 +17,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
 
 from solve.arrays import Array, solved
 from solve.period.multipliers import scaled_alike
@@ -32,8 +31,6 @@ ROUNDING = 4.0
 
 _SWEEPS = 60
 """Sweeps for one eigenvalue after which the algorithm gives up; two to three are usual."""
-
-(_banded,) = get_lapack_funcs(("gbsv",), dtype=complex)
 
 
 @dataclass(frozen=True)
@@ -330,7 +327,10 @@ def _cyclic(own: Array, following: Array, right: Array) -> Array:
     bands[4 + place - after, after] += following
     permuted = np.empty_like(right)
     permuted[place] = right
-    solution, failed = _banded(2, 2, bands, permuted[:, None])[2:]
+    # The package alone takes longer to be read than many a command, which ask for no such eigenvalues.
+    from scipy.linalg.lapack import zgbsv  # pyright: ignore[reportAttributeAccessIssue]
+
+    solution, failed = zgbsv(2, 2, bands, permuted[:, None])[2:]
     return np.zeros(m) if failed else solution[place, 0]
 
 

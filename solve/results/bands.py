@@ -10,8 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
-from solve.results.quantities import RPM
-from solve.results.report import RenderableType, digits, model_heading, stacked, table_of, text
+from solve.results.report import RenderableType, digits, model_heading, speeds_of, stacked, table_of, text
 from solve.results.result import Result
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
@@ -88,8 +87,9 @@ class Bands(Sequence[Band], Result):
         """A row a band."""
         low, high = ([getattr(band, edge) for band in self] for edge in ("low", "high"))
         opens = [[getattr(band, f"open_{edge}") for band in self] for edge in ("low", "high")]
+        unit = self.system.speed_unit
         lows, highs = (
-            [f"{'< ' * open_}{speed * RPM:.3f}" for speed, open_ in zip(speeds, flags, strict=True)]
+            [f"{'< ' * open_}{unit.of(speed):.3f}" for speed, open_ in zip(speeds, flags, strict=True)]
             for speeds, flags in zip((low, high), opens, strict=True)
         )
         kinds, radii = [band.kind for band in self], [band.spectral_radius for band in self]
@@ -97,9 +97,9 @@ class Bands(Sequence[Band], Result):
         return {
             "kind": Column(kinds, "", "multiplier that leaves the unit circle", "kind"),
             "motion": Column([_MEANINGS[kind] for kind in kinds], "", "that grows", "motion"),
-            "from": Column(low, "rad/s", "lower edge", "from (rpm)", lows),
-            "to": Column(high, "rad/s", "upper edge", "to (rpm)", highs),
-            "width": Column(widths, "rad/s", "of the band", "width (rpm)", digits(".3g", RPM)),
+            "from": Column(low, "rad/s", "lower edge", f"from ({unit.name})", lows),
+            "to": Column(high, "rad/s", "upper edge", f"to ({unit.name})", highs),
+            "width": speeds_of(self.system, widths, "of the band", "width ({})", ".3g"),
             "spectral_radius": Column(radii, "1", "largest in the band", "largest |ρ|", digits(".6g")),
             "open_low": Column(opens[0], "", "whether it goes on below"),
             "open_high": Column(opens[1], "", "whether it goes on above"),
@@ -107,13 +107,13 @@ class Bands(Sequence[Band], Result):
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a band."""
-        low, high = (speed * RPM for speed in self.range)
+        unit = self.system.speed_unit
         head = model_heading(self.system, choices)
-        width = f"{self.spacing * RPM:.3g} rpm"
+        width = unit.text(self.spacing, ".3g")
         limit = text(f"solved at speeds up to {width} apart: narrower bands may be missed", "dim")
         if not self:
             return stacked(
-                head, text(f"\nno unstable band found from {low:.6g} to {high:.6g} rpm", "bold green"), limit
+                head, text(f"\nno unstable band found from {unit.span(*self.range)}", "bold green"), limit
             )
-        made = table_of(f"Unstable between {low:.6g} and {high:.6g} rpm", self.columns, left=2)
+        made = table_of(f"Unstable between {unit.span(*self.range, 'and')}", self.columns, left=2)
         return stacked(head, made, limit)

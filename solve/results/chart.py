@@ -12,11 +12,12 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.named import Named
-from solve.results.chart_plot import Field, axis_label, chart_figure, factor_of, values_figure
+from solve.results.chart_plot import Field, chart_figure, values_figure
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
+from solve.results.plot import axis_label
 from solve.results.points import PointResults
-from solve.results.quantities import prefixed
+from solve.results.quantities import greek, headed, prefixed
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.result import Result
 from solve.results.stability import Stability
@@ -62,14 +63,14 @@ class Cut:
             "crossings": [{"at": at, "kind": kind} for at, kind in self.crossings],
         }
 
-    def table(self) -> RenderableType:
+    def table(self, system: PeriodicSystem) -> RenderableType:
         """A row a crossing."""
-        where = f"Along {self.along} at {_span(self.across, np.array([self.value]))}"
+        where = f"Along {self.along} at {system.unit_of(self.across).text(self.value)}"
         if not self.crossings:
             return text(f"\n{where}: no boundary")
         made = table(where, "at", "kind", left=0)
         for at, kind in self.crossings:
-            made.add_row(_span(self.along, np.array([at]), 9), kind)
+            made.add_row(system.unit_of(self.along).text(at, ".9g"), kind)
         return made
 
 
@@ -168,24 +169,24 @@ class Chart(Result):
 
     def plot(self) -> Figure:
         """Stable and unstable regions with their growth ln|ρ| a period, or the quantity that was asked for,
-        and boundaries; speeds in rpm."""
+        and boundaries."""
         names = self.x_name, self.y_name
-        factors = np.array([factor_of(name) for name in names])
+        units = [self.system.unit_of(name) for name in names]
         with np.errstate(divide="ignore"):
             growth = np.log(self.spectral_radius)
         field = Field(
-            self.x * factors[0],
-            self.y * factors[1],
+            units[0].of(self.x),
+            units[1].of(self.y),
             growth,
             self.kinds,
             np.isnan(self.stable),
-            [(kind, points * factors) for kind, points in self.boundaries],
+            [(kind, points / [unit.size for unit in units]) for kind, points in self.boundaries],
         )
         labels = axis_label(self.system, names[0]), axis_label(self.system, names[1])
         if self.of is None or self.values is None:
             return chart_figure(self.system, field, labels)
         factor, unit = prefixed(self.of.unit, float(np.nanmax(np.abs(self.values), initial=0.0)))
-        scale = f"{self.of.text} ({unit})".removesuffix(" ()")
+        scale = headed(self.of.text, unit)
         return values_figure(self.system, field, labels, factor * self.values, scale)
 
     @property
@@ -212,14 +213,14 @@ class Chart(Result):
         radius, known = self.spectral_radius, self.stable[np.isfinite(self.stable)]
         share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())
         head = model_heading(self.system, choices)
-        head.add_row("over", f"{_range(self.x_name, self.x)}, {_range(self.y_name, self.y)}")
+        head.add_row("over", ", ".join(map(self._range, (self.x_name, self.y_name), (self.x, self.y))))
         if self.of is not None and self.values is not None:
             low, high = np.nanmin(self.values), np.nanmax(self.values)
             head.add_row(self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1"))
         head.add_row("stable", f"{share:.4g} % of {radius.size} points; largest |ρ| {np.nanmax(radius):.6g}")
         if open_:
             head.add_row("undetermined", f"{open_} points, within their error of the unit circle")
-        return stacked(head, self._boundary_table(), *(cut.table() for cut in self.cuts))
+        return stacked(head, self._boundary_table(), *(cut.table(self.system) for cut in self.cuts))
 
     def _boundary_table(self) -> RenderableType:
         if not self.boundaries:
@@ -227,7 +228,7 @@ class Chart(Result):
         names = self.x_name, self.y_name
         made = table("Boundaries between stable and unstable", "kind", "points", *names, left=1)
         for curve in sorted(self.boundaries, key=lambda curve: -len(curve.points))[:_MOST_CURVES]:
-            spans = map(_span, names, curve.points.T)
+            spans = map(self._span, names, curve.points.T)
             made.add_row(curve.name, str(len(curve.points)), *spans)
         if len(self.boundaries) > _MOST_CURVES:
             made.caption = f"and {len(self.boundaries) - _MOST_CURVES} shorter ones"
@@ -254,18 +255,16 @@ class Chart(Result):
             **asked,
         }
 
+    def _range(self, name: str, values: Array) -> str:
+        return f"{greek(name)} {self._span(name, values)} ({len(values)})"
+
+    def _span(self, name: str, values: Array) -> str:
+        unit = self.system.unit_of(name)
+        low, high = values.min(), values.max()
+        return unit.text(high) if unit.text(low) == unit.text(high) else unit.span(low, high, "…")
+
     def _labels(self, name: str) -> tuple[str, str]:
         """Unit and meaning of a quantity."""
         if name == "speed":
             return "rad/s", "speed of rotation"
         return self.system.parameter_labels.get(name, ("", ""))
-
-
-def _range(name: str, values: Array) -> str:
-    return f"{name} {_span(name, values)} ({len(values)})"
-
-
-def _span(name: str, values: Array, digits: int = 6) -> str:
-    unit = " rpm" if name == "speed" else ""
-    low, high = (f"{value * factor_of(name):.{digits}g}" for value in (values.min(), values.max()))
-    return f"{low}{unit}" if low == high else f"{low} … {high}{unit}"

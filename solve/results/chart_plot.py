@@ -1,6 +1,5 @@
 """The picture of a stability chart: regions by their stability, the growth in unstable ones, boundaries."""
 
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -8,7 +7,6 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.plot import draw_map, title_of
-from solve.results.quantities import RPM, greek
 from solve.results.style import BLACK, GREY, Axes, Figure, page
 from solve.results.sweep_plot import KIND_COLORS, KIND_NAMES
 from solve.system import PeriodicSystem
@@ -27,9 +25,6 @@ _LETTER = 0.007, 0.035
 
 _FEWEST = 5
 """Points of a curve that can be smoothed."""
-
-_LABEL = 48
-"""Characters a line of a label."""
 
 
 class Field(NamedTuple):
@@ -100,22 +95,6 @@ def _boundary_keys(lines: Sequence[str], styles: Mapping[str, Mapping[str, Any]]
     from matplotlib.lines import Line2D
 
     return [Line2D([], [], label=f"boundary {_SHORT[kind]}", **styles[kind]) for kind in lines]
-
-
-def axis_label(system: PeriodicSystem, name: str) -> str:
-    """A quantity with its unit and meaning."""
-    if name == "speed":
-        return "speed (rpm)"
-    if name not in system.parameter_labels:
-        return greek(name)
-    unit, meaning = system.parameter_labels[name]
-    label = f"{greek(name)} ({unit.replace('^2', '²')})" if unit != "1" else greek(name)
-    return "\n".join(textwrap.wrap(f"{label}: {meaning}", _LABEL))
-
-
-def factor_of(name: str) -> float:
-    """From SI units to those shown."""
-    return RPM if name == "speed" else 1.0
 
 
 def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str]) -> None:

@@ -12,8 +12,17 @@ from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, through, title_of
-from solve.results.quantities import RPM, fixed, named, prefixed
-from solve.results.report import RenderableType, Table, digits, model_heading, stacked, table, table_of
+from solve.results.quantities import fixed, headed, named, prefixed
+from solve.results.report import (
+    RenderableType,
+    Table,
+    digits,
+    model_heading,
+    speeds_of,
+    stacked,
+    table,
+    table_of,
+)
 from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
@@ -23,6 +32,8 @@ _MOST_DECADES = 1e3
 """Ratio of a response over speed from which its axis is logarithmic."""
 
 _HEADROOM = 1.15
+_CLEAR, _ASIDE = 0.05, 0.015
+"""Parts of the height and of the width that labels stay away from frames and curves."""
 
 
 @lasting
@@ -94,21 +105,19 @@ class CriticalSpeeds(Result):
     def warnings(self) -> list[str]:
         """About the equations themselves at the highest speed, unstable ranges, and frozen frequencies that
         mean nothing."""
-        found = self.system.warnings(float(self.speeds[-1]))
+        found, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
         if self.unstable_ranges:
-            ranges = ", ".join(
-                f"{low * RPM:.5g} to {high * RPM:.5g}" for low, high, _ in self.unstable_ranges
-            )
+            ranges = ", ".join(unit.span(*ends[:2], form=".5g") for ends in self.unstable_ranges)
             found.append(
-                f"the motion is unstable from {ranges} rpm: the response there is never reached; "
+                f"the motion is unstable from {ranges}: the response there is never reached; "
                 "`bands` finds the edges"
             )
         if self.imaginary.any():
-            speeds = self.speeds[self.imaginary] * RPM
+            speeds = self.speeds[self.imaginary]
             found.append(
                 "with matrices frozen somewhere in the turn a frequency is imaginary or complex at "
-                f"{len(speeds)} of {len(self.speeds)} speeds, from {speeds[0]:.5g} to {speeds[-1]:.5g} rpm: "
-                "means and divisions mean nothing there"
+                f"{len(speeds)} of {len(self.speeds)} speeds, "
+                f"from {unit.span(speeds[0], speeds[-1], form='.5g')}: means and divisions mean nothing there"
             )
         return found
 
@@ -140,7 +149,7 @@ class CriticalSpeeds(Result):
             places = figure.subplots(len(drawn), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
             for axes, draw in zip(places, drawn, strict=True):
                 draw(axes, self)
-            label_speeds(places[-1], self.speeds * RPM)
+            label_speeds(places[-1], self.system, self.speeds)
             figure.align_ylabels()
         return figure
 
@@ -172,15 +181,14 @@ class CriticalSpeeds(Result):
             return [maximum and getattr(maximum, name) for maximum in found]
 
         def speeds(values: list[float | None], meaning: str, heading: str = "") -> Column:
-            return Column(values, "rad/s", meaning, heading, digits(".3f", RPM))
+            return speeds_of(self.system, values, meaning, heading, ".3f")
 
         response, multiplier, rows = "response", "multiplier", self.rows
-        height = f"height ({unit})" if unit else "height"
         return {
             "speed": speeds([row.speed for row in rows], "of this row"),
             "response": speeds(of(response, "speed"), "maximum of the response", "response"),
             "response_height": Column(
-                *(of(response, "height"), si, f"{self.figure} of {self.quantity}", height),
+                *(of(response, "height"), si, f"{self.figure} of {self.quantity}", headed("height", unit)),
                 lambda value: fixed(value * factor, largest * factor, 5),
             ),
             "multiplier": speeds(
@@ -210,29 +218,33 @@ class CriticalSpeeds(Result):
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a critical speed; combinations below."""
         head = model_heading(self.system, choices)
-        low, high = (f"{speed * RPM:.6g}" for speed in self.speeds[[0, -1]])
-        head.add_row("between", f"{low} and {high} rpm")
+        head.add_row("between", self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and"))
         further = [self._unstable_table()] * bool(self.unstable_ranges)
         further += [self._combinations_table()] * bool(self.combinations)
         return stacked(head, self._rows_table(), *further)
 
     def _unstable_table(self) -> Table:
-        made = table("Unstable among the speeds, rpm", "from", "to", "largest |ρ|", left=0)
+        unit = self.system.speed_unit
+        made = table(f"Unstable among the speeds, {unit.name}", "from", "to", "largest |ρ|", left=0)
         for low, high, radius in self.unstable_ranges:
-            made.add_row(f"{low * RPM:.3f}", f"{high * RPM:.3f}", f"{radius:.6g}")
+            made.add_row(f"{unit.of(low):.3f}", f"{unit.of(high):.3f}", f"{radius:.6g}")
         return made
 
     def _rows_table(self) -> Table:
         height = named(self.figure, self.quantity)
-        made = table_of(f"Critical speeds in rpm; height: {height}", self.columns)
+        made = table_of(f"Critical speeds in {self.system.speed_unit.name}; height: {height}", self.columns)
         made.caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
         return made
 
     def _combinations_table(self) -> Table:
-        made = table("Combinations (ω̄i ± ω̄j)/k, rpm", "speed", "i", "j", "k", left=0)
+        unit = self.system.speed_unit
+        made = table(f"Combinations (ω̄i ± ω̄j)/k, {unit.name}", "speed", "i", "j", "k", left=0)
         for one in self.combinations[:_MOST_COMBINATIONS]:
             made.add_row(
-                f"{one.speed * RPM:.3f}", str(one.modes[0]), f"{one.sign * one.modes[1]:+d}", str(one.order)
+                f"{unit.of(one.speed):.3f}",
+                str(one.modes[0]),
+                f"{one.sign * one.modes[1]:+d}",
+                str(one.order),
             )
         if len(self.combinations) > _MOST_COMBINATIONS:
             made.caption = f"and {len(self.combinations) - _MOST_COMBINATIONS} at lower speeds"
@@ -245,11 +257,11 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     factor = label_quantity(axes, found.system, found.quantity, known, found.figure)
     stable = np.where(found.unstable, np.nan, found.response)
     speeds, response = _curve(found.speeds, stable, maxima)
-    axes.plot(speeds * RPM, response * factor, color=BLUE)
+    axes.plot(found.system.speed_unit.of(speeds), response * factor, color=BLUE)
     largest, least = float(np.nanmax(known, initial=0.0)), float(np.nanmin(known, initial=np.inf))
     if largest > _MOST_DECADES * least > 0:
         axes.set_yscale("log")
-    _draw_marks(axes, maxima, factor, BLUE, "maximum")
+    _draw_marks(axes, found, maxima, factor, BLUE, "maximum")
     _shade(axes, found)
     _legend(axes)
 
@@ -263,12 +275,13 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
 
     maxima = found.maxima("multiplier")
     speeds, real_part = _curve(found.speeds, found.real_part, maxima)
-    axes.plot(speeds * RPM, rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
+    shown = found.system.speed_unit.of
+    axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
     for sign, label in ((1, "±|ρ|"), (-1, None)):
         dots = {"color": GREY, "linewidth": 0.7, "linestyle": ":", "label": label}
-        axes.plot(found.speeds * RPM, sign * rooted(found.radius), **dots)
+        axes.plot(shown(found.speeds), sign * rooted(found.radius), **dots)
     marks = [(speed, float(rooted(np.array(height)))) for speed, height in maxima]
-    _draw_marks(axes, marks, 1, VERMILION, "maximum of Re ρ")
+    _draw_marks(axes, found, marks, 1, VERMILION, "maximum of Re ρ")
     reach = float(np.nanmax(found.radius, initial=1e-12))
     ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
     places = [0.0, *ticks, *(-size for size in ticks)]
@@ -282,25 +295,21 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
 def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    rpm, divided = found.speeds * RPM, found.divided
+    unit, divided = found.system.speed_unit, found.divided
+    speeds = unit.of(found.speeds)
     orders = sorted({order for *_, order in divided})
     shown = sorted({mode for _, mode, _ in divided}) or [1]
     top = _HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
     for order in orders:
         rays = order * found.speeds / (2 * math.pi)
-        axes.plot(rpm, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)
-        at = min(rpm[-1], top * 60 / order)
+        axes.plot(speeds, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)
         if order <= 12 or order % 5 == 0:
-            place, white = (at, at * order / 60), {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
-            clear = {"xytext": (-2, -2), "textcoords": "offset points", "annotation_clip": True}
-            axes.annotate(
-                str(order), place, color=GREY, fontsize=7, ha="right", va="top", bbox=white, **clear
-            )
+            _label_order(axes, found, order, found.frequencies[:, [mode - 1 for mode in shown]], top)
     axes.plot([], [], color=GREY, linewidth=0.7, label="orders of rotation")
     for mode in shown:
         label = "mean natural frequency" if mode == shown[0] else None
-        axes.plot(rpm, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3, label=label)
-    crossed = [(speed * RPM, order * speed / (2 * math.pi)) for speed, _, order in divided]
+        axes.plot(speeds, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3, label=label)
+    crossed = [(unit.of(speed), order * speed / (2 * math.pi)) for speed, _, order in divided]
     if crossed:
         axes.plot(*zip(*crossed, strict=True), "o", color=GREEN, zorder=4, label="integer division")
     axes.set_ylim(0.0, top)
@@ -310,20 +319,38 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     _legend(axes)
 
 
+def _label_order(axes: Axes, found: CriticalSpeeds, order: int, frequencies: Array, top: float) -> None:
+    """Name an order on its ray, within the frame that ends at `top` (Hz) and clear of the frequencies (P, k)
+    in rad/s."""
+    clear = _CLEAR * top * 2 * math.pi
+    ray = order * found.speeds
+    free = (ray < 2 * math.pi * top - clear) & (np.abs(ray[:, None] - frequencies) > clear).all(axis=1)
+    span = np.ptp(found.speeds)
+    free &= np.minimum(found.speeds - found.speeds[0], found.speeds[-1] - found.speeds) > _ASIDE * span
+    if free.any():
+        at = found.speeds[free][-1]
+        box = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
+        place = found.system.speed_unit.of(at), order * at / (2 * math.pi)
+        axes.annotate(str(order), place, color=GREY, fontsize=7, ha="center", va="center", bbox=box, zorder=2)
+
+
 def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
     """A curve through the points and the maxima between them."""
-    at, heights = np.array([*zip(speeds, values, strict=True), *marks]).T
-    at, first = np.unique(at, return_index=True)
-    return through(at, heights[first])
+    return through(*np.array([*zip(speeds, values, strict=True), *marks]).T)
 
 
 def _draw_marks(
-    axes: Axes, marks: Sequence[tuple[float, float]], factor: float, color: str, label: str
+    axes: Axes,
+    found: CriticalSpeeds,
+    marks: Sequence[tuple[float, float]],
+    factor: float,
+    color: str,
+    label: str,
 ) -> None:
     if marks:
         speeds, heights = np.array(marks).T
         style = {"color": color, "markersize": 4.5, "zorder": 4, "label": label}
-        axes.plot(speeds * RPM, heights * factor, "v", **style)
+        axes.plot(found.system.speed_unit.of(speeds), heights * factor, "v", **style)
 
 
 def _shade(axes: Axes, found: CriticalSpeeds) -> None:
@@ -332,7 +359,7 @@ def _shade(axes: Axes, found: CriticalSpeeds) -> None:
         return
     style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0, "label": "unstable"}
     across, where = axes.get_xaxis_transform(), found.unstable.tolist()
-    axes.fill_between(found.speeds * RPM, 0, 1, where=where, transform=across, **style)
+    axes.fill_between(found.system.speed_unit.of(found.speeds), 0, 1, where=where, transform=across, **style)
 
 
 def _legend(axes: Axes) -> None:

@@ -14,7 +14,7 @@ from solve.arrays import Array
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
 from solve.results.plot import labelled, title_of
-from solve.results.quantities import RPM, prefixed
+from solve.results.quantities import prefixed
 from solve.results.report import RenderableType, model_heading, stacked, table, text
 from solve.results.result import Result
 from solve.results.save import checked, write_whole
@@ -112,7 +112,7 @@ class Fitted(Result):
         head.add_row("data", self.data)
         made = table("Fitted, with 95 % intervals", "parameter", "unit", "value", "low", "high", left=2)
         for name, each in self.parameters.items():
-            unit = self.system.parameter_labels[name][0]
+            unit = self.system.unit_of(name).name
             cells = (f"{number:.6g}" if math.isfinite(number) else "–" for number in each)
             made.add_row(name, unit, *cells)
         names = list(self.parameters)
@@ -124,9 +124,12 @@ class Fitted(Result):
         ]
         if pairs:
             made.caption = f"correlated: {', '.join(pairs)}"
-        off = table("Computed against measured", "quantity", "rpm", "values", "difference, %", left=1)
+        unit = self.system.speed_unit
+        off = table("Computed against measured", "quantity", unit.name, "values", "difference, %", left=1)
         for each in self.channels:
-            off.add_row(each.name, f"{each.speed * RPM:.6g}", str(len(each.at)), f"{100 * each.relative:.3g}")
+            off.add_row(
+                each.name, f"{unit.of(each.speed):.6g}", str(len(each.at)), f"{100 * each.relative:.3g}"
+            )
         words = f"\nresidual {100 * self.residual:.3g} % of what was measured"
         return stacked(head, made, off, text(words))
 
@@ -146,7 +149,7 @@ class Fitted(Result):
                 )
                 axes.plot(across, factor * computed[order], color=BLUE, label="computed", **line)
                 axes.set_ylabel(labelled(each.name, unit))
-                axes.set_title(f"{each.speed * RPM:.6g} rpm", loc="left")
+                axes.set_title(self.system.speed_unit.text(each.speed), loc="left")
                 axes.set_xlabel("order" if each.orders else "phase (°)")
             panels[0].legend()
         return figure

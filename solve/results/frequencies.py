@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, Contents, model_record, plain
 from solve.results.frequencies_plot import shapes_figure, turn_figure, variation_figure
-from solve.results.quantities import fixed
+from solve.results.quantities import fixed, headed
 from solve.results.report import RenderableType, Table, model_heading, stacked, table
 from solve.results.result import Result
 from solve.results.style import Figure
@@ -146,12 +146,11 @@ class Variation(Result):
 
     def table(self) -> Table:
         """A row a value of the parameter: the lowest frequency, and those of up to three links alone."""
-        unit, _ = self.system.parameter_labels[self.parameter]
         whole, pinned = len(self.positions) > 1, dict(itertools.islice(self.pinned.items(), 3))
         names = ["mean ω1", "min", "max"] if whole else ["ω1"]
         names += [f"{link} alone" for link in pinned]
         mean_of = f": the mean of {len(self.positions)} positions" if whole else ""
-        parameter = f"{self.parameter} ({unit})" if unit != "1" else self.parameter
+        parameter = headed(self.parameter, self.system.unit_of(self.parameter).name)
         made = table(f"Over {self.parameter}, rad/s{mean_of}", parameter, *names, left=0)
         largest = float(np.abs(self.values).max())
         lowest = [each[:, 0] for each in self.figures.values()][: 3 if whole else 1]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.plot import title_of
+from solve.results.plot import axis_label, title_of
 from solve.results.style import (
     BLACK,
     BLUE,
@@ -96,7 +96,6 @@ def variation_figure(
 
     lowest: mean, min and max (v,) of the positions, which are a whole turn or one; pinned: by link.
     """
-    unit, meaning = system.parameter_labels[parameter]
     with page(3.8, f"{title_of(system)}: lowest frequency over {parameter}") as made:
         axes = made.subplots()
         if whole:
@@ -109,7 +108,7 @@ def variation_figure(
                 axes.plot(values, alone, color=color, linestyle="--", label=f"{link} alone, pinned")
         axes.set_ylim(0, top)
         axes.set_xlim(values.min(), values.max())
-        axes.set_xlabel(f"{parameter}: {meaning}" + (f" ({unit})" if unit != "1" else ""))
+        axes.set_xlabel(axis_label(system, parameter))
         _label_frequencies(axes)
         axes.legend(loc="best")
     return made

@@ -15,6 +15,7 @@ from solve.period.curve import Curve, FourierCurve
 from solve.period.floquet_modes import FloquetMode
 from solve.statistics import Statistics
 from solve.system import DrawnLink, Matrices, ModeShape, PeriodicSystem
+from solve.units import GivenSpeed, ShownUnit
 
 FORMAT = 1
 """Of the state within a file; a reader knows its own and earlier ones."""
@@ -35,7 +36,7 @@ _LABELS = (
         "period",
         "coordinates",
     ),
-    *("breaks", "freedoms", "judged_quantities"),
+    *("breaks", "freedoms", "judged_quantities", "speed_unit"),
 )
 
 
@@ -71,7 +72,7 @@ class Lasting:
         raise AttributeError(f"'{type(self).__name__}' has no attribute '{name}'")
 
 
-for _kind in (Curve, FourierCurve, FloquetMode, Statistics, ModeShape, DrawnLink):
+for _kind in (Curve, FourierCurve, FloquetMode, Statistics, ModeShape, DrawnLink, ShownUnit):
     lasting(_kind)
 
 
@@ -84,7 +85,7 @@ class StoredSystem(PeriodicSystem):
 
     def __init__(self, labels: Mapping[str, Any]):
         super().__init__(self._refused, labels["coordinates"], labels["period"], labels["breaks"])
-        vars(self).update({name: labels[name] for name in _LABELS})
+        vars(self).update(labels)
 
     def _refused(self, *_: Any, **__: Any) -> Matrices:
         raise ReopenedError(
@@ -104,6 +105,8 @@ class _Packing:
         self._kept: list[PeriodicSystem] = []
 
     def plain(self, value: Any) -> Any:
+        if isinstance(value, GivenSpeed) and value.unit:
+            return ["speed", float(value), self.plain(value.unit)]
         if value is None or isinstance(value, str | bool | int | float):
             return value.item() if isinstance(value, np.generic) else value
         if isinstance(value, np.ndarray | np.generic):
@@ -151,7 +154,10 @@ class _Unpacking:
 
     def __init__(self, arrays: Sequence[Array], systems: Sequence[Mapping[str, Any]]):
         self._arrays = arrays
-        self._systems = [StoredSystem({name: self.value(each[name]) for name in _LABELS}) for each in systems]
+        self._systems = [
+            StoredSystem({name: self.value(value) for name, value in each.items() if name in _LABELS})
+            for each in systems
+        ]
 
     def value(self, plain: Any) -> Any:
         if not isinstance(plain, list):
@@ -163,6 +169,9 @@ class _Unpacking:
 
     def _complex(self, real: float, imaginary: float) -> complex:
         return complex(real, imaginary)
+
+    def _speed(self, omega: float, unit: list[Any]) -> GivenSpeed:
+        return GivenSpeed(omega, self.value(unit))
 
     def _system(self, place: int) -> StoredSystem:
         return self._systems[place]

@@ -9,9 +9,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.results.quantities import RPM, greek, named, prefixed
+from solve.results.quantities import greek, headed, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
-from solve.system import PeriodicSystem
+from solve.system import SPEED, PeriodicSystem
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
 """Inches, by the number of rows: one page holds them all."""
@@ -33,6 +33,12 @@ _BETWEEN = 16
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
 """Place in the colour map beyond which lines fade into the page."""
+
+_FEW = 60
+"""Points of a curve up to which they are marked."""
+
+_LABEL = 54
+"""Characters a line of a label."""
 
 _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
@@ -120,7 +126,7 @@ def checked_scale(scale: str) -> str:
 
 def titled(system: PeriodicSystem, speed: float) -> str:
     """Model, case and speed."""
-    return f"{title_of(system)}, {speed * RPM:.6g} rpm"
+    return f"{title_of(system)}, {system.speed_unit.text(speed)}"
 
 
 def title_of(system: PeriodicSystem) -> str:
@@ -159,10 +165,18 @@ def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: st
     return bar
 
 
-def label_speeds(axes: Axes, rpm: Array) -> None:
-    """The horizontal axis of rising speeds (k,)."""
-    axes.set_xlim(rpm[0], rpm[-1])
-    axes.set_xlabel("speed (rpm)")
+def axis_label(system: PeriodicSystem, name: str) -> str:
+    """A parameter or the speed with its unit and meaning."""
+    label = headed(name, system.unit_of(name).name)
+    _, meaning = system.parameter_labels.get(name, ("", ""))
+    return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
+
+
+def label_speeds(axes: Axes, system: PeriodicSystem, speeds: Array) -> None:
+    """The horizontal axis of rising speeds (k,) in rad/s."""
+    shown = system.speed_unit.of(speeds)
+    axes.set_xlim(shown[0], shown[-1])
+    axes.set_xlabel(axis_label(system, SPEED))
     axes.ticklabel_format(axis="x", scilimits=(-3, 6))
 
 
@@ -176,11 +190,13 @@ def label_phases(axes: Axes, period: float) -> None:
 
 
 def through(x: Array, y: Array) -> tuple[Array, Array]:
-    """Further points of a curve over rising x (k,) between its own: monotone cubics (F. Fritsch, R. Carlson,
-    SIAM J. Numer. Anal. 17 (1980) 238-246), which make no extreme that is not a point; gaps of NaN stay."""
+    """Further points of a curve over x (k,), in any order, between its own: monotone cubics (F. Fritsch, R.
+    Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246), which make no extreme that is not a point; gaps of NaN
+    stay."""
     from scipy.interpolate import PchipInterpolator
 
-    parts = []
+    parts, (x, first) = [], np.unique(x, return_index=True)
+    y = np.where(np.isfinite(y), y, np.nan)[first]
     for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.isfinite(y))) + 1):
         at, values = x[part], y[part]
         if np.isfinite(values).all() and len(part) > 1:
@@ -190,6 +206,17 @@ def through(x: Array, y: Array) -> tuple[Array, Array]:
             at, values = fine, PchipInterpolator(at, values)(fine)
         parts.append((at, values))
     return np.concatenate([at for at, _ in parts]), np.concatenate([values for _, values in parts])
+
+
+def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **style: Any) -> None:
+    """A curve over x (k,) `through` its points, or `by_logarithm` of positive ones; where these are few they
+    are marked."""
+    with np.errstate(divide="ignore"):
+        fine, values = through(x, np.log(y) if by_logarithm else y)
+    axes.plot(fine, np.exp(values) if by_logarithm else values, **style)
+    if len(x) <= _FEW:
+        dots = {"color": style.get("color"), "markersize": 3.5, "zorder": 3}
+        axes.plot(x, y, ".", **dots)
 
 
 def shades(count: int) -> list[dict[str, Any]]:

@@ -3,9 +3,6 @@
 import math
 import re
 
-RPM = 30 / math.pi
-"""Turns a minute in a radian a second."""
-
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
 """Symbols that take a prefix, and the power of ten of the largest that is usual."""
@@ -23,6 +20,15 @@ def greek(name: str) -> str:
     ('φ1', 'θ_max', 'max|ε|', 'mumps')
     """
     return _GREEK.sub(lambda found: _LETTERS[found[0]], name)
+
+
+def headed(name: str, unit: str) -> str:
+    """A name above its values, with their unit where they have one.
+
+    >>> headed("max|q1|", "mm"), headed("zeta", "1")
+    ('max|q1| (mm)', 'ζ')
+    """
+    return greek(name) + (f" ({unit})" if unit not in ("", "1") else "")
 
 
 def round_magnification(allowed: float) -> float:

@@ -2,14 +2,14 @@
 
 import functools
 import itertools
-import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from solve.methods.method import Method
-from solve.results.contents import Columns
-from solve.results.quantities import prefixed
+from solve.results.contents import Column, Columns
+from solve.results.quantities import greek, prefixed
 from solve.system import PeriodicSystem
+from solve.units import USUAL, ShownUnit
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -45,23 +45,21 @@ def text(words: str, style: str = "") -> RenderableType:
 
 
 def table(title: str, *columns: str, left: int = 1) -> Table:
-    """A table of this program: the first `left` columns are text, the others numbers."""
+    """A table of this program: the first `left` columns are text, the others numbers; names that spell out
+    Greek letters have them."""
     from rich.box import SIMPLE_HEAD
 
     made = _number_table()(
-        title="\n" + title,
-        title_justify="left",
-        title_style="bold",
+        title="\n" + greek(title),
         box=SIMPLE_HEAD,
         show_edge=False,
         padding=(0, 1, 0, 1),
         collapse_padding=True,
         pad_edge=False,
-        caption_justify="left",
     )
     for index, column in enumerate(columns):
         made.add_column(
-            column, justify="left" if index < left else "right", no_wrap=index > 0, overflow="fold"
+            greek(column), justify="left" if index < left else "right", no_wrap=index > 0, overflow="fold"
         )
     return made
 
@@ -73,6 +71,22 @@ def table_of(title: str, columns: Columns, every: int = 1, left: int = 0) -> Tab
     for row in itertools.islice(zip(*(column.texts for column in shown), strict=True), None, None, every):
         made.add_row(*row)
     return made
+
+
+def speeds_of(
+    system: PeriodicSystem,
+    speeds: Any,
+    meaning: str = "speed of rotation",
+    heading: str = "",
+    form: str = ".6g",
+    axes: tuple[str, ...] = ("row",),
+) -> Column:
+    """Speeds (rad/s), in a table in the unit in which results of the system show them, which "{}" in the
+    heading stands for."""
+    unit = system.speed_unit
+    return Column(
+        speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes
+    )
 
 
 def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
@@ -88,14 +102,25 @@ def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
 def _number_table() -> type[Table]:
     """Tables in which no number is cut: where the width is short, names go on in the next line."""
     import rich.table
+    from rich.text import Text
 
     class NumberTable(rich.table.Table):
+        def add_row(self, *cells: Any, **style: Any) -> None:
+            super().add_row(*(greek(cell) if isinstance(cell, str) else cell for cell in cells), **style)
+
         def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
             for column in self.columns:
                 if column.justify == "right":
                     widths = (console.measure(cell).maximum for cell in column.cells)
                     column.min_width = max(widths, default=0)
-            yield from super().__rich_console__(console, options)
+            # Of themselves they would be broken at the table's width.
+            above, below = self.title, self.caption
+            self.title = self.caption = None
+            rows = [*super().__rich_console__(console, options)]
+            self.title, self.caption = above, below
+            yield from (Text(str(above), "bold"), *rows)
+            if below:
+                yield Text(str(below), "dim italic")
 
     return NumberTable
 
@@ -118,14 +143,21 @@ def model_heading(system: PeriodicSystem, choices: Sequence[str]) -> Table:
     return grid
 
 
+def in_every_unit(speed: float, first: ShownUnit) -> str:
+    """A speed (rad/s) in the usual units, first in this one.
+
+    >>> from solve.units import RPM
+    >>> in_every_unit(1.0, RPM)
+    '9.5493 rpm = 1 rad/s = 0.159155 Hz'
+    """
+    units = dict.fromkeys([first, *USUAL])
+    return " = ".join(unit.text(speed, ".7g" if unit.size == 1 else ".6g") for unit in units)
+
+
 def heading(system: PeriodicSystem, speed: float, choices: Sequence[str]) -> Table:
     """Which model, at which speed; further rows can be added."""
     grid = model_heading(system, choices)
     period = system.period / speed
     factor, unit = prefixed("s", period)
-    grid.add_row(
-        "speed",
-        f"{speed * 30 / math.pi:.6g} rpm = {speed:.7g} rad/s = {speed / (2 * math.pi):.6g} Hz; "
-        f"period {period * factor:.6g} {unit}",
-    )
+    grid.add_row("speed", f"{in_every_unit(speed, system.speed_unit)}; period {period * factor:.6g} {unit}")
     return grid

@@ -153,7 +153,7 @@ class Sensitivities(Result):
         return [names[at] for at in order if absolute[at] != 0 or len(names) <= _MOST_ROWS]
 
     def _unit_of(self, name: str) -> str:
-        return "rad/s" if name == SPEED else self.system.parameter_labels.get(name, ("", ""))[0]
+        return "rad/s" if name == SPEED else self.system.unit_of(name).name
 
     def plot(self) -> Figure:
         """Elasticities of every quantity as bars, the largest uppermost; imaginary parts beside real ones."""

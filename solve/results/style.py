@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from solve.results.quantities import greek
 from solve.results.save import write_whole
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def page(height: float, title: str) -> Iterator[Figure]:
     """A new figure under a title, `height` inches high, and the style of this program while it is drawn."""
     with styled():
         figure = new_figure(height)
-        figure.suptitle(title, fontweight="bold")
+        figure.suptitle(greek(title), fontweight="bold")
         yield figure
 
 

@@ -16,13 +16,13 @@ from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Column, Columns, plain
 from solve.results.points import FAILED, FIGURES, PointResults
-from solve.results.quantities import RPM, fixed, prefixed
-from solve.results.report import RenderableType, model_heading, stacked, table
+from solve.results.quantities import fixed, headed, prefixed
+from solve.results.report import RenderableType, model_heading, speeds_of, stacked, table
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
-from solve.results.sweep_plot import SPEED, over_figure, sweep_figure, waterfall_figure
-from solve.system import PeriodicSystem
+from solve.results.sweep_plot import over_figure, sweep_figure, waterfall_figure
+from solve.system import SPEED, PeriodicSystem
 
 _WIDTH = 48
 """Characters of a line of 80 that columns of quantities may take, beside speed, radius and stability."""
@@ -178,12 +178,18 @@ class Sweep(Result):
         for at in sorted(texts):
             for text in texts[at]:
                 groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(float(self.speeds[at]))
-        total = len(self.speeds)
-        of_points = [
-            f"{text} ({f'at {len(at)} of {total} points' if self.parameters else _where(at, total)})"
-            for text, at in groups.values()
-        ]
+        of_points = [f"{text} ({self._where(at)})" for text, at in groups.values()]
         return [*self.system.equation_warnings, *of_points]
+
+    def _where(self, speeds: Sequence[float]) -> str:
+        """Of points with these speeds, in words."""
+        if self.parameters:
+            return f"at {len(speeds)} of {len(self.speeds)} points"
+        unit = self.system.speed_unit
+        first, span = f"at {unit.text(speeds[0])}", unit.span(min(speeds), max(speeds))
+        if len(speeds) == 1:
+            return first
+        return f"{first}; of this kind at {len(speeds)} of {len(self.speeds)} speeds, from {span}"
 
     @property
     def whole(self) -> dict[str, Any]:
@@ -220,14 +226,15 @@ class Sweep(Result):
         names = names or [name for name in self.system.coordinates if name in self.results.kept.names]
         sizes = {name: float(np.nanmax(self.figures(name), initial=0.0)) for name in names}
         scales = {name: prefixed(self.system.units.get(name, ""), size) for name, size in sizes.items()}
-        columns = [f"max|{name}| ({unit})" if unit else f"max|{name}|" for name, (_, unit) in scales.items()]
+        columns = [headed(f"max|{name}|", unit) for name, (_, unit) in scales.items()]
         widths = itertools.accumulate(len(each) + 2 for each in columns)
         fitting = max(1, sum(width <= _WIDTH for width in widths))
         every = math.ceil(len(self.points) / _MOST_ROWS)
+        unit = self.system.speed_unit
         over = ", ".join([*self.parameters, "speed"])
         title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(self.points)}"
-        labels = [f"{name} ({self.system.parameter_labels[name][0]})" for name in self.parameters]
-        made = table(title, *labels, "rpm", *columns[:fitting], "|ρ|", "stability", left=0)
+        labels = [headed(name, self.system.unit_of(name).name) for name in self.parameters]
+        made = table(title, *labels, unit.name, *columns[:fitting], "|ρ|", "stability", left=0)
         if fitting < len(names):
             made.caption = "others by --show NAME, all by --json"
         for at in range(0, len(self.points), every):
@@ -239,14 +246,14 @@ class Sweep(Result):
             verdict = "failed" if point.error else point.verdict.removesuffix("ally stable")
             radius = "–" if point.error else f"{point.spectral_radius:.6g}"
             values = (f"{value:.6g}" for value in point.parameters.values())
-            made.add_row(*values, f"{point.speed * RPM:.7g}", *moduli, radius, verdict)
+            made.add_row(*values, f"{unit.of(point.speed):.7g}", *moduli, radius, verdict)
         return stacked(model_heading(self.system, choices), made)
 
     @property
     def columns(self) -> Columns:
         """A row a point."""
         system, points, axes = self.system, self.points, ("row" if self.parameters else "speed",)
-        columns = {"speed": Column(self.speeds, "rad/s", "speed of rotation", axes=axes)}
+        columns = {"speed": speeds_of(system, self.speeds, axes=axes)}
         for name, values in self.parameters.items():
             columns[name] = Column(values, *system.parameter_labels[name], axes=axes)
         for name in self.results.kept.names:
@@ -266,10 +273,3 @@ class Sweep(Result):
             "spectral_radius": Column(self.spectral_radius, "1", radius, axes=axes),
             **{name: Column(values, "", meaning, axes=axes) for name, (values, meaning) in texts.items()},
         }
-
-
-def _where(speeds: list[float], total: int) -> str:
-    first, low, high = (f"{speed * RPM:.6g} rpm" for speed in (speeds[0], min(speeds), max(speeds)))
-    if len(speeds) == 1:
-        return f"at {first}"
-    return f"at {first}; of this kind at {len(speeds)} of {total} speeds, from {low} to {high}"

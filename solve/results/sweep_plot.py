@@ -7,10 +7,18 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.results.plot import draw_map, label_quantity, label_speeds, labelled, shades, title_of
-from solve.results.quantities import RPM, prefixed
+from solve.results.plot import (
+    axis_label,
+    draw_map,
+    draw_through,
+    label_quantity,
+    label_speeds,
+    shades,
+    title_of,
+)
+from solve.results.quantities import greek, prefixed
 from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
-from solve.system import PeriodicSystem
+from solve.system import SPEED, PeriodicSystem
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 """Of unstable bands and boundaries by the multiplier that leaves the unit circle."""
@@ -20,7 +28,6 @@ KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex"
 _FLOOR = -80.0
 """Decibels at and below which a spectrum shows nothing."""
 
-SPEED = "speed"
 MOST_LINES = 12
 
 Edges = Sequence[tuple[float, float, str]]
@@ -38,22 +45,23 @@ def sweep_figure(
     """A row a quantity: its figure over speed with the maxima marked; below them the spectral radius.
     Bands are shaded; in them the response is never reached, and not drawn."""
     order = np.argsort(speeds)
-    rpm = speeds[order] * RPM
+    speeds = speeds[order]
+    shown = system.speed_unit.of(speeds)
     with page(1.4 + 1.35 * (len(responses) + 1), f"{title_of(system)}: response over speed") as made:
         axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
         for place, (name, values) in zip(axes, responses.items(), strict=False):
             heights = values[order] * label_quantity(place, system, name, values, figure)
             for low, high, _ in bands:
-                heights[(speeds[order] >= low) & (speeds[order] <= high)] = np.nan
-            place.plot(rpm, heights, color=BLUE)
-            known = np.where(np.isfinite(heights), heights, -np.inf)
-            inner = known[1:-1]
-            top = 1 + np.flatnonzero((inner > known[:-2]) & (inner >= known[2:]) & np.isfinite(inner))
-            place.plot(rpm[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
+                heights[(speeds >= low) & (speeds <= high)] = np.nan
+            draw_through(place, shown, heights, color=BLUE)
+            # Beside a gap the response may rise on.
+            inner = heights[1:-1]
+            top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
+            place.plot(shown[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
             if len(top):
                 place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
-            _shade(place, bands)
-        _draw_radius(axes[-1], rpm, radius[order], bands)
+            _shade(place, system, bands)
+        _draw_radius(axes[-1], system, speeds, radius[order], bands)
         made.align_ylabels(axes)
     return made
 
@@ -79,7 +87,7 @@ def over_figure(
             f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
         )
     lines = dict(sorted(lines.items(), key=lambda line: min(line[1])))
-    x, label = _axis(system, along, varied[along])
+    x, label = system.unit_of(along).of(varied[along]), axis_label(system, along)
     title = f"{title_of(system)}: response over {along}"
     with page(1.4 + 1.35 * (len(responses) + 1), title) as made:
         axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
@@ -87,10 +95,10 @@ def over_figure(
         for place, (name, values) in zip(axes, responses.items(), strict=False):
             factor = label_quantity(place, system, name, values, figure)
             for index, shade in zip(lines.values(), shapes, strict=True):
-                place.plot(x[index], values[index] * factor, **shade)
+                draw_through(place, x[index], values[index] * factor, **shade)
         axes[-1].axhline(1.0, color=BLACK, linewidth=0.9)
         for (words, index), shade in zip(lines.items(), shapes, strict=True):
-            axes[-1].plot(x[index], radius[index], label=words, **shade)
+            draw_through(axes[-1], x[index], radius[index], label=words, **shade)
         axes[-1].set_ylabel("spectral\nradius |ρ|")
         axes[-1].set_xlabel(label)
         if others:
@@ -106,21 +114,11 @@ def moving(varied: Mapping[str, Array]) -> list[str]:
 
 def labelled_by(system: PeriodicSystem, values: Mapping[str, float]) -> str:
     """Values of the speed (rad/s) or of parameters in words."""
-    return ", ".join(_named(system, name, value) for name, value in values.items())
-
-
-def _axis(system: PeriodicSystem, name: str, values: Array) -> tuple[Array, str]:
-    """Values of the speed (rad/s) or of a parameter as they are drawn, and the label of their axis."""
-    if name == SPEED:
-        return values * RPM, "speed (rpm)"
-    unit = system.parameter_labels.get(name, ("", ""))[0]
-    return values, labelled(name, unit.replace("^2", "²")).replace("\n", " ")
-
-
-def _named(system: PeriodicSystem, name: str, value: float) -> str:
-    if name == SPEED:
-        return f"{value * RPM:.6g} rpm"
-    return f"{name} = {value:.6g} {system.parameter_labels[name][0]}".removesuffix(" 1")
+    words = (
+        ("" if name == SPEED else f"{greek(name)} = ") + system.unit_of(name).text(value)
+        for name, value in values.items()
+    )
+    return ", ".join(words)
 
 
 def waterfall_figure(
@@ -135,7 +133,7 @@ def waterfall_figure(
             "of the others"
         )
     order = np.argsort(varied[along])
-    x, label = _axis(system, along, varied[along][order])
+    x, label = system.unit_of(along).of(varied[along][order]), axis_label(system, along)
     heights = amplitudes[order, 1:].T
     rotation = 2 * math.pi / system.period
     largest = float(np.nanmax(heights, initial=0.0)) or 1.0
@@ -158,26 +156,26 @@ def radius_figure(system: PeriodicSystem, speeds: Array, radius: Array, bands: E
     """The spectral radius over speed with the unstable bands shaded by their kind."""
     order = np.argsort(speeds)
     with page(2.9, f"{title_of(system)}: unstable bands") as made:
-        _draw_radius(made.subplots(), speeds[order] * RPM, radius[order], bands)
+        _draw_radius(made.subplots(), system, speeds[order], radius[order], bands)
     return made
 
 
-def _draw_radius(axes: Axes, rpm: Array, radius: Array, bands: Edges) -> None:
+def _draw_radius(axes: Axes, system: PeriodicSystem, speeds: Array, radius: Array, bands: Edges) -> None:
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
     positive = np.where(radius > 0, radius, np.nan)
-    axes.semilogy(rpm, positive, color=BLUE)
-    if np.nanmin(positive, initial=1.0) > 0.1 and np.nanmax(positive, initial=1.0) < 10:
-        axes.set_yscale("linear")
+    draw_through(axes, system.speed_unit.of(speeds), positive, True, color=BLUE)
+    if np.nanmin(positive, initial=1.0) <= 0.1 or np.nanmax(positive, initial=1.0) >= 10:
+        axes.set_yscale("log")
     axes.set_ylabel("spectral\nradius |ρ|")
-    label_speeds(axes, rpm)
-    _shade(axes, bands)
+    label_speeds(axes, system, speeds)
+    _shade(axes, system, bands)
     if bands:
         axes.legend(loc="best")
 
 
-def _shade(axes: Axes, bands: Edges) -> None:
-    names = dict(KIND_NAMES)
+def _shade(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
+    names, unit = dict(KIND_NAMES), system.speed_unit
     for low, high, kind in bands:
         # Each kind once in the legend.
         style = {"color": KIND_COLORS[kind], "alpha": 0.3, "linewidth": 0.8, "label": names.pop(kind, None)}
-        axes.axvspan(low * RPM, high * RPM, **style)
+        axes.axvspan(unit.of(low), unit.of(high), **style)

@@ -9,9 +9,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
-from solve.results.plot import label_quantity, label_speeds, shades, title_of
-from solve.results.quantities import RPM, fixed, named, prefixed
-from solve.results.report import RenderableType, model_heading, stacked, table
+from solve.results.plot import draw_through, label_quantity, label_speeds, shades, title_of
+from solve.results.quantities import fixed, named, prefixed
+from solve.results.report import RenderableType, model_heading, speeds_of, stacked, table
 from solve.results.result import Result
 from solve.results.style import Figure, page
 from solve.results.sweep import Sweep
@@ -79,16 +79,16 @@ class Sweeps(Result):
         """A row a quantity, a curve a system (matplotlib Figure). Raises UnknownNameError."""
         responses = {name: self.figures(name, figure) for name in quantities or self.quantities}
         order = np.argsort(self.speeds)
-        rpm = self.speeds[order] * RPM
+        speeds = self.system.speed_unit.of(self.speeds[order])
         with page(1.1 + 1.9 * len(responses), f"{title_of(self.system)}: response over speed") as made:
             axes = made.subplots(len(responses), 1, sharex=True, squeeze=False)[:, 0]
             for place, (name, values) in zip(axes, responses.items(), strict=True):
                 factor = label_quantity(place, self.system, name, values, figure or self.figure)
                 for label, row, shade in zip(self.sweeps, values, shades(len(self.sweeps)), strict=True):
-                    place.plot(rpm, row[order] * factor, label=label, **shade)
+                    draw_through(place, speeds, row[order] * factor, label=label, **shade)
                 if np.nanmin(values, initial=0.0) >= 0:
                     place.set_ylim(bottom=0.0)
-            label_speeds(axes[-1], rpm)
+            label_speeds(axes[-1], self.system, self.speeds[order])
             made.align_ylabels(axes)
             handles, names = axes[0].get_legend_handles_labels()
             made.legend(handles, names, title=self.title, loc="outside right center", handlelength=2.4)
@@ -97,7 +97,7 @@ class Sweeps(Result):
     @property
     def columns(self) -> Columns:
         """A row a speed: each figure of each system."""
-        columns = {"speed": Column(self.speeds, "rad/s", "speed of rotation", axes=("speed",))}
+        columns = {"speed": speeds_of(self.system, self.speeds, axes=("speed",))}
         for name in self.quantities:
             unit = self.system.units.get(name, "")
             for label, values in zip(self.sweeps, self.figures(name), strict=True):
@@ -126,8 +126,8 @@ class Sweeps(Result):
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """Peaks and quiet speeds of each quantity, and its largest figures."""
         head = model_heading(self.system, choices)
-        low, high = (f"{speed * RPM:.6g}" for speed in (self.speeds.min(), self.speeds.max()))
-        head.add_row("over", f"{len(self.speeds)} speeds from {low} to {high} rpm")
+        span = self.system.speed_unit.span(self.speeds.min(), self.speeds.max())
+        head.add_row("over", f"{len(self.speeds)} speeds from {span}")
         return stacked(head, *map(self._table, self.quantities))
 
     def _table(self, name: str) -> RenderableType:
@@ -135,10 +135,11 @@ class Sweeps(Result):
         largest = float(np.nanmax(np.abs(values), initial=0.0))
         factor, unit = prefixed(self.system.units.get(name, ""), largest)
         title = f"{named(self.figure, name)} in {unit}, for {self.title or 'each'}"
-        made = table(title, "rpm", "", *self.sweeps, left=2)
+        speed_unit = self.system.speed_unit
+        made = table(title, speed_unit.name, "", *self.sweeps, left=2)
         for speed, kind, responses in self.extremes(name):
             cells = (fixed(each * factor, each * factor, 4) for each in responses)
-            made.add_row(f"{speed * RPM:.2f}", kind, *cells)
+            made.add_row(f"{speed_unit.of(speed):.2f}", kind, *cells)
         made.add_row("largest", "", *(fixed(each, each, 4) for each in np.nanmax(values, axis=1) * factor))
         made.caption = "peaks and quiet speeds of the first, among the speeds given"
         return made

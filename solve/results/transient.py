@@ -10,12 +10,12 @@ import numpy as np
 from solve.arrays import Array
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
-from solve.results.plot import MOST_ROWS, label_quantity, title_of, titled
-from solve.results.quantities import RPM, fixed, prefixed
-from solve.results.report import RenderableType, heading, model_heading, stacked, table, text
+from solve.results.plot import MOST_ROWS, axis_label, label_quantity, title_of, titled
+from solve.results.quantities import fixed, headed, prefixed
+from solve.results.report import RenderableType, heading, model_heading, speeds_of, stacked, table, text
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
-from solve.system import PeriodicSystem, driven
+from solve.system import SPEED, PeriodicSystem, driven
 
 _AXIS = ("phase",)
 _MOST_TURNS = 40
@@ -157,17 +157,17 @@ class Transient(Result):
         scales = [
             prefixed(self.system.units.get(name, ""), size) for name, size in zip(names, sizes, strict=False)
         ]
-        columns = [
-            f"{name} ({unit})" if unit else name for name, (_, unit) in zip(names, scales, strict=True)
-        ]
-        judged = "to rpm" if self.ramp else "from orbit"
+        columns = [headed(name, unit) for name, (_, unit) in zip(names, scales, strict=True)]
+        unit = self.system.speed_unit
+        judged = f"to {unit.name}" if self.ramp else "from orbit"
         made = table("Largest moduli, turn by turn", "turn", *columns, judged, left=0)
         for turn in range(0, self.turns, -(-self.turns // _MOST_TURNS)):
             row = zip(self.peaks[turn], scales, sizes, strict=False)
             cells = [fixed(peak * factor, size * factor, 6) for peak, (factor, _), size in row]
             distance = self.distances[turn].max()
             last = f"{distance:.1e}" if np.isfinite(distance) else "–"
-            made.add_row(str(turn + 1), *cells, f"{self.ends[turn + 1] * RPM:.6g}" if self.ramp else last)
+            to = f"{unit.of(self.ends[turn + 1]):.6g}"
+            made.add_row(str(turn + 1), *cells, to if self.ramp else last)
         if self.ramp:
             grid = model_heading(self.system, choices)
             grid.add_row("speed", f"{self._ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s")
@@ -179,7 +179,7 @@ class Transient(Result):
 
     @property
     def _ramp_in_words(self) -> str:
-        return f"{self.ends[0] * RPM:.6g} to {self.ends[-1] * RPM:.6g} rpm"
+        return self.system.speed_unit.span(self.ends[0], self.ends[-1])
 
     def plot(self) -> Figure:
         """The coordinates over the turns, the orbit beside; over time and speed where that varies
@@ -209,12 +209,12 @@ class Transient(Result):
 
     def _add_speeds(self, axes: Axes) -> None:
         """The speed, which is linear in time, along the upper edge."""
-        first, slope = self.ends[0] * RPM, np.ptp(self.ends) * RPM / self.time[-1]
-        slope *= np.sign(self.ends[-1] - self.ends[0])
+        first, last = self.system.speed_unit.of(self.ends[[0, -1]])
+        slope = (last - first) / self.time[-1]
         above = axes.secondary_xaxis(
-            "top", functions=(lambda t: first + slope * t, lambda rpm: (rpm - first) / slope)
+            "top", functions=(lambda t: first + slope * t, lambda speed: (speed - first) / slope)
         )
-        above.set_xlabel("speed (rpm)")
+        above.set_xlabel(axis_label(self.system, SPEED))
 
     def contents(self) -> Contents:
         """Time, phase and coordinates, for a file; in .npz and .mat also q, qd (n, j), from whose end another
@@ -226,7 +226,7 @@ class Transient(Result):
         ]
         if self.ramp:
             rising = self.ends[0] + np.diff(self.ends[[0, -1]]) * self.time / self.time[-1]
-            columns.append(("speed", Column(rising, "rad/s", "speed of rotation", axes=_AXIS)))
+            columns.append(("speed", speeds_of(system, rising, axes=_AXIS)))
         for name, values in zip(system.coordinates, q, strict=True):
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
             columns.append((name, Column(values, unit, meaning, axes=_AXIS)))

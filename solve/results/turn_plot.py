@@ -10,10 +10,10 @@ from solve.beams.observations import Contributions
 from solve.errors import NoResultError, ValueOutOfBoundsError
 from solve.model.model import Model
 from solve.results.orbit import Orbit
-from solve.results.plot import label_phases, label_quantity, shades, title_of
-from solve.results.quantities import RPM, prefixed
+from solve.results.plot import axis_label, label_phases, label_quantity, shades, title_of
+from solve.results.quantities import prefixed
 from solve.results.style import BLACK, GREY, VERMILION, Figure, page
-from solve.system import PeriodicSystem
+from solve.system import SPEED, PeriodicSystem
 
 _SAMPLES = 721
 
@@ -40,8 +40,9 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     system. Raises UnknownNameError and ValueOutOfBoundsError."""
     checked_turn(orbits[0].system, name, len(orbits))
     ordered = sorted(orbits, key=lambda orbit: orbit.speed)
-    by_speed = {f"{orbit.speed * RPM:.6g}": orbit for orbit in ordered}
-    return turns_figure(by_speed, name, "speed (rpm)", reverse=True)
+    unit = orbits[0].system.speed_unit
+    by_speed = {f"{unit.of(orbit.speed):.6g}": orbit for orbit in ordered}
+    return turns_figure(by_speed, name, axis_label(orbits[0].system, SPEED), reverse=True)
 
 
 def turns_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: bool = False) -> Figure:
@@ -84,7 +85,7 @@ def contributions_figure(
     the output if modes did not couple."""
     factor, unit = prefixed(model.units[found.output], float(np.abs(found.total).max()))
     degrees = np.degrees(found.phase)
-    with page(3.3, f"{title_of(model)}: modes at {speed:.6g} rad/s") as figure:
+    with page(3.3, f"{title_of(model)}: modes at {model.speed_unit.text(speed)}") as figure:
         axes = figure.subplots()
         axes.axhline(0.0, color=GREY, linewidth=0.7)
         axes.plot(degrees, found.total * factor, color=BLACK, linewidth=2.0, label="all modes")

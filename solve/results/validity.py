@@ -7,9 +7,8 @@ from typing import Any
 
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
-from solve.results.plot import MOST_ROWS, label_speeds, shades, title_of
-from solve.results.quantities import RPM
-from solve.results.report import RenderableType, digits, model_heading, stacked, table_of, text
+from solve.results.plot import MOST_ROWS, draw_through, label_speeds, shades, title_of
+from solve.results.report import RenderableType, digits, model_heading, speeds_of, stacked, table_of, text
 from solve.results.result import Result
 from solve.results.style import GREY, Figure, page
 from solve.system import PeriodicSystem
@@ -39,7 +38,7 @@ class Validity(Result):
     def warnings(self) -> list[str]:
         """Why speeds have no result, a sentence each."""
         return [
-            f"no result: {reason} (at {self.speeds[at] * RPM:.6g} rpm)"
+            f"no result: {reason} (at {self.system.speed_unit.text(self.speeds[at])})"
             for at, reason in self.failures.items()
         ]
 
@@ -50,7 +49,7 @@ class Validity(Result):
     @property
     def columns(self) -> Columns:
         """A row a speed."""
-        speeds = Column(self.speeds, "rad/s", "speed of rotation", "rpm", digits(".6g", RPM), ("speed",))
+        speeds = speeds_of(self.system, self.speeds, heading="{}", axes=("speed",))
         shown = self.system.coordinates[:MOST_ROWS]
         errors = {
             f"{name}_error": Column(
@@ -79,21 +78,22 @@ class Validity(Result):
         limit = f"more than {100 * self.allowed:g} %"
         words = f"off by {limit} from the slowest of these speeds on"
         if upto is not None:
-            words = f"no coordinate is off by {limit} up to {upto * RPM:.6g} rpm = {upto:.6g} rad/s"
+            words = f"no coordinate is off by {limit} up to {self.system.speed_unit.text(upto)}"
         return stacked(model_heading(self.system, choices), made, text("\n" + words))
 
     def plot(self) -> Figure:
         """The errors over speed (matplotlib Figure)."""
-        rpm, names = self.speeds * RPM, self.system.coordinates[:MOST_ROWS]
+        unit, names = self.system.speed_unit, self.system.coordinates[:MOST_ROWS]
         with page(3.4, f"{title_of(self.system)}: error of the linear orbit") as figure:
             axes = figure.subplots()
             for name, row, shade in zip(names, self.errors.T, shades(len(names)), strict=False):
-                axes.semilogy(rpm, 100 * row, marker="o", label=name, **shade)
+                draw_through(axes, unit.of(self.speeds), 100 * row, True, label=name, **shade)
             limit = {"color": GREY, "linewidth": 0.8}
             axes.axhline(100 * self.allowed, linestyle="--", label=f"{100 * self.allowed:g} %", **limit)
             if self.trusted_to is not None:
-                axes.axvline(self.trusted_to * RPM, linestyle=":", label="trusted to here", **limit)
-            label_speeds(axes, rpm)
+                axes.axvline(unit.of(self.trusted_to), linestyle=":", label="trusted to here", **limit)
+            axes.set_yscale("log")
+            label_speeds(axes, self.system, self.speeds)
             axes.set_ylabel("max|difference| / max|q| (%)")
             axes.legend()
         return figure

@@ -27,7 +27,7 @@ from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
 from solve.studies.boundaries import LIGHTLY_DAMPED, Judge, Judged, Search, hidden, judge
 from solve.system import PeriodicSystem
-from solve.units import checked_tolerance, speeds_between
+from solve.units import ShownUnit, checked_tolerance, speeds_between
 
 GROWTH = 1e-6
 """Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
@@ -81,7 +81,8 @@ def bands(
     relative. engine: as in `sweep`. Raises ValueOutOfBoundsError for fewer than two speeds, and SolveError
     subclasses for what no speed could mend.
     """
-    omegas = np.array(speeds_between(speeds, "bands"))
+    given = speeds_between(speeds, "bands")
+    system, omegas = system.shown_in(given[0]), np.array(given)
     system.checked(float(omegas[-1]))
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
     fast = _unfollowed(system, float(omegas[0]), task.method)
@@ -107,9 +108,9 @@ def bands(
         step("narrow bands")
         known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
         if known.failed.all():
-            raise NoResultError(_failures(batch, known.points))
+            raise NoResultError(_failures(batch, known.points, system.speed_unit))
         if known.failed.any():
-            notes = [*notes, _failures(batch, known.points[known.failed])]
+            notes = [*notes, _failures(batch, known.points[known.failed], system.speed_unit)]
         step("edges of bands")
         found = _Runs(asked, checked_tolerance(tolerance), omegas[-1:]).bands(_rising(known))
     rising = _rising(known)
@@ -118,15 +119,12 @@ def bands(
     return Bands(found, system, range_, spacing, notes, rising.points[:, 0], radius)
 
 
-def _failures(batch: Batch, points: Array) -> str:
-    rpm = points[:, 0] * 30 / np.pi
+def _failures(batch: Batch, points: Array, unit: ShownUnit) -> str:
     reason = gathered(batch, points[:1], Kept(warnings=False)).failures.get(
         0, "multipliers are within their error of the unit circle; ask for a smaller rtol"
     )
-    return (
-        f"{len(points)} speeds between {rpm.min():.6g} and {rpm.max():.6g} rpm give no result, and bands "
-        f"end open beside them: {reason}"
-    )
+    between = unit.span(points[:, 0].min(), points[:, 0].max(), "and")
+    return f"{len(points)} speeds between {between} give no result, and bands end open beside them: {reason}"
 
 
 Turning = Callable[[Array], Array]

@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
-from solve.batch.store import made_folder
+from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.loading import load
@@ -27,7 +27,7 @@ from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.studies.boundaries import Judged, Search, hidden, judge
 from solve.studies.contours import Crossings, contours
 from solve.system import PeriodicSystem
-from solve.units import checked_tolerance, evenly, speed_in_si, speeds_given
+from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
 
 Names = tuple[str, str]
 Speed = float | str | None
@@ -63,35 +63,47 @@ def chart(
     Raises SolveError subclasses for bad input; a point that fails, such
     as a linkage that cannot turn, is NaN with its reason, and boundaries end beside it.
     """
-    (x_name, xs), (y_name, ys) = _axis("x", x), _axis("y", y)
+    (x_name, across), (y_name, upwards) = _axis("x", x), _axis("y", y)
+    xs, ys = np.array(across), np.array(upwards)
     if x_name == y_name:
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
     points = np.column_stack([part.ravel() for part in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
     asked = None if of is None else _Asked(Named.of(family.example, of))
-    task, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
-    batch = task.batch(points)
+    of_orbit = asked is not None and asked.of_orbit
+    stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
+    task = stability
+    if asked is not None and of_orbit:
+        task, _ = task_of(family, method, rtol, engine, asked.kept)
+    batch = stability.batch(points)
     with steps(3) as step:
         step("the grid")
-        inner = made_folder(store) if store is not None and asked is not None and asked.of_orbit else None
-        results = task.solved(batch, points, executor, inner / "stability" if inner else store)
+        found = task.solved(task.batch(points), points, executor, store)
+        results = _stability(found, batch, points) if of_orbit else found
         results.require_any()
         search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
-        parts = x_name, xs, y_name, ys, family.example, results
-        solved = Chart(*parts, [], partial(_at, batch), solve_cut, notes)
+        system = family.example.shown_in(across[0]).shown_in(upwards[0])
+        at = partial(_at, batch, system.speed_unit)
+        solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, notes)
         if asked is not None:
-            chosen = task_of(family, method, rtol, engine, asked.kept, orbit=asked.of_orbit)[0]
-            found = results
-            if asked.of_orbit:
-                folder = inner / "quantity" if inner else None
-                found = chosen.solved(chosen.batch(points), points, executor, folder)
-            values = asked.over(found, family.speeds(points), family.example.period)
+            values = asked.over(found, family.speeds(points), system.period)
             solved = replace(solved, of=asked.named, values=values.reshape(solved.shape))
         if not boundaries:
             return solved
         return replace(solved, boundaries=_boundaries(search, solved, Judged.of(points, results), step))
+
+
+def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
+    """That of orbits at points (P, 2); where there is no orbit, as at resonance, by itself."""
+    failed = np.flatnonzero(orbits.failed)
+    blank = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
+    nothing = {"kept": blank.kept, "figures": blank.figures, "amplitudes": blank.amplitudes}
+    results = replace(orbits, **nothing, failures={})
+    if len(failed):
+        results.insert(failed, gathered(batch, points[failed], blank.kept))
+    return results
 
 
 @dataclass(frozen=True)
@@ -131,9 +143,9 @@ class _Asked:
         return named.part(np.log(rho) * speeds / period if named.subject == EXPONENT else rho)
 
 
-def _at(batch: Batch, x: float, y: float) -> Stability:
+def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
     system, speed = batch.family.system(np.array([x, y]))
-    return floquet(system, speed, batch.method, rtol=batch.request.rtol)
+    return floquet(system, GivenSpeed(speed, unit), batch.method, rtol=batch.request.rtol)
 
 
 def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float) -> Cut:
@@ -154,7 +166,10 @@ def _truth(known: Judged) -> Array:
     return np.where(known.failed, np.nan, known.stable)
 
 
-def _axis(which: str, given: str | Mapping[str, str | Sequence[float | str] | Array]) -> tuple[str, Array]:
+def _axis(
+    which: str, given: str | Mapping[str, str | Sequence[float | str] | Array]
+) -> tuple[str, Sequence[float]]:
+    """Name and rising values."""
     if isinstance(given, str):
         name, _, text = given.partition("=")
         given = {name.strip(): text.strip()}
@@ -172,7 +187,7 @@ def _axis(which: str, given: str | Mapping[str, str | Sequence[float | str] | Ar
         raise ValueOutOfBoundsError(
             f"values of {name} must be at least two finite numbers, each larger than the one before"
         )
-    return name, found
+    return name, numbers
 
 
 @singledispatch

@@ -59,6 +59,7 @@ def compare(
     periodic solution exists; a method that fails says so in its row.
     """
     omega = speed_in_si(speed)
+    system = system.shown_in(omega)
     for count in steps or []:
         if count < 1:
             raise ValueOutOfBoundsError(f"steps is {count}; allowed: whole numbers of at least 1")

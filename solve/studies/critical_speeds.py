@@ -5,6 +5,7 @@ divisions of the natural frequencies' means over the cycle.
 """
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -39,8 +40,15 @@ _ZOOM = 9
 _PROMINENT = 1e-2
 """Part of its own height by which a maximum must rise above the ground on either side."""
 
-_NEAR = 0.2
-"""Difference of frequency over speed from an integer up to which a maximum belongs to that division."""
+_NEAR, _CLOSE = 0.2, 0.05
+"""Difference of frequency over speed from an integer, and its part of this, up to which a maximum may belong
+to that division."""
+
+_ASIDE = 0.25
+"""Part of the distance between divisions at which a maximum is compared with what lies beside it."""
+
+_SHARE = 0.1
+"""Part of the largest rise of an order's power from which on that order explains a maximum."""
 
 _PHASES = 64
 _ROUNDING, _COMPLEX = 1e-12, 1e-6
@@ -109,7 +117,8 @@ def critical_speeds(
     order up to `orders`; below those no maxima are looked for. Maxima are found to `tolerance`, relative.
     engine: as in `sweep`. Raises SolveError subclasses for bad input.
     """
-    omegas = np.array(speeds_between(speeds, "critical speeds"))
+    given = speeds_between(speeds, "critical speeds")
+    system, omegas = system.shown_in(given[0]), np.array(given)
     (name,) = system.known_quantities([quantity or system.coordinates[0]])
     require_name("figure", figure, RESPONSES)
     if orders < 1:
@@ -131,8 +140,8 @@ def critical_speeds(
         rows = _rows(search, grid, found, frequencies, rest, orders, step)
     skipped = frequencies.values[:, 0] > (orders + 0.5) * grid
     if skipped.any():
-        limit = float(grid[skipped].max()) * 30 / np.pi
-        notes = [*notes, f"below {limit:.4g} rpm only orders above {orders} lie: no maxima are looked for"]
+        limit = system.speed_unit.text(float(grid[skipped].max()), ".4g")
+        notes = [*notes, f"below {limit} only orders above {orders} lie: no maxima are looked for"]
     if found.failures:
         reason = next(iter(found.failures.values()))
         notes = [*notes, f"{len(found.failures)} of {len(grid)} speeds give no result: {reason}"]
@@ -166,6 +175,10 @@ def _refined_grid(omegas: Array, lowest: float, orders: int) -> Array:
     require_size("speeds between the divisions up to that order", count, orders)
     ratios = np.linspace(first, last, count)
     return np.unique(np.concatenate((omegas, np.clip(lowest / ratios, low, high))))
+
+
+Explained = list[tuple[Maximum, set[int]]]
+"""Maxima, each with the orders of rotation that explain it."""
 
 
 @dataclass
@@ -208,6 +221,39 @@ class _Search:
                 height = found[every, at]
         return [Maximum(float(speed), float(peak)) for speed, peak in zip(best, height, strict=True)]
 
+    def risen(self, maxima: list[Maximum], orders: int) -> Explained:
+        """Maxima of the response that are reached, beside an unstable range at the nearest, each with the
+        orders up to `orders` whose power rises there above that on either side."""
+        if not maxima:
+            return []
+        system, (name,) = self.batch.family.example, self.kept.names
+        turns = system.period / (2 * np.pi)
+        at = np.array([one.speed for one in maxima])
+        aside = _ASIDE / np.maximum(MeanFrequencies(system, at).values[:, 0] / at, _ASIDE / _CLOSE)
+        near = np.full(len(at), 4 * self.tolerance)
+        trials = at * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
+        kept = Kept((name,), (name,), math.ceil(orders * turns), warnings=False)
+        found = gathered(self.batch, trials.reshape(-1, 1), kept)
+        reached = (found.verdicts != VERDICTS.index("unstable")).reshape(trials.shape)[1:4].any(axis=0)
+        power = np.nan_to_num(found.amplitudes[:, 0] ** 2).reshape(*trials.shape, -1)
+        rises = power[2] - (power[0] + power[4]) / 2
+        whole = {
+            k: round(k * turns) for k in range(1, orders + 1) if math.isclose(k * turns, round(k * turns))
+        }
+        return [
+            (maximum, {k for k, number in whole.items() if rise[number] >= _SHARE * rise[1:].max() > 0})
+            for maximum, rise, kept_ in zip(maxima, rises, reached, strict=True)
+            if kept_
+        ]
+
+    def turned(self, maxima: list[Maximum], orders: int) -> Explained:
+        """Maxima of the dominant multiplier's real part, which any order may explain, but none where the
+        motion is unstable."""
+        found = self.solved(np.array([one.speed for one in maxima]))
+        unstable = found.verdicts == VERDICTS.index("unstable")
+        every = set(range(1, orders + 1))
+        return [(one, set() if grows else every) for one, grows in zip(maxima, unstable, strict=True)]
+
 
 def _rows(
     search: _Search,
@@ -229,27 +275,31 @@ def _rows(
         for order, speed in _crossed(frequencies, weights, orders)
     ]
     step("maxima of the response")
-    rows = _assigned(rows, search.maxima(grid, response, search.response), frequencies, "response")
+    tops = search.maxima(grid, response, search.response)
+    rows = _assigned(rows, search.risen(tops, orders), frequencies, "response")
     step("maxima of the dominant multiplier")
-    rows = _assigned(rows, search.maxima(grid, real_part, search.real_part), frequencies, "multiplier")
+    tops = search.maxima(grid, real_part, search.real_part)
+    rows = _assigned(rows, search.turned(tops, orders), frequencies, "multiplier")
     rows = [replace(row, ratios=(frequencies.at(row.speed) / row.speed).tolist()) for row in rows]
     return sorted(rows, key=lambda row: -row.speed)
 
 
 def _assigned(
-    rows: list[Critical], maxima: list[Maximum], frequencies: MeanFrequencies, way: str
+    rows: list[Critical], explained: Explained, frequencies: MeanFrequencies, way: str
 ) -> list[Critical]:
-    """The rows with each maximum at its division, the higher first; a row of its own where it has none."""
+    """The rows with each maximum at the division that explains it: of an order that does, and near; the
+    higher first. A row of its own where there is none, or where frozen frequencies mean nothing."""
     rows, alone = list(rows), []
-    for maximum in sorted(maxima, key=lambda one: -one.height):
-        ratios = frequencies.at(maximum.speed) / maximum.speed
+    for maximum, orders in sorted(explained, key=lambda one: -one[0].height):
+        here = MeanFrequencies(frequencies.system, np.array([maximum.speed]))
+        ratios = here.values[0] / maximum.speed
         places = [
             (abs(ratios[row.mode - 1] - row.order), place)
             for place, row in enumerate(rows)
-            if row.mode and row.order and getattr(row, way) is None
+            if row.mode and row.order in orders and getattr(row, way) is None and not here.imaginary[0]
         ]
         distance, place = min(places, default=(np.inf, 0))
-        if distance < _NEAR:
+        if distance < min(_NEAR, _CLOSE * (rows[place].order or 0) if places else 0.0):
             rows[place] = replace(rows[place], **{way: maximum})
         else:
             alone.append(replace(Critical(), **{way: maximum}))

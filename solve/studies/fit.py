@@ -61,6 +61,7 @@ def fit(
         raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
     model.dependence(names)
     sets = measured(data, model, None if speed is None else speed_in_si(speed))
+    model = model.shown_in(sets[0].speed)
     problem = _Problem(model, sets, names, method, rtol)
     count = sum(len(each) for each in problem.measured)
     if count <= len(names):

@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.errors import CaseFileError, MissingValueError, UnitError, require_name
 from solve.model.tables import cells_of, number_in, size_in_header
 from solve.system import PeriodicSystem
-from solve.units import with_unit
+from solve.units import GivenSpeed, speed_in_si
 
 _AXES = {"phase": "rad", "time": "s", "order": "1"}
 """Names of the column of which the others are functions, and its unit."""
@@ -56,12 +56,13 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     channels = _channels(columns, axis == "order")
     if not channels or not len(at):
         raise CaseFileError(f"data: {path.name} has no coordinate or output, or no rows; give both")
-    found = []
+    given, found = _speed_unit(header[names.index(_SPEED)]) if _SPEED in names else speed, []
+    unit = getattr(given, "unit", None)
     for omega in dict.fromkeys(speeds.tolist()):
         rows_of = speeds == omega
         here = at[rows_of] * (omega if axis == "time" else 1.0)
         own = {name: values[rows_of] for name, values in channels.items()}
-        found.append(Measured(omega, axis == "order", here, own))
+        found.append(Measured(GivenSpeed(omega, unit), axis == "order", here, own))
     return found
 
 
@@ -84,12 +85,15 @@ def _column(
 
 
 def _size(title: str, unit: str) -> float:
-    if unit != "rad/s":
-        return size_in_header("data", title, unit)
+    return _speed_unit(title) if unit == "rad/s" else size_in_header("data", title, unit)
+
+
+def _speed_unit(title: str) -> GivenSpeed:
+    """One of the unit in which a column of speeds is given."""
     found = re.search(r"\(([^()]*)\)\s*$", title)
     if found is None:
         raise UnitError(f"data: column '{title}' has no unit; write it as in 'speed (rpm)'")
-    return with_unit(f"1 {found[1].strip()}", unit)
+    return speed_in_si(f"1 {found[1].strip()}")
 
 
 def _channels(columns: dict[str, Array], orders: bool) -> dict[str, Array]:

@@ -55,7 +55,8 @@ def sweep(
     C compiler. Raises SolveError subclasses for what no speed could mend.
     """
     values = _over(over)
-    omegas = np.array(speeds_given(_speeds(system, speeds, over)))
+    given = speeds_given(_speeds(system, speeds, over))
+    system, omegas = system.shown_in(given[0]), np.array(given)
     names = system.known_quantities(quantities)
     kept = Kept(names, system.known_quantities(spectra), harmonics if spectra else 0)
     if steps is not None and not (isinstance(steps, int | np.integer) and steps >= 1):
@@ -142,15 +143,16 @@ def sweeps(
     input."""
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
-    omegas = np.array(speeds_given(speeds))
+    given = speeds_given(speeds)
     found = {}
     with stage("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):
             names = [name for quantity in quantities for name in system.parts(quantity)]
             with part("curves"):
                 folder = None if store is None else made_folder(store) / str(number)
-                found[label] = sweep(system, omegas, method, None, rtol, executor, names, store=folder)
-    return Sweeps(title, omegas, found, tuple(quantities), next(iter(systems.values())))
+                found[label] = sweep(system, given, method, None, rtol, executor, names, store=folder)
+    first = next(iter(systems.values())).shown_in(given[0])
+    return Sweeps(title, np.array(given), found, tuple(quantities), first)
 
 
 def _number(name: str, value: float | str) -> float:

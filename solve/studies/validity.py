@@ -35,7 +35,8 @@ def validity(
         raise LinearModelError(
             f"{system.name} is linear by construction; only a model with nonlinear equations can be off them"
         )
-    omegas = np.sort(speeds_given(speeds))
+    given = speeds_given(speeds)
+    system, omegas = system.shown_in(given[0]), np.sort(given)
     errors, failures = np.full((len(omegas), system.n), np.nan), {}
     with stage("speeds", len(omegas)):
         for position, omega in enumerate(omegas.tolist()):

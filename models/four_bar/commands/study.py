@@ -55,7 +55,9 @@ def study(
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **given)
     if all(each.results.failed.all() for each in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()
-    deliver_result(results, replace(compared, system=model, figure=kept), four_bar.choices)
+    deliver_result(
+        results, replace(compared, system=model.shown_in(omegas[0]), figure=kept), four_bar.choices
+    )
 
 
 def _systems(
@@ -64,14 +66,14 @@ def _systems(
     """What varies, and the systems by its value. Raises SolveError subclasses."""
     from models.four_bar.dynamic_correction import Corrected
     from solve import variants
+    from solve.results.quantities import headed
 
     systems: dict[str, PeriodicSystem] = {}
     title = ""
     if over is not None:
         name, values = _values(over)
         systems.update(variants(model, name, values))
-        unit, _ = model.parameter_labels.get(name, ("", ""))
-        title = f"{name} ({unit})" if unit not in ("", "1") else name
+        title = headed(name, model.unit_of(name).name)
     elif corrected:
         systems["as given"] = model
     else:

@@ -89,7 +89,8 @@ class CurveOfPoint(AtOneSpeed):
 
     def plot(self) -> Figure:
         """Both curves, and the distance between them over the turn."""
-        title = f"Coupler curve at {self.orbit.speed:.6g} rad/s" + ", quasi-static" * self.quasi_static
+        speed = self.system.speed_unit.text(self.orbit.speed)
+        title = f"Coupler curve at {speed}" + ", quasi-static" * self.quasi_static
         return curve_figure(title, self.curve)
 
 

@@ -16,6 +16,7 @@ from models.four_bar.rigid.record import JOINTS, TURN
 from solve.arrays import Array
 from solve.results.quantities import prefixed
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
+from solve.units import unit_given
 
 _POSITIONS = 12
 _SAMPLES = 721
@@ -66,7 +67,7 @@ def linkage_figure(
 
 def _title(linkage: Linkage, speed: float | None) -> str:
     kind = classify(linkage)
-    at = "" if speed is None else f", {speed * 30 / math.pi:.6g} rpm"
+    at = "" if speed is None else f", {unit_given(speed).text(speed)}"
     return f"Four-bar linkage {kind.symbol}, {linkage.branch} branch{at}"
 
 

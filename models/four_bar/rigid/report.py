@@ -10,7 +10,8 @@ from rich.text import Text
 
 from models.four_bar.rigid.record import JOINTS
 from solve.results.quantities import fixed, prefixed
-from solve.results.report import table
+from solve.results.report import in_every_unit, table
+from solve.units import unit_given
 
 _RATIOS = {
     "omega2": "ω2/ω1, coupler",
@@ -56,7 +57,7 @@ def _heading(record: Mapping[str, Any]) -> Table:
     if record["speed"] is None:
         grid.add_row("speed", 'none given, so no forces; with --speed "300 rpm" they follow')
     else:
-        grid.add_row("speed", f"{record['speed'] * 30 / math.pi:.6g} rpm = {record['speed']:.7g} rad/s")
+        grid.add_row("speed", in_every_unit(record["speed"], unit_given(record["speed"])))
     return grid
 
 

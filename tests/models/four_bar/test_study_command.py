@@ -54,7 +54,7 @@ def test_doubts_about_the_equations_are_told_for_every_system(answer):
     _, err = answer(*given, "--over", "zeta=0,0.02")
     assert "0: terms=instantaneous leaves out M'q'" in err
     assert "0.02: stiffening: at 38 deg link follower" in err
-    assert "(at 859.437 rpm)" in err
+    assert "(at 90 rad/s)" in err
 
 
 def test_the_largest_stress_is_that_of_both_surfaces(answer):

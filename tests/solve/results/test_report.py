@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -129,3 +130,14 @@ def test_a_singular_stiffness_has_no_quasi_static_solution():
 
     with pytest.raises(MatricesError, match="quasi-static"):
         QuasiStatic(solve.PeriodicSystem(matrices, ["q"]), SPEED).statistics("q")
+
+
+def test_greek_names_are_greek_in_tables_and_html_and_spelled_in_what_machines_read(tmp_path):
+    found = solve.sweep(solve.load("mathieu", zeta=0.1), over="epsilon=0:1:3")
+    for text in (text_of(found.report()), found._repr_html_()):
+        assert "ε (1/s²)" in text
+        assert not re.search("epsilon|1/s\\^2", text)
+    assert "zeta=0.1" in text_of(found.report(["zeta=0.1"])), "what the user typed stays as it was typed"
+    found.save(tmp_path / "found.csv")
+    assert "epsilon" in (tmp_path / "found.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert found.record()["points"][0]["parameters"] == {"epsilon": 0.0}

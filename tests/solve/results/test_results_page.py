@@ -12,6 +12,7 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import solve
 from models.four_bar.__main__ import run as four_bar_command
@@ -54,12 +55,12 @@ def run_up():
 
 
 MADE = {
-    "solve.periodic": (lambda: solve.periodic(cam(), "300 rpm"), '--speed "300 rpm"'),
+    "solve.periodic": (lambda: solve.periodic(cam(), "300 rpm"), '--speed "5 Hz"'),
     "solve.nonlinear": (
         lambda: solve.nonlinear(cam(), "100 rpm", rtol=1e-6),
-        '--speed "100 rpm" --rtol 1e-6',
+        '--speed "1.5 Hz" --rtol 1e-6',
     ),
-    "solve.floquet": (lambda: solve.floquet(cam(), "300 rpm"), '--speed "300 rpm"'),
+    "solve.floquet": (lambda: solve.floquet(cam(), "300 rpm"), '--speed "5 Hz"'),
     "solve.sweep": (lambda: solve.sweep(cam(), [30.0, 40.0]), '--speeds "30:40:2 rad/s"'),
     "solve.chart": (
         lambda: solve.chart("mathieu", "delta=0:5:9", "epsilon=0:5:9", 1.0),
@@ -71,26 +72,26 @@ MADE = {
     ),
     "solve.critical_speeds": (
         lambda: solve.critical_speeds(cam(), [40.0, 45.0, 50.0], rtol=1e-5),
-        '--speeds "40:50:3 rad/s" --rtol 1e-5',
+        '--speeds "6.4:8:3 Hz" --rtol 1e-5',
     ),
     "solve.compare": (
         lambda: solve.compare(cam(), "300 rpm", methods=["gauss"]),
-        '--speed "300 rpm" --method gauss',
+        '--speed "5 Hz" --method gauss',
     ),
     "solve.frequencies": (lambda: solve.frequencies(cam(), np.arange(4) * np.pi / 2), "4"),
     "solve.frequencies_over": (
         lambda: solve.frequencies_over(cam(), "k3", [1e8, 2e8], np.zeros(1)),
         'k3=1e8:2e8:2 --position "0 deg"',
     ),
-    "solve.transient": (lambda: solve.transient(cam(), "100 rpm", 2), '--speed "100 rpm" --turns 2'),
+    "solve.transient": (lambda: solve.transient(cam(), "100 rpm", 2), '--speed "1.5 Hz" --turns 2'),
     "solve.validity": (lambda: solve.validity(cam(), [10.0, 20.0]), '--speeds "10:20:2 rad/s"'),
     "solve.sensitivities": (
         lambda: solve.sensitivities(cam(), "300 rpm", ["q1.max_abs", "rho1"], ["k1", "speed"]),
-        '--speed "300 rpm" --of q1.max_abs --of rho1 --by k1 --by speed',
+        '--speed "5 Hz" --of q1.max_abs --of rho1 --by k1 --by speed',
     ),
     "solve.fit": (
         lambda: solve.fit(cam(), measured_torque(), "k1", speed="400 rpm", rtol=1e-6),
-        f'--data {measured_torque()} --free k1 --speed "400 rpm" --rtol 1e-6',
+        f'--data {measured_torque()} --free k1 --speed "6.5 Hz" --rtol 1e-6',
     ),
     "solve.sweeps": (
         lambda: solve.sweeps(
@@ -100,7 +101,7 @@ MADE = {
     ),
     "rigid_motion": (
         lambda: rigid_motion("table41", four_bar().parameters, speed=30.0, position=1.0),
-        '--speed "30 rad/s" --position "1 rad"',
+        '--speed "5 Hz" --position "1 rad"',
     ),
     "modes": (
         lambda: modes(four_bar(), 35.0, "follower_midpoint_deflection", 4, False, 1e-6),
@@ -331,7 +332,22 @@ def test_every_command_saves_and_prints_the_same(name, tmp_path, capsys):
         assert solve.open(file).record()["parameters"] == printed["parameters"]
         if name not in {"solve.frequencies", "solve.frequencies_over"}:
             assert without_times(solve.open(file).record()) == without_times(printed)
+            shows_the_unit_given(solve.open(file), words)
             break
+
+
+def shows_the_unit_given(result, words):
+    """Speeds stand in the unit of the flags: in rpm only beside it."""
+    unit = next((text.split()[-1] for text in words if re.search(r"\d (Hz|rad/s)$", text)), None)
+    if unit is None:
+        return
+    tags = Tags()
+    tags.feed(result._repr_html_())
+    beside = [line for line in tags.text.splitlines() if "rpm" in line]
+    assert all(f"{unit} = " in line for line in beside)
+    drawn = [text.get_text() for text in result.plot().findobj(Text)]
+    assert not any("rpm" in text for text in [*drawn, *result.warnings])
+    assert any(unit in text for text in [*drawn, tags.text])
 
 
 def blocks():

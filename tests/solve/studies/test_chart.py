@@ -5,6 +5,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import solve
+from solve.batch.task import Task
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
 from solve.period.named import Named
 from tests.solve import systems
@@ -212,3 +213,28 @@ def test_a_quantity_is_that_of_single_solves():
         solve.chart(cam, {"speed": speeds}, {"k1": stiff}, of="rho1")
     with pytest.raises(UnknownNameError):
         solve.chart(cam, {"speed": speeds}, {"k1": stiff}, of="q3.maximal")
+
+
+def test_a_quantity_of_the_orbit_is_solved_once_and_stability_is_known_where_there_is_no_orbit(monkeypatch):
+    """Without damping cos(φ) forces the oscillator x″ + k x at speed 1: at k = 1 it has no orbit."""
+    solved, whole = [], Task.solved
+    monkeypatch.setattr(Task, "solved", lambda *of: solved.append(len(of[2])) or whole(*of))
+
+    def build(k, c):
+        def matrices(phase, speed):
+            one = np.ones((len(phase), 1, 1))
+            return one, c * one, k * one, np.cos(phase)[:, None]
+
+        return solve.PeriodicSystem(matrices, ["x"])
+
+    axes = {"k": [0.5, 1.0, 2.0]}, {"c": [0.0, 0.1]}
+    found = solve.chart(build, *axes, 1.0, boundaries=False, of="x.max_abs")
+    assert solved == [6]
+    k, c = np.meshgrid(*(next(iter(axis.values())) for axis in axes))
+    with np.errstate(divide="ignore"):
+        size = 1 / np.hypot(1 - k, c)
+    np.testing.assert_allclose(found.values, np.where(np.isinf(size), np.nan, size), rtol=1e-7)
+    plain = solve.chart(build, *axes, 1.0, boundaries=False)
+    np.testing.assert_allclose(found.spectral_radius, plain.spectral_radius, rtol=1e-7)
+    np.testing.assert_array_equal(found.verdicts, plain.verdicts)
+    assert found.failures == plain.failures == {}

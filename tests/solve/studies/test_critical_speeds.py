@@ -136,3 +136,58 @@ def test_the_curve_goes_through_the_maxima_that_are_marked(found):
         points = set(zip(*axes.get_lines()[0].get_data(), strict=True))
         assert marks
         assert all(points.issuperset(zip(*mark.get_data(), strict=True)) for mark in marks)
+
+
+def test_a_peak_belongs_to_the_order_that_rises_there_not_to_the_nearest_division():
+    """q1 is pushed at order 3 alone, and the other oscillator's seventh division lies where q1 is largest."""
+    peak = 30.0 * np.sqrt(1 - 2 * ZETA**2) / 3
+    frequencies = np.array([30.0, 7 * peak])
+
+    def push(phase):
+        return np.column_stack((np.cos(3 * phase), np.zeros_like(phase)))
+
+    system = systems.constant(np.eye(2), np.diag(2 * ZETA * frequencies), np.diag(frequencies**2), push)
+    made = solve.critical_speeds(system, np.linspace(9.2, 10.8, 9), orders=8)
+    ((mode, order),) = [(row.mode, row.order) for row in made.rows if row.response]
+    assert (mode, order) == (1, 3)
+    assert any((row.mode, row.order) == (2, 7) for row in made.rows)
+
+
+ZETA_OF_ROTOR = 0.01
+
+
+def rotor(asymmetry=0.2, zeta=ZETA_OF_ROTOR, frequency=100.0):
+    """A shaft of unequal stiffnesses with an unbalance, seen from the ground: whirling frequencies
+    ω sqrt(1 ± μ) with the shaft held still, and unstable between."""
+
+    def matrices(phase, speed):
+        one = np.broadcast_to(np.eye(2), (len(phase), 2, 2))
+        c, s = np.cos(2 * phase), np.sin(2 * phase)
+        turned = np.moveaxis(np.array([[c, s], [s, -c]]), 2, 0)
+        unbalance = 1e-5 * speed**2 * np.column_stack((np.cos(phase), np.sin(phase)))
+        return one, 2 * zeta * frequency * one, frequency**2 * (one + asymmetry * turned), unbalance
+
+    return solve.PeriodicSystem(matrices, ["x", "y"])
+
+
+def test_of_an_unstable_rotor_no_division_explains_what_grows():
+    """The response is largest at both edges of the band, where ρ = +1 meets order 1: turning with the shaft
+    it is constant, (1 + μ - s)(1 - μ - s) + 4 ζ² s = 0 with s = Ω²/ω². Between them no motion is reached, and
+    the multiplier's maximum there belongs to no division."""
+    half = np.sqrt(0.2**2 - 4 * ZETA_OF_ROTOR**2 + 4 * ZETA_OF_ROTOR**4)
+    low, high = 100 * np.sqrt(1 - 2 * ZETA_OF_ROTOR**2 + np.array([-half, half]))
+    made = solve.critical_speeds(rotor(), np.linspace(40.0, 130.0, 91), orders=4)
+    ((first, last, radius),) = made.unstable_ranges
+    assert low < first < low + 1.01
+    assert high - 1.01 < last < high
+    peaks = sorted(row.response.speed for row in made.rows if row.response)
+    assert peaks == pytest.approx([low, high], rel=1e-4)
+    assert radius > 1.1
+    attributed = [row for row in made.rows if row.mode and (row.response or row.multiplier)]
+    assert {row.order for row in attributed if row.response} == {1}
+    for row in attributed:
+        assert row.multiplier is None or row.multiplier.height < 1
+        assert abs(row.speed - row.division) < 0.05 * row.division
+    inside = [row for row in made.rows if first < row.speed < last and row.multiplier]
+    assert inside
+    assert all(row.mode is None for row in inside)

@@ -1,0 +1,74 @@
+"""Curves of pictures over speed: through their points, without extremes of their own, not where unstable."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import solve
+from solve.results.plot import draw_through, through
+from solve.results.sweep_plot import sweep_figure
+
+
+def resonance(x):
+    return 1 / np.hypot(1 - x**2, 0.02 * x)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_curve_goes_through_its_points_and_has_no_extreme_beside_them(seed):
+    x = np.random.default_rng(seed).permutation(np.linspace(0.2, 1.8, 23))
+    fine, values = through(x, resonance(x))
+    order = np.argsort(x)
+    np.testing.assert_allclose(np.interp(x, fine, values), resonance(x), rtol=1e-12)
+    for low, high in zip(x[order][:-1], x[order][1:], strict=True):
+        inside = values[(fine >= low) & (fine <= high)]
+        ends = sorted(resonance(np.array([low, high])))
+        assert ends[0] * (1 - 1e-12) <= inside.min() <= inside.max() <= ends[1] * (1 + 1e-12)
+    assert (
+        np.abs(np.diff(np.diff(values) / np.diff(fine))).max()
+        < np.abs(np.diff(np.diff(resonance(x[order])) / np.diff(x[order]))).max()
+    )
+
+
+def test_gaps_stay_gaps_and_points_that_come_twice_are_drawn_once():
+    x = np.array([1.0, 2.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    y = np.array([1.0, 2.0, 2.0, np.nan, 1.0, 2.0, 0.5])
+    fine, values = through(x, y)
+    assert np.isnan(values[(fine > 2) & (fine < 4)]).all()
+    assert np.isfinite(values[(fine <= 2) | (fine >= 4)]).all()
+
+
+def test_by_logarithm_a_power_is_straight_on_logarithmic_paper():
+    axes = Figure().subplots()
+    x = np.linspace(0.0, 3.0, 5)
+    draw_through(axes, x, np.append(0.0, 10.0 ** x[1:]), True)
+    curve, dots = axes.lines
+    known = np.isfinite(curve.get_ydata())
+    np.testing.assert_allclose(np.log10(curve.get_ydata()[known]), curve.get_xdata()[known], atol=1e-9)
+    assert not known[0]
+    assert len(dots.get_xdata()) == 5
+
+
+def test_the_response_is_not_drawn_through_unstable_speeds_and_has_no_maximum_at_their_edges():
+    system, speeds = solve.load("cam"), np.linspace(0.2, 1.8, 23)
+    bands = [(0.9, 1.1, "+1")]
+    figure = sweep_figure(system, speeds, {"q1": resonance(speeds)}, np.ones(23), "max_abs", bands)
+    curve, _, marks = figure.axes[0].lines
+    shown = curve.get_xdata()[np.isfinite(curve.get_ydata())] * np.pi / 30
+    assert not ((shown > 0.9) & (shown < 1.1)).any()
+    assert len(marks.get_xdata()) == 0
+
+
+def test_names_of_orders_are_clear_of_the_frame_and_of_the_frequencies():
+    found = solve.critical_speeds(solve.load("cam"), "400:700:30 rpm", figure="rms", rtol=1e-6)
+    figure = found.plot(campbell=True)
+    figure.draw_without_rendering()
+    axes = figure.axes[-1]
+    frame = axes.get_window_extent()
+    (frequencies,) = (line for line in axes.lines if line.get_label() == "mean natural frequency")
+    ray = axes.transData.transform(frequencies.get_xydata())
+    assert {text.get_text() for text in axes.texts} >= {"6", "7", "8"}
+    for text in axes.texts:
+        box = text.get_window_extent()
+        assert frame.x0 < box.x0 < box.x1 < frame.x1
+        assert frame.y0 < box.y0 < box.y1 < frame.y1
+        assert not any(box.contains(*place) for place in ray)
