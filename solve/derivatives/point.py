@@ -2,8 +2,8 @@
 solved it, with errors estimated from coarser grids."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import cast
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import matched_logarithms
 from solve.certify.pace import Pace, estimated
-from solve.derivatives.figures import FigureSlopes, OrbitOnGrid
+from solve.derivatives.figures import Adjoint, FigureSlopes, Forward, OrbitOnGrid
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
@@ -26,8 +26,11 @@ from solve.single import floquet, periodic
 from solve.system import SPEED, Dependence, PeriodicSystem
 from solve.threads import one_thread
 
-_GRIDS = 4, 2, 1
-"""Parts of the steps on which derivatives are compared, the finest last."""
+_GRIDS = 1, 2, 4
+"""Parts of the steps on which derivatives are compared, the finest first."""
+
+_A_FIGURE = 8
+"""Parameters whose columns cost as much as the adjoint problem of a figure."""
 
 _ROUNDING = 1e-13
 """Part of a derivative that rounding leaves."""
@@ -76,7 +79,9 @@ def of_solution(
         raise ValueOutOfBoundsError(
             f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
         )
-    grids = [OnGrid(solved, rule, max(1, solved.steps // part), dependence, names) for part in _GRIDS]
+    adjoint = dependence.parted and _A_FIGURE * sum(each.of_orbit for each in asked) <= len(names)
+    on, starts = partial(OnGrid, solved, rule), {}
+    grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
     with one_thread(system.n):
         found = {each.text: _estimated(each, grids, solved, rule) for each in asked}
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
@@ -101,13 +106,16 @@ def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> 
 
 @dataclass(frozen=True, eq=False)
 class OnGrid:
-    """Derivatives on so many steps."""
+    """Derivatives on so many steps. adjoint: whether those of orbits come from adjoint problems; starts: see
+    `FigureSlopes`."""
 
     solved: Stability
     rule: Collocated
     steps: int
     dependence: Dependence
     names: Sequence[str]
+    adjoint: bool = False
+    starts: dict[tuple[str, float], Array] = field(default_factory=dict)
 
     @cached_property
     def turn(self) -> TurnOnGrid:
@@ -116,22 +124,53 @@ class OnGrid:
         return TurnOnGrid(OnePoint(system, self.solved.speed), self.rule, grid)
 
     @cached_property
-    def entries(self) -> Array:
-        return self.dependence.entries(self.turn.phases.ravel(), self.solved.speed)
+    def orbit(self) -> OrbitOnGrid:
+        return OrbitOnGrid(self.solved.system, self.solved.speed, self.turn)
+
+    @cached_property
+    def _given(self) -> tuple[OrbitOnGrid, Dependence, Array]:
+        """What derivatives of the orbit follow from."""
+        turn, n = self.turn, self.turn.point.n
+        chosen = np.s_[:, int(turn.closed) :]
+        phases, states = turn.phases[chosen], turn.orbit.states[chosen].reshape(-1, 3, n)
+        found = self.dependence.residual(phases.ravel(), self.solved.speed, states)
+        found = found.reshape(*phases.shape, n, -1)
+        if turn.closed:
+            found = np.concatenate((np.roll(found[:, -1:], 1, axis=0), found), axis=1)
+        return self.orbit, self.dependence, found
+
+    @cached_property
+    def forward(self) -> Forward:
+        return Forward(*self._given)
 
     @cached_property
     def figures(self) -> FigureSlopes:
-        turn = self.turn
-        curves = turn.curves(turn.under(turn.loads(self.entries)))
-        orbit = OrbitOnGrid(self.solved.system, self.solved.speed, turn)
-        return FigureSlopes(orbit, curves, self.dependence)
+        slopes = Adjoint(*self._given) if self.adjoint else self.forward
+        return FigureSlopes(self.orbit, slopes, self.starts)
 
     @cached_property
-    def logarithms(self) -> Array:
-        """Derivatives (N, r) of log ρ, in the order of the solution's multipliers."""
+    def _multipliers(self) -> tuple[MultipliersOnGrid, Array]:
+        """With their places by those of the solution's."""
         found = MultipliersOnGrid(self.turn)
         known = np.nan_to_num(self.solved.spectrum.logarithms, nan=-np.inf)
-        return found.slopes(self.entries)[matched_logarithms(known, found.logarithms)]
+        return found, matched_logarithms(known, found.logarithms)
+
+    def logarithm(self, at: int) -> Array:
+        """Derivatives (r,) of log ρ of one of the solution's multipliers."""
+        turn, (found, places) = self.turn, self._multipliers
+        n, phases = turn.point.n, turn.phases[:, turn.stages].ravel()
+        weights = found.weights(int(places[at])).reshape(-1, 3, n, n)
+        states, moved = np.zeros((len(phases), 3, n)), None
+        if not self.dependence.linear:
+            states = turn.orbit.states[:, turn.stages, ..., 0].reshape(states.shape)
+            moved = self.forward.moved.states[:, turn.stages].reshape(-1, len(self.names))
+        slopes = np.zeros(len(self.names), dtype=complex)
+        for unit, part in ((1, np.real(weights)), (1j, np.imag(weights))):
+            by, by_states = self.dependence.matrices(phases, self.solved.speed, states, part)
+            slopes += unit * by.sum(axis=0)
+            if moved is not None:
+                slopes += unit * (by_states.ravel() @ moved)
+        return slopes
 
     def slopes(self, asked: Named) -> Array:
         """Derivatives (r,) of a quantity. Raises NoDerivativeError."""
@@ -139,7 +178,7 @@ class OnGrid:
             return self.figures(asked)
         at = max(asked.number, 1) - 1
         _require_alone(self.solved, at, asked)
-        slopes, rho = self.logarithms[at], complex(self.solved.multipliers[at])
+        slopes, rho = self.logarithm(at), complex(self.solved.multipliers[at])
         if asked.subject == EXPONENT:
             # λ = log ρ Ω / P, P the period in phase.
             logarithm = self.solved.spectrum.logarithms[at] / self.solved.speed
@@ -173,7 +212,7 @@ def _estimated(asked: Named, grids: Sequence[OnGrid], solved: Stability, rule: C
     """With the errors of the finest grid, by the rule of the solutions themselves."""
     value = asked.value(cast(Solved, solved))
     try:
-        coarsest, coarse, fine = (grid.slopes(asked) for grid in grids)
+        fine, coarse, coarsest = (grid.slopes(asked) for grid in grids)
     except NoDerivativeError as reason:
         nothing = np.full(len(grids[0].names), np.nan)
         return Sensitivity(value, asked.unit, nothing, nothing, str(reason))

@@ -186,9 +186,10 @@ class Model(PeriodicSystem):
     def require_smooth(self, names: Sequence[str]) -> None:
         """Raise UnknownNameError or NoDerivativeError unless there are derivatives by parameters, or
         "speed", of these names."""
+        smooth = {SPEED, *self.smooth_parameters}
         for name in names:
             require_name(f"quantity of {self.name}", name, [SPEED, *self.parameters])
-            if name not in (SPEED, *self.smooth_parameters):
+            if name not in smooth:
                 raise NoDerivativeError(
                     f"{name} is a whole number, or moves the phase of a jump: derivatives by it are not "
                     "calculated; leave it out"

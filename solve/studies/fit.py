@@ -151,13 +151,13 @@ class _Problem:
         rule = orbit.certified.method
         if not isinstance(rule, Collocated):
             raise ValueOutOfBoundsError(f"method is {rule.name}; a fit takes radau, gauss, or auto")
-        slopes = OnGrid(orbit, rule, orbit.steps, model.dependence(self.names), self.names).figures
+        on = OnGrid(orbit, rule, orbit.steps, model.dependence(self.names), self.names)
         found = []
         for name, values in data.channels.items():
             if data.orders:
-                found.append((name, *_of_orders(slopes, name, data.at, np.iscomplexobj(values))))
+                found.append((name, *_of_orders(on.figures, name, data.at, np.iscomplexobj(values))))
             else:
-                found.append((name, slopes.orbit.signal(name)(data.at), slopes.signal(name, data.at)))
+                found.append((name, on.orbit.signal(name)(data.at), on.forward.signal(name, data.at)))
         return found
 
 
