@@ -4,9 +4,10 @@ An extremum changes as the quantity does at its phase, which may be held: the de
 there (envelope theorem).
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -60,12 +61,14 @@ class OrbitOnGrid(Turn):
         return self.turn.grid.steps * samples_a_step(self.turn.grid.steps)
 
 
-class Slopes(Protocol):
-    """Derivatives of signals of an orbit."""
+class Sums(NamedTuple):
+    """A figure whose derivatives are made of those (r, c) of sums over weights (k, c) times the values of a
+    coordinate or output at phases (k,)."""
 
-    def weighted(self, name: str, phase: Array, weights: Array) -> Array:
-        """Of sums over weights (k, c) times the values of a coordinate or output at phases (k,): (r, c)."""
-        ...
+    name: str
+    phase: Array
+    weights: Array
+    made: Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,65 +98,88 @@ class Forward:
         moved = np.stack([self._curves(phase, order) for order in (2, 1, 0)]).transpose(3, 0, 2, 1)
         return self.dependence.output_along(name, phase, self.orbit.speed, self.orbit.states(phase), moved).T
 
-    def weighted(self, name: str, phase: Array, weights: Array) -> Array:
-        return self.signal(name, phase) @ weights
+    @cached_property
+    def _data(self) -> Array:
+        return self.orbit.turn.data(self.moved).reshape(-1, self.residual.shape[-1])
+
+    def of(self, figures: Sequence[Sums]) -> list[Array]:
+        """Derivatives (r,) of figures."""
+        return [each.made(self._of(each)) for each in figures]
+
+    def _of(self, figure: Sums) -> Array:
+        if figure.name in self.orbit.system.outputs and not self.dependence.parted:
+            return self.signal(figure.name, figure.phase) @ figure.weights
+        direct, of_data = _parted(self.orbit, self.dependence, figure)
+        return direct + self._data.T @ of_data.reshape(len(self._data), -1)
 
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """From one adjoint problem a quantity: for many parameters. residual: as in `Forward`."""
+    """From one adjoint problem, with a column a sum: for many parameters. residual: as in `Forward`."""
 
     orbit: OrbitOnGrid
     dependence: Dependence
     residual: Array
 
-    def weighted(self, name: str, phase: Array, weights: Array) -> Array:
-        system, n, (k, c) = self.orbit.system, self.orbit.system.n, weights.shape
-        direct, by_states = np.zeros((self.residual.shape[-1], c)), np.zeros((k, 3, n))
-        if name in system.coordinates:
-            by_states[:, 2, system.coordinates.index(name)] = 1.0
-        else:
-            states = self.orbit.states(phase)
-            by_parameters, by_states = self.dependence.output(name, phase, self.orbit.speed, states)
-            direct = by_parameters.T @ weights
-        pulled = self.orbit.turn.pulled(phase, by_states[..., None] * weights[:, None, None])
-        return direct - self.residual.reshape(-1, len(direct)).T @ pulled.reshape(-1, c)
+    def of(self, figures: Sequence[Sums]) -> list[Array]:
+        """Derivatives (r,) of figures."""
+        direct, of_data = zip(*(_parted(self.orbit, self.dependence, each) for each in figures), strict=True)
+        pulled, r = self.orbit.turn.pulled(np.concatenate(of_data, axis=-1)), self.residual.shape[-1]
+        found = self.residual.reshape(-1, r).T @ pulled.reshape(-1, pulled.shape[-1])
+        ends = np.cumsum([each.weights.shape[1] for each in figures])
+        parts = zip(figures, direct, np.split(found, ends[:-1], axis=1), strict=True)
+        return [each.made(held - along) for each, held, along in parts]
 
 
-class FigureSlopes:
-    """Derivatives by θ (r,) of figures of an orbit. starts: phases near which its extrema are, by name and
-    way, where they are known; they are filled in."""
+def _parted(orbit: OrbitOnGrid, dependence: Dependence, figure: Sums) -> tuple[Array, Array]:
+    """The derivatives of the sums by θ (r, c) with the orbit held, or 0, and the weights (m, 2 + k, n, c) of
+    the data of the orbit's curve."""
+    (name, phase, weights, _), system, direct = figure, orbit.system, np.zeros(())
+    if name in system.coordinates:
+        by_states = np.zeros((len(phase), 3, system.n))
+        by_states[:, 2, system.coordinates.index(name)] = 1.0
+    else:
+        by_parameters, by_states = dependence.output(name, phase, orbit.speed, orbit.states(phase))
+        direct = by_parameters.T @ weights
+    return direct, orbit.turn.of_data(phase, by_states[..., None] * weights[:, None, None])
 
-    def __init__(self, orbit: OrbitOnGrid, slopes: Slopes, starts: dict[tuple[str, float], Array]):
-        self.orbit, self._slopes, self._starts = orbit, slopes, starts
 
-    def __call__(self, asked: Named) -> Array:
-        """Derivatives (r,) of a figure. Raises NoDerivativeError."""
+class Figures:
+    """Figures of an orbit as sums. starts: phases near which its extrema are, by name and way, where they
+    are known; they are filled in."""
+
+    def __init__(self, orbit: OrbitOnGrid, starts: dict[tuple[str, float], Array]):
+        self.orbit, self._starts = orbit, starts
+
+    def sums(self, asked: Named) -> Sums:
+        """Of a figure. Raises NoDerivativeError."""
         name, figure, orbit = asked.subject, asked.figure, self.orbit
         if figure in ("max", "min", "max_abs"):
             return self._of_extremum(name, figure)
         if figure.endswith("_phase"):
             raise NoDerivativeError(f"{asked.text}: derivatives of phases of extrema are not calculated")
         if figure in (HARMONIC, PHASE):
-            return _of_harmonic(asked, *self.harmonic(name, asked.number))
+            value, sums = self.harmonic(name, asked.number)
+            return sums._replace(made=lambda slopes: _of_harmonic(asked, value, sums.made(slopes)))
         phases = np.arange(orbit.samples) * (orbit.system.period / orbit.samples)
         weights = np.full(len(phases), 1 / len(phases))
         if figure == "rms":
             values = orbit.signal(name)(phases)
             weights = _over(values * weights, np.sqrt(np.mean(values**2)), asked)
-        return self._slopes.weighted(name, phases, weights[:, None])[:, 0]
+        return Sums(name, phases, weights[:, None], _first)
 
-    def harmonic(self, name: str, number: int) -> tuple[complex, Array]:
-        """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0, and its
-        derivatives (r,)."""
+    def harmonic(self, name: str, number: int) -> tuple[complex, Sums]:
+        """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
         phases = np.arange(count) * (period / count)
         wave = np.exp(-2j * np.pi / period * number * phases) * ((2 if number else 1) / count)
-        slopes = self._slopes.weighted(name, phases, np.stack((wave.real, wave.imag), axis=1))
-        return complex(wave @ self.orbit.signal(name)(phases)), slopes @ np.array([1, 1j])
+        sums = Sums(
+            name, phases, np.stack((wave.real, wave.imag), axis=1), lambda both: both @ np.array([1, 1j])
+        )
+        return complex(wave @ self.orbit.signal(name)(phases)), sums
 
-    def _of_extremum(self, name: str, figure: str) -> Array:
-        """Derivatives (r,); NaN where equally large extrema change differently."""
+    def _of_extremum(self, name: str, figure: str) -> Sums:
+        """Of an extremum, whose derivatives are NaN where equally large extrema change differently."""
         ways = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}[figure]
         found = [self._highest(name, way) for way in ways]
         most = max(value for _, value in found)
@@ -163,9 +189,13 @@ class FigureSlopes:
             if value >= most - _SAME * abs(most)
         ]
         phases, signs = (np.concatenate(part) for part in zip(*each, strict=True))
-        every = self._slopes.weighted(name, phases, np.diag(signs))
-        alike = np.ptp(every, axis=1) <= _ALIKE * np.abs(every).max(axis=1)
-        return np.where(alike, -every[:, 0] if figure == "min" else every[:, 0], np.nan)
+        sign = -1.0 if figure == "min" else 1.0
+
+        def made(every: Array) -> Array:
+            alike = np.ptp(every, axis=1) <= _ALIKE * np.abs(every).max(axis=1)
+            return np.where(alike, sign * every[:, 0], np.nan)
+
+        return Sums(name, phases, np.diag(signs), made)
 
     def _highest(self, name: str, way: float) -> tuple[Array, float]:
         """Phases (k,) at which way · quantity is largest, and that value. Its derivative is brought to zero
@@ -189,6 +219,10 @@ def _tops(values: Array) -> Array:
     level = values.max() - _PROMISING * np.ptp(values)
     tops = (values >= level) & (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
     return np.flatnonzero(tops if tops.any() else values == values.max())[:_MOST]
+
+
+def _first(slopes: Array) -> Array:
+    return slopes[:, 0]
 
 
 def _of_harmonic(asked: Named, value: complex, slopes: Array) -> Array:

@@ -4,14 +4,14 @@ solved it, with errors estimated from coarser grids."""
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.certify.all_multipliers import matched_logarithms
 from solve.certify.pace import Pace, estimated
-from solve.derivatives.figures import Adjoint, FigureSlopes, Forward, OrbitOnGrid
+from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Sums
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
@@ -29,7 +29,7 @@ from solve.threads import one_thread
 _GRIDS = 1, 2, 4
 """Parts of the steps on which derivatives are compared, the finest first."""
 
-_A_FIGURE = 8
+_A_FIGURE = 2
 """Parameters whose columns cost as much as the adjoint problem of a figure."""
 
 _ROUNDING = 1e-13
@@ -83,7 +83,9 @@ def of_solution(
     on, starts = partial(OnGrid, solved, rule), {}
     grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
     with one_thread(system.n):
-        found = {each.text: _estimated(each, grids, solved, rule) for each in asked}
+        slopes = zip(*(grid.slopes(asked) for grid in grids), strict=True)
+        pairs = zip(asked, slopes, strict=True)
+        found = {each.text: _estimated(each, found, grids[0], rule) for each, found in pairs}
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, solved.notes)
@@ -107,7 +109,7 @@ def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> 
 @dataclass(frozen=True, eq=False)
 class OnGrid:
     """Derivatives on so many steps. adjoint: whether those of orbits come from adjoint problems; starts: see
-    `FigureSlopes`."""
+    `Figures`."""
 
     solved: Stability
     rule: Collocated
@@ -144,9 +146,8 @@ class OnGrid:
         return Forward(*self._given)
 
     @cached_property
-    def figures(self) -> FigureSlopes:
-        slopes = Adjoint(*self._given) if self.adjoint else self.forward
-        return FigureSlopes(self.orbit, slopes, self.starts)
+    def figures(self) -> Figures:
+        return Figures(self.orbit, self.starts)
 
     @cached_property
     def _multipliers(self) -> tuple[MultipliersOnGrid, Array]:
@@ -172,10 +173,23 @@ class OnGrid:
                 slopes += unit * (by_states.ravel() @ moved)
         return slopes
 
-    def slopes(self, asked: Named) -> Array:
-        """Derivatives (r,) of a quantity. Raises NoDerivativeError."""
-        if asked.of_orbit:
-            return self.figures(asked)
+    def slopes(self, asked: Sequence[Named]) -> list[Array | NoDerivativeError]:
+        """Of each quantity its derivatives (r,), or why it has none."""
+        found: list[Any] = []
+        for each in asked:
+            try:
+                found.append(self.figures.sums(each) if each.of_orbit else self._of_multiplier(each))
+            except NoDerivativeError as reason:
+                found.append(reason)
+        at = [place for place, each in enumerate(found) if isinstance(each, Sums)]
+        if at:
+            made = (Adjoint(*self._given) if self.adjoint else self.forward).of([found[k] for k in at])
+            for place, slopes in zip(at, made, strict=True):
+                found[place] = slopes
+        return found
+
+    def _of_multiplier(self, asked: Named) -> Array:
+        """Derivatives (r,) of a quantity of a multiplier. Raises NoDerivativeError."""
         at = max(asked.number, 1) - 1
         _require_alone(self.solved, at, asked)
         slopes, rho = self.logarithm(at), complex(self.solved.multipliers[at])
@@ -208,19 +222,22 @@ def _require_alone(solved: Stability, at: int, asked: Named) -> None:
         )
 
 
-def _estimated(asked: Named, grids: Sequence[OnGrid], solved: Stability, rule: Collocated) -> Sensitivity:
-    """With the errors of the finest grid, by the rule of the solutions themselves."""
-    value = asked.value(cast(Solved, solved))
-    try:
-        fine, coarse, coarsest = (grid.slopes(asked) for grid in grids)
-    except NoDerivativeError as reason:
-        nothing = np.full(len(grids[0].names), np.nan)
-        return Sensitivity(value, asked.unit, nothing, nothing, str(reason))
+def _estimated(
+    asked: Named, slopes: Sequence[Array | NoDerivativeError], finest: OnGrid, rule: Collocated
+) -> Sensitivity:
+    """From the derivatives on each of the grids, the finest first, with its errors, by the rule of the
+    solutions themselves."""
+    solved, value = finest.solved, asked.value(cast(Solved, finest.solved))
+    for reason in slopes:
+        if isinstance(reason, NoDerivativeError):
+            nothing = np.full(len(finest.names), np.nan)
+            return Sensitivity(value, asked.unit, nothing, nothing, str(reason))
+    fine, coarse, coarsest = (np.asarray(each) for each in slopes)
     found, before = np.abs(fine - coarse), np.abs(coarse - coarsest)
     order = np.array(rule.curve_order if asked.of_orbit else rule.order)
     errors = estimated(found, before, Pace(solved.steps, 2.0, 2.0), order)
     errors = np.maximum(errors, _ROUNDING * np.abs(fine))
-    kinks = [name for name, slope in zip(grids[0].names, fine, strict=True) if np.isnan(slope)]
+    kinks = [name for name, slope in zip(finest.names, fine, strict=True) if np.isnan(slope)]
     reason = (
         f"{asked.text} has no derivative by {', '.join(kinks)}: several extrema are equally large, and "
         "change differently"

@@ -105,23 +105,34 @@ class TurnOnGrid:
 
     def curves(self, motions: Motions) -> Curve:
         """The continuous curves (r, n, …) of solutions."""
+        data = self.data(motions)
+        return Curve.of(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
+
+    def data(self, motions: Motions) -> Array:
+        """What makes the curves of solutions in every step, (m, 2 + k, n, r)."""
         h = self.grid.h[:, None, None]
         q, v = np.split(motions.x[:-1], 2, axis=1)
         a = h[:, None] ** 2 * motions.states[:, :, 0]
-        data = np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
-        return Curve.of(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
+        return np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
 
-    def pulled(self, phase: Array, weights: Array) -> Array:
-        """The adjoint problem: by how much loads (m, k, n) at the phases of the grid raise sums over weights
-        (p, 3, n, c) times q″, q′, q of the curve at phases (p,), (m, k, n, c). It is the same for any number
-        of loads."""
-        (m, k), (_, _, n, c) = self.phases.shape, weights.shape
-        of_data = np.zeros((m, 2 + k, n, c))
-        step, basis = self.curve.basis(phase)
-        each = np.stack([self.curve.basis(phase, order)[1] for order in (2, 1)] + [basis], axis=1)
-        by_data = (each @ self.rule.curve_powers).swapaxes(1, 2) @ weights.reshape(len(phase), 3, -1)
-        np.add.at(of_data, step, by_data.reshape(len(phase), 2 + k, n, c))
-        h = self.grid.h[:, None, None]
+    def of_data(self, phase: Array, weights: Array) -> Array:
+        """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve
+        at phases (p,)."""
+        from scipy.sparse import csr_array
+
+        (m, k), (count, _, n, c), (step, basis) = self.phases.shape, weights.shape, self.curve.basis(phase)
+        by_phase = np.zeros((count, 2 + k, n * c))
+        for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
+            if part.any():
+                basis = self.curve.basis(phase, order)[1] if order else basis
+                by_phase += (basis @ self.rule.curve_powers)[:, :, None] * part.reshape(count, 1, -1)
+        summed = csr_array((np.ones(count), (step, np.arange(count))), shape=(m, count))
+        return (summed @ by_phase.reshape(count, -1)).reshape(m, 2 + k, n, c)
+
+    def pulled(self, of_data: Array) -> Array:
+        """The adjoint problem: by how much loads (m, k, n) at the phases of the grid raise sums with weights
+        (m, 2 + k, n, c) of the data, (m, k, n, c). It is the same for any number of loads."""
+        (m, k), (_, _, n, c), h = self.phases.shape, of_data.shape, self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
         accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, k, n, c))
         responses = self._responses.swapaxes(1, 2) @ accelerations[:, self.stages].reshape(m, -1, c)

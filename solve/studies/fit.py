@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.derivatives.figures import FigureSlopes
 from solve.derivatives.point import OnGrid
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
@@ -155,16 +154,19 @@ class _Problem:
         found = []
         for name, values in data.channels.items():
             if data.orders:
-                found.append((name, *_of_orders(on.figures, name, data.at, np.iscomplexobj(values))))
+                found.append((name, *_of_orders(on, name, data.at, np.iscomplexobj(values))))
             else:
                 found.append((name, on.orbit.signal(name)(data.at), on.forward.signal(name, data.at)))
         return found
 
 
-def _of_orders(slopes: FigureSlopes, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:
+def _of_orders(on: OnGrid, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:
     """Complex amplitudes (k,) of orders and their derivatives (r, k), or moduli, but for the mean's sign."""
-    pairs = [slopes.harmonic(name, round(order)) for order in orders.tolist()]
-    amplitudes, moved = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs]).T
+    pairs = [on.figures.harmonic(name, round(order)) for order in orders.tolist()]
+    amplitudes, moved = (
+        np.array([pair[0] for pair in pairs]),
+        np.array(on.forward.of([pair[1] for pair in pairs])).T,
+    )
     if angles:
         return amplitudes, moved
     size = np.abs(amplitudes)
