@@ -17,6 +17,7 @@ from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
+from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.period.points import OnePoint
@@ -45,6 +46,7 @@ def sensitivities(
     steps: int | None = None,
     rtol: float = 1e-8,
     engine: str = "auto",
+    nonlinear: bool = False,
 ) -> Sensitivities:
     """Derivatives of quantities of the periodic solution and of its stability at a speed (rad/s, or a text
     with unit), by parameters and the speed.
@@ -52,8 +54,9 @@ def sensitivities(
     of: quantities such as "q3.max_abs", "contact_force.harmonic5", "spectral_radius", "rho1" (complex),
     "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius. by: names of
     parameters, "speed" among them; by default all by which there are derivatives. method (radau or gauss),
-    steps, rtol, engine: as in `periodic`. A quantity without a derivative, such as a multiplier that meets
-    another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without generated
+    steps, rtol, engine: as in `periodic`. nonlinear: of the orbit of the nonlinear equations, as
+    `solve.nonlinear` finds it, and of its multipliers. A quantity without a derivative, such as a multiplier
+    that meets another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without generated
     equations and for whole numbers, and what `periodic` raises.
 
     >>> import solve
@@ -63,10 +66,14 @@ def sensitivities(
     """
     asked = [Named.of(system, text) for text in _different("of", of, _usual(system))]
     names = _different("by", by, _all(system))
-    dependence = system.dependence(names)
-    orbit = any(each.of_orbit for each in asked)
-    solved = (periodic if orbit else floquet)(system, speed, method, steps, rtol, engine)
-    return of_solution(solved, asked, names, dependence)
+    given = system, speed
+    if nonlinear:
+        system.dependence(names)
+        solved = nonlinear_orbit(*given, method=method, steps=steps, rtol=rtol, engine=engine)
+    else:
+        orbit = any(each.of_orbit for each in asked)
+        solved = (periodic if orbit else floquet)(*given, method, steps, rtol, engine)
+    return of_solution(solved, asked, names, solved.system.dependence(names))
 
 
 def of_solution(

@@ -158,7 +158,11 @@ class Model(PeriodicSystem):
     @property
     def smooth_parameters(self) -> tuple[str, ...]:
         whole = {name for name, _, _, bound in self.module.PARAMETERS if "integer" in clauses(bound)}
-        return tuple(name for name in self.parameters if name not in whole and not self._moves_breaks(name))
+        return tuple(
+            name
+            for name, value in self.parameters.items()
+            if name not in whole and (value or not self.assembled) and not self._moves_breaks(name)
+        )
 
     def _moves_breaks(self, name: str) -> bool:
         """Whether the phases of jumps and kinks depend on a parameter."""
@@ -173,15 +177,28 @@ class Model(PeriodicSystem):
         return True
 
     def dependence(self, names: Sequence[str]) -> Dependence:
-        from solve.model.dependence import GeneratedDependence
+        return self._dependence(names, False)
+
+    def _dependence(self, names: Sequence[str], nonlinear: bool) -> Dependence:
+        from solve.model.dependence import AssembledDependence, GeneratedDependence
 
         self.require_smooth(names)
-        return self._dependences.setdefault(tuple(names), GeneratedDependence(self.setup, self.n, names))
+        key = tuple(names), nonlinear
+        if key not in self._dependences:
+            generated = self.setup, self.n, names, nonlinear
+            made = AssembledDependence(self, names) if self.assembled else GeneratedDependence(*generated)
+            self._dependences[key] = made
+        return self._dependences[key]
 
     @cached_property
-    def _dependences(self) -> dict[tuple[str, ...], Dependence]:
+    def _dependences(self) -> dict[tuple[tuple[str, ...], bool], Dependence]:
         """Those that were asked for: their functions are built once."""
         return {}
+
+    @property
+    def assembled(self) -> bool:
+        """Whether no formulas give the matrices: modal damping follows from their eigenvalues."""
+        return self.setup.ratios is not None
 
     def require_smooth(self, names: Sequence[str]) -> None:
         """Raise UnknownNameError or NoDerivativeError unless there are derivatives by parameters, or
@@ -189,6 +206,11 @@ class Model(PeriodicSystem):
         smooth = {SPEED, *self.smooth_parameters}
         for name in names:
             require_name(f"quantity of {self.name}", name, [SPEED, *self.parameters])
+            if self.assembled and self.parameters.get(name) == 0:
+                raise NoDerivativeError(
+                    f"{name} is 0; matrices that are assembled, or damped by modes, are differentiated by "
+                    f"small parts of a parameter: give a small number, such as --set {name}=1e-6"
+                )
             if name not in smooth:
                 raise NoDerivativeError(
                     f"{name} is a whole number, or moves the phase of a jump: derivatives by it are not "
@@ -285,9 +307,12 @@ class ModelAlong(Model):
         return self.model.along(motion)
 
     def dependence(self, names: Sequence[str]) -> Dependence:
-        raise NoDerivativeError(
-            f"{self.name} along a nonlinear orbit has no derivatives; ask for those of its linear orbit"
-        )
+        if self.assembled:
+            raise NoDerivativeError(
+                f"{self.name} has damping ratios, whose derivatives are known along its linear orbit alone; "
+                "leave out what asks for nonlinear equations, or state the dissipation"
+            )
+        return self.model._dependence(names, nonlinear=True)
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

@@ -18,13 +18,13 @@ def varied(model, speed, name, number):
     return (model, number) if name == "speed" else (model.varied({name: number}), speed)
 
 
-def differences(model, speed, name, texts, **settings):
-    """Derivatives of the quantities by one parameter, or "speed"; from the steps at which the last two
-    extrapolations and the rounding of the values leave least."""
+def differences(model, speed, name, texts, solved=solve.periodic, parts=PARTS, **settings):
+    """Derivatives of the quantities by one parameter, or "speed", of what `solved` gives; from the steps at
+    which the last two extrapolations and the rounding of the values leave least."""
     at = speed if name == "speed" else model.parameters[name]
 
     def values(number):
-        orbit = solve.periodic(*varied(model, speed, name, number), **settings)
+        orbit = solved(*varied(model, speed, name, number), **settings)
         return np.array([complex(Named.of(model, text).value(orbit)) for text in texts])
 
     def extrapolated(part):
@@ -34,5 +34,5 @@ def differences(model, speed, name, texts, **settings):
             before, table = table, (order * table[1:] - table[:-1]) / (order - 1)
         return table[0], np.abs(table[0] - before[1]) + NOISE * np.abs(values(at)) / steps[-1]
 
-    found, apart = (np.array(part) for part in zip(*map(extrapolated, PARTS), strict=True))
+    found, apart = (np.array(part) for part in zip(*map(extrapolated, parts), strict=True))
     return np.take_along_axis(found, apart.argmin(axis=0)[None], axis=0)[0]

@@ -11,6 +11,8 @@ from solve.errors import NoDerivativeError, ResonanceError, UnknownNameError, Va
 from solve.units import speed_in_si
 from tests.derive.modules import module_of
 from tests.solve.derivatives.differences import differences
+from tests.solve.model.test_damping import NUMBERS as CHAIN
+from tests.solve.model.test_damping import chain
 from tests.solve.newton.mechanisms import model_of
 from tests.solve.systems import random_system
 
@@ -257,3 +259,27 @@ def test_what_cannot_be_asked_is_said_in_a_line():
         solve.sensitivities(cam, 60.0, "q3.max", "k1", method="newmark", steps=4000)
     with pytest.raises(ResonanceError):
         solve.sensitivities(model(c=0.0, k=4 * SPEED**2 * M), SPEED)
+
+
+def test_damping_ratios_change_with_the_stiffness():
+    damped = solve.load(chain(), e=0.3, zeta1=0.03, zeta2=0.08, **CHAIN)
+    of, by = ["q1.max", "q2.rms", "rho1"], ["k", "zeta2"]
+    settings = {"method": solve.Radau(), "steps": 96, "engine": "numpy"}
+    found = solve.sensitivities(damped, 3.0, of, by, **settings)
+    for name in by:
+        expected = differences(damped, 3.0, name, of, **settings)
+        assert [found[quantity][name] for quantity in of] == pytest.approx(list(expected), rel=1e-8)
+    at_rest = solve.load(chain(), e=0.0, zeta1=0.03, zeta2=0.08, **CHAIN)
+    with pytest.raises(NoDerivativeError, match="e is 0"):
+        solve.sensitivities(at_rest, 3.0, of, "e")
+
+
+def test_one_adjoint_gives_what_all_columns_give():
+    cam = solve.load("cam")
+    of, many = ["q3.max_abs", "contact_force.harmonic3"], ["k1", "a1", "F", "speed", "m2", "c2", "b3"]
+    adjoint = solve.sensitivities(cam, 60.0, of, many, steps=192)
+    for name in many:
+        # Fewer parameters than two a quantity are columns.
+        alone = solve.sensitivities(cam, 60.0, of, name, steps=192)
+        for quantity in of:
+            assert adjoint[quantity][name] == pytest.approx(alone[quantity][name], rel=1e-10)
