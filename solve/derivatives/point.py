@@ -56,8 +56,8 @@ def sensitivities(
     parameters, "speed" among them; by default all by which there are derivatives. method (radau or gauss),
     steps, rtol, engine: as in `periodic`. nonlinear: of the orbit of the nonlinear equations, as
     `solve.nonlinear` finds it, and of its multipliers. A quantity without a derivative, such as a multiplier
-    that meets another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without generated
-    equations and for whole numbers, and what `periodic` raises.
+    that meets another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without
+    generated equations and for whole numbers, and what `periodic` raises.
 
     >>> import solve
     >>> found = sensitivities(solve.load("cam"), "600 rpm", of="q3.max_abs", by=["k1", "speed"])

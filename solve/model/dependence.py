@@ -22,7 +22,7 @@ class _Slopes(NamedTuple):
     sampler: Sampler | None
 
     def __call__(self, phase: Array, speed: float, *inputs: Array) -> Array:
-        """(k, rows, columns) at phases (k,) and other inputs (k, …)."""
+        """(k, rows, columns) at phases (k,), other inputs (k, …), and parameters (p,)."""
         made = np.zeros((len(phase), self.shape[0] * self.shape[1]))
         if self.sampler is not None:
             places = self.rows * self.shape[1] + self.columns
@@ -30,32 +30,15 @@ class _Slopes(NamedTuple):
         return made.reshape(-1, *self.shape)
 
 
-class GeneratedDependence:
-    """By automatic differentiation of the generated functions in CasADi (J. A. E. Andersson et al., Math.
-    Program. Comput. 11 (2019) 1-36), each when it is first asked for; see `solve.system.Dependence`."""
+class GeneratedSlopes:
+    """Derivatives of the generated functions by automatic differentiation in CasADi (J. A. E. Andersson et
+    al., Math. Program. Comput. 11 (2019) 1-36), for any values of the parameters, each built when it is first
+    asked for. nonlinear: of the nonlinear equations, rather than of those linearised about the desired
+    motion."""
 
-    parted = True
-
-    def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool = False):
-        """nonlinear: of the nonlinear equations, rather than of those linearised about the desired motion."""
-        self._setup, self._n, self._names, self.linear = setup, n, tuple(names), not nonlinear
-        self._output = cache(self._output_slopes)
-
-    def residual(self, phase: Array, speed: float, states: Array) -> Array:
-        return self._residual(phase, speed, *_parts(states))
-
-    def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        inputs = *_parts(states), weights.reshape(len(phase), -1)
-        found, r = self._matrices(phase, speed, *inputs)[:, 0], len(self._names)
-        return found[:, :r], found[:, r:].reshape(-1, 3, self._n)
-
-    def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        found, r = self._output(name)(phase, speed, *_parts(states))[:, 0], len(self._names)
-        return found[:, :r], found[:, r:].reshape(-1, 3, self._n)
-
-    def output_along(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
-        by_parameters, by_states = self.output(name, phase, speed, states)
-        return by_parameters + np.einsum("kcn,kcnr->kr", by_states, moved)
+    def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):
+        self._setup, self._n, self._names, self.nonlinear = setup, n, tuple(names), nonlinear
+        self.output = cache(self._output)
 
     @cached_property
     def _symbols(self) -> list[Any]:
@@ -65,18 +48,20 @@ class GeneratedDependence:
     @cached_property
     def _equations(self) -> Any:
         phase, speed, a, v, q, p = self._symbols
-        if not self.linear:
+        if self.nonlinear:
             given = [phase, speed, q, speed * v, speed**2 * a, p]
             return self._setup.function("residual").call(given, True, False)[0]
         M, C, K, d = self._setup.function("linearised").call([phase, speed, p], True, False)
         return speed**2 * M @ a + speed * C @ v + K @ q - d
 
     @cached_property
-    def _residual(self) -> _Slopes:
+    def residual(self) -> _Slopes:
+        """Of the residual, by θ."""
         return self._slopes(self._equations, [])
 
     @cached_property
-    def _matrices(self) -> _Slopes:
+    def matrices(self) -> _Slopes:
+        """Of a weighted sum of the entries, by θ and the states; the weights are an input."""
         import casadi
 
         n, states = self._n, self._symbols[2:5]
@@ -85,7 +70,8 @@ class GeneratedDependence:
         entries = [casadi.vec(casadi.densify(casadi.jacobian(self._equations, x)).T) for x in states]
         return self._slopes(casadi.dot(weights, casadi.vertcat(*entries)), states, weights)
 
-    def _output_slopes(self, name: str) -> _Slopes:
+    def _output(self, name: str) -> _Slopes:
+        """Of an output, by θ and the states."""
         phase, speed, a, v, q, p = self._symbols
         given = [phase, speed, q, speed * v, speed**2 * a, p]
         values = self._setup.function("outputs").call(given, True, False)
@@ -103,12 +89,38 @@ class GeneratedDependence:
         rows, columns = (np.array(part, dtype=int) for part in slopes.sparsity().get_triplet())
         if not len(rows):
             return _Slopes(slopes.shape, rows, columns, None)
-        inputs += further
-        function = casadi.Function("slopes", [*inputs, p], [casadi.vertcat(*slopes.nonzeros())])
-        numbers = casadi.SX(casadi.DM(self._setup.p))
-        (found,) = function.call([*inputs, numbers], True, False)
-        sampler = Sampler(casadi.Function("slopes", inputs, [casadi.cse(found)]))
+        found = casadi.cse(casadi.vertcat(*slopes.nonzeros()))
+        sampler = Sampler(casadi.Function("slopes", [*inputs, *further, p], [found]), shared=1)
         return _Slopes(slopes.shape, rows, columns, sampler)
+
+
+class GeneratedDependence:
+    """By derivatives of the generated functions, at the parameters of a setup; see
+    `solve.system.Dependence`."""
+
+    parted = True
+
+    def __init__(self, slopes: GeneratedSlopes, setup: Setup, n: int, count: int):
+        """count: how many quantities θ there are."""
+        self._slopes, self._p, self._n, self._count = slopes, setup.p, n, count
+        self.linear = not slopes.nonlinear
+
+    def residual(self, phase: Array, speed: float, states: Array) -> Array:
+        return self._slopes.residual(phase, speed, *_parts(states), self._p)
+
+    def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
+        inputs = *_parts(states), weights.reshape(len(phase), -1), self._p
+        return self._parted(self._slopes.matrices(phase, speed, *inputs))
+
+    def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
+        return self._parted(self._slopes.output(name)(phase, speed, *_parts(states), self._p))
+
+    def output_along(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
+        by_parameters, by_states = self.output(name, phase, speed, states)
+        return by_parameters + np.einsum("kcn,kcnr->kr", by_states, moved)
+
+    def _parted(self, found: Array) -> tuple[Array, Array]:
+        return found[:, 0, : self._count], found[:, 0, self._count :].reshape(-1, 3, self._n)
 
 
 def _symbol(name: str, size: int) -> Any:

@@ -30,6 +30,8 @@ from solve.system import SPEED, Dependence, Formulas, Marcher, Matrices, Motion,
 if TYPE_CHECKING:
     import casadi
 
+    from solve.model.dependence import GeneratedSlopes
+
 _LOOKS = 128
 """Phases of a period at which the matrices are looked at before a solution."""
 
@@ -54,6 +56,7 @@ class Model(PeriodicSystem):
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
         self._formulas: dict[tuple[str, ...], Formulas | None] = {}
+        self._slopes: dict[tuple[tuple[str, ...], bool], GeneratedSlopes] = {}
         self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.options = setup.options
@@ -88,7 +91,10 @@ class Model(PeriodicSystem):
     ) -> Self:
         """The same model with some parameters (SI units) and options changed. Raises UnknownNameError and
         ValueOutOfBoundsError."""
-        return self.of(self.setup.varied(parameters or {}, options or {}))
+        found = self.of(self.setup.varied(parameters or {}, options or {}))
+        if not options:
+            found._slopes = self._slopes
+        return found
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
@@ -180,20 +186,15 @@ class Model(PeriodicSystem):
         return self._dependence(names, False)
 
     def _dependence(self, names: Sequence[str], nonlinear: bool) -> Dependence:
-        from solve.model.dependence import AssembledDependence, GeneratedDependence
+        from solve.model.dependence import AssembledDependence, GeneratedDependence, GeneratedSlopes
 
         self.require_smooth(names)
+        if self.assembled:
+            return AssembledDependence(self, names)
         key = tuple(names), nonlinear
-        if key not in self._dependences:
-            generated = self.setup, self.n, names, nonlinear
-            made = AssembledDependence(self, names) if self.assembled else GeneratedDependence(*generated)
-            self._dependences[key] = made
-        return self._dependences[key]
-
-    @cached_property
-    def _dependences(self) -> dict[tuple[tuple[str, ...], bool], Dependence]:
-        """Those that were asked for: their functions are built once."""
-        return {}
+        if key not in self._slopes:
+            self._slopes[key] = GeneratedSlopes(self.setup, self.n, names, nonlinear)
+        return GeneratedDependence(self._slopes[key], self.setup, self.n, len(names))
 
     @property
     def assembled(self) -> bool:

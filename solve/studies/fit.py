@@ -28,6 +28,9 @@ _UNTOLD = 0.5
 _SHARE = 0.1
 """Part of the largest from which on a parameter is named in a combination."""
 
+_REACH = 1e6
+"""Times its start, or part of it, that a positive parameter may be without other bounds."""
+
 _SPREAD = 1.4826
 """Standard deviation by the median of the moduli, of normal errors."""
 
@@ -60,7 +63,7 @@ def fit(
         raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
     model.dependence(names)
     sets = measured(data, model, None if speed is None else speed_in_si(speed))
-    problem = _Problem(model, sets, names, method, rtol)
+    problem = Problem(model, sets, names, method, rtol)
     count = sum(len(each) for each in problem.measured)
     if count <= len(names):
         raise ValueOutOfBoundsError(
@@ -83,7 +86,7 @@ def _spread(residuals: Array) -> float:
 
 
 @dataclass(eq=False)
-class _Problem:
+class Problem:
     """x (r,): logarithms of the parameters that are positive, parts of their sizes of the others."""
 
     model: Model
@@ -178,9 +181,10 @@ def _flat(values: Array) -> Array:
     return np.concatenate((np.real(values), np.imag(values))) if np.iscomplexobj(values) else values
 
 
-def _limits(problem: _Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+def _limits(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
     """Bounds of x. Raises ValueOutOfBoundsError."""
-    low, high = np.full((2, len(problem.names)), np.inf) * np.array([[-1.0], [1.0]])
+    reach = np.where(problem.by_logarithm, np.log(_REACH), np.inf)
+    low, high = problem.start - reach, problem.start + reach
     for name, (least, most) in bounds.items():
         if name not in problem.names:
             raise ValueOutOfBoundsError(
@@ -200,7 +204,7 @@ def _limits(problem: _Problem, bounds: Mapping[str, tuple[float, float]]) -> tup
     return low, high
 
 
-def _fitted(problem: _Problem, x: Array, jac: Array, sigma: float, count: int, file: str) -> Fitted:
+def _fitted(problem: Problem, x: Array, jac: Array, sigma: float, count: int, file: str) -> Fitted:
     from scipy.stats import t
 
     values, model = problem.outer(x), problem.varied(x)
@@ -226,7 +230,7 @@ def _fitted(problem: _Problem, x: Array, jac: Array, sigma: float, count: int, f
 
 
 def _uncertainty(
-    problem: _Problem, values: Array, jac: Array, sigma: float, count: int
+    problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
     """Covariance (r, r) of x within what the data tell, which parameters (r,) they tell nothing of, and in
     words what they cannot tell."""
