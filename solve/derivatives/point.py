@@ -64,8 +64,8 @@ def sensitivities(
     >>> round(found.elasticities("q3.max_abs")["k1"], 4)
     -2.6535
     """
-    asked = [Named.of(system, text) for text in _different("of", of, _usual(system))]
-    names = _different("by", by, _all(system))
+    texts, names = quantities_by(system, of, by)
+    asked = [Named.of(system, text) for text in texts]
     given = system, speed
     if nonlinear:
         system.dependence(names)
@@ -74,6 +74,18 @@ def sensitivities(
         orbit = any(each.of_orbit for each in asked)
         solved = (periodic if orbit else floquet)(*given, method, steps, rtol, engine)
     return of_solution(solved, asked, names, solved.system.dependence(names))
+
+
+def quantities_by(
+    system: PeriodicSystem, of: Sequence[str] | None, by: Sequence[str] | None
+) -> tuple[list[str], list[str]]:
+    """What is asked for, and by what, each once. Raises UnknownNameError, ValueOutOfBoundsError,
+    NoDerivativeError."""
+    texts, names = _different("of", of, _usual(system)), _different("by", by, _all(system))
+    for text in texts:
+        Named.of(system, text)
+    system.dependence(names)
+    return texts, names
 
 
 def of_solution(
