@@ -3,6 +3,7 @@ Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as SciPy has 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.derivatives.point import OnGrid
+from solve.differences import slope
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
@@ -17,8 +19,10 @@ from solve.model.bounds import clauses
 from solve.model.model import Model
 from solve.progress import part, stage
 from solve.results.fit import Channel, Fitted, Interval
+from solve.results.orbit import Orbit
+from solve.results.quantities import RPM
 from solve.single import periodic
-from solve.studies.measured import Measured, measured
+from solve.studies.measured import FREQUENCY, Measured, measured
 from solve.units import speed_in_si
 
 _CONFIDENCE = 0.95
@@ -28,8 +32,14 @@ _UNTOLD = 0.5
 _SHARE = 0.1
 """Part of the largest from which on a parameter is named in a combination."""
 
+_ALIKE = 1e-3
+"""Relative difference of the speeds of an orbit and of what is drawn beside it."""
+
+_STEP = 1e-3
+"""Part of a parameter by which natural frequencies are differenced."""
+
 _REACH = 1e6
-"""Times its start, or part of it, that a positive parameter may be without other bounds."""
+"""Times its start, or part of it, beyond which a positive parameter is not tried."""
 
 _SPREAD = 1.4826
 """Standard deviation by the median of the moduli, of normal errors."""
@@ -51,7 +61,7 @@ def fit(
     """The values of the free parameters with which the linear orbit is nearest to what was measured; they
     start from those of the model.
 
-    data: a CSV file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
+    data: a file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
     and high by name, in SI units. speed: where the file has no column of speeds. robust: outliers count by
     their moduli, not their squares. Positive parameters are fitted by their logarithms. Raises SolveError
     subclasses for bad input, and where the model has no orbit on the way.
@@ -79,6 +89,34 @@ def fit(
                 found = least_squares(problem.residuals, found.x, loss="soft_l1", f_scale=scale, **settings)
     sigma = _spread(found.fun) if robust else np.sqrt(2 * found.cost / (count - len(names)))
     return _fitted(problem, found.x, found.jac, float(sigma), count, Path(data).name)
+
+
+def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
+    """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
+    ValueOutOfBoundsError where there is none."""
+    found = []
+    for each in sets:
+        if each.position is not None or not np.isclose(each.speed, orbit.speed, rtol=_ALIKE):
+            continue
+        for name, values in each.channels.items():
+            if each.orders:
+                computed = orders_of(orbit, name, each.at, np.iscomplexobj(values))
+            else:
+                computed = orbit.signal(name)(each.at)
+            found.append(Channel(each.speed, each.orders, name, each.at, values, computed))
+    if not found:
+        speeds = ", ".join(f"{each.speed * RPM:.6g}" for each in sets if each.position is None) or "none"
+        raise ValueOutOfBoundsError(
+            f"nothing is measured at {orbit.speed * RPM:.6g} rpm; the data are of (rpm): {speeds}"
+        )
+    return found
+
+
+def orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
+    """Complex amplitudes (k,) of orders, or moduli, but for the mean's sign."""
+    size, angle = orbit.harmonics(name, round(orders.max()))
+    at = np.round(orders).astype(int)
+    return (size * np.exp(1j * angle))[at] if angles else size[at]
 
 
 def _spread(residuals: Array) -> float:
@@ -116,7 +154,9 @@ class Problem:
             return np.where(self.by_logarithm, np.log(values), values / self.unit)
 
     def outer(self, x: Array) -> Array:
-        return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, x, 0.0)), x * self.unit)
+        reach = np.log(_REACH)
+        within = np.clip(x, self.start - reach, self.start + reach)
+        return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, within, 0.0)), x * self.unit)
 
     @property
     def measured(self) -> list[Array]:
@@ -149,6 +189,8 @@ class Problem:
 
     def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
         """Of every channel its name, values (k,) and their derivatives (r, k) by the parameters."""
+        if data.position is not None:
+            return [(FREQUENCY, *_of_frequencies(model, data, self.names))]
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
         rule = orbit.certified.method
         if not isinstance(rule, Collocated):
@@ -161,6 +203,20 @@ class Problem:
             else:
                 found.append((name, on.orbit.signal(name)(data.at), on.forward.signal(name, data.at)))
         return found
+
+
+def _of_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple[Array, Array]:
+    """Natural frequencies (k,) at rest, and their derivatives (r, k) by differences."""
+    places, position = np.round(data.at).astype(int) - 1, np.array([data.position])
+
+    def frequencies(name: str, number: float) -> Array:
+        return model.varied({name: number}).frequencies(position, int(places.max()) + 1)[0, places]
+
+    slopes = [
+        slope(partial(frequencies, name), at, _STEP * (abs(at) or 1.0))
+        for name, at in ((name, model.parameters[name]) for name in names)
+    ]
+    return model.frequencies(position, int(places.max()) + 1)[0, places], np.array(slopes)
 
 
 def _of_orders(on: OnGrid, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:
@@ -183,8 +239,7 @@ def _flat(values: Array) -> Array:
 
 def _limits(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
     """Bounds of x. Raises ValueOutOfBoundsError."""
-    reach = np.where(problem.by_logarithm, np.log(_REACH), np.inf)
-    low, high = problem.start - reach, problem.start + reach
+    low, high = np.full((2, len(problem.names)), np.inf) * np.array([[-1.0], [1.0]])
     for name, (least, most) in bounds.items():
         if name not in problem.names:
             raise ValueOutOfBoundsError(
@@ -218,7 +273,7 @@ def _fitted(problem: Problem, x: Array, jac: Array, sigma: float, count: int, fi
         for name, value, low, high in zip(problem.names, values, *ends, strict=True)
     }
     channels = [
-        Channel(s.speed, s.orders, name, s.at, s.channels[name], computed)
+        Channel(s.speed, s.orders, name, s.at, s.channels[name], computed, s.position)
         for s in problem.sets
         for name, computed, _ in problem.computed(model, s)
     ]
