@@ -18,7 +18,7 @@ def varied(model, speed, name, number):
     return (model, number) if name == "speed" else (model.varied({name: number}), speed)
 
 
-def differences(model, speed, name, texts, solved=solve.periodic, parts=PARTS, **settings):
+def differences(model, speed, name, texts, solved=solve.periodic, parts=PARTS, noise=NOISE, **settings):
     """Derivatives of the quantities by one parameter, or "speed", of what `solved` gives; from the steps at
     which the last two extrapolations and the rounding of the values leave least."""
     at = speed if name == "speed" else model.parameters[name]
@@ -32,7 +32,7 @@ def differences(model, speed, name, texts, solved=solve.periodic, parts=PARTS, *
         table = np.array([(values(at + step) - values(at - step)) / (2 * step) for step in steps])
         for order in (4, 16, 64):
             before, table = table, (order * table[1:] - table[:-1]) / (order - 1)
-        return table[0], np.abs(table[0] - before[1]) + NOISE * np.abs(values(at)) / steps[-1]
+        return table[0], np.abs(table[0] - before[1]) + noise * np.abs(values(at)) / steps[-1]
 
     found, apart = (np.array(part) for part in zip(*map(extrapolated, parts), strict=True))
     return np.take_along_axis(found, apart.argmin(axis=0)[None], axis=0)[0]

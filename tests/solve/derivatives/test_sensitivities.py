@@ -142,12 +142,16 @@ CASES = {
     "gear_pair": (None, ["q.max_abs", "mesh_force.max", "q.rms", "rho1"]),
     "coupler": ("600 rpm", ["q1.max_abs", "q2.rms", "midpoint_deflection.max", "drive_torque.rms", "rho1"]),
     "mathieu": ("1 rad/s", ["rho1", "exponent1.im"]),
-    "four_bar": ("300 rpm", ["crank_tip_deflection.rms", "rho1"]),
+    "four_bar": ("300 rpm", ["crank_tip_deflection.rms", "crank_root_stress_plus.max_abs", "rho1"]),
 }  # fmt: skip
 FEW = {"manipulator": ["speed"], "gear_pair": ["k1"], "mathieu": ["delta"]}
 
 LEAST = {"four_bar": 1.0}
 """Elasticity of which 1e-8 are asked for: differences of the stiff linkage tell no more."""
+
+STIFF = {"four_bar": {"parts": (3e-2, 1e-2), "noise": 3e-12}}
+"""Stresses of the linkage with parameters that are 1e-12 apart differ by 3e-12 of themselves: with steps of a
+thousandth their differences have 2e-8 of rounding, with steps of a hundredth 1e-9."""
 
 
 def check(name, parameters):
@@ -164,7 +168,7 @@ def check(name, parameters):
     for by in parameters or found.by:
         at = found.by[by]
         try:
-            expected = differences(model, speed, by, of, **settings)
+            expected = differences(model, speed, by, of, **STIFF.get(name, {}), **settings)
         except ValueOutOfBoundsError:
             # It is 0, and may not be less.
             assert at == 0
@@ -192,7 +196,7 @@ def test_derivatives_are_those_of_the_grid_by_every_parameter(name):
 
 @pytest.mark.slow
 def test_derivatives_of_a_structure_are_those_of_the_grid():
-    check("four_bar", ["L2", "E", "zeta"])
+    check("four_bar", None)
 
 
 def test_multipliers_that_meet_have_no_derivative():
