@@ -19,7 +19,7 @@ def check(model, speed, of, by, steps):
     settings = {**GRID, "steps": steps}
     found = solve.sensitivities(model, speed, of, by, nonlinear=True, **settings)
     for name in found.by:
-        expected = differences(model, speed, name, of, solved=solve.nonlinear, parts=(1e-3,), **settings)
+        expected = differences(model, speed, name, of, solved=solve.nonlinear, parts=(1e-3, 1e-4), **settings)
         for quantity, slope in zip(of, expected, strict=True):
             scale = max(abs(slope), 1e-2 * abs(found.found[quantity].value / (found.by[name] or 0.05)))
             assert abs(found[quantity][name] - slope) <= 1e-8 * scale, (quantity, name)
