@@ -12,9 +12,10 @@ _STEP = 1e-2
 _LEVELS = 4
 
 
-def slope(values: Callable[[float], Array], at: float) -> Array:
-    """Derivative of a smooth function of a number other than 0."""
-    steps = [_STEP * abs(at) / 2**level for level in range(_LEVELS)]
+def slope(values: Callable[[float], Array], at: float, largest: float | None = None) -> Array:
+    """Derivative of a smooth function of a number; without a largest step, of one other than 0."""
+    step = _STEP * abs(at) if largest is None else largest
+    steps = [step / 2**level for level in range(_LEVELS)]
     found = [(values(at + step) - values(at - step)) / (2 * step) for step in steps]
     for level in range(1, _LEVELS):
         found = [(4**level * finer - coarser) / (4**level - 1) for coarser, finer in pairwise(found)]

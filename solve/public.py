@@ -22,6 +22,7 @@ from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.results.save import opened as open
 from solve.results.sensitivities import Sensitivities
+from solve.results.sensitivities_over import SensitivitiesOver
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
@@ -35,6 +36,7 @@ from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
 from solve.studies.frequencies import frequencies, frequencies_over
+from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
 from solve.studies.sweep import sweep, sweeps, variants
 from solve.studies.validity import validity
 from solve.system import PeriodicSystem
@@ -56,6 +58,7 @@ __all__ = [
     "Radau",
     "RungeKutta4",
     "Sensitivities",
+    "SensitivitiesOver",
     "SolveError",
     "Stability",
     "Sweep",
@@ -78,7 +81,9 @@ __all__ = [
     "open",
     "periodic",
     "sensitivities",
+    "sensitivities_over",
     "signal_statistics",
+    "speed_sensitivities",
     "sweep",
     "sweeps",
     "transient",

@@ -108,15 +108,31 @@ class Marcher(Protocol):
 
 
 class Dependence(Protocol):
-    """How a system depends on quantities θ (r,), with its states by the phase held."""
+    """How the equations and outputs of a system depend on quantities θ (r,). States (k, 3, n) at phases (k,)
+    are q″, q′ and q, derivatives by the phase; they are held where nothing else is said.
 
-    def entries(self, phase: Array, speed: float) -> Array:
-        """Derivatives (k, 3n² + n, r) of Ω²M, ΩC, K by rows and d, at phases (k,)."""
+    linear: whether the equations are; parted: whether derivatives of outputs by θ and by the states are known
+    apart."""
+
+    linear: bool
+    parted: bool
+
+    def residual(self, phase: Array, speed: float, states: Array) -> Array:
+        """Derivatives (k, n, r) of M q″ + C q′ + K q - d, of derivatives by the phase, or of the residual of
+        nonlinear equations."""
         ...
 
-    def output(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
-        """Derivatives (r, k) of an output at phases (k,) and states (3, n, k): q and its derivatives by the
-        phase, which move with θ by `moved` (r, 3, n, k)."""
+    def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
+        """Of sums over the entries of M, C and K, the derivatives of the residual by the states, with weights
+        (k, 3, n, n): derivatives by θ (k, r), and by the states (k, 3, n), 0 for linear equations."""
+        ...
+
+    def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
+        """Derivatives of an output by θ (k, r), and by the states (k, 3, n), where they are known apart."""
+        ...
+
+    def output_along(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
+        """Derivatives (k, r) of an output whose states move with θ by `moved` (k, 3, n, r)."""
         ...
 
 

@@ -13,13 +13,12 @@ from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frozen import lowest, shapes
 from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
-from solve.errors import NoDerivativeError, NoMotionError, ValueOutOfBoundsError, require_name
+from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.damping import beyond_critical
-from solve.model.dependence import AssembledDependence
 from solve.model.model import Model
 from solve.model.sampling import Sampler
 from solve.model.setup import Setup
-from solve.system import Dependence, DrawnLink, Matrices, ModeShape
+from solve.system import DrawnLink, Matrices, ModeShape
 
 if TYPE_CHECKING:
     import casadi
@@ -147,18 +146,8 @@ class StructureModel(Model):
         return None
 
     @property
-    def smooth_parameters(self) -> tuple[str, ...]:
-        return tuple(name for name in super().smooth_parameters if self.parameters[name] != 0)
-
-    def dependence(self, names: Sequence[str]) -> Dependence:
-        for name in names:
-            if self.parameters.get(name) == 0:
-                raise NoDerivativeError(
-                    f"{name} is 0; assembled matrices are differentiated by small parts of a parameter: "
-                    f"give a small number, such as --set {name}=1e-6"
-                )
-        self.require_smooth(names)
-        return AssembledDependence(self, names)
+    def assembled(self) -> bool:
+        return True
 
     @property
     def freedoms(self) -> int:

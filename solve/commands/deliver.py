@@ -3,8 +3,9 @@
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from solve.commands.groups import Results
 from solve.results.report import RenderableType
@@ -22,12 +23,12 @@ def deliver_result(
     record: Callable[[], dict[str, Any]] | None = None,
     report: Callable[[], RenderableType] | None = None,
     figure: Callable[[], Figure] | None = None,
-    beside: Mapping[Path, Callable[[], Figure]] | None = None,
+    beside: Mapping[Path, Callable[[], Figure | str]] | None = None,
 ) -> None:
     """Write and print what the flags ask for; standard output has the tables or the JSON, no more.
 
-    Record, report and figure are the result's own where none is given; beside: further pictures. choices:
-    what the user set beyond the case; notes come before the warnings.
+    Record, report and figure are the result's own where none is given; beside: further pictures, and
+    texts. choices: what the user set beyond the case; notes come before the warnings.
     """
     from rich.console import Console
 
@@ -36,7 +37,8 @@ def deliver_result(
     with Whole() as files:
         for file, draw in pictures.items():
             if file is not None:
-                files.write(file, drawn(draw(), file))
+                made = draw()
+                files.write(file, partial(_text, made) if isinstance(made, str) else drawn(made, file))
         if data is not None:
             files.write(data, writer(result, data))
     if flags.json:
@@ -45,6 +47,10 @@ def deliver_result(
         Console(highlight=False).print(report() if report else result.report(choices))
     sys.stdout.flush()
     _print_warnings([*notes, *result.warnings], [file for file in (*pictures, data) if file is not None])
+
+
+def _text(text: str, stream: BinaryIO) -> None:
+    stream.write(text.encode())
 
 
 def _print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:

@@ -15,7 +15,7 @@ def fit(
     speed: Speed,
     accuracy: Accuracy,
     results: Results,
-    data: Annotated[str | None, Flag("Measured vibration (.csv), each column with its unit.", "FILE")] = None,
+    data: Annotated[str | None, Flag("Measured vibration (.csv, .mat, .uff), with units.", "FILE")] = None,
     free: Annotated[str | None, Flag("Parameters to fit, with commas between.", "k1,k2")] = None,
     bounds: Annotated[list[str] | None, Flag("Of a parameter, in SI; repeatable.", "NAME=A:B")] = None,
     robust: Annotated[bool, Flag("Outliers count by their moduli, not their squares.")] = False,
@@ -30,9 +30,9 @@ def fit(
     model = problem.loaded()
     given = speed.speed or model.case_speed
     result = solve.fit(model, data, names, limits, given, robust, accuracy.rule, accuracy.rtol)
-    deliver_result(results, result, problem.choices)
-    if case is not None:
-        result.save_case(case)
+    deliver_result(
+        results, result, problem.choices, beside={} if case is None else {case: lambda: result.toml}
+    )
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float, float]]:

@@ -109,6 +109,9 @@ class Problem(Numbers):
         return self.of(self.model, still)
 
 
+BY_PARAMETER = "Give derivatives of these speeds by a parameter instead; repeatable."
+
+
 @dataclass(frozen=True)
 class Speed:
     """One speed of rotation."""

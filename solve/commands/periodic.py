@@ -1,14 +1,19 @@
 """`solve periodic`: the periodic vibration, its spectrum and its stability."""
 
+from functools import partial
 from typing import Annotated
 
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, OnePoint, Problem, Results, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import ValueOutOfBoundsError
-from solve.results.plot import checked_scale, shown
+from solve.results.fit import compared_figure, differences_table
+from solve.results.plot import checked_scale, shown, titled
+from solve.results.report import stacked
 from solve.results.turn_plot import fits_figure
 from solve.single import periodic as linear_orbit
+from solve.studies.fit import beside
+from solve.studies.measured import measured
 
 
 def periodic(
@@ -23,6 +28,7 @@ def periodic(
     ] = None,
     quasi_static: Annotated[bool, Flag("The kinetostatic solution beside the full one.")] = False,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
+    data: Annotated[str | None, Flag("Measured vibration of this speed, drawn beside.", "FILE")] = None,
     fits: Annotated[bool, Flag("With --plot: the case's tables and the series fitted to them.")] = False,
     scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:
@@ -32,6 +38,9 @@ def periodic(
     shown(model, show)
     if fits and results.plot is None:
         raise ValueOutOfBoundsError("--fits chooses what is drawn; add --plot FILE")
+    if fits and data is not None:
+        raise ValueOutOfBoundsError("--fits and --data both say what is drawn; give one of them")
+    records = None if data is None else measured(data, model, speed.omega(model))
     picture = fits_figure(model) if fits else None
     if nonlinear:
         from solve.newton.orbits import nonlinear as nonlinear_orbit
@@ -46,11 +55,20 @@ def periodic(
         raise ValueOutOfBoundsError(f"--periods {periods} is of nonlinear orbits; add --nonlinear")
     else:
         orbit = accuracy.solved(linear_orbit, model, speed.omega(model))
-    deliver_result(
+    figure = partial(orbit.plot, show, quasi_static, scale, harmonics) if picture is None else lambda: picture
+    record, report = (
+        partial(orbit.record, orders, quasi_static),
+        partial(orbit.report, problem.choices, quasi_static),
+    )
+    if records is None:
+        return deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure)
+    channels = beside(orbit, records)
+    title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
+    return deliver_result(
         results,
         orbit,
         problem.choices,
-        record=lambda: orbit.record(orders, quasi_static),
-        report=lambda: orbit.report(problem.choices, quasi_static),
-        figure=lambda: picture or orbit.plot(show, quasi_static, scale, harmonics),
+        record=lambda: {**record(), "measured": [each.record for each in channels]},
+        report=lambda: stacked(report(), differences_table(channels, orbit.system.speed_unit)),
+        figure=lambda: compared_figure(orbit.system, channels, title),
     )

@@ -4,12 +4,14 @@ from typing import Annotated
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Problem, Results, Speed, Steps
+from solve.commands.groups import Flag, Problem, Results, Speed, Speeds, Steps
+from solve.errors import ValueOutOfBoundsError
 
 
 def sensitivity(
     problem: Problem,
     speed: Speed,
+    speeds: Speeds,
     accuracy: Steps,
     results: Results,
     of: Annotated[
@@ -17,9 +19,15 @@ def sensitivity(
         Flag("q3.max_abs, spectral_radius, rho1.abs, exponent1.re, …; repeatable.", "QUANTITY"),
     ] = None,
     by: Annotated[list[str] | None, Flag("Parameter, or speed; repeatable; all by default.", "NAME")] = None,
+    nonlinear: Annotated[bool, Flag("Of the orbit of the nonlinear equations.")] = False,
 ) -> None:
-    """What matters most: derivatives of quantities by parameters and the speed."""
+    """What matters most: derivatives of quantities by parameters and the speed, at one speed or at many."""
+    if speed.speed is not None and speeds.speeds is not None:
+        raise ValueOutOfBoundsError("--speed and --speeds both say at which speed; give one of them")
     model = problem.loaded()
-    asked = accuracy.rule, accuracy.steps, accuracy.rtol
-    result = solve.sensitivities(model, speed.omega(model), of, by, *asked)
-    deliver_result(results, result, problem.choices, result.notes)
+    asked = of, by, accuracy.rule, accuracy.steps, accuracy.rtol
+    if speeds.speeds is not None:
+        found = solve.sensitivities_over(model, speeds.omegas(), *asked, nonlinear=nonlinear)
+        return deliver_result(results, found, problem.choices)
+    result = solve.sensitivities(model, speed.omega(model), *asked, nonlinear=nonlinear)
+    return deliver_result(results, result, problem.choices, result.notes)

@@ -4,13 +4,15 @@ An extremum changes as the quantity does at its phase, which may be held: the de
 there (envelope theorem).
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.derivatives.turn import TurnOnGrid
+from solve.derivatives.turn import Motions, TurnOnGrid
 from solve.errors import NoDerivativeError
 from solve.period.curve import Curve
 from solve.period.named import HARMONIC, PHASE, Named
@@ -43,81 +45,165 @@ class OrbitOnGrid(Turn):
     speed: float
     turn: TurnOnGrid
 
-    @cached_property
-    def curve(self) -> Curve:
-        return self.turn.curves(self.turn.orbit)[0]
+    def at(self, phase: Array) -> Array:
+        return self.turn.curve(phase)
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        q, v, a = (self.curve(phase, order) for order in range(3))
+        q, v, a = (self.turn.curve(phase, order) for order in range(3))
         return q, self.speed * v, self.speed**2 * a
+
+    def states(self, phase: Array) -> Array:
+        """q″, q′, q (k, 3, n) by the phase."""
+        return np.stack([self.turn.curve(phase, order).T for order in (2, 1, 0)], axis=1)
 
     @property
     def samples(self) -> int:
         return self.turn.grid.steps * samples_a_step(self.turn.grid.steps)
 
 
-class FigureSlopes:
-    """Derivatives by θ (r,) of figures of an orbit, from the curves (r, n, …) of its derivatives."""
+class Sums(NamedTuple):
+    """A figure whose derivatives are made of those (r, c) of sums over weights (k, c) times the values of a
+    coordinate or output at phases (k,)."""
 
-    def __init__(self, orbit: OrbitOnGrid, curves: Curve, dependence: Dependence):
-        self.orbit, self._curves, self._dependence = orbit, curves, dependence
+    name: str
+    phase: Array
+    weights: Array
+    made: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Forward:
+    """From the derivatives of the whole orbit: for many quantities. residual (m, k, n, r): derivatives of the
+    residual at the phases of the grid."""
+
+    orbit: OrbitOnGrid
+    dependence: Dependence
+    residual: Array
+
+    @cached_property
+    def moved(self) -> Motions:
+        """Derivatives of the orbit."""
+        return self.orbit.turn.under(-self.residual)
+
+    @cached_property
+    def _curves(self) -> Curve:
+        return self.orbit.turn.curves(self.moved)
 
     def signal(self, name: str, phase: Array) -> Array:
-        """Of a coordinate or output (r, k) at phases (k,)."""
+        """Derivatives of a coordinate or output (r, k) at phases (k,)."""
         system = self.orbit.system
         if name in system.coordinates:
             row = system.coordinates.index(name)
             return self._curves[:, row : row + 1](phase)[:, 0]
-        states = np.array([self.orbit.curve(phase, order) for order in range(3)])
-        moved = np.stack([self._curves(phase, order) for order in range(3)], axis=1)
-        return self._dependence.output(name, phase, self.orbit.speed, states, moved)
+        moved = np.stack([self._curves(phase, order) for order in (2, 1, 0)]).transpose(3, 0, 2, 1)
+        return self.dependence.output_along(name, phase, self.orbit.speed, self.orbit.states(phase), moved).T
 
-    def __call__(self, asked: Named) -> Array:
-        """Derivatives (r,) of a figure. Raises NoDerivativeError."""
+    @cached_property
+    def _data(self) -> Array:
+        return self.orbit.turn.data(self.moved).reshape(-1, self.residual.shape[-1])
+
+    def of(self, figures: Sequence[Sums]) -> list[Array]:
+        """Derivatives (r,) of figures."""
+        return [each.made(self._of(each)) for each in figures]
+
+    def _of(self, figure: Sums) -> Array:
+        if figure.name in self.orbit.system.outputs and not self.dependence.parted:
+            return self.signal(figure.name, figure.phase) @ figure.weights
+        direct, of_data = _parted(self.orbit, self.dependence, figure)
+        return direct + self._data.T @ of_data.reshape(len(self._data), -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Adjoint:
+    """From one adjoint problem, with a column a sum: for many parameters. residual: as in `Forward`."""
+
+    orbit: OrbitOnGrid
+    dependence: Dependence
+    residual: Array
+
+    def of(self, figures: Sequence[Sums]) -> list[Array]:
+        """Derivatives (r,) of figures."""
+        direct, of_data = zip(*(_parted(self.orbit, self.dependence, each) for each in figures), strict=True)
+        pulled, r = self.orbit.turn.pulled(np.concatenate(of_data, axis=-1)), self.residual.shape[-1]
+        found = self.residual.reshape(-1, r).T @ pulled.reshape(-1, pulled.shape[-1])
+        ends = np.cumsum([each.weights.shape[1] for each in figures])
+        parts = zip(figures, direct, np.split(found, ends[:-1], axis=1), strict=True)
+        return [each.made(held - along) for each, held, along in parts]
+
+
+def _parted(orbit: OrbitOnGrid, dependence: Dependence, figure: Sums) -> tuple[Array, Array]:
+    """The derivatives of the sums by θ (r, c) with the orbit held, or 0, and the weights (m, 2 + k, n, c) of
+    the data of the orbit's curve."""
+    (name, phase, weights, _), system, direct = figure, orbit.system, np.zeros(())
+    if name in system.coordinates:
+        by_states = np.zeros((len(phase), 3, system.n))
+        by_states[:, 2, system.coordinates.index(name)] = 1.0
+    else:
+        by_parameters, by_states = dependence.output(name, phase, orbit.speed, orbit.states(phase))
+        direct = by_parameters.T @ weights
+    return direct, orbit.turn.of_data(phase, by_states[..., None] * weights[:, None, None])
+
+
+class Figures:
+    """Figures of an orbit as sums. starts: phases near which its extrema are, by name and way, where they
+    are known; they are filled in."""
+
+    def __init__(self, orbit: OrbitOnGrid, starts: dict[tuple[str, float], Array]):
+        self.orbit, self._starts = orbit, starts
+
+    def sums(self, asked: Named) -> Sums:
+        """Of a figure. Raises NoDerivativeError."""
         name, figure, orbit = asked.subject, asked.figure, self.orbit
         if figure in ("max", "min", "max_abs"):
             return self._of_extremum(name, figure)
         if figure.endswith("_phase"):
             raise NoDerivativeError(f"{asked.text}: derivatives of phases of extrema are not calculated")
         if figure in (HARMONIC, PHASE):
-            return _of_harmonic(asked, *self.harmonic(name, asked.number))
+            value, sums = self.harmonic(name, asked.number)
+            return sums._replace(made=lambda slopes: _of_harmonic(asked, value, sums.made(slopes)))
         phases = np.arange(orbit.samples) * (orbit.system.period / orbit.samples)
-        slopes = self.signal(name, phases)
-        if figure == "mean":
-            return slopes.mean(axis=1)
-        values = orbit.signal(name)(phases)
-        return _over(slopes @ values / len(phases), np.sqrt(np.mean(values**2)), asked)
+        weights = np.full(len(phases), 1 / len(phases))
+        if figure == "rms":
+            values = orbit.signal(name)(phases)
+            weights = _over(values * weights, np.sqrt(np.mean(values**2)), asked)
+        return Sums(name, phases, weights[:, None], _first)
 
-    def harmonic(self, name: str, number: int) -> tuple[complex, Array]:
-        """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0, and its
-        derivatives (r,)."""
+    def harmonic(self, name: str, number: int) -> tuple[complex, Sums]:
+        """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
         phases = np.arange(count) * (period / count)
         wave = np.exp(-2j * np.pi / period * number * phases) * ((2 if number else 1) / count)
-        return complex(wave @ self.orbit.signal(name)(phases)), self.signal(name, phases) @ wave
+        sums = Sums(
+            name, phases, np.stack((wave.real, wave.imag), axis=1), lambda both: both @ np.array([1, 1j])
+        )
+        return complex(wave @ self.orbit.signal(name)(phases)), sums
 
-    def _of_extremum(self, name: str, figure: str) -> Array:
-        """Derivatives (r,); NaN where equally large extrema change differently."""
+    def _of_extremum(self, name: str, figure: str) -> Sums:
+        """Of an extremum, whose derivatives are NaN where equally large extrema change differently."""
         ways = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}[figure]
         found = [self._highest(name, way) for way in ways]
         most = max(value for _, value in found)
-        slopes = [
-            way * self.signal(name, phases)
+        each = [
+            (phases, np.full(len(phases), way))
             for way, (phases, value) in zip(ways, found, strict=True)
             if value >= most - _SAME * abs(most)
         ]
-        every = np.concatenate(slopes, axis=1)
-        alike = np.ptp(every, axis=1) <= _ALIKE * np.abs(every).max(axis=1)
-        return np.where(alike, -every[:, 0] if figure == "min" else every[:, 0], np.nan)
+        phases, signs = (np.concatenate(part) for part in zip(*each, strict=True))
+        sign = -1.0 if figure == "min" else 1.0
+
+        def made(every: Array) -> Array:
+            alike = np.ptp(every, axis=1) <= _ALIKE * np.abs(every).max(axis=1)
+            return np.where(alike, sign * every[:, 0], np.nan)
+
+        return Sums(name, phases, np.diag(signs), made)
 
     def _highest(self, name: str, way: float) -> tuple[Array, float]:
         """Phases (k,) at which way · quantity is largest, and that value. Its derivative is brought to zero
         there: of values that hardly differ, the largest tells its phase to half of their digits only."""
         signal, width = self.orbit.signal(name), self.orbit.system.period / self.orbit.samples
-        values = way * signal(np.arange(self.orbit.samples) * width)
-        level = values.max() - _PROMISING * np.ptp(values)
-        tops = (values >= level) & (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
-        phases = np.flatnonzero(tops if tops.any() else values == values.max())[:_MOST] * width
+        if (name, way) not in self._starts:
+            self._starts[name, way] = _tops(way * signal(np.arange(self.orbit.samples) * width)) * width
+        phases = self._starts[name, way]
         for _ in range(_NEWTON):
             around = signal((phases[:, None] + _NEAR * width * np.arange(-2, 3)).ravel()).reshape(-1, 5)
             first, second = around @ _FIRST, around @ _SECOND
@@ -126,6 +212,17 @@ class FigureSlopes:
             phases = phases + np.where(np.abs(moved) < 1, moved, 0.0) * width
         values = way * signal(phases)
         return phases[values >= values.max() - _SAME * np.abs(values).max()], float(values.max())
+
+
+def _tops(values: Array) -> Array:
+    """Places (k,) of maxima that may be the largest between samples."""
+    level = values.max() - _PROMISING * np.ptp(values)
+    tops = (values >= level) & (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
+    return np.flatnonzero(tops if tops.any() else values == values.max())[:_MOST]
+
+
+def _first(slopes: Array) -> Array:
+    return slopes[:, 0]
 
 
 def _of_harmonic(asked: Named, value: complex, slopes: Array) -> Array:

@@ -5,6 +5,8 @@ with the right vectors x_k at the starts of the steps and the left ones y_{k+1} 
 steps of what is for the differential equation an integral over the turn. Every step may scale its vectors.
 """
 
+from functools import cached_property
+
 import numpy as np
 
 from solve.arrays import Array
@@ -35,20 +37,18 @@ class MultipliersOnGrid:
         """log ρ (N,), falling in modulus."""
         return self.found.logarithms[0]
 
-    def slopes(self, slopes: Array) -> Array:
-        """d log ρ / dθ (N, r), from derivatives of the entries (m k, 3n² + n, r) at the turn's phases."""
-        turn = self._turn
-        m, k = turn.phases.shape
-        n, right, left = turn.point.n, *self._vectors()
-        left = left.conj().swapaxes(1, 2)
-        gained = np.einsum("mei,mie->me", left @ turn.A, right)
-        y = (left @ turn.B) / gained[..., None]
-        X = turn.stage_states(right)
-        weights = y.reshape(m, 2 * n, -1, 1, n, 1).swapaxes(0, 1) * np.moveaxis(X, -1, 0)[:, :, :, :, None]
-        of_stages = slopes.reshape(m, k, *slopes.shape[1:])[:, turn.stages, : 3 * n**2]
-        of_stages, weights = of_stages.reshape(-1, slopes.shape[-1]), weights.reshape(2 * n, -1)
-        return -(weights.real @ of_stages) - 1j * (weights.imag @ of_stages)
+    def weights(self, at: int) -> Array:
+        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log ρ of
+        the multiplier at a place."""
+        turn, n = self._turn, self._turn.point.n
+        right, left = (part[..., at] for part in self._vectors)
+        left = left.conj()
+        gained = np.einsum("mi,mij,mj->m", left, turn.A, right)
+        y = (left[:, None] @ turn.B)[:, 0] / gained[:, None]
+        X = turn.stage_states(right[..., None])[..., 0]
+        return -y.reshape(*X.shape[:2], 1, n, 1) * X[:, :, :, None]
 
+    @cached_property
     def _vectors(self) -> tuple[Array, Array]:
         """Right vectors at the starts of the steps and left ones at their ends, (m, N, N), a column each."""
         blocks, found, A = self._blocks, self.found, self._turn.A

@@ -2,21 +2,22 @@
 solved it, with errors estimated from coarser grids."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import cast
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, cast
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.certify.all_multipliers import matched_logarithms
 from solve.certify.pace import Pace, estimated
-from solve.derivatives.figures import FigureSlopes, OrbitOnGrid
+from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Sums
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
+from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.period.points import OnePoint
@@ -26,8 +27,11 @@ from solve.single import floquet, periodic
 from solve.system import SPEED, Dependence, PeriodicSystem
 from solve.threads import one_thread
 
-_GRIDS = 4, 2, 1
-"""Parts of the steps on which derivatives are compared, the finest last."""
+_GRIDS = 1, 2, 4
+"""Parts of the steps on which derivatives are compared, the finest first."""
+
+_A_FIGURE = 2
+"""Parameters whose columns cost as much as the adjoint problem of a figure."""
 
 _ROUNDING = 1e-13
 """Part of a derivative that rounding leaves."""
@@ -42,6 +46,7 @@ def sensitivities(
     steps: int | None = None,
     rtol: float = 1e-8,
     engine: str = "auto",
+    nonlinear: bool = False,
 ) -> Sensitivities:
     """Derivatives of quantities of the periodic solution and of its stability at a speed (rad/s, or a text
     with unit), by parameters and the speed.
@@ -49,21 +54,38 @@ def sensitivities(
     of: quantities such as "q3.max_abs", "contact_force.harmonic5", "spectral_radius", "rho1" (complex),
     "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius. by: names of
     parameters, "speed" among them; by default all by which there are derivatives. method (radau or gauss),
-    steps, rtol, engine: as in `periodic`. A quantity without a derivative, such as a multiplier that meets
-    another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without generated
-    equations and for whole numbers, and what `periodic` raises.
+    steps, rtol, engine: as in `periodic`. nonlinear: of the orbit of the nonlinear equations, as
+    `solve.nonlinear` finds it, and of its multipliers. A quantity without a derivative, such as a multiplier
+    that meets another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without
+    generated equations and for whole numbers, and what `periodic` raises.
 
     >>> import solve
     >>> found = sensitivities(solve.load("cam"), "600 rpm", of="q3.max_abs", by=["k1", "speed"])
     >>> round(found.elasticities("q3.max_abs")["k1"], 4)
     -2.6535
     """
-    asked = [Named.of(system, text) for text in _different("of", of, _usual(system))]
-    names = _different("by", by, _all(system))
-    dependence = system.dependence(names)
-    orbit = any(each.of_orbit for each in asked)
-    solved = (periodic if orbit else floquet)(system, speed, method, steps, rtol, engine)
-    return of_solution(solved, asked, names, dependence)
+    texts, names = quantities_by(system, of, by)
+    asked = [Named.of(system, text) for text in texts]
+    given = system, speed
+    if nonlinear:
+        system.dependence(names)
+        solved = nonlinear_orbit(*given, method=method, steps=steps, rtol=rtol, engine=engine)
+    else:
+        orbit = any(each.of_orbit for each in asked)
+        solved = (periodic if orbit else floquet)(*given, method, steps, rtol, engine)
+    return of_solution(solved, asked, names, solved.system.dependence(names))
+
+
+def quantities_by(
+    system: PeriodicSystem, of: Sequence[str] | None, by: Sequence[str] | None
+) -> tuple[list[str], list[str]]:
+    """What is asked for, and by what, each once. Raises UnknownNameError, ValueOutOfBoundsError,
+    NoDerivativeError."""
+    texts, names = _different("of", of, _usual(system)), _different("by", by, _all(system))
+    for text in texts:
+        Named.of(system, text)
+    system.dependence(names)
+    return texts, names
 
 
 def of_solution(
@@ -76,9 +98,13 @@ def of_solution(
         raise ValueOutOfBoundsError(
             f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
         )
-    grids = [OnGrid(solved, rule, max(1, solved.steps // part), dependence, names) for part in _GRIDS]
+    adjoint = dependence.parted and _A_FIGURE * sum(each.of_orbit for each in asked) <= len(names)
+    on, starts = partial(OnGrid, solved, rule), {}
+    grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
     with one_thread(system.n):
-        found = {each.text: _estimated(each, grids, solved, rule) for each in asked}
+        slopes = zip(*(grid.slopes(asked) for grid in grids), strict=True)
+        pairs = zip(asked, slopes, strict=True)
+        found = {each.text: _estimated(each, found, grids[0], rule) for each, found in pairs}
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, solved.notes)
@@ -101,13 +127,16 @@ def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> 
 
 @dataclass(frozen=True, eq=False)
 class OnGrid:
-    """Derivatives on so many steps."""
+    """Derivatives on so many steps. adjoint: whether those of orbits come from adjoint problems; starts: see
+    `Figures`."""
 
     solved: Stability
     rule: Collocated
     steps: int
     dependence: Dependence
     names: Sequence[str]
+    adjoint: bool = False
+    starts: dict[tuple[str, float], Array] = field(default_factory=dict)
 
     @cached_property
     def turn(self) -> TurnOnGrid:
@@ -116,30 +145,73 @@ class OnGrid:
         return TurnOnGrid(OnePoint(system, self.solved.speed), self.rule, grid)
 
     @cached_property
-    def entries(self) -> Array:
-        return self.dependence.entries(self.turn.phases.ravel(), self.solved.speed)
+    def orbit(self) -> OrbitOnGrid:
+        return OrbitOnGrid(self.solved.system, self.solved.speed, self.turn)
 
     @cached_property
-    def figures(self) -> FigureSlopes:
-        turn = self.turn
-        curves = turn.curves(turn.under(turn.loads(self.entries)))
-        orbit = OrbitOnGrid(self.solved.system, self.solved.speed, turn)
-        return FigureSlopes(orbit, curves, self.dependence)
+    def _given(self) -> tuple[OrbitOnGrid, Dependence, Array]:
+        """What derivatives of the orbit follow from."""
+        turn, n = self.turn, self.turn.point.n
+        chosen = np.s_[:, int(turn.closed) :]
+        phases, states = turn.phases[chosen], turn.orbit.states[chosen].reshape(-1, 3, n)
+        found = self.dependence.residual(phases.ravel(), self.solved.speed, states)
+        found = found.reshape(*phases.shape, n, -1)
+        if turn.closed:
+            found = np.concatenate((np.roll(found[:, -1:], 1, axis=0), found), axis=1)
+        return self.orbit, self.dependence, found
 
     @cached_property
-    def logarithms(self) -> Array:
-        """Derivatives (N, r) of log ρ, in the order of the solution's multipliers."""
+    def forward(self) -> Forward:
+        return Forward(*self._given)
+
+    @cached_property
+    def figures(self) -> Figures:
+        return Figures(self.orbit, self.starts)
+
+    @cached_property
+    def _multipliers(self) -> tuple[MultipliersOnGrid, Array]:
+        """With their places by those of the solution's."""
         found = MultipliersOnGrid(self.turn)
         known = np.nan_to_num(self.solved.spectrum.logarithms, nan=-np.inf)
-        return found.slopes(self.entries)[matched_logarithms(known, found.logarithms)]
+        return found, matched_logarithms(known, found.logarithms)
 
-    def slopes(self, asked: Named) -> Array:
-        """Derivatives (r,) of a quantity. Raises NoDerivativeError."""
-        if asked.of_orbit:
-            return self.figures(asked)
+    def logarithm(self, at: int) -> Array:
+        """Derivatives (r,) of log ρ of one of the solution's multipliers."""
+        turn, (found, places) = self.turn, self._multipliers
+        n, phases = turn.point.n, turn.phases[:, turn.stages].ravel()
+        weights = found.weights(int(places[at])).reshape(-1, 3, n, n)
+        states, moved = np.zeros((len(phases), 3, n)), None
+        if not self.dependence.linear:
+            states = turn.orbit.states[:, turn.stages, ..., 0].reshape(states.shape)
+            moved = self.forward.moved.states[:, turn.stages].reshape(-1, len(self.names))
+        slopes = np.zeros(len(self.names), dtype=complex)
+        for unit, part in ((1, np.real(weights)), (1j, np.imag(weights))):
+            by, by_states = self.dependence.matrices(phases, self.solved.speed, states, part)
+            slopes += unit * by.sum(axis=0)
+            if moved is not None:
+                slopes += unit * (by_states.ravel() @ moved)
+        return slopes
+
+    def slopes(self, asked: Sequence[Named]) -> list[Array | NoDerivativeError]:
+        """Of each quantity its derivatives (r,), or why it has none."""
+        found: list[Any] = []
+        for each in asked:
+            try:
+                found.append(self.figures.sums(each) if each.of_orbit else self._of_multiplier(each))
+            except NoDerivativeError as reason:
+                found.append(reason)
+        at = [place for place, each in enumerate(found) if isinstance(each, Sums)]
+        if at:
+            made = (Adjoint(*self._given) if self.adjoint else self.forward).of([found[k] for k in at])
+            for place, slopes in zip(at, made, strict=True):
+                found[place] = slopes
+        return found
+
+    def _of_multiplier(self, asked: Named) -> Array:
+        """Derivatives (r,) of a quantity of a multiplier. Raises NoDerivativeError."""
         at = max(asked.number, 1) - 1
         _require_alone(self.solved, at, asked)
-        slopes, rho = self.logarithms[at], complex(self.solved.multipliers[at])
+        slopes, rho = self.logarithm(at), complex(self.solved.multipliers[at])
         if asked.subject == EXPONENT:
             # λ = log ρ Ω / P, P the period in phase.
             logarithm = self.solved.spectrum.logarithms[at] / self.solved.speed
@@ -169,19 +241,22 @@ def _require_alone(solved: Stability, at: int, asked: Named) -> None:
         )
 
 
-def _estimated(asked: Named, grids: Sequence[OnGrid], solved: Stability, rule: Collocated) -> Sensitivity:
-    """With the errors of the finest grid, by the rule of the solutions themselves."""
-    value = asked.value(cast(Solved, solved))
-    try:
-        coarsest, coarse, fine = (grid.slopes(asked) for grid in grids)
-    except NoDerivativeError as reason:
-        nothing = np.full(len(grids[0].names), np.nan)
-        return Sensitivity(value, asked.unit, nothing, nothing, str(reason))
+def _estimated(
+    asked: Named, slopes: Sequence[Array | NoDerivativeError], finest: OnGrid, rule: Collocated
+) -> Sensitivity:
+    """From the derivatives on each of the grids, the finest first, with its errors, by the rule of the
+    solutions themselves."""
+    solved, value = finest.solved, asked.value(cast(Solved, finest.solved))
+    for reason in slopes:
+        if isinstance(reason, NoDerivativeError):
+            nothing = np.full(len(finest.names), np.nan)
+            return Sensitivity(value, asked.unit, nothing, nothing, str(reason))
+    fine, coarse, coarsest = (np.asarray(each) for each in slopes)
     found, before = np.abs(fine - coarse), np.abs(coarse - coarsest)
     order = np.array(rule.curve_order if asked.of_orbit else rule.order)
     errors = estimated(found, before, Pace(solved.steps, 2.0, 2.0), order)
     errors = np.maximum(errors, _ROUNDING * np.abs(fine))
-    kinks = [name for name, slope in zip(grids[0].names, fine, strict=True) if np.isnan(slope)]
+    kinks = [name for name, slope in zip(finest.names, fine, strict=True) if np.isnan(slope)]
     reason = (
         f"{asked.text} has no derivative by {', '.join(kinks)}: several extrema are equally large, and "
         "change differently"

@@ -57,10 +57,20 @@ class TurnOnGrid:
         """Which of the k phases of a step are its stages."""
         return slice(1, 1 + len(self.rule.c))
 
+    @property
+    def closed(self) -> bool:
+        """Whether every step starts at the last stage of the one before."""
+        return self.rule.stiffly_accurate and self.grid.smooth
+
     @cached_property
     def orbit(self) -> Motions:
         """The periodic solution itself, r = 1. Raises ResonanceError."""
         return self.under(self.d[..., None])
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The continuous curve of the periodic solution."""
+        return self.curves(self.orbit)[0]
 
     def under(self, loads: Array) -> Motions:
         """Periodic solutions under loads (m, k, n, r) at the phases. Raises ResonanceError."""
@@ -95,17 +105,51 @@ class TurnOnGrid:
 
     def curves(self, motions: Motions) -> Curve:
         """The continuous curves (r, n, …) of solutions."""
+        data = self.data(motions)
+        return Curve.of(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
+
+    def data(self, motions: Motions) -> Array:
+        """What makes the curves of solutions in every step, (m, 2 + k, n, r)."""
         h = self.grid.h[:, None, None]
         q, v = np.split(motions.x[:-1], 2, axis=1)
         a = h[:, None] ** 2 * motions.states[:, :, 0]
-        data = np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
-        return Curve.of(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
+        return np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
 
-    def loads(self, slopes: Array) -> Array:
-        """What the orbit's derivatives have as loads (m, k, n, r), from derivatives of the entries (m k,
-        3n² + n, r) at the phases."""
-        m, k, _, n, _ = self.orbit.states.shape
-        states = self.orbit.states.reshape(m * k, 3 * n)
-        by_row = slopes[:, : 3 * n**2].reshape(m * k, 3, n, n, -1)
-        made = slopes[:, 3 * n**2 :] - np.einsum("kcijr,kcj->kir", by_row, states.reshape(m * k, 3, n))
-        return made.reshape(m, k, n, -1)
+    def of_data(self, phase: Array, weights: Array) -> Array:
+        """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve
+        at phases (p,)."""
+        from scipy.sparse import csr_array
+
+        (m, k), (count, _, n, c), (step, basis) = self.phases.shape, weights.shape, self.curve.basis(phase)
+        by_phase = np.zeros((count, 2 + k, n * c))
+        for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
+            if part.any():
+                basis = self.curve.basis(phase, order)[1] if order else basis
+                by_phase += (basis @ self.rule.curve_powers)[:, :, None] * part.reshape(count, 1, -1)
+        summed = csr_array((np.ones(count), (step, np.arange(count))), shape=(m, count))
+        return (summed @ by_phase.reshape(count, -1)).reshape(m, 2 + k, n, c)
+
+    def pulled(self, of_data: Array) -> Array:
+        """The adjoint problem: by how much loads (m, k, n) at the phases of the grid raise sums with weights
+        (m, 2 + k, n, c) of the data, (m, k, n, c). It is the same for any number of loads."""
+        (m, k), (_, _, n, c), h = self.phases.shape, of_data.shape, self.grid.h[:, None, None]
+        states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
+        accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, k, n, c))
+        responses = self._responses.swapaxes(1, 2) @ accelerations[:, self.stages].reshape(m, -1, c)
+        states += responses[:, : 2 * n]
+        found[:, 0], before = self._pulled_from_ends(0, accelerations)
+        states += before
+        if k > len(self.rule.c) + 1:
+            found[:, -1], behind = self._pulled_from_ends(-1, accelerations)
+            states += np.roll(behind, 1, axis=0)
+        y, _ = periodic_states(Steps(self.A.swapaxes(1, 2)[::-1], states[::-1]))
+        at_stages = responses[:, 2 * n :] + self.B.swapaxes(1, 2) @ y[:-1][::-1]
+        found[:, self.stages] = at_stages.reshape(m, -1, n, c)
+        return found
+
+    def _pulled_from_ends(self, place: int, accelerations: Array) -> tuple[Array, Array]:
+        """Of what accelerations at the first or the last of the phases count, parts of the load there and of
+        the state, (m, n, c) and (m, 2n, c)."""
+        M, C, K = (part[:, place].swapaxes(1, 2) for part in (self.M, self.C, self.K))
+        load = solved(M, accelerations[:, place])
+        return load, -np.concatenate((K @ load, C @ load), axis=1)

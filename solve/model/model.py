@@ -30,6 +30,8 @@ from solve.system import SPEED, Dependence, Formulas, Marcher, Matrices, Motion,
 if TYPE_CHECKING:
     import casadi
 
+    from solve.model.dependence import GeneratedSlopes
+
 _LOOKS = 128
 """Phases of a period at which the matrices are looked at before a solution."""
 
@@ -54,6 +56,7 @@ class Model(PeriodicSystem):
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
         self._formulas: dict[tuple[str, ...], Formulas | None] = {}
+        self._slopes: dict[tuple[tuple[str, ...], bool], GeneratedSlopes] = {}
         self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.options = setup.options
@@ -91,6 +94,8 @@ class Model(PeriodicSystem):
         ValueOutOfBoundsError."""
         made = self.of(self.setup.varied(parameters or {}, options or {}))
         made.speed_unit = self.speed_unit
+        if not options:
+            made._slopes = self._slopes
         return made
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
@@ -161,7 +166,11 @@ class Model(PeriodicSystem):
     @property
     def smooth_parameters(self) -> tuple[str, ...]:
         whole = {name for name, _, _, bound in self.module.PARAMETERS if "integer" in clauses(bound)}
-        return tuple(name for name in self.parameters if name not in whole and not self._moves_breaks(name))
+        return tuple(
+            name
+            for name, value in self.parameters.items()
+            if name not in whole and (value or not self.assembled) and not self._moves_breaks(name)
+        )
 
     @property
     def moves_breaks(self) -> bool:
@@ -180,22 +189,36 @@ class Model(PeriodicSystem):
         return True
 
     def dependence(self, names: Sequence[str]) -> Dependence:
-        from solve.model.dependence import GeneratedDependence
+        return self._dependence(names, False)
+
+    def _dependence(self, names: Sequence[str], nonlinear: bool) -> Dependence:
+        from solve.model.dependence import AssembledDependence, GeneratedDependence, GeneratedSlopes
 
         self.require_smooth(names)
-        return self._dependences.setdefault(tuple(names), GeneratedDependence(self.setup, self.n, names))
+        if self.assembled:
+            return AssembledDependence(self, names)
+        key = tuple(names), nonlinear
+        if key not in self._slopes:
+            self._slopes[key] = GeneratedSlopes(self.setup, self.n, names, nonlinear)
+        return GeneratedDependence(self._slopes[key], self.setup, self.n, len(names))
 
-    @cached_property
-    def _dependences(self) -> dict[tuple[str, ...], Dependence]:
-        """Those that were asked for: their functions are built once."""
-        return {}
+    @property
+    def assembled(self) -> bool:
+        """Whether no formulas give the matrices: modal damping follows from their eigenvalues."""
+        return self.setup.ratios is not None
 
     def require_smooth(self, names: Sequence[str]) -> None:
         """Raise UnknownNameError or NoDerivativeError unless there are derivatives by parameters, or
         "speed", of these names."""
+        smooth = {SPEED, *self.smooth_parameters}
         for name in names:
             require_name(f"quantity of {self.name}", name, [SPEED, *self.parameters])
-            if name not in (SPEED, *self.smooth_parameters):
+            if self.assembled and self.parameters.get(name) == 0:
+                raise NoDerivativeError(
+                    f"{name} is 0; matrices that are assembled, or damped by modes, are differentiated by "
+                    f"small parts of a parameter: give a small number, such as --set {name}=1e-6"
+                )
+            if name not in smooth:
                 raise NoDerivativeError(
                     f"{name} is a whole number, or moves the phase of a jump: derivatives by it are not "
                     "calculated; leave it out"
@@ -292,9 +315,12 @@ class ModelAlong(Model):
         return self.model.along(motion)
 
     def dependence(self, names: Sequence[str]) -> Dependence:
-        raise NoDerivativeError(
-            f"{self.name} along a nonlinear orbit has no derivatives; ask for those of its linear orbit"
-        )
+        if self.assembled:
+            raise NoDerivativeError(
+                f"{self.name} has damping ratios, whose derivatives are known along its linear orbit alone; "
+                "leave out what asks for nonlinear equations, or state the dissipation"
+            )
+        return self.model._dependence(names, nonlinear=True)
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

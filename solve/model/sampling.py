@@ -23,24 +23,33 @@ _MOST_KEPT = 2**24
 
 class Sampler:
     """A CasADi function of columns that writes into NumPy memory, many columns a call. One sampler serves
-    one thread."""
+    one thread. shared: the last so many inputs are the same for all columns."""
 
-    def __init__(self, function: "casadi.Function"):
-        self._buffer, self._evaluate = function.map(_CHUNK, "serial").buffer()
-        self._inputs = [np.zeros((_CHUNK, function.size1_in(i))) for i in range(function.n_in())]
+    def __init__(self, function: "casadi.Function", shared: int = 0):
+        self._own = function.n_in() - shared
+        alike = list(range(self._own, function.n_in()))
+        mapped = (
+            function.map("mapped", "serial", _CHUNK, alike, []) if shared else function.map(_CHUNK, "serial")
+        )
+        self._buffer, self._evaluate = mapped.buffer()
+        rows = [1 if i in alike else _CHUNK for i in range(function.n_in())]
+        self._inputs = [np.zeros((count, function.size1_in(i))) for i, count in enumerate(rows)]
         self._result = np.zeros((_CHUNK, function.size1_out(0)))
         for index, memory in enumerate(self._inputs):
             self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
     def __call__(self, *inputs: Array) -> Array:
-        """Results (k, rows) for inputs (k, columns), or (k,) for those of one column."""
+        """Results (k, rows) for inputs (k, columns), or (k,) for those of one column, and shared ones
+        (columns,)."""
         count = len(inputs[0])
-        columns = [each.reshape(count, -1) if each.size else each for each in inputs]
+        columns = [each.reshape(count, -1) if each.size else each for each in inputs[: self._own]]
+        for memory, given in zip(self._inputs[self._own :], inputs[self._own :], strict=True):
+            memory[0] = given
         results = np.empty((count, self._result.shape[1]))
         for start in range(0, count, _CHUNK):
             stop = min(start + _CHUNK, count)
-            for memory, given in zip(self._inputs, columns, strict=True):
+            for memory, given in zip(self._inputs[: self._own], columns, strict=True):
                 memory[: stop - start] = given[start:stop]
             self._evaluate()
             results[start:stop] = self._result[: stop - start]

@@ -110,6 +110,13 @@ class Curve:
         value = _horner(np.take(self.coefficients, step, axis=-2), theta, derivative)
         return value / np.diff(self.nodes)[step] ** derivative if derivative else value
 
+    def basis(self, phase: Array, derivative: int = 0) -> tuple[Array, Array]:
+        """Steps (k,) in which phases lie, and the derivatives there of the powers of θ (k, degree+1)."""
+        step, theta = self._places(np.asarray(phase, dtype=float))
+        D, h = self.coefficients.shape[-1], np.diff(self.nodes)[step]
+        powers = theta[:, None] ** np.maximum(np.arange(D) - derivative, 0)
+        return step, _falling(D, derivative) * powers / h[:, None] ** derivative
+
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
         D, theta = self.coefficients.shape[-1], np.arange(a_step) / a_step
         powers = theta ** np.arange(D - derivative)[:, None]

@@ -6,22 +6,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.period.quantities import spectrum
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
 from solve.results.plot import labelled, title_of
 from solve.results.quantities import prefixed
-from solve.results.report import RenderableType, model_heading, stacked, table, text
+from solve.results.report import RenderableType, Table, model_heading, stacked, table, text
 from solve.results.result import Result
-from solve.results.save import checked, write_whole
-from solve.results.style import BLUE, VERMILION, Figure, page
+from solve.results.save import checked
+from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
+from solve.units import ShownUnit
 
-_MOST_PANELS = 8
+_MOST_PANELS, _MOST_ORDERS = 8, 60
+_SAME, _EVEN = 1e-6, 1e-3
+"""Part of the period within which phases are one, and of their distance by which even ones differ."""
+
 _CLOSE = 0.9
 """Correlation from which on two parameters are named."""
 
@@ -39,7 +44,8 @@ class Interval(NamedTuple):
 @lasting
 class Channel(NamedTuple):
     """Measured and computed values (k,) of a coordinate or output at phases, or of orders, at a speed
-    (rad/s); complex where orders have phase angles."""
+    (rad/s); complex where orders have phase angles. position: the phase at which natural frequencies are
+    those of the modes `at`, at rest."""
 
     speed: float
     orders: bool
@@ -47,6 +53,21 @@ class Channel(NamedTuple):
     at: Array
     measured: Array
     computed: Array
+    position: float | None = None
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"speed": self.speed, "name": self.name, "difference": self.relative}
+
+    def where(self, unit: ShownUnit) -> str:
+        """Speed in a unit, or position of what rests."""
+        return unit.text(self.speed) if self.position is None else f"at {np.degrees(self.position):.6g}°"
+
+    @property
+    def axis(self) -> str:
+        """What the values are functions of, as a label."""
+        return "mode" if self.position is not None else "order" if self.orders else "phase (°)"
 
     @property
     def relative(self) -> float:
@@ -54,6 +75,65 @@ class Channel(NamedTuple):
         size = math.sqrt(float(np.mean(np.abs(self.measured) ** 2)))
         off = math.sqrt(float(np.mean(np.abs(self.computed - self.measured) ** 2)))
         return off / size if size else math.nan
+
+
+def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
+    """How far computed is from measured, a row a channel."""
+    off = table("Computed against measured", "quantity", "where", "values", "difference, %", left=2)
+    for each in channels:
+        off.add_row(each.name, each.where(unit), str(len(each.at)), f"{100 * each.relative:.3g}")
+    return off
+
+
+def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: str) -> Figure:
+    """Measured points and computed curves, a panel a channel and speed, up to 8, with spectra of orders
+    beside curves that are measured evenly over the period."""
+    shown = channels[:_MOST_PANELS]
+    with page(0.7 + 1.9 * len(shown), title) as figure:
+        rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
+        for (axes, spectra), each in zip(rows, shown, strict=True):
+            factor = _draw(axes, system, each)
+            measured = _evenly(system, each)
+            if measured is None:
+                spectra.set_axis_off()
+                continue
+            for values, mark in ((each.measured, "o"), (each.computed, "x")):
+                found, _ = spectrum(factor * values[measured], min(_MOST_ORDERS, (len(measured) - 1) // 2))
+                color = VERMILION if mark == "o" else BLUE
+                spectra.plot(np.arange(1, len(found)), found[1:], mark, markersize=3, color=color)
+            spectra.set_yscale("log")
+            spectra.set_xlabel("order")
+        rows[0, 0].legend()
+    return figure
+
+
+def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> float:
+    """Measured over computed; the factor from SI units to those shown."""
+    measured, computed = (
+        np.abs(part) if np.iscomplexobj(part) else part for part in (each.measured, each.computed)
+    )
+    unit = "rad/s" if each.position is not None else system.units.get(each.name, "")
+    factor, unit = prefixed(unit, float(np.abs(measured).max()))
+    order, discrete = np.argsort(each.at, kind="stable"), each.axis != "phase (°)"
+    across = each.at[order] if discrete else np.degrees(each.at[order])
+    line: dict[str, Any] = {"marker": "x", "linestyle": ""} if discrete else {"linewidth": 1.2}
+    axes.plot(across, factor * measured[order], "o", markersize=3, color=VERMILION, label="measured")
+    axes.plot(across, factor * computed[order], color=BLUE, label="computed", **line)
+    axes.set_ylabel(labelled(each.name, unit))
+    axes.set_title(each.where(system.speed_unit), loc="left")
+    axes.set_xlabel(each.axis)
+    return factor
+
+
+def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
+    """Places of values that lie evenly over one period, in their order; None where they do not."""
+    phases = np.mod(each.at, system.period)
+    order = np.argsort(phases, kind="stable")
+    # The end of a period is its beginning.
+    order = order[np.append(np.diff(phases[order]) > _SAME * system.period, True)]
+    gaps = np.diff(np.append(phases[order], phases[order[:1]] + system.period))
+    even = len(order) > 4 and np.ptp(gaps) <= _EVEN * gaps.mean()
+    return order if even and each.axis == "phase (°)" else None
 
 
 @dataclass(frozen=True)
@@ -77,9 +157,6 @@ class Fitted(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        channels = [
-            {"speed": each.speed, "name": each.name, "difference": each.relative} for each in self.channels
-        ]
         return {
             "fitted": dict(self.system.parameters),
             "data": self.data,
@@ -87,7 +164,7 @@ class Fitted(Result):
             "correlations": self.correlations,
             "residual": self.residual,
             "unidentifiable": self.unidentifiable,
-            "channels": channels,
+            "channels": [each.record for each in self.channels],
         }
 
     @property
@@ -124,35 +201,13 @@ class Fitted(Result):
         ]
         if pairs:
             made.caption = f"correlated: {', '.join(pairs)}"
-        unit = self.system.speed_unit
-        off = table("Computed against measured", "quantity", unit.name, "values", "difference, %", left=1)
-        for each in self.channels:
-            off.add_row(
-                each.name, f"{unit.of(each.speed):.6g}", str(len(each.at)), f"{100 * each.relative:.3g}"
-            )
+        off = differences_table(self.channels, self.system.speed_unit)
         words = f"\nresidual {100 * self.residual:.3g} % of what was measured"
         return stacked(head, made, off, text(words))
 
     def plot(self) -> Figure:
         """Measured points and computed curves, a panel a channel and speed, up to 8."""
-        shown = self.channels[:_MOST_PANELS]
-        with page(0.7 + 1.9 * len(shown), f"{title_of(self.system)}: fitted to {self.data}") as figure:
-            panels = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
-            for axes, each in zip(panels, shown, strict=True):
-                measured, computed = (np.abs(part) if np.iscomplexobj(part) else part for part in each[-2:])
-                factor, unit = prefixed(self.system.units.get(each.name, ""), float(np.abs(measured).max()))
-                order = np.argsort(each.at)
-                across = each.at[order] if each.orders else np.degrees(each.at[order])
-                line = {"marker": "x", "linestyle": ""} if each.orders else {"linewidth": 1.2}
-                axes.plot(
-                    across, factor * measured[order], "o", markersize=3, color=VERMILION, label="measured"
-                )
-                axes.plot(across, factor * computed[order], color=BLUE, label="computed", **line)
-                axes.set_ylabel(labelled(each.name, unit))
-                axes.set_title(self.system.speed_unit.text(each.speed), loc="left")
-                axes.set_xlabel("order" if each.orders else "phase (°)")
-            panels[0].legend()
-        return figure
+        return compared_figure(self.system, self.channels, f"{title_of(self.system)}: fitted to {self.data}")
 
     @property
     def toml(self) -> str:
@@ -171,14 +226,6 @@ class Fitted(Result):
             unit = json.dumps(self.system.parameter_labels[name][0])
             lines.append(f"{name} = {{ value = {value!r}, unit = {unit}, source = {json.dumps(source)} }}")
         return "\n".join(lines) + "\n"
-
-    def save_case(self, path: str | Path) -> None:
-        """Write `toml` to a file. Raises FileError."""
-
-        def write(stream: BinaryIO) -> None:
-            stream.write(self.toml.encode())
-
-        write_whole(checked_case(path), write)
 
 
 def checked_case(path: str | Path) -> Path:

@@ -11,8 +11,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
-from solve.results.plot import titled
-from solve.results.report import RenderableType, heading, stacked, table
+from solve.results.plot import title_of, titled
+from solve.results.report import RenderableType, heading, model_heading, stacked, table
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Figure, page
 from solve.system import SPEED, PeriodicSystem
@@ -40,14 +40,14 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Sensitivities(Result):
-    """Derivatives of quantities at a speed (rad/s) by parameters and the speed.
+    """Derivatives of quantities at a speed (rad/s) by parameters and the speed, or of speeds themselves.
 
     by: the values of the parameters by name; found: by quantity. method, steps: on which grid they are exact
     but for the method's own error.
     """
 
     system: PeriodicSystem
-    speed: float
+    speed: float | None
     by: Mapping[str, float]
     found: Mapping[str, Sensitivity]
     method: str
@@ -82,7 +82,7 @@ class Sensitivities(Result):
                     f"derivatives of {quantity} by {', '.join(names)} are known to worse than "
                     f"{100 * _UNCERTAIN:g} %; give a smaller rtol or more steps"
                 )
-        return [*found, *self.system.warnings(self.speed)]
+        return [*found, *([] if self.speed is None else self.system.warnings(self.speed))]
 
     @property
     def whole(self) -> dict[str, Any]:
@@ -122,8 +122,11 @@ class Sensitivities(Result):
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """For each quantity what matters most, a row a parameter."""
-        head = heading(self.system, self.speed, choices)
-        head.add_row("method", f"{self.method}, {self.steps} steps a period")
+        if self.speed is None:
+            head = model_heading(self.system, choices)
+        else:
+            head = heading(self.system, self.speed, choices)
+            head.add_row("method", f"{self.method}, {self.steps} steps a period")
         return stacked(head, *(self._table(quantity) for quantity in self.found))
 
     def _table(self, quantity: str) -> RenderableType:
@@ -160,7 +163,8 @@ class Sensitivities(Result):
         count = len(self.found)
         ranked = {quantity: self._ranked(quantity)[:_MOST_BARS] for quantity in self.found}
         heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
-        title = f"{titled(self.system, self.speed)}: what matters most"
+        name = title_of(self.system) if self.speed is None else titled(self.system, self.speed)
+        title = f"{name}: what matters most"
         with page(0.6 + sum(heights), title) as figure:
             panels = figure.subplots(count, 1, squeeze=False, height_ratios=heights)[:, 0]
             for axes, (quantity, names) in zip(panels, ranked.items(), strict=True):

@@ -3,14 +3,15 @@ Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as SciPy has 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.derivatives.figures import FigureSlopes
 from solve.derivatives.point import OnGrid
+from solve.differences import slope
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
@@ -18,8 +19,9 @@ from solve.model.bounds import clauses
 from solve.model.model import Model
 from solve.progress import part, stage
 from solve.results.fit import Channel, Fitted, Interval
+from solve.results.orbit import Orbit
 from solve.single import periodic
-from solve.studies.measured import Measured, measured
+from solve.studies.measured import FREQUENCY, Measured, measured
 from solve.units import speed_in_si
 
 _CONFIDENCE = 0.95
@@ -28,6 +30,15 @@ _UNTOLD = 0.5
 
 _SHARE = 0.1
 """Part of the largest from which on a parameter is named in a combination."""
+
+_ALIKE = 1e-3
+"""Relative difference of the speeds of an orbit and of what is drawn beside it."""
+
+_STEP = 1e-3
+"""Part of a parameter by which natural frequencies are differenced."""
+
+_REACH = 1e6
+"""Times its start, or part of it, beyond which a positive parameter is not tried."""
 
 _SPREAD = 1.4826
 """Standard deviation by the median of the moduli, of normal errors."""
@@ -49,7 +60,7 @@ def fit(
     """The values of the free parameters with which the linear orbit is nearest to what was measured; they
     start from those of the model.
 
-    data: a CSV file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
+    data: a file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
     and high by name, in the model's own units. speed: where the file has no column of speeds. robust:
     outliers count by their moduli, not their squares. Positive parameters are fitted by their logarithms.
     Raises SolveError subclasses for bad input, and where the model has no orbit on the way.
@@ -62,7 +73,7 @@ def fit(
     model.dependence(names)
     sets = measured(data, model, None if speed is None else speed_in_si(speed))
     model = model.shown_in(sets[0].speed)
-    problem = _Problem(model, sets, names, method, rtol)
+    problem = Problem(model, sets, names, method, rtol)
     count = sum(len(each) for each in problem.measured)
     if count <= len(names):
         raise ValueOutOfBoundsError(
@@ -80,12 +91,41 @@ def fit(
     return _fitted(problem, found.x, found.jac, float(sigma), count, Path(data).name)
 
 
+def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
+    """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
+    ValueOutOfBoundsError where there is none."""
+    found = []
+    for each in sets:
+        if each.position is not None or not np.isclose(each.speed, orbit.speed, rtol=_ALIKE):
+            continue
+        for name, values in each.channels.items():
+            if each.orders:
+                computed = orders_of(orbit, name, each.at, np.iscomplexobj(values))
+            else:
+                computed = orbit.signal(name)(each.at)
+            found.append(Channel(each.speed, each.orders, name, each.at, values, computed))
+    if not found:
+        unit = orbit.system.speed_unit
+        speeds = ", ".join(unit.text(each.speed) for each in sets if each.position is None) or "none"
+        raise ValueOutOfBoundsError(
+            f"nothing is measured at {unit.text(orbit.speed)}; the data are of: {speeds}"
+        )
+    return found
+
+
+def orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
+    """Complex amplitudes (k,) of orders, or moduli, but for the mean's sign."""
+    size, angle = orbit.harmonics(name, round(orders.max()))
+    at = np.round(orders).astype(int)
+    return (size * np.exp(1j * angle))[at] if angles else size[at]
+
+
 def _spread(residuals: Array) -> float:
     return float(_SPREAD * np.median(np.abs(residuals)))
 
 
 @dataclass(eq=False)
-class _Problem:
+class Problem:
     """x (r,): logarithms of the parameters that are positive, parts of their sizes of the others."""
 
     model: Model
@@ -115,7 +155,9 @@ class _Problem:
             return np.where(self.by_logarithm, np.log(values), values / self.unit)
 
     def outer(self, x: Array) -> Array:
-        return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, x, 0.0)), x * self.unit)
+        reach = np.log(_REACH)
+        within = np.clip(x, self.start - reach, self.start + reach)
+        return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, within, 0.0)), x * self.unit)
 
     @property
     def measured(self) -> list[Array]:
@@ -148,24 +190,43 @@ class _Problem:
 
     def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
         """Of every channel its name, values (k,) and their derivatives (r, k) by the parameters."""
+        if data.position is not None:
+            return [(FREQUENCY, *_of_frequencies(model, data, self.names))]
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
         rule = orbit.certified.method
         if not isinstance(rule, Collocated):
             raise ValueOutOfBoundsError(f"method is {rule.name}; a fit takes radau, gauss, or auto")
-        slopes = OnGrid(orbit, rule, orbit.steps, model.dependence(self.names), self.names).figures
+        on = OnGrid(orbit, rule, orbit.steps, model.dependence(self.names), self.names)
         found = []
         for name, values in data.channels.items():
             if data.orders:
-                found.append((name, *_of_orders(slopes, name, data.at, np.iscomplexobj(values))))
+                found.append((name, *_of_orders(on, name, data.at, np.iscomplexobj(values))))
             else:
-                found.append((name, slopes.orbit.signal(name)(data.at), slopes.signal(name, data.at)))
+                found.append((name, on.orbit.signal(name)(data.at), on.forward.signal(name, data.at)))
         return found
 
 
-def _of_orders(slopes: FigureSlopes, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:
+def _of_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple[Array, Array]:
+    """Natural frequencies (k,) at rest, and their derivatives (r, k) by differences."""
+    places, position = np.round(data.at).astype(int) - 1, np.array([data.position])
+
+    def frequencies(name: str, number: float) -> Array:
+        return model.varied({name: number}).frequencies(position, int(places.max()) + 1)[0, places]
+
+    slopes = [
+        slope(partial(frequencies, name), at, _STEP * (abs(at) or 1.0))
+        for name, at in ((name, model.parameters[name]) for name in names)
+    ]
+    return model.frequencies(position, int(places.max()) + 1)[0, places], np.array(slopes)
+
+
+def _of_orders(on: OnGrid, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:
     """Complex amplitudes (k,) of orders and their derivatives (r, k), or moduli, but for the mean's sign."""
-    pairs = [slopes.harmonic(name, round(order)) for order in orders.tolist()]
-    amplitudes, moved = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs]).T
+    pairs = [on.figures.harmonic(name, round(order)) for order in orders.tolist()]
+    amplitudes, moved = (
+        np.array([pair[0] for pair in pairs]),
+        np.array(on.forward.of([pair[1] for pair in pairs])).T,
+    )
     if angles:
         return amplitudes, moved
     size = np.abs(amplitudes)
@@ -177,7 +238,7 @@ def _flat(values: Array) -> Array:
     return np.concatenate((np.real(values), np.imag(values))) if np.iscomplexobj(values) else values
 
 
-def _limits(problem: _Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+def _limits(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
     """Bounds of x. Raises ValueOutOfBoundsError."""
     low, high = np.full((2, len(problem.names)), np.inf) * np.array([[-1.0], [1.0]])
     for name, (least, most) in bounds.items():
@@ -199,7 +260,7 @@ def _limits(problem: _Problem, bounds: Mapping[str, tuple[float, float]]) -> tup
     return low, high
 
 
-def _fitted(problem: _Problem, x: Array, jac: Array, sigma: float, count: int, file: str) -> Fitted:
+def _fitted(problem: Problem, x: Array, jac: Array, sigma: float, count: int, file: str) -> Fitted:
     from scipy.stats import t
 
     values, model = problem.outer(x), problem.varied(x)
@@ -213,7 +274,7 @@ def _fitted(problem: _Problem, x: Array, jac: Array, sigma: float, count: int, f
         for name, value, low, high in zip(problem.names, values, *ends, strict=True)
     }
     channels = [
-        Channel(s.speed, s.orders, name, s.at, s.channels[name], computed)
+        Channel(s.speed, s.orders, name, s.at, s.channels[name], computed, s.position)
         for s in problem.sets
         for name, computed, _ in problem.computed(model, s)
     ]
@@ -225,7 +286,7 @@ def _fitted(problem: _Problem, x: Array, jac: Array, sigma: float, count: int, f
 
 
 def _uncertainty(
-    problem: _Problem, values: Array, jac: Array, sigma: float, count: int
+    problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
     """Covariance (r, r) of x within what the data tell, which parameters (r,) they tell nothing of, and in
     words what they cannot tell."""

@@ -1,4 +1,4 @@
-"""Measured vibration from a CSV file: curves over a turn or in time, or amplitudes of orders."""
+"""Measured vibration: curves over a turn or in time, amplitudes of orders, or natural frequencies."""
 
 import re
 from collections.abc import Mapping
@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import CaseFileError, MissingValueError, UnitError, require_name
-from solve.model.tables import cells_of, number_in, size_in_header
+from solve.errors import CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, require_name
+from solve.model.tables import size_in_header
+from solve.studies.records import AXES, Record, record
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, speed_in_si
 
-_AXES = {"phase": "rad", "time": "s", "order": "1"}
-"""Names of the column of which the others are functions, and its unit."""
+_SPEED, _PHASE, _POSITION = "speed", "_phase", "position"
 
-_SPEED, _PHASE = "speed", "_phase"
+FREQUENCY = "frequency"
+"""The channel of natural frequencies."""
 
 
 @dataclass(frozen=True)
@@ -25,38 +26,46 @@ class Measured:
 
     orders: whether `at` (k,) are orders, counted per period, or else phases. channels: values (k,) by
     coordinate or output, complex amplitudes where orders have phase angles, moduli where they have none.
+    position: the phase at which natural frequencies were measured at rest; `at` are then their modes, from 1
+    on, and FREQUENCY is the only channel.
     """
 
     speed: float
     orders: bool
     at: Array
     channels: Mapping[str, Array]
+    position: float | None = None
 
 
 def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> list[Measured]:
-    """Of a file whose header names each column with its unit: first "phase (deg)", "time (s)" or "order (1)",
-    then coordinates and outputs, "q3 (m)"; of orders their phase angles too, "q3_phase (deg)".
+    """Of a file, see `solve.studies.records.record`, whose columns have titles with units: first
+    "phase (deg)", "time (s)" or "order (1)", then coordinates and outputs, "q3 (m)"; of orders their phase
+    angles too, "q3_phase (deg)". Or first "mode (1)", then "frequency (Hz)", and where it matters
+    "position (deg)".
 
     A column "speed (rpm)" tells several speeds apart; else all is of the speed (rad/s) given. The phase
     beside the time, as in files of orbits, is not read. Raises CaseFileError, UnitError, UnknownNameError,
     MissingValueError.
     """
-    path = Path(file)
-    header, *rows = cells_of("data", path)
-    names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in header]
+    read = record(file)
+    names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in read.titles]
     if len(set(names)) < len(names):
-        raise CaseFileError(f"data: {path.name} has two columns of one name; give each its own")
-    require_name(f"first column of {path.name}", names[0], _AXES)
-    read = [place for place, name in enumerate(names) if place == 0 or name not in _AXES]
-    columns = {names[place]: _column(path, names, header, rows, system, place) for place in read}
+        raise CaseFileError(f"data: {read.path.name} has two columns of one name; give each its own")
+    require_name(f"first column of {read.path.name}", names[0], AXES)
+    places = [place for place, name in enumerate(names) if place == 0 or name not in AXES]
+    columns = {names[place]: _column(read, names, system, place) for place in places}
     axis, at = names[0], columns.pop(names[0])
+    if axis == "mode":
+        return _frequencies(read, at, columns, system)
     if _SPEED not in columns and speed is None:
-        raise MissingValueError(f"data: {path.name} has no column 'speed (rpm)'; add one, or give --speed")
+        raise MissingValueError(
+            f"data: {read.path.name} has no column 'speed (rpm)'; add one, or give --speed"
+        )
     speeds = columns.pop(_SPEED, np.full(len(at), speed))
     channels = _channels(columns, axis == "order")
     if not channels or not len(at):
-        raise CaseFileError(f"data: {path.name} has no coordinate or output, or no rows; give both")
-    given, found = _speed_unit(header[names.index(_SPEED)]) if _SPEED in names else speed, []
+        raise CaseFileError(f"data: {read.path.name} has no coordinate or output, or no rows; give both")
+    given, found = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed, []
     unit = getattr(given, "unit", None)
     for omega in dict.fromkeys(speeds.tolist()):
         rows_of = speeds == omega
@@ -66,13 +75,37 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     return found
 
 
-def _column(
-    path: Path, names: list[str], header: list[str], rows: list[list[str]], system: PeriodicSystem, place: int
-) -> Array:
+def _frequencies(
+    read: Record, modes: Array, columns: Mapping[str, Array], system: PeriodicSystem
+) -> list[Measured]:
+    """Natural frequencies at each of the positions."""
+    if FREQUENCY not in columns or not len(modes):
+        raise CaseFileError(f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give both")
+    most = system.most_frequencies
+    if not ((modes == np.round(modes)) & (modes >= 1) & (modes <= most)).all():
+        raise ValueOutOfBoundsError(
+            f"data: {read.path.name} has modes from {modes.min():g} to {modes.max():g}; {system.name} has "
+            f"the modes 1 to {most}, counted from the lowest frequency"
+        )
+    positions = columns.get(_POSITION, np.zeros(len(modes)))
+    return [
+        Measured(
+            *(0.0, False, modes[positions == each]),
+            {FREQUENCY: columns[FREQUENCY][positions == each]},
+            position=each,
+        )
+        for each in dict.fromkeys(positions.tolist())
+    ]
+
+
+def _column(read: Record, names: list[str], system: PeriodicSystem, place: int) -> Array:
     """A column (k,) in SI units."""
     name = names[place]
+    of_modes = {FREQUENCY: "rad/s", _POSITION: "rad"} if names[0] == "mode" else {}
     if place == 0:
-        unit = _AXES[name]
+        unit = AXES[name]
+    elif name in of_modes:
+        unit = of_modes[name]
     elif name == _SPEED:
         unit = "rad/s"
     elif names[0] == "order" and name.endswith(_PHASE):
@@ -80,8 +113,7 @@ def _column(
     else:
         (name,) = system.known_quantities([name])
         unit = system.units.get(name, "") or "1"
-    values = np.array([number_in("data", path, row, place) for row in rows])
-    return values * _size(header[place], unit)
+    return read.values(place) * _size(read.titles[place], unit)
 
 
 def _size(title: str, unit: str) -> float:

@@ -56,6 +56,10 @@ called = {
     "variants": (stiffer := solve.variants(cam, "k1", [8e4, 9e4])),
     "sweeps": solve.sweeps(stiffer, [62.0, 63.0], ["q1"], rtol=1e-2),
     "bands": solve.bands(mathieu, [0.8, 1.2], **rough, tolerance=1e-3),
+    "sensitivities_over": solve.sensitivities_over(cam, [62.0, 63.0], "q1.max", "k1", rtol=1e-2),
+    "speed_sensitivities": solve.speed_sensitivities(
+        solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3), [0.8, 1.2]), "delta"
+    ),
     "compare": solve.compare(mathieu, 1.0, ["gauss", "radau"], [64]),
     "chart": solve.chart(mathieu, {"delta": [0.5, 1.0]}, {"epsilon": [0.1, 0.2]}, **rough),
     "critical_speeds": solve.critical_speeds(cam, [60.0, 62.0, 64.0], **rough, tolerance=1e-2),

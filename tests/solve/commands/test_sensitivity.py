@@ -48,3 +48,23 @@ def test_bad_input_is_one_line(command, flags, words):
     assert (ran.status, ran.out) == (2, "")
     assert words in ran.err
     assert len(ran.err.splitlines()) == 1
+
+
+def test_over_speed_and_of_speeds(command, tmp_path):
+    cam = ("--speeds", "300 400 rpm", "--of", "q3.max_abs", "--by", "k1", "--by", "k3")
+    ran = command("sensitivity", "cam", *cam, "--json", "--plot", "over.png", "--save", "over.nc")
+    assert ran.status == 0
+    record = json.loads(ran.out)
+    assert len(record["sensitivities"]["q3.max_abs"]["k1"]) == 2
+    assert (tmp_path / "over.png").stat().st_size > 10_000
+    again = solve.open(tmp_path / "over.nc")
+    assert again["q3.max_abs"]["k1"].tolist() == record["sensitivities"]["q3.max_abs"]["k1"]
+    ran = command("sensitivity", "cam", *cam)
+    assert "Elasticities of q3.max_abs" in ran.out
+    ran = command("sensitivity", "cam", *cam, "--speed", "300 rpm")
+    assert (ran.status, ran.err.count("\n")) == (2, 1)
+    mathieu = ("bands", "mathieu", "--speeds", "0.8:1.2:2 rad/s", "--set", "delta=1", "--set", "epsilon=0.3")
+    ran = command(*mathieu, "--set", "zeta=0.02", "--by", "delta", "--json")
+    assert json.loads(ran.out)["sensitivities"]["band1.to"]["delta"] > 0
+    ran = command(*mathieu, "--by", "gamma")
+    assert ran.status == 2

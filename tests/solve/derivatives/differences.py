@@ -10,7 +10,10 @@ PARTS = 3e-2, 1e-3, 1e-4
 """Of a parameter, the first of four steps: large for those that hardly matter, small for the others."""
 
 NOISE = 1e-13
-"""Relative error of a value that two neighbours do not share."""
+"""Relative error of a value that two neighbours do not share, at least."""
+
+NEIGHBOUR = 2e-15
+"""Part of a parameter by which neighbours are apart whose values differ by rounding alone."""
 
 
 def varied(model, speed, name, number):
@@ -18,13 +21,13 @@ def varied(model, speed, name, number):
     return (model, number) if name == "speed" else (model.varied({name: number}), speed)
 
 
-def differences(model, speed, name, texts, **settings):
-    """Derivatives of the quantities by one parameter, or "speed"; from the steps at which the last two
-    extrapolations and the rounding of the values leave least."""
+def differences(model, speed, name, texts, solved=solve.periodic, parts=PARTS, **settings):
+    """Derivatives of the quantities by one parameter, or "speed", of what `solved` gives; from the steps at
+    which the last two extrapolations and the rounding of the values leave least."""
     at = speed if name == "speed" else model.parameters[name]
 
     def values(number):
-        orbit = solve.periodic(*varied(model, speed, name, number), **settings)
+        orbit = solved(*varied(model, speed, name, number), **settings)
         return np.array([complex(Named.of(model, text).value(orbit)) for text in texts])
 
     def extrapolated(part):
@@ -32,7 +35,9 @@ def differences(model, speed, name, texts, **settings):
         table = np.array([(values(at + step) - values(at - step)) / (2 * step) for step in steps])
         for order in (4, 16, 64):
             before, table = table, (order * table[1:] - table[:-1]) / (order - 1)
-        return table[0], np.abs(table[0] - before[1]) + NOISE * np.abs(values(at)) / steps[-1]
+        return table[0], np.abs(table[0] - before[1]) + noise / steps[-1]
 
-    found, apart = (np.array(part) for part in zip(*map(extrapolated, PARTS), strict=True))
+    near = np.array([values(at * (1 + NEIGHBOUR * k)) for k in range(5)])
+    noise = NOISE * np.abs(near[0]) + np.abs(near - near[0]).max(axis=0)
+    found, apart = (np.array(part) for part in zip(*map(extrapolated, parts), strict=True))
     return np.take_along_axis(found, apart.argmin(axis=0)[None], axis=0)[0]

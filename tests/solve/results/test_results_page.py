@@ -89,6 +89,16 @@ MADE = {
         lambda: solve.sensitivities(cam(), "300 rpm", ["q1.max_abs", "rho1"], ["k1", "speed"]),
         '--speed "5 Hz" --of q1.max_abs --of rho1 --by k1 --by speed',
     ),
+    "solve.sensitivities_over": (
+        lambda: solve.sensitivities_over(cam(), [30.0, 40.0], ["q1.max_abs", "rho1"], ["k1", "speed"]),
+        '--speeds "30:40:2 rad/s" --of q1.max_abs --of rho1 --by k1 --by speed',
+    ),
+    "solve.speed_sensitivities": (
+        lambda: solve.speed_sensitivities(
+            solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3), [0.8, 1.2]), ["delta"]
+        ),
+        '--speeds "0.8:1.2:2 rad/s" --set delta=1 --set epsilon=0.3 --by delta',
+    ),
     "solve.fit": (
         lambda: solve.fit(cam(), measured_torque(), "k1", speed="400 rpm", rtol=1e-6),
         f'--data {measured_torque()} --free k1 --speed "6.5 Hz" --rtol 1e-6',
@@ -264,9 +274,8 @@ def command_of(name, cell):
     if program == "python":
         run, words = four_bar_command, words.removeprefix("-m models.four_bar ")
     word, *flags = words.split()
-    model = (
-        [] if run is four_bar_command else ["mathieu" if name in {"solve.chart", "solve.bands"} else "cam"]
-    )
+    of_mathieu = name in {"solve.chart", "solve.bands", "solve.speed_sensitivities"}
+    model = [] if run is four_bar_command else ["mathieu" if of_mathieu else "cam"]
     return run, [word, *model, *flags, *shlex.split(MADE[name][1])]
 
 

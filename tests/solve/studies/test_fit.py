@@ -1,15 +1,25 @@
 """Parameters from measurement: known ones found again, what the data cannot tell, outliers, bad files."""
 
 import json
+import re
+import sys
 
 import numpy as np
 import pytest
 
 import solve
-from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError, ValueOutOfBoundsError
-from tests.solve.derivatives.test_sensitivities import SPEED, amplitude, model
+from solve.errors import (
+    CaseFileError,
+    MissingLibraryError,
+    MissingValueError,
+    UnitError,
+    UnknownNameError,
+    ValueOutOfBoundsError,
+)
+from tests.solve.derivatives.test_sensitivities import SPEED, M, amplitude, model
 
 ANGLES = np.linspace(0.0, 2 * np.pi, 100, endpoint=False)
+K2 = 5.0
 TRUE = {"m": 2.2, "c": 0.6, "k": 10.0}
 
 
@@ -54,6 +64,106 @@ def test_amplitudes_of_orders_give_them_back(file, phases):
     found = solve.fit(model(), file([*rows, *rows], header), list(TRUE))
     for name, value in TRUE.items():
         assert found.parameters[name].value == pytest.approx(value, rel=1e-5)
+
+
+def test_natural_frequencies_give_stiffness_by_mass(tmp_path):
+    rows = [(1, np.sqrt(K2) / 2 / np.pi), (2, np.sqrt(TRUE["k"] / M) / 2 / np.pi)]
+    rows = [
+        (mode, value * (1 + off)) for mode, value in sorted(rows, key=lambda row: row[1]) for off in (0, 1e-9)
+    ]
+    rows = [(1 + at // 2, value) for at, (_, value) in enumerate(sorted(rows, key=lambda row: row[1]))]
+    made = written(tmp_path / "f.csv", "mode (1),frequency (Hz)", rows)
+    found = solve.fit(model(k2=6.0), made, ["k", "k2"])
+    assert found.parameters["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
+    assert found.parameters["k2"].value == pytest.approx(K2, rel=1e-6)
+    assert [each.where for each in found.channels] == ["at 0°"]
+    assert "the data do not tell a change of" in solve.fit(model(k2=6.0), made, ["m", "k"]).unidentifiable[0]
+    for rows, words in (
+        ([(3, 1.0), (1, 2.0)], "has the modes 1 to 2"),
+        ([(0.5, 1.0)], "has the modes 1 to 2"),
+    ):
+        made = written(tmp_path / "f.csv", "mode (1),frequency (Hz)", rows)
+        with pytest.raises(ValueOutOfBoundsError, match=words):
+            solve.fit(model(), made, ["k"])
+
+
+def matlab(path):
+    from scipy.io import savemat
+
+    speed, size = SPEED, amplitude(**TRUE)
+    q = np.real(size * np.exp(2j * ANGLES))
+    units = {"phase": "deg", "q": "1", "speed": "rad/s"}
+    savemat(path, {"phase": np.degrees(ANGLES), "q": q, "speed": speed, "units": units})
+    return path
+
+
+def universal(path, complex_=False):
+    pyuff = pytest.importorskip("pyuff")
+    size = amplitude(**TRUE)
+    x = np.array([1.0, 2.0, 3.0]) if complex_ else ANGLES / SPEED
+    data = np.array([0.0, size, 0.0]) if complex_ else np.real(size * np.exp(2j * ANGLES))
+    labels = {"abscissa_axis_units_lab": "order" if complex_ else "s", "ordinate_axis_units_lab": "1"}
+    made = pyuff.prepare_58(
+        **labels, binary=0, id1="q", func_type=0 if complex_ else 1, ord_data_type=6 if complex_ else 4,
+        num_pts=len(x), abscissa_spacing=1, abscissa_min=x[0], abscissa_inc=x[1] - x[0], z_axis_value=0.0,
+        rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, data=data, x=x, return_full_dict=True,
+    )  # fmt: skip
+    texts = re.compile(r"id\d|.*(lab|ent_name)")
+    made = {
+        name: ("NONE" if texts.fullmatch(name) else 0) if value is None else value
+        for name, value in made.items()
+    }
+    pyuff.UFF(str(path)).write_sets(made, mode="overwrite")
+    return path
+
+
+def test_files_of_matlab_and_universal_files_are_read(tmp_path):
+    files = [matlab(tmp_path / "q.mat"), universal(tmp_path / "q.uff"), universal(tmp_path / "o.unv", True)]
+    for made in files:
+        found = solve.fit(model(), made, ["k", "c"], speed=SPEED)
+        expected = solve.fit(model(), matlab(tmp_path / "again.mat"), ["k", "c"])
+        for name in ("k", "c"):
+            # Universal files hold the abscissa with six digits.
+            assert found.parameters[name].value == pytest.approx(expected.parameters[name].value, rel=1e-3)
+
+
+def test_files_that_cannot_be_read_are_refused_in_a_line(tmp_path, monkeypatch):
+    for name in ("q.mat", "q.uff"):
+        (tmp_path / name).write_bytes(b"no such file\n    58\n" * 9)
+        with pytest.raises(CaseFileError, match="data: ") as refused:
+            solve.fit(model(), tmp_path / name, ["k"], speed=SPEED)
+        assert "\n" not in str(refused.value)
+        with pytest.raises(CaseFileError, match="cannot be read"):
+            solve.fit(model(), tmp_path / f"no{name}", ["k"], speed=SPEED)
+    with pytest.raises(CaseFileError, match=r"data: 'q[.]xlsx' ends in"):
+        solve.fit(model(), tmp_path / "q.xlsx", ["k"], speed=SPEED)
+    monkeypatch.setitem(sys.modules, "pyuff", None)
+    with pytest.raises(MissingLibraryError, match=r"parametric-vibration\[uff\]"):
+        solve.fit(model(), tmp_path / "q.uff", ["k"], speed=SPEED)
+
+
+def test_what_was_measured_is_drawn_beside_any_orbit(tmp_path, monkeypatch, capsys):
+    from solve.commands.app import run
+
+    monkeypatch.chdir(tmp_path)
+    solve.periodic(solve.load("manipulator", k1=2e4), "50 rpm").save("m.csv")
+    line = ["periodic", "manipulator", "--speed", "50 rpm", "--data", "m.csv"]
+    assert run([*line, "--json", "--plot", "m.png"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert {each["name"] for each in record["measured"]} >= {"q1"}
+    assert all(each["difference"] > 0 for each in record["measured"])
+    assert (tmp_path / "m.png").stat().st_size > 10_000
+    assert run(line) == 0
+    assert "Computed against measured" in capsys.readouterr().out
+    assert run([*line, "--set", "k1=2e4", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert all(each["difference"] < 1e-6 for each in record["measured"])
+    header, *rows = (tmp_path / "m.csv").read_text("utf-8").splitlines()
+    (tmp_path / "m.csv").write_text(
+        "\n".join([f"{header},speed (rpm)", *(f"{row},60" for row in rows)]), "utf-8"
+    )
+    assert run(line) == 2
+    assert "nothing is measured at 50 rpm; the data are of (rpm): 60" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -1,0 +1,142 @@
+"""How much quantities change with parameters and the speed, over speed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.contents import Column, Columns, plain
+from solve.results.plot import label_speeds, shades, title_of
+from solve.results.report import RenderableType, model_heading, stacked, table
+from solve.results.result import Result
+from solve.results.style import Figure, page
+from solve.system import PeriodicSystem
+
+_MOST = 6
+"""Parameters of a quantity that are drawn, and columns of its table."""
+
+_AXES = ("speed", "quantity", "by")
+
+
+@dataclass(frozen=True)
+class SensitivitiesOver(Result):
+    """At speeds (P,) in rad/s, of quantities the values (P, q), and by each of the names derivatives and
+    their estimated errors (P, q, r), in SI units; NaN where there are none. by: names, at: their values
+    (P, r); reasons: why a speed, or a quantity at a speed, has none, by the position of the speed."""
+
+    system: PeriodicSystem
+    speeds: Array
+    quantities: Sequence[str]
+    by: Sequence[str]
+    at: Array
+    values: Array
+    derivatives: Array
+    errors: Array
+    reasons: Mapping[int, Sequence[str]]
+
+    @property
+    def elasticities(self) -> Array:
+        """(θ/q) ∂q/∂θ, (P, q, r); NaN where q is 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(
+                self.values[..., None] != 0,
+                self.derivatives * self.at[:, None] / self.values[..., None],
+                np.nan,
+            )
+
+    def __getitem__(self, quantity: str) -> dict[str, Array]:
+        """Derivatives (P,) of a quantity by name of the parameter."""
+        place = list(self.quantities).index(quantity)
+        return dict(zip(self.by, self.derivatives[:, place].T, strict=True))
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """Why speeds, or quantities there, have no derivatives, a sentence each."""
+        return [
+            f"{reason} (at {self.system.speed_unit.text(self.speeds[at])})"
+            for at, reasons in self.reasons.items()
+            for reason in reasons
+        ]
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        def by_name(found: Array) -> dict[str, Any]:
+            return {
+                quantity: dict(zip(self.by, rows.T, strict=True))
+                for quantity, rows in zip(self.quantities, np.moveaxis(found, 1, 0), strict=True)
+            }
+
+        return plain(
+            {
+                "speeds": self.speeds,
+                "values": dict(zip(self.quantities, self.values.T, strict=True)),
+                "sensitivities": by_name(self.derivatives),
+                "elasticities": by_name(self.elasticities),
+                "errors": by_name(self.errors),
+            }
+        )
+
+    @property
+    def columns(self) -> Columns:
+        """A row a speed, quantity and parameter."""
+        return {
+            "speed": Column(self.speeds, "rad/s", "speed of rotation", axes=_AXES[:1]),
+            "quantity": Column(np.array(self.quantities), "", "what changes", axes=_AXES[1:2]),
+            "by": Column(np.array(self.by), "", "with which parameter", axes=_AXES[2:]),
+            "derivative": Column(np.real(self.derivatives), "", "in SI units, real part", axes=_AXES),
+            "derivative_im": Column(np.imag(self.derivatives), "", "imaginary part", axes=_AXES),
+            "error": Column(self.errors, "", "estimated error of the derivative", axes=_AXES),
+            "elasticity": Column(np.real(self.elasticities), "1", "relative, real part", axes=_AXES),
+            "elasticity_im": Column(np.imag(self.elasticities), "1", "imaginary part", axes=_AXES),
+        }
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """A table a quantity, a row a speed: elasticities by what matters most."""
+        unit = self.system.speed_unit
+        parts = [model_heading(self.system, choices)]
+        for place, quantity in enumerate(self.quantities):
+            chosen = self._most(place)
+            names = [self.by[k] for k in chosen]
+            made = table(f"Elasticities of {quantity}", unit.name, quantity, *names, left=0)
+            for speed, value, row in zip(
+                self.speeds, self.values[:, place], self.elasticities[:, place][:, chosen], strict=True
+            ):
+                made.add_row(f"{unit.of(speed):.6g}", _number(value), *map(_number, row))
+            parts.append(made)
+        return stacked(*parts)
+
+    def _most(self, place: int) -> list[int]:
+        """Which parameters matter most for a quantity, at any of the speeds, the first most."""
+        sizes = np.nan_to_num(np.abs(self.elasticities[:, place])).max(axis=0)
+        return np.argsort(-sizes, kind="stable")[:_MOST].tolist()
+
+    def plot(self) -> Figure:
+        """Elasticities over speed, a panel a quantity, of what matters most; moduli of complex ones."""
+        count, shown = len(self.quantities), self.system.speed_unit.of(self.speeds)
+        with page(0.7 + 2.2 * count, f"{title_of(self.system)}: what matters most") as figure:
+            panels = figure.subplots(count, 1, squeeze=False, sharex=True)[:, 0]
+            for place, axes in enumerate(panels):
+                chosen = self._most(place)
+                for k, shade in zip(chosen, shades(len(chosen)), strict=True):
+                    found = self.elasticities[:, place, k]
+                    sizes = (
+                        np.abs(found) if np.iscomplexobj(found) and np.any(np.imag(found)) else np.real(found)
+                    )
+                    axes.plot(shown, sizes, marker=".", label=self.by[k], **shade)
+                axes.axhline(0.0, color="black", linewidth=0.7)
+                axes.set_title(self.quantities[place], loc="left")
+                axes.set_ylabel("elasticity")
+                axes.legend(ncols=3, fontsize="small")
+            label_speeds(panels[-1], self.system, self.speeds)
+        return figure
+
+
+def _number(value: Any) -> str:
+    if not np.isfinite(value):
+        return "–"
+    size = abs(value) if isinstance(value, complex) and value.imag else float(np.real(value))
+    return f"{size:.4g}" if math.isfinite(size) else "–"

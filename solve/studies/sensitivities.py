@@ -1,0 +1,181 @@
+"""Sensitivities over speed, and of speeds: of the edges of unstable bands and of maxima of the response, by
+the implicit function theorem (S. G. Krantz, H. R. Parks, The Implicit Function Theorem, 2013)."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.derivatives.point import quantities_by, sensitivities
+from solve.differences import slope
+from solve.errors import NoResultError, SolveError
+from solve.methods.choice import Rule
+from solve.period.named import RADIUS
+from solve.progress import part, stage
+from solve.results.bands import Bands
+from solve.results.critical_speeds import CriticalSpeeds
+from solve.results.sensitivities import Sensitivities, Sensitivity
+from solve.results.sensitivities_over import SensitivitiesOver
+from solve.system import SPEED, PeriodicSystem
+from solve.units import speeds_given
+
+_LOOK = 1e-4
+"""Part of a speed about which the curvature of a response is taken."""
+
+_FAR = 1e-2
+"""Part of a speed by which corrections and differences stay below."""
+
+_PART = 0.1
+"""Part of the width of a maximum over which derivatives are differenced."""
+
+_KNOWN = 1e-3
+"""Relative error of the derivative by the speed from which on an edge has none."""
+
+_MEET = (
+    "at this edge two multipliers meet, and have no derivative, as without damping; give a little of it, or "
+    "difference the edges themselves"
+)
+
+_NEWTON = 3
+"""Corrections of a speed that was found to a tolerance."""
+
+
+def sensitivities_over(
+    system: PeriodicSystem,
+    speeds: float | str | Sequence[float | str] | Array,
+    of: Sequence[str] | None = None,
+    by: Sequence[str] | None = None,
+    method: str | Rule = "auto",
+    steps: int | None = None,
+    rtol: float = 1e-8,
+    engine: str = "auto",
+    nonlinear: bool = False,
+) -> SensitivitiesOver:
+    """`solve.sensitivities` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm").
+    Speeds without a solution are NaN with the reason. Raises SolveError subclasses for bad input, and
+    NoResultError where no speed has a solution."""
+    given, (asked, names) = speeds_given(speeds), quantities_by(system, of, by)
+    system, omegas = system.shown_in(given[0]), np.array(given)
+    shape = len(omegas), len(asked), len(names)
+    values, derivatives = np.full(shape[:2], np.nan, complex), np.full(shape, np.nan, complex)
+    errors, reasons = np.full(shape, np.nan), {}
+    with stage("speeds", len(omegas)):
+        for at, omega in enumerate(omegas.tolist()):
+            with part("speeds"):
+                try:
+                    found = sensitivities(system, omega, asked, names, method, steps, rtol, engine, nonlinear)
+                except SolveError as reason:
+                    reasons[at] = [f"no result: {reason}"]
+                    continue
+            every = list(found.found.values())
+            values[at], derivatives[at] = [each.value for each in every], [each.derivatives for each in every]
+            errors[at] = [each.errors for each in every]
+            if found.warnings:
+                reasons[at] = found.warnings
+    if np.isnan(values).all():
+        raise NoResultError(f"no speed has a result; at the first, {reasons[0][0]}")
+    if not (np.imag(values).any() or np.imag(derivatives).any()):
+        values, derivatives = np.real(values), np.real(derivatives)
+    constant = [system.parameters.get(name, np.nan) for name in names]
+    by_speed = np.where(np.array(names) == SPEED, omegas[:, None], constant)
+    return SensitivitiesOver(system, omegas, asked, names, by_speed, values, derivatives, errors, reasons)
+
+
+def speed_sensitivities(
+    found: CriticalSpeeds | Bands,
+    by: Sequence[str] | None = None,
+    method: str | Rule = "auto",
+    rtol: float = 1e-8,
+) -> Sensitivities:
+    """Derivatives of the edges of unstable bands, or of the maxima of critical speeds, by parameters.
+
+    found: what `solve.bands` or `solve.critical_speeds` gives. An edge is where the spectral radius is 1,
+    dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω); a maximum is where the derivative by the speed is 0, whose own derivatives
+    are differences over speed of exact ones. Quantities are "band1.from", "band1.to", …, with the bands as
+    they rise, and "response1", "multiplier1", …, with the critical speeds as they fall; edges at the ends of
+    the range, and integer divisions, are left out. by: names of parameters, by default all by which there
+    are derivatives. Raises NoResultError where there is no such speed, and what `solve.sensitivities` raises.
+    """
+    system = found.system
+    _, every = quantities_by(system, [RADIUS], by)
+    names = [name for name in every if name != SPEED]
+
+    def derivatives(of: str, speed: float) -> Sensitivity:
+        return sensitivities(system, speed, of, [*names, SPEED], method, rtol=rtol).found[of]
+
+    places = _edges(found) if isinstance(found, Bands) else _maxima(found)
+    if not places:
+        raise NoResultError(f"{system.name} has no edge or maximum between these speeds; give other speeds")
+    made = {}
+    with stage("speeds", len(places)):
+        for name, of, speed in places:
+            with part("speeds"):
+                way = _of_edge if isinstance(found, Bands) else _of_maximum
+                made[name] = way(of, speed, derivatives)
+    values = {name: system.parameters[name] for name in names}
+    return Sensitivities(system, None, values, made, "", 0)
+
+
+def _edges(found: Bands) -> list[tuple[str, str, float]]:
+    """Name, quantity and speed of each."""
+    return [
+        (f"band{number}.{word}", RADIUS, speed)
+        for number, band in enumerate(found, start=1)
+        for word, speed, is_open in (("from", band.low, band.open_low), ("to", band.high, band.open_high))
+        if not is_open
+    ]
+
+
+def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
+    """Name, quantity and speed of each."""
+    ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "rho1.re"}
+    return [
+        (f"{way}{number}", of, maximum.speed)
+        for way, of in ways.items()
+        for number, maximum in enumerate(
+            (getattr(row, way) for row in found.rows if getattr(row, way) is not None), start=1
+        )
+    ]
+
+
+Derivatives = Callable[[str, float], Sensitivity]
+
+
+def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
+    found = derivatives(of, speed)
+    for _ in range(_NEWTON):
+        moved = (1 - float(np.real(found.value))) / found.derivatives[-1]
+        if not abs(moved) < _FAR * speed:
+            break
+        speed += moved
+        found = derivatives(of, speed)
+    *by, along = found.derivatives
+    *off, off_along = found.errors
+    if not off_along < _KNOWN * abs(along):
+        nothing, reason = np.full(len(by), np.nan), found.reason or _MEET
+        return Sensitivity(speed, "rad/s", nothing, nothing, reason)
+    slopes = -np.array(by) / along
+    return Sensitivity(
+        speed, "rad/s", slopes, (np.array(off) + np.abs(slopes) * off_along) / abs(along), found.reason
+    )
+
+
+def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
+    def gradient(omega: float) -> Array:
+        return derivatives(of, omega).derivatives
+
+    value = derivatives(of, speed)
+    if value.reason:
+        nothing = np.full(len(value.derivatives) - 1, np.nan)
+        return Sensitivity(speed, "rad/s", nothing, nothing, value.reason)
+    step = _LOOK * speed
+    curvature = float(np.real(gradient(speed + step)[-1] - gradient(speed - step)[-1])) / (2 * step)
+    for _ in range(_NEWTON):
+        moved = -float(np.real(gradient(speed)[-1])) / curvature
+        if not abs(moved) < _FAR * speed:
+            break
+        speed += moved
+    width = _PART * float(np.sqrt(abs(np.real(value.value) / curvature)))
+    fine, rough = (slope(gradient, speed, min(each, _FAR * speed)) for each in (width, 2 * width))
+    slopes, other = (-each[:-1] / each[-1] for each in (fine, rough))
+    return Sensitivity(speed, "rad/s", slopes, np.abs(slopes - other), "")

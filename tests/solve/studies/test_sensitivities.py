@@ -1,0 +1,97 @@
+"""Sensitivities over speed, of maxima over speed in closed form, and of edges of bands by another search."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import solve
+from solve.errors import NoDerivativeError, NoResultError, UnknownNameError
+from tests.solve.derivatives.test_sensitivities import C, F, K, M, amplitude, model
+
+
+def test_at_every_speed_they_are_those_of_the_speed():
+    cam, of, by = solve.load("cam"), ["q3.max_abs", "rho1"], ["k1", "speed"]
+    over = solve.sensitivities_over(cam, "300 600 rpm", of, by)
+    for at, speed in enumerate(over.speeds.tolist()):
+        alone = solve.sensitivities(cam, speed, of, by)
+        for quantity in of:
+            for name in by:
+                assert over[quantity][name][at] == alone[quantity][name]
+        elasticity = alone.elasticities("q3.max_abs")["speed"]
+        assert over.elasticities[at, 0, 1] == pytest.approx(elasticity, rel=1e-12)
+    assert over.warnings == []
+    assert len(over.to_pandas()) == 2 * 2 * 2
+
+
+def test_speeds_without_an_orbit_are_named():
+    undamped = model(c=0.0)
+    resonance = math.sqrt(K / M) / 2
+    over = solve.sensitivities_over(undamped, [1.0, resonance], "q.max", ["k", "f"])
+    assert np.isfinite(over.derivatives[0]).all()
+    assert np.isnan(over.derivatives[1]).all()
+    assert "no result" in over.warnings[0]
+    with pytest.raises(NoResultError, match="no speed has a result"):
+        solve.sensitivities_over(undamped, [resonance], "q.max", "k")
+
+
+def peak(m=M, c=C, k=K):
+    """The speed at which the amplitude f / |k - 4 m Ω² + 2 i c Ω| is largest."""
+    return math.sqrt(k / m - c**2 / (2 * m**2)) / 2
+
+
+def test_the_speed_of_the_largest_response_in_closed_form():
+    # The second coordinate rests but for its own load; the first has one maximum.
+    found = solve.critical_speeds(model(), np.linspace(0.9, 1.5, 13), quantity="q", figure="rms")
+    moved = solve.speed_sensitivities(found, ["m", "c", "k", "f"])
+    at, speed = moved.found["response1"], peak()
+    assert at.value == pytest.approx(speed, rel=1e-9)
+    expected = {
+        "m": (-K / M**2 + C**2 / M**3) / (8 * speed),
+        "c": -C / M**2 / (8 * speed),
+        "k": 1 / M / (8 * speed),
+        "f": 0.0,
+    }
+    for name, value in expected.items():
+        assert moved["response1"][name] == pytest.approx(value, rel=1e-6, abs=1e-9)
+    assert abs(amplitude(speed=speed)) > F / K
+
+
+def edge(low, high, **numbers):
+    """A speed at which the spectral radius is 1, by bisection."""
+    mathieu = solve.load("mathieu", **numbers)
+    return brentq(
+        lambda speed: solve.floquet(mathieu, speed, rtol=1e-11).spectral_radius - 1, low, high, xtol=1e-13
+    )
+
+
+def test_edges_of_a_band_move_as_a_search_finds_them():
+    numbers = {"delta": 1.0, "epsilon": 0.3, "zeta": 0.02}
+    found = solve.bands(solve.load("mathieu", **numbers), [0.8, 1.2])
+    moved = solve.speed_sensitivities(found, ["delta", "epsilon", "zeta"])
+    band, step = found[0], 1e-4
+    for word, speed in (("from", band.low), ("to", band.high)):
+        near = speed - 0.01, speed + 0.01
+        assert moved.found[f"band1.{word}"].value == pytest.approx(edge(*near, **numbers), rel=1e-9)
+        for name, value in numbers.items():
+            low, high = (edge(*near, **{**numbers, name: value + way * step}) for way in (-1, 1))
+            assert moved[f"band1.{word}"][name] == pytest.approx((high - low) / (2 * step), rel=1e-5)
+
+
+def test_the_edges_of_an_undamped_band_are_said_to_have_none():
+    found = solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3, zeta=0.0), [0.8, 1.2])
+    moved = solve.speed_sensitivities(found, "delta")
+    assert math.isnan(moved["band1.from"]["delta"])
+    assert "two multipliers meet" in moved.warnings[0]
+    with pytest.raises(NoResultError, match="no edge or maximum"):
+        solve.speed_sensitivities(
+            solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.0), [0.8, 1.2]), "delta"
+        )
+
+
+def test_bad_input_is_said_before_anything_is_solved():
+    with pytest.raises(UnknownNameError):
+        solve.sensitivities_over(solve.load("cam"), [30.0], "q9.max")
+    with pytest.raises(NoDerivativeError):
+        solve.sensitivities_over(solve.load("gear_pair"), [30.0], "q.max", "z1")
