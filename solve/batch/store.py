@@ -207,9 +207,9 @@ def _checksum(values: Mapping[str, Array], text: str) -> int:
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
     """The folder, for this process alone; the system takes the lock from a process that ends."""
-    if place.exists() and not place.is_dir():
-        raise FileError(f"'{place}' is a file; give a folder")
     with _refusing():
+        if place.exists() and not place.is_dir():
+            raise FileError(f"'{place}' is a file; give a folder")
         place.mkdir(exist_ok=True)
     if os.name != "posix":
         # Elsewhere folders cannot be locked.

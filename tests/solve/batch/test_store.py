@@ -151,6 +151,7 @@ def test_folders_of_others_are_left_alone(tmp_path):
         (tmp_path / "file", "is a file"),
         (tmp_path / "none" / "s", "No such file"),
         ("/proc/s", "cannot be written"),
+        (tmp_path / ("n" * 300), "cannot be written \\(File name too long\\)"),
     ):
         with pytest.raises(FileError, match=pattern):
             swept(place)

@@ -163,7 +163,7 @@ def test_what_was_measured_is_drawn_beside_any_orbit(tmp_path, monkeypatch, caps
         "\n".join([f"{header},speed (rpm)", *(f"{row},60" for row in rows)]), "utf-8"
     )
     assert run(line) == 2
-    assert "nothing is measured at 50 rpm; the data are of (rpm): 60" in capsys.readouterr().err
+    assert "nothing is measured at 50 rpm; the data are of: 60 rpm" in capsys.readouterr().err
 
 
 @pytest.mark.slow
