@@ -1,9 +1,13 @@
 """The command of the portal frame: `python -m models.portal_frame`."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from solve.commands.door import door, enter
 from solve.errors import SolveError
+
+if TYPE_CHECKING:
+    import typer
 
 _NAME = "python -m models.portal_frame"
 
@@ -13,12 +17,18 @@ def run(arguments: Sequence[str]) -> int:
     return door(_NAME, _called, arguments, SolveError)
 
 
-def _called(arguments: Sequence[str]) -> int | None:
+def commands() -> "typer.Typer":
+    """The one that there is, for Typer."""
     from models.portal_frame.command import determinant
-    from solve.commands.app import application, called
+    from solve.commands.app import application
 
-    example = f"{_NAME} --plot determinant.png"
-    return called(arguments, application(_NAME, (determinant,), None, example), _NAME)
+    return application(_NAME, (determinant,), None, f"{_NAME} --plot determinant.png")
+
+
+def _called(arguments: Sequence[str]) -> int | None:
+    from solve.commands.app import called
+
+    return called(arguments, commands(), _NAME)
 
 
 def main() -> None:

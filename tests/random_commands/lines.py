@@ -1,16 +1,22 @@
 """Command lines by chance over every command, with the flags that the commands themselves say they have."""
 
+import importlib
 import random
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from typer.main import get_command
 
 from derive.command import app
-from models.coupler.__main__ import commands as of_coupler
-from models.four_bar.__main__ import commands as of_four_bar
 from solve.commands.app import COMMANDS, solve_application
 from tests.random_commands.values import LINEAR, MECHANISMS, ODD, VALUES
+
+MODELS = [
+    f"models.{each.parent.name}"
+    for each in sorted((Path(__file__).parents[2] / "models").glob("*/__main__.py"))
+]
+"""Those with commands of their own."""
 
 CHEAP = {
     **dict.fromkeys(
@@ -37,17 +43,21 @@ NEEDED = {
 @cache
 def flags() -> dict[tuple[str, ...], dict[str, bool]]:
     """By program and command, its flags and whether each has a value, as the commands themselves say."""
-    four_bar: Any = get_command(of_four_bar())
-    found: dict[tuple[str, ...], dict[str, bool]] = {
-        ("derive",): _flags_of(get_command(app)),
-        ("models.coupler",): _flags_of(get_command(of_coupler())),
-    }
+    found: dict[tuple[str, ...], dict[str, bool]] = {("derive",): _flags_of(get_command(app))}
     for name in COMMANDS:
-        solve: Any = get_command(solve_application(name))
-        found["solve", name] = _flags_of(solve.commands[name])
-    for name, command in four_bar.commands.items():
-        found["models.four_bar", name] = _flags_of(command)
+        found |= _flags_in("solve", get_command(solve_application(name)), [name])
+    for program in MODELS:
+        found |= _flags_in(program, get_command(importlib.import_module(f"{program}.__main__").commands()))
     return found
+
+
+def _flags_in(
+    program: str, command: Any, names: list[str] | None = None
+) -> dict[tuple[str, ...], dict[str, bool]]:
+    """Of its commands, those named or all; one alone has no name."""
+    if not hasattr(command, "commands"):
+        return {(program,): _flags_of(command)}
+    return {(program, name): _flags_of(command.commands[name]) for name in names or command.commands}
 
 
 def _flags_of(command: Any) -> dict[str, bool]:
@@ -57,15 +67,17 @@ def _flags_of(command: Any) -> dict[str, bool]:
 
 def line(chance: random.Random) -> tuple[str, list[str]]:
     """A program and its arguments."""
-    program = chance.choices(("solve", "models.four_bar", "models.coupler", "derive"), (12, 3, 1, 3))[0]
+    program = chance.choices(("solve", "derive", "models"), (12, 3, 4))[0]
     if program == "derive":
         models = chance.choices((*MECHANISMS, "cam", "mathieu", *ODD), k=chance.choice((0, 1, 1, 1, 2)))
         return program, [*models, *_given(chance, flags()[program,], 2)]
-    if program == "models.coupler":
-        return program, ["--plot", chance.choice(VALUES["--plot"]), *_given(chance, flags()[program,], 2)]
     known = flags()
-    *_, name = words = chance.choice([each for each in known if each[0] == program])
+    words = chance.choice([each for each in known if each[0].startswith(program)])
+    program, *command = words
     given = _given(chance, known[words], chance.choice((0, 1, 1, 2, 3)))
+    if not command:
+        return program, ["--plot", chance.choice(VALUES["--plot"]), *given]
+    (name,) = command
     if chance.random() < 0.02:
         return program, [chance.choice(ODD), *given]
     model = _model(chance, name) if program == "solve" else []

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.random_commands.lines import flags
+from tests.random_commands.lines import MODELS, flags
 from tests.random_commands.run import SECONDS, Ended, complaint, drawn, inside, outside
 from tests.random_commands.values import VALUES, prepare
 
@@ -25,7 +25,8 @@ def test_every_flag_of_every_command_has_values():
     """A command or a flag that is new is drawn too."""
     known = {flag: valued for command in flags().values() for flag, valued in command.items()}
     assert {flag for flag, valued in known.items() if valued} == set(VALUES)
-    assert {each[0] for each in flags()} == {"derive", "solve", "models.four_bar", "models.coupler"}
+    assert {each[0] for each in flags()} == {"derive", "solve", *MODELS}
+    assert "models.portal_frame" in MODELS
 
 
 @pytest.mark.parametrize(

@@ -247,6 +247,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--limit": ("1e7", "1", "1e300", "0"),
     "--magnification": ("10", "0"),
     "--method": METHOD,
+    "--most": ("500", "1200", "0", "1e300"),
     "--numbers": ("1", "2", "x"),
     "--of": (*NAME, "q1.max_abs", "spectral_radius", "rho1.re", "exponent1.im", "q1.harmonic3", "rho99.abs"),
     "--option": OPTION,
