@@ -23,7 +23,7 @@ COMMANDS = {
     "chart": "Stability over two quantities, with named boundaries.",
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
     "transient": "Start-up from any state, until the periodic vibration is reached; run-up to a speed.",
-    "sensitivity": "What matters most: derivatives of quantities by parameters and the speed.",
+    "sensitivity": "What matters most: derivatives by parameters and the speed, at one speed or at many.",
     "fit": "Parameters of the model from measured vibration, with intervals.",
     "validity": "How far the linear model is off over speed, and up to which speed to trust it.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",

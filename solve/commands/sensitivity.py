@@ -21,7 +21,7 @@ def sensitivity(
     by: Annotated[list[str] | None, Flag("Parameter, or speed; repeatable; all by default.", "NAME")] = None,
     nonlinear: Annotated[bool, Flag("Of the orbit of the nonlinear equations.")] = False,
 ) -> None:
-    """What matters most: derivatives of quantities by parameters and the speed, at one speed or at many."""
+    """What matters most: derivatives by parameters and the speed, at one speed or at many."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds both say at which speed; give one of them")
     model = problem.loaded()

@@ -85,13 +85,13 @@ def stages(n: int) -> float:
     points = max(8, POINTS // n)
     samples = collocation.Samples(table, np.ones((points, len(entry))), entry)
     size = Size(n, s, len(method.curve_nodes), method.stiffly_accurate, False)
-    rows, N = s * n, 2 * n
+    rows, N, lengths = s * n, 2 * n, np.full(STEPS, 2 * np.pi / STEPS)
     flops = 2 / 3 * rows**3 + 2 * rows**2 * N + 2 * N**3
     return (
         flops
         * STEPS
         * points
-        / best(lambda: collocation.solved(size, method.weights, 2 * np.pi, samples, None), 3)
+        / best(lambda: collocation.solved(size, method.weights, lengths, False, samples, None), 3)
     )
 
 

@@ -126,7 +126,8 @@ def _size(n: int) -> Size:
 def by_lanes(n: int, table: Array, coefficients: Array) -> Run:
     """The package's own kernel."""
     samples = collocation.Samples(table, coefficients, np.arange(table.shape[1]))
-    return lambda: collocation.solved(_size(n), METHOD.weights, 2 * np.pi, samples, None).Phi
+    lengths = np.full(STEPS, 2 * np.pi / STEPS)
+    return lambda: collocation.solved(_size(n), METHOD.weights, lengths, False, samples, None).Phi
 
 
 def by_numba(n: int, table: Array, coefficients: Array, lanes: int) -> Run:

@@ -16,6 +16,7 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
+from solve.units import RPM
 from tests.solve.derivatives.test_sensitivities import SPEED, M, amplitude, model
 
 ANGLES = np.linspace(0.0, 2 * np.pi, 100, endpoint=False)
@@ -76,7 +77,7 @@ def test_natural_frequencies_give_stiffness_by_mass(tmp_path):
     found = solve.fit(model(k2=6.0), made, ["k", "k2"])
     assert found.parameters["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
     assert found.parameters["k2"].value == pytest.approx(K2, rel=1e-6)
-    assert [each.where for each in found.channels] == ["at 0°"]
+    assert [each.where(RPM) for each in found.channels] == ["at 0°"]
     assert "the data do not tell a change of" in solve.fit(model(k2=6.0), made, ["m", "k"]).unidentifiable[0]
     for rows, words in (
         ([(3, 1.0), (1, 2.0)], "has the modes 1 to 2"),
