@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from solve.commands.groups import Results
+from solve.reports.page import Report
 from solve.results.report import RenderableType
 from solve.results.result import Result
-from solve.results.save import Whole, writer
+from solve.results.save import Whole, write_whole, writer
 from solve.results.style import Figure, drawn
 
 
@@ -45,6 +46,18 @@ def deliver_result(
         Console(highlight=False).print(report() if report else result.report(choices))
     sys.stdout.flush()
     _print_warnings([*notes, *result.warnings], [file for file in (*pictures, data) if file is not None])
+
+
+def deliver_page(made: Report, file: Path) -> None:
+    """Write the page of a report to a checked file; print what was found, and what is missing on it."""
+    from rich.console import Console
+
+    write_whole(file, made.write)
+    for sentence in made.summary:
+        Console(highlight=False).print(sentence, markup=False)
+    sys.stdout.flush()
+    missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
+    _print_warnings([*missing, *made.warnings], [file])
 
 
 def _print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:

@@ -121,6 +121,23 @@ class CriticalSpeeds(Result):
             for first, end in edges.reshape(-1, 2)
         ]
 
+    @property
+    def summary(self) -> str:
+        """Where the response is largest among its maxima."""
+        low, high = self.speeds[0] * RPM, self.speeds[-1] * RPM
+        found = self.maxima("response")
+        of = named(self.figure, self.quantity)
+        if not found:
+            return f"{of} has no maximum between {low:.6g} and {high:.6g} rpm."
+        speed, height = max(found, key=lambda each: each[1])
+        factor, unit = prefixed(self.system.units.get(self.quantity, ""), height)
+        maxima = "1 maximum" if len(found) == 1 else f"{len(found)} maxima"
+        return (
+            f"{of} has {maxima} between {low:.6g} and {high:.6g} rpm, "
+            f"the highest, {height * factor:.3g} {unit}".rstrip()
+            + f", at {speed * RPM:.6g} rpm."
+        )
+
     def maxima(self, way: str) -> list[tuple[float, float]]:
         """Speeds and heights of the maxima of the "response" or of the "multiplier"."""
         found = (getattr(row, way) for row in self.rows)

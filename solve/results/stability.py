@@ -16,6 +16,7 @@ from solve.period.multipliers import VERDICTS, Multipliers
 from solve.results.contents import Column, Contents, model_record, plain
 from solve.results.lasting import lasting
 from solve.results.plot import StabilityPanel, stability_figure
+from solve.results.quantities import RPM
 from solve.results.report import RenderableType, Table, described, heading, stacked, table
 from solve.results.result import Result
 from solve.results.style import Figure
@@ -25,6 +26,12 @@ _MOST_MULTIPLIERS = 8
 _RECORDED = (
     *("multipliers", "multiplier_errors", "unresolved", "exponents", "modes", "spectral_radius", "verdict"),
     *("stable", "error_estimate", "distance_from_one", "liouville", "condition", "notes"),
+)
+_MEANS = (
+    "disturbances die out, and in the long run each period leaves {radius:.3g} of them",
+    "disturbances neither die out nor grow",
+    "disturbances grow {radius:.4g} times in each period, and this vibration does not last",
+    "the accuracy that was reached does not tell whether disturbances die out or grow",
 )
 _VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
@@ -161,6 +168,12 @@ class Stability(Result):
         """What is doubtful about this result, a sentence each."""
         own = [*self.certified.warnings(0), *self.spectrum.warnings]
         return [*own, *self.system.warnings(self.speed)]
+
+    @property
+    def summary(self) -> str:
+        """The verdict in plain words."""
+        means = _MEANS[VERDICTS.index(self.verdict)].format(radius=self.spectral_radius)
+        return f"At {self.speed * RPM:.6g} rpm the periodic motion is {self.verdict}: {means}."
 
     @property
     def problem(self) -> dict[str, Any]:

@@ -1,0 +1,63 @@
+"""A report in a real browser: equations are mathematics, its console is empty, and nothing is wider than a
+telephone."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+import solve
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+_ASKED = """<script>
+addEventListener("load", () => {
+  const equation = document.querySelector("math");
+  document.documentElement.dataset.found = JSON.stringify([
+    document.querySelectorAll("math").length, equation.namespaceURI,
+    equation.getBoundingClientRect().height > 5,
+    document.querySelector("figure svg").getBoundingClientRect().width > 200,
+    document.documentElement.scrollWidth - document.documentElement.clientWidth]);
+});
+</script></body>"""
+
+
+def opened(file, *flags):
+    """Standard output and error of a browser without a window."""
+    given = ("--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--v=0", *flags)
+    place = f"--user-data-dir={file.parent / 'browser'}"
+    ran = subprocess.run(
+        [CHROMIUM, *given, place, "--dump-dom", file.as_uri()],
+        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
+    )  # fmt: skip
+    return ran.stdout, ran.stderr
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip("no Chromium is installed")
+    file = tmp_path_factory.mktemp("browser") / "report.html"
+    solve.report(solve.load("mathieu"), "1.1:1.2:3 rad/s", rtol=1e-3).save(file)
+    return file
+
+
+@pytest.mark.slow
+def test_the_console_is_empty(page):
+    _, said = opened(page)
+    assert re.findall(r".*CONSOLE.*", said) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [360, 1200])
+def test_equations_and_pictures_are_shown_and_nothing_is_wider_than_the_page(page, width):
+    # The page itself allows no script.
+    text = re.sub(r'<meta http-equiv="Content-Security-Policy".*?>', "", page.read_text("utf-8"))
+    asked = page.with_name(f"asked{width}.html")
+    asked.write_text(text.replace("</body>", _ASKED), encoding="utf-8")
+    shown, _ = opened(asked, f"--window-size={width},800")
+    found = re.search(r'data-found="([^"]*)"', shown)
+    assert found
+    equations, space, tall, wide, over = found[1].replace("&quot;", '"').strip("[]").split(",")
+    assert (int(equations), space.strip('"')) == (4, "http://www.w3.org/1998/Math/MathML")
+    assert (tall, wide, int(over)) == ("true", "true", 0)
