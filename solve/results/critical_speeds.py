@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, through, title_of
-from solve.results.quantities import RPM, fixed, named, prefixed
+from solve.results.quantities import RPM, fixed, measured, named, prefixed
 from solve.results.report import RenderableType, Table, digits, model_heading, stacked, table, table_of
 from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
@@ -130,13 +130,10 @@ class CriticalSpeeds(Result):
         if not found:
             return f"{of} has no maximum between {low:.6g} and {high:.6g} rpm."
         speed, height = max(found, key=lambda each: each[1])
-        factor, unit = prefixed(self.system.units.get(self.quantity, ""), height)
+        size = measured(height, self.system.units.get(self.quantity, ""))
         maxima = "1 maximum" if len(found) == 1 else f"{len(found)} maxima"
-        return (
-            f"{of} has {maxima} between {low:.6g} and {high:.6g} rpm, "
-            f"the highest, {height * factor:.3g} {unit}".rstrip()
-            + f", at {speed * RPM:.6g} rpm."
-        )
+        over = f"between {low:.6g} and {high:.6g} rpm"
+        return f"{of} has {maxima} {over}, the highest, {size}, at {speed * RPM:.6g} rpm."
 
     def maxima(self, way: str) -> list[tuple[float, float]]:
         """Speeds and heights of the maxima of the "response" or of the "multiplier"."""

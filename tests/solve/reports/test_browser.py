@@ -2,14 +2,12 @@
 telephone."""
 
 import re
-import shutil
-import subprocess
 
 import pytest
 
 import solve
+from tests import browser
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 _ASKED = """<script>
 addEventListener("load", () => {
   const equation = document.querySelector("math");
@@ -22,20 +20,9 @@ addEventListener("load", () => {
 </script></body>"""
 
 
-def opened(file, *flags):
-    """Standard output and error of a browser without a window."""
-    given = ("--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--v=0", *flags)
-    place = f"--user-data-dir={file.parent / 'browser'}"
-    ran = subprocess.run(
-        [CHROMIUM, *given, place, "--dump-dom", file.as_uri()],
-        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
-    )  # fmt: skip
-    return ran.stdout, ran.stderr
-
-
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    if CHROMIUM is None:
+    if browser.CHROMIUM is None:
         pytest.skip("no Chromium is installed")
     file = tmp_path_factory.mktemp("browser") / "report.html"
     solve.report(solve.load("mathieu"), "1.1:1.2:3 rad/s", rtol=1e-3).save(file)
@@ -44,7 +31,7 @@ def page(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_console_is_empty(page):
-    _, said = opened(page)
+    _, said = browser.run(page, "--dump-dom")
     assert re.findall(r".*CONSOLE.*", said) == []
 
 
@@ -55,7 +42,7 @@ def test_equations_and_pictures_are_shown_and_nothing_is_wider_than_the_page(pag
     text = re.sub(r'<meta http-equiv="Content-Security-Policy".*?>', "", page.read_text("utf-8"))
     asked = page.with_name(f"asked{width}.html")
     asked.write_text(text.replace("</body>", _ASKED), encoding="utf-8")
-    shown, _ = opened(asked, f"--window-size={width},800")
+    shown, _ = browser.run(asked, "--dump-dom", f"--window-size={width},800")
     found = re.search(r'data-found="([^"]*)"', shown)
     assert found
     equations, space, tall, wide, over = found[1].replace("&quot;", '"').strip("[]").split(",")
