@@ -62,8 +62,9 @@ class Report:
 
     @property
     def summary(self) -> list[str]:
-        """What was found, a plain sentence or two a part."""
-        return [part.result.summary for part in self.parts if part.result is not None and part.result.summary]
+        """What was found, a plain sentence or two a part, none twice."""
+        found = (part.result.summary for part in self.parts if part.result is not None)
+        return list(filter(None, dict.fromkeys(found)))
 
     @cached_property
     def warnings(self) -> dict[str, list[str]]:

@@ -56,7 +56,7 @@ def report(
         system.require_motion()
     except NoMotionError as reason:
         motion = "Vibration, stability, response, critical speeds, bands, validity and sensitivities."
-        parts = [*_parts([_modes(system)]), Part("Motion", motion, reason=str(reason))]
+        parts = [*_parts(_modes(system)), Part("Motion", motion, reason=str(reason))]
     else:
         if not omegas:
             raise MissingValueError('no speeds given; add a range, such as --speeds "100:900:81 rpm"')
@@ -117,7 +117,7 @@ def _of_motion(
             f"The periodic vibration at {rpm} without linearisation, the linear one beside it.",
             loaded(lambda: nonlinear(system, omega, **given)),
         ),
-        _modes(system),
+        *_modes(system),
         Asked(
             "Response over speed",
             f"Largest moduli over a period and the spectral radius {between}.",
@@ -147,13 +147,20 @@ def _of_motion(
     ]
 
 
-def _modes(system: PeriodicSystem) -> Asked:
-    """Of a structure with the shapes of its modes, of a model that moves over the turn too."""
+def _modes(system: PeriodicSystem) -> list[Asked]:
+    """Over the turn of what moves; with their shapes of what is made of links."""
+    place = " with the drive at the beginning of the turn" if system.moves else ""
 
-    def found() -> Findings:
+    def at_rest() -> Findings:
         here = frequencies(system)
-        over = frequencies(system, turn(system)) if system.moves else None
-        return Findings(here, over, None, here.shapes() if system.links else ())
+        return Findings(here, shapes=here.shapes())
 
-    where = " with the drive held still, at the beginning of the turn and over it" if system.moves else ""
-    return Asked("Natural frequencies and modes", f"Undamped natural frequencies{where}.", found)
+    shapes = Asked(
+        "Natural frequencies and modes", f"Undamped natural frequencies and mode shapes{place}.", at_rest
+    )
+    over = Asked(
+        "Natural frequencies over the turn",
+        "Undamped natural frequencies with the drive held still at positions of the turn.",
+        lambda: Findings(frequencies(system), frequencies(system, turn(system))),
+    )
+    return [*([shapes] if system.links else []), *([over] if system.moves else [])]
