@@ -38,7 +38,7 @@ _NUMBER = re.compile(r"\d+$")
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may load: nothing from elsewhere."""
 
-_GIVEN = "given with the command"
+_GIVEN = "given"
 
 
 @dataclass(frozen=True)
