@@ -222,8 +222,10 @@ def _part(part: Part) -> str:
         lines.append(_picture(result.plot(), part))
     except SolveError as reason:
         lines.append(f'<p class="missing">No picture: {escape(str(reason))}.</p>')
-    notes = getattr(result, "notes", ())
-    return "\n".join([*lines, _wide(result._repr_html_()), _list(map(escape, notes), "notes")])
+    shown = result._repr_html_()
+    # Orbits and stability show theirs among what they print, the others do not.
+    notes = [note for note in map(escape, getattr(result, "notes", ())) if note not in shown]
+    return "\n".join([*lines, _wide(shown), _list(notes, "notes")])
 
 
 def _wide(content: str) -> str:

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from dataclasses import replace
 
 import html5lib
 import numpy as np
@@ -165,6 +166,15 @@ def test_warnings_stand_once_with_the_parts_that_say_them():
     items = ["".join(each.itertext()) for each in parsed(found.html).iter(HTML + "li")]
     for text in found.warnings:
         assert items.count(f"{text} (One, Other)") == 1
+
+
+def test_notes_stand_once():
+    cam = solve.load("cam")
+    orbit = solve.floquet(cam, "600 rpm", rtol=1e-2)
+    noted = replace(orbit, engine_notes=["made by hand"])
+    bands = replace(solve.bands(cam, "60:61:2 rad/s", rtol=1e-2), notes=["narrow & few"])
+    page = Report(cam, [Part("One", "Its own.", noted), Part("Other", "Beside.", bands)], [], 1e-2).html
+    assert page.count("made by hand") == page.count("narrow &amp; few") == 1
 
 
 def test_the_same_report_is_the_same_to_the_byte(frame):
