@@ -56,6 +56,10 @@ class NoMotionError(SolveError):
     """A model that stands still, asked for what only motion has."""
 
 
+class NoLoadError(SolveError):
+    """A system that nothing drives, asked for a vibration that would be zero."""
+
+
 class StepsError(SolveError):
     """A number of steps that the method cannot use: too few, or beyond its stability limit."""
 

@@ -13,6 +13,8 @@ from solve.model.model import Model
 from solve.newton.orbits import nonlinear
 from solve.newton.transients import transient
 from solve.period.quantities import statistics as signal_statistics
+from solve.reports.page import Report
+from solve.reports.report import report
 from solve.results.bands import Band
 from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
@@ -56,6 +58,7 @@ __all__ = [
     "PeriodicCurves",
     "PeriodicSystem",
     "Radau",
+    "Report",
     "RungeKutta4",
     "Sensitivities",
     "SensitivitiesOver",
@@ -80,6 +83,7 @@ __all__ = [
     "nonlinear",
     "open",
     "periodic",
+    "report",
     "sensitivities",
     "sensitivities_over",
     "signal_statistics",

@@ -12,7 +12,9 @@ from solve.arrays import Array
 from solve.errors import (
     LinearModelError,
     MatricesError,
+    MissingValueError,
     NoDerivativeError,
+    NoLoadError,
     SolveError,
     TransientError,
     ValueOutOfBoundsError,
@@ -20,7 +22,7 @@ from solve.errors import (
 )
 from solve.statistics import Statistics
 from solve.trigonometric import Trigonometric
-from solve.units import RPM, ShownUnit, raised, unit_given
+from solve.units import RPM, ShownUnit, raised, speed_in_si, unit_given
 
 Matrices = tuple[Array, Array, Array, Array]
 
@@ -31,6 +33,9 @@ _EPS = float(np.finfo(float).eps)
 
 _ROUNDING = 64 * _EPS
 """Part of the whole equation that counts as rounding."""
+
+_LOOKS = 128
+"""Phases of a period at which a load is looked for."""
 
 _PERIODIC = 1e-9
 """Relative difference between the matrices at both ends of the period that counts as none."""
@@ -185,6 +190,10 @@ class PeriodicSystem:
     """Those that can be varied, in the units that the model declares."""
     parameter_labels: Mapping[str, tuple[str, str]] = MappingProxyType({})
     """Unit and meaning of each parameter."""
+    parameter_sources: Mapping[str, str] = MappingProxyType({})
+    """Where values of parameters come from, as the case says; nothing of those that were given otherwise."""
+    equations: tuple[str, ...] = ()
+    """As elements of HTML, MathML among them."""
     links: tuple[DrawnLink, ...] = ()
     """Of which mode shapes can be drawn."""
     moves: bool = True
@@ -348,6 +357,21 @@ class PeriodicSystem:
     def require_motion(self) -> None:
         """Raise NoMotionError where the system has no equations of motion."""
 
+    def require_load(self, speed: float) -> None:
+        """Raise NoLoadError where d is zero all over the period, and the periodic vibration with it."""
+        phase = (np.arange(_LOOKS) + 0.5) * (self.period / _LOOKS)
+        if not self.at(phase, speed)[3].any():
+            raise NoLoadError(f"{self.name} has no load: its periodic vibration is zero at every speed")
+
+    def speed_or_usual(self, speed: float | str | None) -> float:
+        """Ω in rad/s of a speed (rad/s, or a text with unit), by default that of the case. Raises
+        MissingValueError where neither is given, UnitError, ValueOutOfBoundsError."""
+        given = self.case_speed if speed is None else speed
+        if given is None:
+            where = f"case '{self.case}' of {self.name}" if self.case else f"{self.name} has no case and"
+            raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
+        return speed_in_si(given)
+
     def entries(self, phase: Array, speed: float) -> Array:
         """Ω²M, ΩC, K by rows and d beside each other, (m, 3n² + n), for derivatives by the phase."""
         made = np.concatenate([part.reshape(len(phase), -1) for part in self.at(phase, speed)], axis=1)
@@ -432,8 +456,10 @@ class PeriodicSystem:
 
     def frequencies(self, positions: Array, count: int) -> Array:
         """The lowest `count` natural frequencies (m, count) in rad/s, rising, of M and K at speed 0 at
-        positions (m,); NaN where the static stiffness is not positive."""
+        positions (m,); NaN where the static stiffness is not positive. Raises MatricesError where M is
+        singular."""
         M, _, K, _ = self.at(positions, 0.0)
+        self._check_inertia(M)
         squares = np.linalg.eigvals(np.linalg.solve(M, K))
         real = np.where(np.abs(squares.imag) > 1e-9 * np.abs(squares), np.nan, squares.real)
         return np.sort(np.sqrt(np.where(real >= 0, real, np.nan)), axis=1)[:, :count]

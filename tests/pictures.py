@@ -1,7 +1,7 @@
 """`python -m tests.pictures [NAME …]`: renew the pictures of the pages by the commands beside them.
 
-A picture's command is the line of its page that draws a file of its name, `--plot NAME`, or a block of Python
-with `savefig("NAME")`.
+A picture's command is the line of its page that draws a file of its name, `--plot NAME`, or that writes an
+HTML page of its name, whose beginning Chromium shows, or a block of Python with `savefig("NAME")`.
 """
 
 import re
@@ -9,6 +9,8 @@ import shlex
 import sys
 from pathlib import Path
 from typing import NamedTuple
+
+from tests import browser
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -36,7 +38,8 @@ def _command(page: Path, name: str) -> str:
     lines = re.findall(r"python -m (?:solve|models)\b[^`\n]*", text)
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     for command in lines + blocks:
-        if f"--plot {name}" in command or f'savefig("{name}"' in command:
+        page_of = f"--out {Path(name).with_suffix('.html')}"
+        if f"--plot {name}" in command or page_of in command or f'savefig("{name}"' in command:
             return command
     raise LookupError(f"no command of {page.name} draws {name}")
 
@@ -52,10 +55,15 @@ def renew(picture: Picture) -> None:
         exec(picture.command.replace(picture.file.name, str(picture.file)), {})
         return
     words = shlex.split(re.sub(r"--save \S+", "", picture.command))
-    words[words.index("--plot") + 1] = str(picture.file)
+    flag = "--out" if "--out" in words else "--plot"
+    file = picture.file.with_suffix(".html") if flag == "--out" else picture.file
+    words[words.index(flag) + 1] = str(file)
     runs = {"solve": solve, "coupler": coupler, "four_bar": four_bar, "portal_frame": portal_frame}
     if runs[words[2].removeprefix("models.")](words[3:]) != 0:
         raise RuntimeError(f"{picture.command}: failed")
+    if file != picture.file:
+        browser.run(file, f"--screenshot={picture.file}", "--hide-scrollbars", "--window-size=960,1800")
+        file.unlink()
 
 
 def main() -> None:

@@ -5,13 +5,16 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from solve.commands.groups import Results
 from solve.results.report import RenderableType
 from solve.results.result import Result
-from solve.results.save import Whole, writer
+from solve.results.save import Whole, write_whole, writer
 from solve.results.style import Figure, drawn
+
+if TYPE_CHECKING:
+    from solve.reports.page import Report
 
 
 def deliver_result(
@@ -51,6 +54,18 @@ def deliver_result(
 
 def _text(text: str, stream: BinaryIO) -> None:
     stream.write(text.encode())
+
+
+def deliver_page(made: "Report", file: Path) -> None:
+    """Write the page of a report to a checked file; print what was found, and what is missing on it."""
+    from rich.console import Console
+
+    write_whole(file, made.write)
+    for sentence in made.summary:
+        Console(highlight=False).print(sentence, markup=False)
+    sys.stdout.flush()
+    missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
+    _print_warnings([*missing, *made.warnings], [file])
 
 
 def _print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:

@@ -23,7 +23,7 @@ from solve.model.model import Model
 from solve.model.setup import Setup
 from solve.results.save import PICTURES, checked, checked_data
 from solve.sizes import MOST, limited
-from solve.units import speed_in_si, speeds_in_si
+from solve.units import speeds_in_si
 
 
 class Flag(NamedTuple):
@@ -122,11 +122,7 @@ class Speed:
 
     def omega(self, model: Model) -> float:
         """Ω in rad/s. Raises MissingValueError where neither the flag nor the model's case gives it."""
-        given = self.speed if self.speed is not None else model.case_speed
-        if given is None:
-            where = f"case '{model.case}' of {model.name}" if model.case else f"{model.name} has no case and"
-            raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
-        return speed_in_si(given)
+        return model.speed_or_usual(self.speed)
 
 
 @dataclass(frozen=True)

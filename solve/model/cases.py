@@ -20,20 +20,31 @@ _NUMBERS_A_BYTE = 64
 
 @dataclass(frozen=True)
 class Case:
-    """name, the speed that the case names (a text with unit) or None, the parameters in SI, and by the names
-    of series what was fitted to tables."""
+    """name, the speed that the case names (a text with unit) or None, the parameters in SI, by the names of
+    series what was fitted to tables, and by those of parameters where the file says that they come from."""
 
     name: str
     speed: str | None
     parameters: Mapping[str, Any]
     fits: Mapping[str, Fit] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def replaced(
-        self, parameters: Mapping[str, Any], fits: Mapping[str, Fit] = MappingProxyType({})
+        self,
+        parameters: Mapping[str, Any],
+        fits: Mapping[str, Fit] = MappingProxyType({}),
+        sources: Mapping[str, str] = MappingProxyType({}),
     ) -> "Case":
-        """With further parameters and fits; a series of which a parameter is given is fitted no more."""
+        """With further parameters, fits and sources; a series of which a parameter is given is fitted no
+        more, and a parameter that is given has no source but a new one."""
         kept = {name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)}
-        return replace(self, parameters={**self.parameters, **parameters}, fits={**kept, **fits})
+        known = {name: text for name, text in self.sources.items() if name not in parameters}
+        return replace(
+            self,
+            parameters={**self.parameters, **parameters},
+            fits={**kept, **fits},
+            sources={**known, **sources},
+        )
 
 
 def chosen_case(
@@ -124,9 +135,10 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _parameters(
     raw: Any, units: Mapping[str, str], series: Mapping[str, Series], path: Path
-) -> tuple[dict[str, float], dict[str, Fit]]:
+) -> tuple[dict[str, float], dict[str, Fit], dict[str, str]]:
     values: dict[str, float] = {}
     fits: dict[str, Fit] = {}
+    sources: dict[str, str] = {}
     for name, raw_entry in _table(raw, "parameters", path).items():
         entry = _table(raw_entry, name, path)
         if "table" in entry:
@@ -138,7 +150,8 @@ def _parameters(
             if member in values:
                 raise CaseFileError(f"{member} in {path.name} is given twice, the second time by {name}")
         values |= found
-    return values, fits
+        sources |= dict.fromkeys(found, str(entry.get("source") or entry.get("table")))
+    return values, fits, sources
 
 
 def _fit(

@@ -59,6 +59,8 @@ class Model(PeriodicSystem):
         self._slopes: dict[tuple[tuple[str, ...], bool], GeneratedSlopes] = {}
         self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
+        self.parameter_sources = setup.case.sources
+        self.equations = getattr(module, "EQUATIONS", (getattr(module, "NO_EQUATIONS", ""),))
         self.options = setup.options
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
@@ -78,8 +80,7 @@ class Model(PeriodicSystem):
 
     def _repr_html_(self) -> str:
         """Title and linearised equations, in a notebook."""
-        equations = getattr(self.module, "EQUATIONS", (getattr(self.module, "NO_EQUATIONS", ""),))
-        return "".join(f"<p>{each}</p>" for each in (escape(self.title), *equations))
+        return "".join(f"<p>{each}</p>" for each in (escape(self.title), *self.equations))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""

@@ -17,6 +17,9 @@ from solve.results.sweep import Sweep
 from solve.results.sweep_plot import radius_figure
 from solve.system import PeriodicSystem
 
+_MOST_NAMED = 4
+"""Bands that the summary names."""
+
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
 
 
@@ -104,6 +107,16 @@ class Bands(Sequence[Band], Result):
             "open_low": Column(opens[0], "", "whether it goes on below"),
             "open_high": Column(opens[1], "", "whether it goes on above"),
         }
+
+    @property
+    def summary(self) -> str:
+        """Whether there are any, and where."""
+        unit = self.system.speed_unit
+        if not self:
+            return f"No unstable band found from {unit.span(*self.range)}."
+        bands = ", ".join(unit.span(band.low, band.high, form=".5g") for band in self[:_MOST_NAMED])
+        more = f" and {len(self) - _MOST_NAMED} more" if len(self) > _MOST_NAMED else ""
+        return f"Unstable between {unit.span(*self.range, word='and')}: from {bands}{more}."
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a band."""

@@ -86,12 +86,12 @@ class Contents:
 
     @property
     def metadata_text(self) -> str:
-        whole = {**self.metadata, "versions": _versions()}
+        whole = {**self.metadata, "versions": versions()}
         return json.dumps(whole, ensure_ascii=False, allow_nan=False)
 
 
 @functools.cache
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
     """Of this program and of what it calculates with."""
     from importlib.metadata import version
 

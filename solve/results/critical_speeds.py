@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, through, title_of
-from solve.results.quantities import fixed, headed, named, prefixed
+from solve.results.quantities import fixed, headed, measured, named, prefixed
 from solve.results.report import (
     RenderableType,
     Table,
@@ -129,6 +129,20 @@ class CriticalSpeeds(Result):
             (float(self.speeds[first]), float(self.speeds[end - 1]), float(self.radius[first:end].max()))
             for first, end in edges.reshape(-1, 2)
         ]
+
+    @property
+    def summary(self) -> str:
+        """Where the response is largest among its maxima."""
+        unit = self.system.speed_unit
+        between = f"between {unit.span(self.speeds[0], self.speeds[-1], word='and')}"
+        found = self.maxima("response")
+        of = named(self.figure, self.quantity)
+        if not found:
+            return f"{of} has no maximum {between}."
+        speed, height = max(found, key=lambda each: each[1])
+        size = measured(height, self.system.units.get(self.quantity, ""))
+        maxima = "1 maximum" if len(found) == 1 else f"{len(found)} maxima"
+        return f"{of} has {maxima} {between}, the highest, {size}, at {unit.text(speed)}."
 
     def maxima(self, way: str) -> list[tuple[float, float]]:
         """Speeds and heights of the maxima of the "response" or of the "multiplier"."""

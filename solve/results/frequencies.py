@@ -205,6 +205,13 @@ class Findings(Result):
             links[link.name] = {**curves, "transverse": transverse}
         return {"frequency": shape.frequency, "modal_mass": shape.modal_mass, "links": links}
 
+    @property
+    def summary(self) -> str:
+        """The lowest frequencies at the position."""
+        where = f" at {math.degrees(self.here.positions[0]):.6g}°" if self.here.system.moves else ""
+        hertz = ", ".join(f"{omega / (2 * math.pi):.4g}" for omega in self.here.values[0])
+        return f"The lowest natural frequencies{where}, standing still: {hertz} Hz."
+
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """Tables for a terminal of 80 columns."""
         head = model_heading(self.here.system, choices)

@@ -83,6 +83,10 @@ class NonlinearOrbit(Orbit):
         return found
 
     @property
+    def summary(self) -> str:
+        return f"By the nonlinear equations: {super().summary.replace('At', 'at', 1)}"
+
+    @property
     def _repeats(self) -> bool:
         phase = np.arange(_SAMPLES) * (self.system.period / _SAMPLES)
         q, later = self.at(phase), self.at(phase + self.system.period / self.periods)

@@ -16,8 +16,8 @@ from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, Quantities, Signal, harmonics, samples_a_step, statistics
 from solve.results.contents import Column, Contents, plain, require_different_names
-from solve.results.plot import Motion, checked_scale, orbit_figure, shown
-from solve.results.quantities import fixed, prefixed
+from solve.results.plot import MOST_ROWS, Motion, checked_scale, orbit_figure, shown
+from solve.results.quantities import fixed, greek, measured, prefixed
 from solve.results.report import RenderableType, Table, stacked, table
 from solve.results.stability import Stability
 from solve.results.style import Figure
@@ -285,6 +285,26 @@ class Orbit(Stability, Turn):
         """What is doubtful about this result, a sentence each: its accuracy, and the model's bounds."""
         figures = {name: self.statistics(name) for name in self.system.judged_quantities}
         return [*super().warnings, *self.system.judged(figures)]
+
+    @property
+    def summary(self) -> str:
+        """The verdict in plain words, and how far the coordinates go."""
+        units, names = self.system.units, self.coordinates[:MOST_ROWS]
+        largest = ((name, abs(self.statistics(name).max_abs)) for name in names)
+        reached = [f"max|{greek(name)}| = {measured(size, units.get(name, ''))}" for name, size in largest]
+        more = len(self.coordinates) - len(reached)
+        others = f" and {more} coordinates more" if more > 0 else ""
+        return f"{super().summary} Over one period {', '.join(reached)}{others}.{self._doubt}"
+
+    @property
+    def _doubt(self) -> str:
+        """How far a linearised answer is off, as a sentence."""
+        errors = (self.linearisation_error or {}).values()
+        if not errors:
+            return ""
+        part = float(f"{100 * max(errors):.2g}")
+        size = "an unknown amount" if math.isnan(part) else f"{part:g} % of its size"
+        return f" So say the linearised equations; the nonlinear vibration differs by about {size}."
 
     def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
         """Of `solve periodic --json`, with `harmonics` amplitudes above the mean for every quantity."""

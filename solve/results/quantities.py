@@ -59,6 +59,16 @@ def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
     return 10.0**-power, _PREFIXES[power] + unit
 
 
+def measured(value: float, unit: str) -> str:
+    """A value to three digits in a fitting unit.
+
+    >>> measured(0.00208, "m")
+    '2.08 mm'
+    """
+    factor, shown = prefixed(unit, abs(value))
+    return f"{value * factor:.3g} {shown}".rstrip()
+
+
 def named(figure: str, quantity: str) -> str:
     """A figure of a quantity in few characters.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from solve.results.contents import Columns, Contents, model_record, plain, rows_of
 from solve.results.lasting import Lasting
+from solve.results.markup import html
 from solve.results.report import RenderableType
 from solve.results.save import checked_data, dataset, save
 from solve.results.style import Figure
@@ -17,10 +18,8 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-_LINES, _WIDTH, _PAGE = 15, 80, 100
-"""Most lines of a result as text, its width, and that of a page of HTML."""
-
-_HTML = '<pre style="font-family: monospace; line-height: 1.2">{code}</pre>'
+_LINES, _WIDTH = 15, 80
+"""Most lines of a result as text, and its width."""
 
 
 class Result(Lasting):
@@ -42,6 +41,11 @@ class Result(Lasting):
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
         return []
+
+    @property
+    def summary(self) -> str:
+        """What was found, in a plain sentence or two; none of most results."""
+        return ""
 
     @property
     def columns(self) -> Columns:
@@ -110,8 +114,5 @@ class Result(Lasting):
         return "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "…"])
 
     def _repr_html_(self) -> str:
-        from rich.console import Console
-
-        console = Console(file=StringIO(), width=_PAGE, highlight=False, record=True)
-        console.print(self.report())
-        return console.export_html(inline_styles=True, code_format=_HTML)
+        """All of it as tables of HTML, in a notebook and in the page of `report`."""
+        return html(self.report())

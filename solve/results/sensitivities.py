@@ -1,5 +1,6 @@
 """How much quantities of a solution change with parameters and the speed."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Figure, page
 from solve.system import SPEED, PeriodicSystem
 
-_MOST_BARS, _MOST_ROWS = 12, 12
+_MOST_BARS, _MOST_ROWS, _MOST_NAMED = 12, 12, 6
 _UNCERTAIN = 0.01
 """Part of a derivative that its error may be before it deserves a warning."""
 
@@ -128,6 +129,19 @@ class Sensitivities(Result):
             head = heading(self.system, self.speed, choices)
             head.add_row("method", f"{self.method}, {self.steps} steps a period")
         return stacked(head, *(self._table(quantity) for quantity in self.found))
+
+    @property
+    def summary(self) -> str:
+        """By what each quantity changes most."""
+        parts = []
+        for quantity, each in itertools.islice(self.found.items(), _MOST_NAMED):
+            certain = each.errors <= _UNCERTAIN * np.abs(each.derivatives)
+            sizes = self.elasticities(quantity)
+            known = {by for by, sure in zip(sizes, certain, strict=True) if sure and np.isfinite(sizes[by])}
+            name = next(filter(known.__contains__, self._ranked(quantity)), None)
+            if name is not None:
+                parts.append(f"{quantity} with {name} ({_number(sizes[name], 3)} % per 1 % of it)")
+        return f"What changes most by a parameter: {', '.join(parts)}." if parts else ""
 
     def _table(self, quantity: str) -> RenderableType:
         found = self.found[quantity]

@@ -26,6 +26,12 @@ _RECORDED = (
     *("multipliers", "multiplier_errors", "unresolved", "exponents", "modes", "spectral_radius", "verdict"),
     *("stable", "error_estimate", "distance_from_one", "liouville", "condition", "notes"),
 )
+_MEANS = (
+    "disturbances die out, and in the long run each period leaves {radius:.3g} of them",
+    "disturbances neither die out nor grow",
+    "disturbances grow {radius:.4g} times in each period, and this vibration does not last",
+    "the accuracy that was reached does not tell whether disturbances die out or grow",
+)
 _VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
 
@@ -161,6 +167,12 @@ class Stability(Result):
         """What is doubtful about this result, a sentence each."""
         own = [*self.certified.warnings(0), *self.spectrum.warnings]
         return [*own, *self.system.warnings(self.speed)]
+
+    @property
+    def summary(self) -> str:
+        """The verdict in plain words."""
+        means = _MEANS[VERDICTS.index(self.verdict)].format(radius=self.spectral_radius)
+        return f"At {self.system.speed_unit.text(self.speed)} the periodic motion is {self.verdict}: {means}."
 
     @property
     def problem(self) -> dict[str, Any]:

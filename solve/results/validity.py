@@ -71,15 +71,23 @@ class Validity(Result):
         ]
         return {**super().record(), "points": plain(points)}
 
+    @property
+    def _limit(self) -> str:
+        """Up to which speed it is to be trusted."""
+        limit, upto = f"more than {100 * self.allowed:g} %", self.trusted_to
+        if upto is None:
+            return f"off by {limit} from the slowest of these speeds on"
+        return f"no coordinate is off by {limit} up to {self.system.speed_unit.text(upto)}"
+
+    @property
+    def summary(self) -> str:
+        """Up to which speed the linear model is to be trusted."""
+        return f"The linear equations against the nonlinear ones: {self._limit}."
+
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a speed."""
         made = table_of("Linearisation error, %", self.columns)
-        upto = self.trusted_to
-        limit = f"more than {100 * self.allowed:g} %"
-        words = f"off by {limit} from the slowest of these speeds on"
-        if upto is not None:
-            words = f"no coordinate is off by {limit} up to {self.system.speed_unit.text(upto)}"
-        return stacked(model_heading(self.system, choices), made, text("\n" + words))
+        return stacked(model_heading(self.system, choices), made, text("\n" + self._limit))
 
     def plot(self) -> Figure:
         """The errors over speed (matplotlib Figure)."""

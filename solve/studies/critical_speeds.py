@@ -124,6 +124,7 @@ def critical_speeds(
     if orders < 1:
         raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
     require_size("orders", orders, len(omegas) * system.n**2)
+    system.checked(float(omegas[-1]))
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = MeanFrequencies(system, np.array([0.0]))
     grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)

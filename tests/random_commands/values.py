@@ -253,7 +253,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--option": OPTION,
     "--order": ("5", "4", "99999999"),
     "--orders": _COUNT,
-    "--out": ("out", "folder.csv/x", "file.txt"),
+    "--out": ("out", "folder.csv/x", "file.txt", "a.html", "none/a.html", "y" * 300 + ".html"),
     "--over": (*RANGE, "L4=0.5,0.6", "L4=0.5:0.6:2", "m=0.1:0.2:2"),
     "--periods": ("1", "2", "0", "100000000"),
     "--plot": PICTURE,

@@ -44,6 +44,14 @@ def test_cases_in_their_order_with_common_values_and_si_units(read):
     assert cases["light"] == Case("light", None, {"m": 0.5, "a1": 4.0, "a2": 4.0, "a3": 4.0})
 
 
+def test_each_number_has_its_source_until_it_is_replaced(read):
+    cases = read(GOOD)
+    table = dict.fromkeys(("a1", "a2", "a3"), "Table 2")
+    assert cases["slow"].sources == {"m": "Table 1", **table, "k1": "measured"}
+    assert cases["light"].sources == {"m": "weighed", **dict.fromkeys(("a1", "a2", "a3"), "chosen")}
+    assert cases["slow"].replaced({"m": 3.0}).sources == {**table, "k1": "measured"}
+
+
 def entry(text):
     return f"[case.1.parameters]\n{text}\n"
 

@@ -229,13 +229,15 @@ LONG = [
     'models.four_bar study --speeds "15:50:71 rad/s" --over L4=0.5,0.6',
     'models.four_bar design --allowable "100 MPa"',
     "models.four_bar corrected --elements 4,5,6",
+    'solve report four_bar --speed "30 rad/s" --speeds "10:40:31 rad/s"',
 ]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("line", LONG)
 def test_a_long_command_tells_how_far_it_is_and_can_be_interrupted(line, tmp_path):
-    command = [sys.executable, "-m", *shlex.split(line), "--save", str(tmp_path / "result.npz")]
+    flag, file = ("--out", "page.html") if " report " in line else ("--save", "result.npz")
+    command = [sys.executable, "-m", *shlex.split(line), flag, str(tmp_path / file)]
     interrupt = lambda process: process.send_signal(signal.SIGINT)  # noqa: E731
     seen, status, seconds = shown_on_a_terminal(command, " so far", interrupt)
     assert status == 130, seen

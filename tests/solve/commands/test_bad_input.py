@@ -74,6 +74,20 @@ BAD = {
     "picture in a missing folder": ((*CAM, "--plot", "none/cam.png"), ("none/cam.png", "no folder")),
     "data of unknown kind": ((*CAM, "--save", "cam.xlsx"), ("cam.xlsx", ".npz, .csv, .mat, .nc")),
     "data onto a folder": ((*CAM, "--save", "folder.csv"), ("folder.csv", "is a folder")),
+    "report without a file": (("report", "cam", *SPEED, "--speeds", "1:2:3 rad/s"), ("--out report.html",)),
+    "report of unknown kind": (("report", "cam", "--out", "cam.pdf"), ("cam.pdf", ".html")),
+    "report in a missing folder": (
+        ("report", "cam", "--out", "none/cam.html"),
+        ("none/cam.html", "no folder"),
+    ),
+    "report without speeds": (
+        ("report", "cam", *SPEED, "--out", "cam.html"),
+        ("no speeds given", "--speeds"),
+    ),
+    "report without a speed": (
+        ("report", "cam", "--speeds", "1:2:3 rad/s", "--out", "cam.html"),
+        ("names no speed", "--speed"),
+    ),
     "data below a file": ((*CAM, "--save", "file.txt/cam.csv"), ("file.txt", "no folder")),
     "case file that is none": ((*CAM, "--cases", "none.toml"), ("none.toml", "cannot be read")),
     "case file that is no TOML": ((*CAM, "--cases", "broken.toml"), ("broken.toml", "not TOML")),

@@ -1,0 +1,82 @@
+"""What results print, as HTML: tables with headings that a screen reader can name, words as paragraphs."""
+
+import itertools
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from solve.results.report import RenderableType
+
+if TYPE_CHECKING:
+    from rich.table import Table
+else:
+    Table = object
+
+
+def html(printed: RenderableType) -> str:
+    """Tables of rich as `<table>`, texts as `<p>`, groups one part below the other.
+
+    >>> from solve.results.report import table, text
+    >>> made = table("Speeds", "name", "rpm")
+    >>> made.add_row("slow", "60")
+    >>> print(html(made))
+    <table>
+    <caption>Speeds</caption>
+    <thead><tr><th scope="col" class="text">name</th><th scope="col">rpm</th></tr></thead>
+    <tbody>
+    <tr><th scope="row">slow</th><td>60</td></tr>
+    </tbody>
+    </table>
+    >>> print(html(text("1 < 2", "bold")))
+    <p><strong>1 &lt; 2</strong></p>
+    """
+    from rich.console import Group
+    from rich.table import Table
+
+    if isinstance(printed, Group):
+        return "\n".join(html(part) for part in printed.renderables)
+    return _table(printed) if isinstance(printed, Table) else f"<p>{_words(printed)}</p>"
+
+
+def _table(table: Table) -> str:
+    """Its first column names the rows."""
+    lines = ["<table>"]
+    title = _words(table.title or "")
+    if title:
+        lines.append(f"<caption>{title}</caption>")
+    if table.show_header:
+        lines.append(f"<thead><tr>{''.join(_heading(column) for column in table.columns)}</tr></thead>")
+    lines.append("<tbody>")
+    kinds = [' class="text"' if column.justify == "left" else "" for column in table.columns[1:]]
+    rows = zip(*(column.cells for column in table.columns), strict=True)
+    for number, ((first, *others), row) in enumerate(zip(rows, table.rows, strict=True), start=1):
+        name = f'<th scope="row">{_words(first)}</th>' if first else "<td></td>"
+        cells = zip(kinds, others, strict=True)
+        lines.append(f"<tr>{name}{''.join(f'<td{kind}>{_words(cell)}</td>' for kind, cell in cells)}</tr>")
+        if row.end_section and number < len(table.rows):
+            lines.append("</tbody>\n<tbody>")
+    lines.append("</tbody>")
+    if table.caption:
+        width = len(table.columns)
+        lines.append(f'<tfoot><tr><td colspan="{width}">{_words(table.caption)}</td></tr></tfoot>')
+    return "\n".join([*lines, "</table>"])
+
+
+def _heading(column: Any) -> str:
+    kind = ' class="text"' if column.justify == "left" else ""
+    return f'<th scope="col"{kind}>{_words(column.header)}</th>'
+
+
+def _words(content: Any) -> str:
+    """A text of rich; new lines become places where a long name may be parted."""
+    from rich.console import Console
+
+    console = Console(no_color=True)
+    text = console.render_str(content, highlight=False) if isinstance(content, str) else content.copy()
+    if text.style:
+        text.stylize(text.style)
+    pieces = itertools.dropwhile(lambda piece: not piece[0].strip(), text.render(console, end=""))
+    parts = [
+        f"<strong>{escape(words)}</strong>" if style is not None and style.bold else escape(words)
+        for words, style, _ in pieces
+    ]
+    return "".join(parts).strip().replace("\n", "<wbr/>")

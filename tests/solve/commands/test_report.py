@@ -1,0 +1,32 @@
+"""`solve report`."""
+
+import solve
+
+MATHIEU = ("report", "mathieu", "--speeds", "1.1:1.2:3 rad/s", "--rtol", "1e-3")
+
+
+def test_the_page_is_that_of_python(command, tmp_path):
+    ran = command(*MATHIEU, "--set", "epsilon=0.2", "--out", "mine.html")
+    assert ran.status == 0
+    made = solve.report(solve.load("mathieu", epsilon=0.2), "1.1:1.2:3 rad/s", rtol=1e-3)
+    assert (tmp_path / "mine.html").read_text("utf-8") == made.html
+    assert ran.out.split() == " ".join(made.summary).split()
+    assert "Response over speed is left out: mathieu has no load" in ran.err.replace("\n", " ")
+    assert "wrote mine.html" in ran.err
+
+
+def test_a_structure_needs_no_speeds(command, tmp_path):
+    ran = command("report", "portal_frame", "--out", "frame.html")
+    assert ran.status == 0
+    assert ran.out.startswith("The lowest natural frequencies")
+    assert (tmp_path / "frame.html").is_file()
+
+
+def test_a_report_that_is_interrupted_leaves_no_file(command, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("solve.reports.report.bands", interrupted)
+    ran = command(*MATHIEU, "--out", "mine.html")
+    assert (ran.status, ran.out) == (130, "")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,50 @@
+"""A report in a real browser: equations are mathematics, its console is empty, and nothing is wider than a
+telephone."""
+
+import re
+
+import pytest
+
+import solve
+from tests import browser
+
+_ASKED = """<script>
+addEventListener("load", () => {
+  const equation = document.querySelector("math");
+  document.documentElement.dataset.found = JSON.stringify([
+    document.querySelectorAll("math").length, equation.namespaceURI,
+    equation.getBoundingClientRect().height > 5,
+    document.querySelector("figure svg").getBoundingClientRect().width > 200,
+    document.documentElement.scrollWidth - document.documentElement.clientWidth]);
+});
+</script></body>"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    if browser.CHROMIUM is None:
+        pytest.skip("no Chromium is installed")
+    file = tmp_path_factory.mktemp("browser") / "report.html"
+    solve.report(solve.load("mathieu"), "1.1:1.2:3 rad/s", rtol=1e-3).save(file)
+    return file
+
+
+@pytest.mark.slow
+def test_the_console_is_empty(page):
+    _, said = browser.run(page, "--dump-dom")
+    assert re.findall(r".*CONSOLE.*", said) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [360, 1200])
+def test_equations_and_pictures_are_shown_and_nothing_is_wider_than_the_page(page, width):
+    # The page itself allows no script.
+    text = re.sub(r'<meta http-equiv="Content-Security-Policy".*?>', "", page.read_text("utf-8"))
+    asked = page.with_name(f"asked{width}.html")
+    asked.write_text(text.replace("</body>", _ASKED), encoding="utf-8")
+    shown, _ = browser.run(asked, "--dump-dom", f"--window-size={width},800")
+    found = re.search(r'data-found="([^"]*)"', shown)
+    assert found
+    equations, space, tall, wide, over = found[1].replace("&quot;", '"').strip("[]").split(",")
+    assert (int(equations), space.strip('"')) == (4, "http://www.w3.org/1998/Math/MathML")
+    assert (tall, wide, int(over)) == ("true", "true", 0)

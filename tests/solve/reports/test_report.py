@@ -1,0 +1,214 @@
+"""`solve.report`: what stands on the page, what is left out and why; the page itself by a parser."""
+
+import itertools
+import re
+from dataclasses import replace
+
+import html5lib
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import FileError, MatricesError, MissingValueError, NoResultError, StructureError
+from solve.reports.page import Part, Report
+
+HTML = "{http://www.w3.org/1999/xhtml}"
+SVG = "{http://www.w3.org/2000/svg}"
+MATHS = "{http://www.w3.org/1998/Math/MathML}"
+RANGE = "1.1:1.2:3 rad/s"
+
+
+def parsed(page):
+    """The page as a tree. html5lib follows the parsing rules of the HTML standard and stops, when strict, at
+    the first deviation: a tag that is not closed, a name given twice to an attribute. The parser of the
+    standard library accepts anything."""
+    return html5lib.HTMLParser(strict=True).parse(page)
+
+
+def texts(tree, tag):
+    return ["".join(each.itertext()) for each in tree.iter(HTML + tag)]
+
+
+@pytest.fixture(scope="module")
+def mathieu():
+    return solve.report(solve.load("mathieu", epsilon=0.2), RANGE, rtol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """An oscillator in numbers alone: q″ + 0.2 q′ + 4 q = cos φ."""
+
+    def oscillator(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.2 * one, 4.0 * one, np.cos(phase)[:, None]
+
+    return solve.report(solve.PeriodicSystem(oscillator, ["q"]), "1:3:5 rad/s", "1 rad/s", rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return solve.report(solve.load("portal_frame"))
+
+
+@pytest.fixture(scope="module", params=["mathieu", "driven", "frame"])
+def page(request):
+    return request.getfixturevalue(request.param).html
+
+
+def test_the_page_is_html_with_language_title_and_headings_in_order(page):
+    tree = parsed(page)
+    assert tree.get("lang") == "en"
+    assert len(texts(tree, "h1")) == len(texts(tree, "main")) == 1
+    assert texts(tree, "title") == texts(tree, "h1")
+    levels = [int(each.tag[-1]) for each in tree.iter() if re.fullmatch(HTML + r"h\d", str(each.tag))]
+    assert levels[0] == 1
+    assert all(later <= before + 1 for before, later in itertools.pairwise(levels))
+
+
+def test_every_name_is_given_once_and_every_reference_leads_to_one(page):
+    tree = parsed(page)
+    names = [each.get("id") for each in tree.iter() if each.get("id")]
+    assert len(set(names)) == len(names)
+    links = re.findall(r'href="#([^"]*)"|url\(#([^)]*)\)', page)
+    assert links
+    assert {first or second for first, second in links} <= set(names)
+
+
+def test_nothing_is_loaded_from_elsewhere(page):
+    tree = parsed(page)
+    tags = {str(each.tag).split("}")[-1] for each in tree.iter()}
+    assert not tags & {"script", "link", "iframe", "object", "img"}
+    for each in tree.iter():
+        for name, value in each.attrib.items():
+            if str(name).split("}")[-1] in {"href", "src", "data", "srcset"}:
+                assert value.startswith(("#", "data:")), (each.tag, name, value)
+    assert "@import" not in page
+    assert "default-src 'none'" in page
+
+
+def test_tables_say_what_their_rows_and_columns_are_and_pictures_what_they_show(page):
+    tree = parsed(page)
+    tables = list(tree.iter(HTML + "table"))
+    assert tables
+    for each in tables:
+        assert all(cell.get("scope") in {"row", "col"} for cell in each.iter(HTML + "th"))
+        assert any(cell.get("scope") == "row" for cell in each.iter(HTML + "th"))
+    pictures = list(tree.iter(SVG + "svg"))
+    assert pictures
+    for each in pictures:
+        assert each.get("role") == "img"
+        assert len(each.get("aria-label")) > 20
+
+
+def test_equations_and_parameters_with_their_sources(mathieu):
+    tree = parsed(mathieu.html)
+    assert len(list(tree.iter(MATHS + "math"))) == len(mathieu.system.equations) == 4
+    table = next(each for each in tree.iter(HTML + "table"))
+    rows = {row[0]: row[1:] for row in cells(table)}
+    assert rows["ε"][0] == "0.2"
+    assert rows["ε"][-1] == "given"
+    assert rows["ζ"][-1] == solve.load("mathieu").parameter_sources["zeta"] != ""
+
+
+def cells(table):
+    return [["".join(cell.itertext()) for cell in row] for row in table.iter(HTML + "tr")]
+
+
+def test_members_of_a_series_that_are_alike_are_one_row():
+    page = Report(solve.load("cam"), [], [], 1e-8).html
+    names = [row[0] for row in cells(next(parsed(page).iter(HTML + "table")))]
+    assert "b1 … b12" in names
+    assert {"a1", "a2", "a3", "a4", "a5", "a6 … a12"} <= set(names)
+    assert "Fa1 … Fa6" in names
+
+
+def test_each_result_is_on_the_page_as_it_shows_itself(driven):
+    found = solve.periodic(driven.system, 1.0, rtol=1e-6)
+    bare = re.compile(r"<[^>]*>|\s")
+    assert bare.sub("", found._repr_html_()) in bare.sub("", driven.html)
+    assert found.summary in driven.summary
+    # 1/√((4 − 1)² + 0.2²)
+    assert "max|q| = 0.333" in driven.summary[0]
+
+
+def test_what_there_cannot_be_is_left_out_with_a_reason(driven, mathieu, frame):
+    for heading in ("Vibration by the nonlinear equations", "Validity of the linear answer"):
+        assert "nonlinear equations" in driven.missing[heading]
+    assert "differentiated" in driven.missing["What matters most"]
+    assert "has no load" in mathieu.missing["Response over speed"]
+    assert list(frame.missing) == ["Motion"]
+    for report in (driven, mathieu, frame):
+        stated = [text for text in texts(parsed(report.html), "p") if text.startswith(("Left out", "Only"))]
+        for reason in report.missing.values():
+            assert any(reason in text for text in stated)
+
+
+def test_without_a_load_stability_stands(mathieu):
+    found = solve.floquet(mathieu.system, 1.0, rtol=1e-3)
+    assert mathieu.summary[0] == found.summary
+    assert "Only stability is known: mathieu has no load" in "".join(parsed(mathieu.html).itertext())
+
+
+def test_a_part_that_fails_says_why_and_the_others_stand():
+    """One speed has no bands beside it."""
+    found = solve.report(solve.load("mathieu", epsilon=0.2), "1.1 rad/s", rtol=1e-3)
+    assert "two speeds" in found.missing["Unstable bands"]
+    assert found.summary
+
+
+def test_warnings_stand_once_with_the_parts_that_say_them():
+    cam = solve.load("cam")
+    orbit = solve.periodic(cam, "600 rpm", rtol=1e-2)
+    assert len(orbit.warnings) == 2
+    parts = [Part(heading, "The same.", orbit) for heading in ("One", "Other")]
+    found = Report(cam, parts, [], 1e-2)
+    assert found.warnings == {text: ["One", "Other"] for text in orbit.warnings}
+    items = ["".join(each.itertext()) for each in parsed(found.html).iter(HTML + "li")]
+    for text in found.warnings:
+        assert items.count(f"{text} (One, Other)") == 1
+
+
+def test_notes_stand_once():
+    cam = solve.load("cam")
+    orbit = solve.floquet(cam, "600 rpm", rtol=1e-2)
+    noted = replace(orbit, engine_notes=["made by hand"])
+    bands = replace(solve.bands(cam, "60:61:2 rad/s", rtol=1e-2), notes=["narrow & few"])
+    page = Report(cam, [Part("One", "Its own.", noted), Part("Other", "Beside.", bands)], [], 1e-2).html
+    assert page.count("made by hand") == page.count("narrow &amp; few") == 1
+
+
+def test_the_same_report_is_the_same_to_the_byte(frame):
+    assert solve.report(solve.load("portal_frame")).html == frame.html
+
+
+def test_a_file_is_written_whole_or_not_at_all(frame, tmp_path):
+    frame.save(tmp_path / "frame.html")
+    assert (tmp_path / "frame.html").read_text("utf-8") == frame.html
+    with pytest.raises(FileError, match=r"allowed: \.html"):
+        frame.save(tmp_path / "frame.pdf")
+    assert [each.name for each in tmp_path.iterdir()] == ["frame.html"]
+
+
+def test_a_model_that_moves_needs_a_speed_and_speeds():
+    with pytest.raises(MissingValueError, match="names no speed"):
+        solve.report(solve.load("cam"), "60:61:2 rad/s")
+    with pytest.raises(MissingValueError, match="no speeds given"):
+        solve.report(solve.load("cam"), speed="60 rad/s")
+
+
+def test_matrices_that_give_nothing_are_refused():
+    def singular(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return 0.0 * one, one, one, one[..., 0]
+
+    with pytest.raises(MatricesError, match="M is singular"):
+        solve.report(solve.PeriodicSystem(singular, ["q"]), RANGE, 1.0)
+
+
+def test_a_structure_without_frequencies_has_nothing_to_tell(monkeypatch):
+    def refused(*_):
+        raise StructureError("the links do not meet")
+
+    monkeypatch.setattr("solve.reports.report.frequencies", refused)
+    with pytest.raises(NoResultError, match="the links do not meet"):
+        solve.report(solve.load("portal_frame"))

@@ -1,0 +1,80 @@
+"""What results say of themselves in a sentence: figures that they hold, and verdicts in plain words."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import solve
+from solve.results.bands import Band, Bands
+
+
+def oscillator(damping, stiffness=4.0, load=1.0):
+    """q″ + damping q′ + stiffness q = load cos φ."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, damping * one, stiffness * one, load * np.cos(phase)[:, None]
+
+    return solve.PeriodicSystem(matrices, ["q"])
+
+
+@pytest.mark.parametrize(
+    ("damping", "words"),
+    [
+        # |ρ| = exp(−π · damping / Ω): both multipliers are a pair.
+        (0.2, f"asymptotically stable: disturbances die out, and in the long run each period leaves "
+              f"{math.exp(-0.2 * math.pi):.3g} of them"),
+        (-0.2, f"unstable: disturbances grow {math.exp(0.2 * math.pi):.4g} times in each period"),
+    ],
+)  # fmt: skip
+def test_a_verdict_in_plain_words(damping, words):
+    assert words in solve.floquet(oscillator(damping), 1.0).summary
+
+
+def test_an_orbit_says_how_far_it_goes():
+    # 1/√((4 − 1)² + 0.2²)
+    assert solve.periodic(oscillator(0.2), 1.0).summary.endswith(f"max|q| = {1 / math.sqrt(9.04):.3g}.")
+
+
+def test_a_linearised_answer_says_how_far_it_is_off():
+    orbit = solve.periodic(solve.load("manipulator"), "50 rpm")
+    (shown,) = re.findall(r"differs by about ([\d.]+) % of its size", orbit.summary)
+    assert float(shown) == pytest.approx(100 * max(orbit.linearisation_error.values()), rel=0.05)
+    assert "differs" not in solve.nonlinear(solve.load("manipulator"), "50 rpm").summary
+
+
+def test_bands_are_named_and_the_rest_counted():
+    system = oscillator(0.2)
+    one = [Band(speed, speed + 0.5, "+1", 1.1) for speed in range(1, 7)]
+    said = Bands(one[:1], system, (1.0, 9.0), 0.1).summary
+    assert said.endswith(f"from {30 / math.pi:.5g} to {45 / math.pi:.5g} rpm.")
+    assert Bands(one, system, (1.0, 9.0), 0.1).summary.endswith("rpm and 2 more.")
+    assert Bands([], system, (1.0, 9.0), 0.1).summary.startswith("No unstable band found")
+
+
+def test_what_is_certain_and_largest_is_named():
+    found = solve.sensitivities(solve.load("cam"), "600 rpm", "q3.max_abs", ["k1", "F", "speed"])
+    sizes = found.elasticities("q3.max_abs")
+    most = max(sizes, key=lambda name: abs(sizes[name]))
+    assert f"q3.max_abs with {most} ({sizes[most]:.3g} % per 1 % of it)" in found.summary
+
+
+def test_the_highest_maximum_is_named():
+    """Response of the oscillator is largest at Ω = √(4 − 0.2²/2)."""
+    found = solve.critical_speeds(oscillator(0.2), "1:3:5 rad/s", rtol=1e-6)
+    (speed,) = re.findall(r"at ([\d.]+) rad/s", found.summary)
+    assert float(speed) == pytest.approx(math.sqrt(4 - 0.02), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "calculate", [solve.frequencies, lambda system: solve.critical_speeds(system, [1, 2])]
+)
+def test_without_inertia_is_said(calculate):
+    def massless(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return 0.0 * one, one, one, one[..., 0]
+
+    with pytest.raises(solve.SolveError, match="M is singular"):
+        calculate(solve.PeriodicSystem(massless, ["q"]))
