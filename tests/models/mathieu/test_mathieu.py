@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.special import mathieu_a, mathieu_b
 
-from solve import floquet, load, periodic
+from solve import chart, floquet, load, periodic
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.hill import boundaries
 
@@ -87,3 +88,21 @@ def test_it_has_neither_torque_nor_outputs_and_says_why():
 def test_damping_is_not_negative():
     with pytest.raises(ValueOutOfBoundsError, match="zeta"):
         load("mathieu", zeta=-0.1)
+
+
+def test_real_parts_of_both_multipliers_over_the_plane():
+    """Thesis Figs. E.1 and E.2: cos π√δ of both on the axis; their sum is the trace of the monodromy matrix by
+    SciPy's integration, and beyond a boundary the product of the two real ones is 1."""
+    plane = {"delta": [0.5, 1.0, 4.4]}, {"epsilon": [0.0, 6.0]}
+    one, two = (chart(load("mathieu", zeta=0.0), *plane, 1.0, of=f"rho{k}.re").values for k in (1, 2))
+    for values in (one, two):
+        np.testing.assert_allclose(values[0], np.cos(np.pi * np.sqrt(plane[0]["delta"])), atol=1e-7)
+    for column, delta in enumerate(plane[0]["delta"]):
+
+        def flow(phase, y, delta=delta):
+            return [y[1], -(delta + 6.0 * np.cos(2 * phase)) * y[0]]
+
+        ends = [solve_ivp(flow, (0, np.pi), start, rtol=1e-11, atol=1e-12).y[:, -1] for start in np.eye(2)]
+        assert one[1, column] + two[1, column] == pytest.approx(np.trace(ends), abs=1e-7)
+        if abs(np.trace(ends)) > 2:
+            assert one[1, column] * two[1, column] == pytest.approx(1.0, rel=1e-7)
