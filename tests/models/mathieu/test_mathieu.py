@@ -91,7 +91,7 @@ def test_damping_is_not_negative():
 
 
 def test_real_parts_of_both_multipliers_over_the_plane():
-    """Thesis Figs. E.1 and E.2: cos π√δ of both on the axis; their sum is the trace of the monodromy matrix by
+    """Thesis Figs. E.1, E.2: cos π√δ of both on the axis; their sum is the trace of the monodromy matrix by
     SciPy's integration, and beyond a boundary the product of the two real ones is 1."""
     plane = {"delta": [0.5, 1.0, 4.4]}, {"epsilon": [0.0, 6.0]}
     one, two = (chart(load("mathieu", zeta=0.0), *plane, 1.0, of=f"rho{k}.re").values for k in (1, 2))
