@@ -34,8 +34,8 @@ _DEFECTIVE = 1e4
 _CLUSTER = 1e-3
 """How far, relative to the rotation, rounding may separate the exponents of a multiple one."""
 
-_MOST_ITERATIONS = 40
-"""Others may lie three times as far from the shift as the exponents of a cluster."""
+_SHIFT, _MOST_ITERATIONS = 0.125, 40
+"""Of the way from a cluster to the nearest other exponent, then seven times as far from the shift."""
 
 _CONVERGED = 1e-6
 """Residual of an invariant subspace, relative to the width of a cluster, that shows it found."""
@@ -185,13 +185,13 @@ def _invariant_subspaces(
     from scipy.linalg import block_diag
 
     near = _CLUSTER * rotation
-    bases, blocks, count = [], [], 0
+    every, bases, blocks, count = exponents, [], [], 0
     while count < N and len(exponents):
         apart = exponents - exponents[0]
         cluster = np.abs(apart) < near
         Z, T = vectors[:, cluster], np.diag(exponents[cluster])
         if len(T) > 1:
-            Z, T = _invariant_subspace(A, exponents[cluster], near)
+            Z, T = _invariant_subspace(A, exponents[cluster], every, near)
         bases.append(Z)
         blocks.append(T)
         count += int(cluster.sum())
@@ -200,12 +200,15 @@ def _invariant_subspaces(
     return np.hstack(bases), np.asarray(block_diag(*blocks))
 
 
-def _invariant_subspace(A: Array, exponents: Array, near: float) -> tuple[Array, Array]:
-    """Z, orthonormal, and T with A Z = Z T for the exponents, which lie together, by inverse iteration of a
-    block; without columns where it does not converge."""
+def _invariant_subspace(A: Array, exponents: Array, every: Array, near: float) -> tuple[Array, Array]:
+    """Z, orthonormal, and T with A Z = Z T for exponents that lie together among every one, by inverse
+    iteration of a block; without columns where it does not converge."""
     from scipy.linalg import lu_factor, lu_solve
 
-    factors = lu_factor(A - (exponents.mean() + 0.25 * near) * np.eye(len(A)))
+    centre = exponents.mean()
+    # A shift as near as the exponents themselves would leave nothing but their eigenvectors.
+    shift = _SHIFT * min(np.abs(np.setdiff1d(every, exponents) - centre), default=8 * near)
+    factors = lu_factor(A - (centre + shift) * np.eye(len(A)))
     Z = np.random.default_rng(0).standard_normal((len(A), len(exponents)))
     T: Array = np.diag(exponents)
     residual, before = np.inf, np.inf
@@ -213,7 +216,7 @@ def _invariant_subspace(A: Array, exponents: Array, near: float) -> tuple[Array,
         Z = np.linalg.qr(lu_solve(factors, Z))[0]
         T = Z.conj().T @ A @ Z
         residual = float(np.linalg.norm(A @ Z - Z @ T))
-        if residual > 0.5 * before:
+        if residual < _CONVERGED * near and residual > 0.5 * before:
             break
         before = residual
     kept = len(T) if residual < _CONVERGED * near else 0
