@@ -84,10 +84,10 @@ class GivenSpeed(float):
 def raised(unit: str) -> str:
     """A unit with its powers as they are printed.
 
-    >>> raised("kg m^2/s^3"), raised("1/s^10")
-    ('kg m²/s³', '1/s¹⁰')
+    >>> raised("kg m^2/s^3"), raised("1/s^10"), raised("N/m^1.5")
+    ('kg m²/s³', '1/s¹⁰', 'N/m^1.5')
     """
-    return re.sub(r"\^(-?\d+)", lambda found: found[1].translate(_RAISED), unit)
+    return re.sub(r"\^(-?\d++)(?!\.)", lambda found: found[1].translate(_RAISED), unit)
 
 
 def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:

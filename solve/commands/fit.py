@@ -17,7 +17,9 @@ def fit(
     results: Results,
     data: Annotated[str | None, Flag("Measured vibration (.csv, .mat, .uff), with units.", "FILE")] = None,
     free: Annotated[str | None, Flag("Parameters to fit, with commas between.", "k1,k2")] = None,
-    bounds: Annotated[list[str] | None, Flag("Of a parameter, in SI; repeatable.", "NAME=A:B")] = None,
+    bounds: Annotated[
+        list[str] | None, Flag("Of a parameter, in the model's own unit; repeatable.", "NAME=A:B")
+    ] = None,
     robust: Annotated[bool, Flag("Outliers count by their moduli, not their squares.")] = False,
     toml: Annotated[str | None, Flag("Write the fitted model as a case file (.toml).", "FILE")] = None,
 ) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import typer
 
@@ -24,6 +24,11 @@ from solve.model.setup import Setup
 from solve.results.save import PICTURES, checked, checked_data
 from solve.sizes import MOST, limited
 from solve.units import speeds_in_si
+
+if TYPE_CHECKING:
+    from solve.results.bands import Bands
+    from solve.results.critical_speeds import CriticalSpeeds
+    from solve.results.result import Result
 
 
 class Flag(NamedTuple):
@@ -109,9 +114,6 @@ class Problem(Numbers):
         return self.of(self.model, still)
 
 
-BY_PARAMETER = "Give derivatives of these speeds by a parameter instead; repeatable."
-
-
 @dataclass(frozen=True)
 class Speed:
     """One speed of rotation."""
@@ -183,6 +185,24 @@ class OnePoint(Steps):
     def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
         """What a function such as `solve.periodic` gives."""
         return solve(model, omega, self.rule, self.steps, self.rtol, all_multipliers=self.all_multipliers)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Parameters that move speeds which were found."""
+
+    by: Annotated[
+        list[str] | None,
+        Flag("Give derivatives of these speeds by a parameter instead; repeatable.", "NAME"),
+    ] = None
+
+    def of(self, found: "Bands | CriticalSpeeds", accuracy: Accuracy) -> "Result":
+        """The derivatives where any are asked for, else what was found."""
+        if not self.by:
+            return found
+        from solve.studies.sensitivities import speed_sensitivities
+
+        return speed_sensitivities(found, self.by, accuracy.rule, accuracy.rtol)
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,22 @@
 """`solve periodic`: the periodic vibration, its spectrum and its stability."""
 
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, OnePoint, Problem, Results, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import ValueOutOfBoundsError
-from solve.results.fit import compared_figure, differences_table
+from solve.results.orbit import Orbit
 from solve.results.plot import checked_scale, shown, titled
-from solve.results.report import stacked
+from solve.results.report import RenderableType, stacked
+from solve.results.style import Figure
 from solve.results.turn_plot import fits_figure
 from solve.single import periodic as linear_orbit
-from solve.studies.fit import beside
-from solve.studies.measured import measured
+
+if TYPE_CHECKING:
+    from solve.studies.measured import Measured
 
 
 def periodic(
@@ -40,7 +43,11 @@ def periodic(
         raise ValueOutOfBoundsError("--fits chooses what is drawn; add --plot FILE")
     if fits and data is not None:
         raise ValueOutOfBoundsError("--fits and --data both say what is drawn; give one of them")
-    records = None if data is None else measured(data, model, speed.omega(model))
+    records = None
+    if data is not None:
+        from solve.studies.measured import measured
+
+        records = measured(data, model, speed.omega(model))
     picture = fits_figure(model) if fits else None
     if nonlinear:
         from solve.newton.orbits import nonlinear as nonlinear_orbit
@@ -56,19 +63,27 @@ def periodic(
     else:
         orbit = accuracy.solved(linear_orbit, model, speed.omega(model))
     figure = partial(orbit.plot, show, quasi_static, scale, harmonics) if picture is None else lambda: picture
-    record, report = (
-        partial(orbit.record, orders, quasi_static),
-        partial(orbit.report, problem.choices, quasi_static),
-    )
-    if records is None:
-        return deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure)
+    record = partial(orbit.record, orders, quasi_static)
+    report = partial(orbit.report, problem.choices, quasi_static)
+    if records is not None:
+        record, report, figure = _with_measured(orbit, records, record, report)
+    deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure)
+
+
+def _with_measured(
+    orbit: Orbit,
+    records: Sequence["Measured"],
+    record: Callable[[], dict[str, Any]],
+    report: Callable[[], RenderableType],
+) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
+    """Record, report and figure with what was measured beside the orbit. Raises ValueOutOfBoundsError."""
+    from solve.results.fit import compared_figure, differences_table
+    from solve.studies.fit import beside
+
     channels = beside(orbit, records)
     title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
-    return deliver_result(
-        results,
-        orbit,
-        problem.choices,
-        record=lambda: {**record(), "measured": [each.record for each in channels]},
-        report=lambda: stacked(report(), differences_table(channels, orbit.system.speed_unit)),
-        figure=lambda: compared_figure(orbit.system, channels, title),
+    return (
+        lambda: {**record(), "measured": [each.record for each in channels]},
+        lambda: stacked(report(), differences_table(channels, orbit.system.speed_unit)),
+        lambda: compared_figure(orbit.system, channels, title),
     )

@@ -64,11 +64,9 @@ def sensitivities(
     >>> round(found.elasticities("q3.max_abs")["k1"], 4)
     -2.6535
     """
-    texts, names = quantities_by(system, of, by)
-    asked = [Named.of(system, text) for text in texts]
+    asked, names = quantities_by(system, of, by)
     given = system, speed
     if nonlinear:
-        system.dependence(names)
         solved = nonlinear_orbit(*given, method=method, steps=steps, rtol=rtol, engine=engine)
     else:
         orbit = any(each.of_orbit for each in asked)
@@ -78,14 +76,13 @@ def sensitivities(
 
 def quantities_by(
     system: PeriodicSystem, of: Sequence[str] | None, by: Sequence[str] | None
-) -> tuple[list[str], list[str]]:
+) -> tuple[list[Named], list[str]]:
     """What is asked for, and by what, each once. Raises UnknownNameError, ValueOutOfBoundsError,
     NoDerivativeError."""
     texts, names = _different("of", of, _usual(system)), _different("by", by, _all(system))
-    for text in texts:
-        Named.of(system, text)
+    asked = [Named.of(system, text) for text in texts]
     system.dependence(names)
-    return texts, names
+    return asked, names
 
 
 def of_solution(

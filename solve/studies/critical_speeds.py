@@ -243,8 +243,8 @@ class _Search:
         }
         return [
             (maximum, {k for k, number in whole.items() if rise[number] >= _SHARE * rise[1:].max() > 0})
-            for maximum, rise, kept_ in zip(maxima, rises, reached, strict=True)
-            if kept_
+            for maximum, rise, is_reached in zip(maxima, rises, reached, strict=True)
+            if is_reached
         ]
 
     def turned(self, maxima: list[Maximum], orders: int) -> Explained:

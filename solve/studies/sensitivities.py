@@ -54,7 +54,8 @@ def sensitivities_over(
     """`solve.sensitivities` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm").
     Speeds without a solution are NaN with the reason. Raises SolveError subclasses for bad input, and
     NoResultError where no speed has a solution."""
-    given, (asked, names) = speeds_given(speeds), quantities_by(system, of, by)
+    given, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
+    asked = [each.text for each in quantities]
     system, omegas = system.shown_in(given[0]), np.array(given)
     shape = len(omegas), len(asked), len(names)
     values, derivatives = np.full(shape[:2], np.nan, complex), np.full(shape, np.nan, complex)
@@ -103,14 +104,13 @@ def speed_sensitivities(
     def derivatives(of: str, speed: float) -> Sensitivity:
         return sensitivities(system, speed, of, [*names, SPEED], method, rtol=rtol).found[of]
 
-    places = _edges(found) if isinstance(found, Bands) else _maxima(found)
+    places, way = (_edges(found), _of_edge) if isinstance(found, Bands) else (_maxima(found), _of_maximum)
     if not places:
         raise NoResultError(f"{system.name} has no edge or maximum between these speeds; give other speeds")
     made = {}
     with stage("speeds", len(places)):
         for name, of, speed in places:
             with part("speeds"):
-                way = _of_edge if isinstance(found, Bands) else _of_maximum
                 made[name] = way(of, speed, derivatives)
     values = {name: system.parameters[name] for name in names}
     return Sensitivities(system, None, values, made, "", 0)
