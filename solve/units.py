@@ -45,6 +45,15 @@ class ShownUnit(NamedTuple):
         """A number, or an array of numbers, in SI units as it is shown."""
         return values / self.size
 
+    @property
+    def per_second(self) -> "ShownUnit":
+        """Of an acceleration, for a unit of speed.
+
+        >>> RPM.per_second.name, RAD_PER_S.per_second.name
+        ('rpm/s', 'rad/s²')
+        """
+        return ShownUnit("rad/s²" if self.name == RAD_PER_S.name else f"{self.name}/s", self.size)
+
     def text(self, value: float, form: str = ".6g") -> str:
         """A number in SI units with this unit.
 
@@ -63,7 +72,7 @@ class ShownUnit(NamedTuple):
 
 
 USUAL = tuple(ShownUnit(*each) for each in _RAD_PER_S.items())
-RPM = USUAL[0]
+RPM, RAD_PER_S, _ = USUAL
 
 
 class GivenSpeed(float):

@@ -132,7 +132,7 @@ def design_map(
     )
     if stresses.own_ratio[0] > 1:
         raise DesignError(
-            f"at {stresses.speeds[0]:.4g} rad/s, the lowest speed, the stress is already "
+            f"at {model.speed_unit.text(stresses.speeds[0], '.4g')}, the lowest speed, the stress is already "
             f"{stresses.own_ratio[0]:.4g} times the allowable one; begin --speeds lower or allow more"
         )
     return _refined(stresses)

@@ -11,8 +11,8 @@ from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
     from models.four_bar.linkage import Linkage
-    from solve.arrays import Array
     from solve.beams.structure import StructureModel
+    from solve.units import GivenSpeed
 
 _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
 """Speeds of the map by default, as parts of the mean lowest frequency, and the ratio of neighbours."""
@@ -48,6 +48,8 @@ def design(
     model = four_bar.loaded()
     model.require_motion()
 
+    import numpy as np
+
     from models.four_bar.design import designed
     from models.four_bar.design_map import design_map
     from models.four_bar.results.design import carry_out, require_target
@@ -58,9 +60,10 @@ def design(
     goal = None if target is None else speed_in_si(target)
     duration = _duration(time)
     lengths, count = _lengths(model, L4)
-    start = _speeds(model, speeds)
+    given = _speeds(model, speeds)
+    model, start = model.shown_in(given[0] if goal is None or speeds else goal), np.array(given)
     if goal is not None:
-        require_target(goal, start)
+        require_target(goal, start, model.speed_unit)
     stress_map = design_map(model, stresses, start, lengths, count)
     result = carry_out(designed(stress_map), goal, duration)
     deliver_result(results, result, four_bar.choices)
@@ -102,19 +105,19 @@ def _duration(text: str) -> float:
     return duration
 
 
-def _speeds(model: "StructureModel", text: str | None) -> "Array":
+def _speeds(model: "StructureModel", text: str | None) -> "list[GivenSpeed]":
     """Speeds (rad/s) of the map at first, rising."""
     import numpy as np
 
     from models.four_bar.run_up.stress_map import spaced
     from solve.beams.motion import lowest_frequencies
-    from solve.units import speeds_in_si
+    from solve.units import RAD_PER_S, GivenSpeed, speeds_in_si
 
     if text is None:
         phase = np.linspace(0.0, model.period, 36, endpoint=False)
         mean = float(lowest_frequencies(*model.at_positions(phase).matrices(), 1).mean())
-        return np.array(spaced(_FIRST * mean, _LAST * mean, _RATIO))
-    chosen = np.unique(speeds_in_si(text))
+        return [GivenSpeed(omega, RAD_PER_S) for omega in spaced(_FIRST * mean, _LAST * mean, _RATIO)]
+    chosen = sorted(set(speeds_in_si(text)))
     if len(chosen) < _FEWEST:
         raise ValueOutOfBoundsError(
             f"--speeds is '{text}'; a map needs {_FEWEST} different speeds at least, "

@@ -27,6 +27,7 @@ from solve.results.report import RenderableType
 from solve.results.result import Result
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
+from solve.units import ShownUnit
 
 _HALVINGS = 6
 """How often the duration of the run-up is halved at most, to find how fast is too fast."""
@@ -106,7 +107,7 @@ class DesignResult(Outcome, Result):
         return replace(found, arrays=arrays)
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """Limits, quiet bands, damping, plan and simulations; speeds in rad/s, stresses in MPa."""
+        """Limits, quiet bands, damping, plan and simulations; stresses in MPa."""
         return outcome_report(self, choices)
 
     def plot(self) -> Figure:
@@ -126,7 +127,7 @@ def carry_out(
     if target is None:
         target = default_target(design)
     else:
-        require_target(target, speeds)
+        require_target(target, speeds, stresses.model.speed_unit)
     until = stresses.until(target)
     least = least_ratio(until, rate, False), least_ratio(until, rate, True)
     returns = least[1] <= 1
@@ -138,12 +139,12 @@ def carry_out(
     return DesignResult(design, target, until, returns, least, plan, steady, trials, effects)
 
 
-def require_target(target: float, speeds: Array) -> None:
+def require_target(target: float, speeds: Array, unit: ShownUnit) -> None:
     """Raise DesignError for a target (rad/s) outside the rising speeds of a map."""
     if not speeds[0] < target <= speeds[-1]:
         raise DesignError(
-            f"the target, {target:.4g} rad/s, is not between {speeds[0]:.4g} and {speeds[-1]:.4g} rad/s, "
-            "the speeds of the map; widen --speeds"
+            f"the target, {unit.text(target, '.4g')}, is not between "
+            f"{unit.span(speeds[0], speeds[-1], 'and', '.4g')}, the speeds of the map; widen --speeds"
         )
 
 

@@ -36,37 +36,39 @@ def outcome_figure(result: Outcome) -> Figure:
 
 def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
     design, stresses = result.design, result.design.map
+    unit = stresses.model.speed_unit
+    across = unit.of(stresses.speeds)
     norm = BoundaryNorm(_LEVELS, 256, extend="max")
     millimetres, ratio = stresses.L4 * 1e3, np.nan_to_num(stresses.ratio, posinf=1e9)
     filled = axes.contourf(
-        stresses.speeds, millimetres, ratio.T, levels=_LEVELS, cmap="RdYlBu_r", norm=norm, extend="max"
+        across, millimetres, ratio.T, levels=_LEVELS, cmap="RdYlBu_r", norm=norm, extend="max"
     )
-    axes.contour(stresses.speeds, millimetres, ratio.T, levels=[1.0], colors=BLACK, linewidths=1.3)
+    axes.contour(across, millimetres, ratio.T, levels=[1.0], colors=BLACK, linewidths=1.3)
     for column, L4 in zip(ratio.T, millimetres, strict=True):
         top = np.flatnonzero((column[1:-1] > column[:-2]) & (column[1:-1] >= column[2:])) + 1
-        axes.plot(stresses.speeds[top], np.full(len(top), L4), ".", color=GREY, markersize=2)
+        axes.plot(across[top], np.full(len(top), L4), ".", color=GREY, markersize=2)
     axes.axhline(stresses.own_L4 * 1e3, color=GREY, linewidth=0.8, linestyle=":")
     for band in design.quiet:
         axes.plot(
-            [max(band.start, stresses.speeds[0]), band.end],
+            [max(unit.of(band.start), across[0]), unit.of(band.end)],
             [stresses.own_L4 * 1e3] * 2,
             color=GREEN,
             lw=2.5,
         )
     if result.plan is not None:
-        speeds = np.linspace(stresses.speeds[0], result.target, 600)
-        axes.plot(speeds, result.plan.rounded(speeds)[0] * 1e3, color="white", linewidth=3.2)
-        axes.plot(speeds, result.plan.rounded(speeds)[0] * 1e3, color=BLACK, linewidth=1.6)
-        axes.plot(result.target, result.plan.L4[-1] * 1e3, "o", color=BLACK)
+        speeds, target = np.linspace(stresses.speeds[0], result.target, 600), unit.of(result.target)
+        axes.plot(unit.of(speeds), result.plan.rounded(speeds)[0] * 1e3, color="white", linewidth=3.2)
+        axes.plot(unit.of(speeds), result.plan.rounded(speeds)[0] * 1e3, color=BLACK, linewidth=1.6)
+        axes.plot(target, result.plan.L4[-1] * 1e3, "o", color=BLACK)
         if result.returns:
             ends = [result.plan.L4[-1] * 1e3, stresses.own_L4 * 1e3]
             axes.annotate(
                 "",
-                (result.target, ends[1]),
-                (result.target, ends[0]),
+                (target, ends[1]),
+                (target, ends[0]),
                 arrowprops={"arrowstyle": "->", "lw": 1.6},
             )
-    axes.set_xlabel("speed (rad/s)")
+    axes.set_xlabel(f"speed ({unit.name})")
     axes.set_ylabel("$L_4$ (mm)")
     axes.grid(False)
     bar = figure.colorbar(filled, ax=axes, ticks=_LEVELS, pad=0.01)
@@ -79,25 +81,27 @@ def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
 
 def _draw_needed(axes: Axes, result: Outcome) -> None:
     design, stresses = result.design, result.design.map
-    axes.plot(stresses.speeds, stresses.own_ratio, color=GREY, linewidth=0.8, label="steady, $L_4$ fixed")
-    axes.plot(stresses.speeds, design.needed.fixed, color=VERMILION, label="run-up, $L_4$ fixed")
-    axes.plot(stresses.speeds, design.needed.returning, color=BLUE, label="$L_4$ moves and returns")
-    axes.plot(stresses.speeds, design.needed.moving, color=GREEN, label="$L_4$ moves")
+    unit = stresses.model.speed_unit
+    across = unit.of(stresses.speeds)
+    axes.plot(across, stresses.own_ratio, color=GREY, linewidth=0.8, label="steady, $L_4$ fixed")
+    axes.plot(across, design.needed.fixed, color=VERMILION, label="run-up, $L_4$ fixed")
+    axes.plot(across, design.needed.returning, color=BLUE, label="$L_4$ moves and returns")
+    axes.plot(across, design.needed.moving, color=GREEN, label="$L_4$ moves")
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
-    axes.axvline(result.target, color=GREY, linewidth=0.8, linestyle="--")
+    axes.axvline(unit.of(result.target), color=GREY, linewidth=0.8, linestyle="--")
     axes.set_yscale("log")
     axes.set_ylim(bottom=min(0.1, 0.1 * float(design.needed.fixed[-1])))
     axes.yaxis.set_major_locator(FixedLocator(_TICKS))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
     axes.set_ylabel("stress / allowable\nneeded to reach")
-    axes.set_xlabel("speed (rad/s)")
+    axes.set_xlabel(f"speed ({unit.name})")
     axes.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 0.98))
 
 
 def _draw_simulated(axes: Axes, result: Outcome) -> None:
     first = result.trials[0]
-    simulated = first.simulated
+    simulated, unit = first.simulated, result.design.map.model.speed_unit
     for number, (link, color) in enumerate(zip(result.design.map.links, _COLORS, strict=True)):
         axes.plot(simulated.time, first.ratio[:, number], color=color, label=link)
     steady = (result.until.speeds - first.run_up.start) / first.run_up.acceleration
@@ -105,11 +109,11 @@ def _draw_simulated(axes: Axes, result: Outcome) -> None:
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
     axes.set_xlim(0, simulated.time[-1])
     axes.set_ylim(0, max(1.25, 1.05 * first.worst))
-    axes.set_xlabel(f"time (s) at {first.run_up.acceleration:.3g} rad/s²")
+    axes.set_xlabel(f"time (s) at {unit.per_second.text(first.run_up.acceleration, '.3g')}")
     axes.set_ylabel("simulated stress\n/ allowable, a turn")
     right = axes.twinx()
-    right.plot(simulated.time, simulated.speed, color=GREY, linestyle="--", linewidth=1.0)
-    right.set_ylabel("speed (rad/s), dashed")
+    right.plot(simulated.time, unit.of(simulated.speed), color=GREY, linestyle="--", linewidth=1.0)
+    right.set_ylabel(f"speed ({unit.name}), dashed")
     right.grid(False)
     right.set_ylim(bottom=0)
     if result.returns:

@@ -83,20 +83,23 @@ class Outcome(Lasting):
         """The answer in one sentence."""
         if self.plan is None:
             return self._refusal
+        target = self.until.model.speed_unit.text(self.target, ".4g")
         ends = "L4 back at its own length" if self.returns else f"L4 = {self.plan.L4[-1]:.4f} m at the end"
         first = self.trials[0]
         outcome = "stays below" if first.worst < 1 else "exceeds"
         return (
-            f"a plan exists to {self.target:.4g} rad/s, {ends}; simulated within {first.run_up.duration:g} s "
+            f"a plan exists to {target}, {ends}; simulated within {first.run_up.duration:g} s "
             f"its stress {outcome} the allowable one, at most {first.worst:.4g} of it"
         )
 
     @property
     def _refusal(self) -> str:
         stresses, least = self.design.map, self.least[0]
+        unit = stresses.model.speed_unit
         error = stresses.error_until(self.target)
         absolute = np.unique(stresses.allowable) / 1e6 * least
-        need = f"a run-up to {self.target:.4g} rad/s needs at least {least:.4g} times the allowable stress"
+        target = unit.text(self.target, ".4g")
+        need = f"a run-up to {target} needs at least {least:.4g} times the allowable stress"
         if len(absolute) == 1:
             need += f", {absolute[0]:.4g} MPa"
         if least * (1 - error) > 1:
@@ -105,8 +108,8 @@ class Outcome(Lasting):
             text = f"no plan was found: {need}, which the map knows to {error:.1g} only"
         if least_ratio_at_any_rate(self.until) <= 1:
             text += "; below it L4 would have to change within less speed: begin --speeds lower"
-        highest = stresses.speeds[np.flatnonzero(self.design.needed.moving <= 1)[-1]]
-        return f"{text}; up to {highest:.4g} rad/s the allowable stress is enough"
+        highest = float(stresses.speeds[np.flatnonzero(self.design.needed.moving <= 1)[-1]])
+        return f"{text}; up to {unit.text(highest, '.4g')} the allowable stress is enough"
 
     @cached_property
     def warnings(self) -> list[str]:
@@ -117,7 +120,8 @@ class Outcome(Lasting):
             texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]
         if stresses.radius_bound.max() >= 1:
             at = stresses.speeds[stresses.radius_bound >= 1][0]
-            texts.append(f"from {at:.4g} rad/s on the vibration may be unstable; see: python -m solve bands")
+            from_ = stresses.model.speed_unit.text(at, ".4g")
+            texts.append(f"from {from_} on the vibration may be unstable; see: python -m solve bands")
         if stresses.interpolation_error > _WARNED:
             missed = f"{stresses.interpolation_error:.2g}"
             texts.append(f"between its speeds the map misses up to {missed} of the stress")

@@ -253,7 +253,10 @@ def test_report_fits_a_terminal_and_files_are_written(capsys, monkeypatch, tmp_p
         (("--allowable", "100 MPa", "--speeds", "6:7:2 rad/s"), "5 different speeds"),
         (("--allowable", "100 MPa", "--set", "zeta=0"), "zeta is 0"),
         (("--allowable", "100 MPa", "--time", "0 s"), "--time is 0 s"),
+        (("--allowable", "100 MPa", "--target", "900 rpm"), "the target, 900 rpm, is not between"),
+        (("--allowable", "100 MPa", "--target", "900 rpm", *SMALL), "94.25 rad/s, is not between 8 and 33"),
         (("--allowable", "0.01 MPa", *SMALL), "times the allowable one"),
+        (("--allowable", "0.01 MPa", "--speeds", "80:300:9 rpm", *SMALL[2:]), "at 80 rpm, the lowest"),
         (("--allowable", "100 MPa", "--option", "element=dynamic"), "no equations of motion"),
     ],
 )
