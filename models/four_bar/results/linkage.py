@@ -9,7 +9,7 @@ import numpy as np
 
 from models.four_bar.linkage import Linkage
 from models.four_bar.rigid.forces import Body, bodies, joint_forces
-from models.four_bar.rigid.record import JOINTS, RATIOS, TURN, linkage_record
+from models.four_bar.rigid.record import JOINTS, RATIOS, TURN, linkage_record, preliminary_stresses
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
 from solve.results.report import RenderableType
@@ -43,7 +43,11 @@ class RigidMotion(Result):
 
     @cached_property
     def whole(self) -> dict[str, Any]:  # type: ignore[override]
-        return linkage_record(self._bodies, self.linkage, self.speed, self.position, self.points)
+        record = linkage_record(self._bodies, self.linkage, self.speed, self.position, self.points)
+        if self.speed is not None and self.linkage.turns_fully:
+            given = self._bodies, self.linkage, self.parameters, self.speed
+            record["preliminary_stress"] = preliminary_stresses(*given)
+        return record
 
     @cached_property
     def warnings(self) -> list[str]:

@@ -4,7 +4,7 @@ SI units and radians; ratios are those to the crank's speed: ω/ω1, and α/ω1�
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from models.four_bar.rigid.forces import (
     joint_forces,
     kinetic_energy,
 )
+from models.four_bar.rigid.stresses import LINKS, greatest_stress
 from solve import signal_statistics
 from solve.arrays import Array
 
@@ -28,6 +29,8 @@ RATIOS = ("omega", "alpha")
 TURN = 2 * math.pi
 _CURVE_POINTS = 360
 _BALANCE_POINTS = 720
+_STRESS_POINTS = 65
+"""Along a link."""
 
 
 def linkage_record(
@@ -117,6 +120,25 @@ def _position(
         record["joint_forces"] = {joint: _xy(getattr(forces, name)) for joint, name in JOINTS.items()}
         record["drive_torque"] = float(forces.torque)
     return record
+
+
+def preliminary_stresses(
+    links: Sequence[Body], linkage: Linkage, parameters: Mapping[str, float], speed: float
+) -> dict[str, dict[str, float]]:
+    """The largest stress (Pa) of each rigid link over the turn, at which angle of the crank and where on it,
+    as a fraction of its length (thesis 3.7)."""
+
+    def stress(t1: Array, link: int) -> Array:
+        motion = linkage.motion(t1, speed)
+        at = np.linspace(0.0, linkage.lengths[link - 1], _STRESS_POINTS)
+        return greatest_stress(motion, joint_forces(motion, links), parameters, link, at)
+
+    found = {}
+    for link, name in enumerate(LINKS, start=1):
+        peak = signal_statistics(lambda t, link=link: stress(t, link).max(axis=0), TURN)
+        place = stress(np.array([peak.max_phase]), link)[:, 0].argmax() / (_STRESS_POINTS - 1)
+        found[name] = {"peak": peak.max, "position": peak.max_phase, "fraction": float(place)}
+    return found
 
 
 def transmission_warnings(linkage: Linkage) -> list[str]:

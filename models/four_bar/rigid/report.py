@@ -27,7 +27,7 @@ def linkage_report(record: Mapping[str, Any]) -> RenderableType:
     if "transmission_angle" in record:
         parts += [_turn(record), *_remarks(record)]
     if "joint_forces" in record:
-        parts.append(_peaks(record))
+        parts += [_peaks(record), _stresses(record)]
     if "position" in record:
         parts += _position(record["position"])
     return Group(*parts)
@@ -121,6 +121,16 @@ def _peaks(record: Mapping[str, Any]) -> RenderableType:
         f"\na flywheel takes and gives back {record['energy_swing'] * factor:.5g} {unit} in a turn"
     )
     return Group(made, Text(balance))
+
+
+def _stresses(record: Mapping[str, Any]) -> Table:
+    made = table("Stresses of rigid links", "link", "unit", "peak", "at t1", "at x/L", left=2)
+    for link, peak in record["preliminary_stress"].items():
+        factor, unit = prefixed("Pa", peak["peak"])
+        made.add_row(
+            link, unit, f"{peak['peak'] * factor:.5g}", _degrees(peak["position"]), f"{peak['fraction']:.2f}"
+        )
+    return made
 
 
 def _position(record: Mapping[str, Any]) -> list[RenderableType]:

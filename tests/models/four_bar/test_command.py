@@ -20,7 +20,8 @@ ROCKER = ("--set", "L1=0.4")
 KEYS = {
     "model", "case", "parameters", "branch", "mobility", "class", "grashof", "solution_space", "turns_fully",
     "crank_range", "speed", "transmission_angle", "follower", "mechanical_advantage", "ratios",
-    "coupler_curves", "joint_forces", "drive_torque", "energy_residual", "energy_swing", "position",
+    "coupler_curves", "joint_forces", "drive_torque", "energy_residual", "energy_swing",
+    "preliminary_stress", "position",
     "warnings",
 }  # fmt: skip
 
