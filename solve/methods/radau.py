@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.legendre import legder, legroots, legval
 
 from solve.arrays import Array
 from solve.methods.collocation import Collocated
@@ -20,7 +21,8 @@ class Radau(Collocated):
 
     @property
     def nodes(self) -> Array:
-        from scipy.special import roots_jacobi
-
-        inner = roots_jacobi((self.order - 1) // 2, 1.0, 0.0)[0]
-        return np.append((inner + 1.0) / 2.0, 1.0)
+        stages = (self.order + 1) // 2
+        difference = [0.0] * (stages - 1) + [-1.0, 1.0]
+        zeros = legroots(difference)
+        zeros -= legval(zeros, difference) / legval(zeros, legder(difference))
+        return np.append((zeros[:-1] + 1.0) / 2.0, 1.0)

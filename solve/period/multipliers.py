@@ -111,10 +111,11 @@ class Multipliers:
         if self.values.shape[-1] == 2:
             return _pairs_apart(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
-        nearest = distance.argmin(axis=-1)
-        largest = np.asarray(distance.min(axis=-1).max(axis=-1))
-        # Where two have the same nearest neighbour, the assignment takes more than that.
+        nearest, least = distance.argmin(axis=-1), distance.min(axis=-1)
+        largest = np.asarray(least.max(axis=-1))
+        # Where two have the same nearest neighbour, and not each that of its own place, pairing takes more.
         shared = (np.sort(nearest, axis=-1) != np.arange(nearest.shape[-1])).any(axis=-1)
+        shared &= (np.abs(self.values - other.values) > least).any(axis=-1)
         for point in zip(*np.nonzero(np.atleast_1d(shared)), strict=True) if shared.any() else ():
             at = point if largest.ndim else ()
             largest[at] = distance[at][matched(distance[at])].max()
