@@ -338,9 +338,10 @@ class PeriodicSystem:
         """Coordinates and outputs whose bounds tell whether a solution is to be trusted."""
         return ()
 
-    def judged(self, figures: Mapping[str, Statistics]) -> list[str]:
+    def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
         """Warnings where a solution with these figures by quantity leaves the bounds within which the
-        model is trusted; quantities without figures are not judged."""
+        model is trusted; quantities without figures are not judged. linear: whether the linearised equations
+        gave it."""
         return []
 
     def varied(

@@ -274,9 +274,9 @@ class Model(PeriodicSystem):
     def judged_quantities(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((*self.validity, *(name for name, *_ in self.module.LIMITS))))
 
-    def judged(self, figures: Mapping[str, Statistics]) -> list[str]:
+    def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
         warnings = []
-        for name, bound in self.validity.items():
+        for name, bound in self.validity.items() if linear else ():
             if name in figures and figures[name].max_abs > bound:
                 warnings.append(
                     f"the linearisation is not to be trusted: max|{name}| = {figures[name].max_abs:.3g} "

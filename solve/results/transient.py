@@ -1,9 +1,9 @@
 """The motion in time from a state, turn by turn, beside the orbit that it reaches."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from solve.results.quantities import fixed, headed, prefixed
 from solve.results.report import RenderableType, heading, model_heading, speeds_of, stacked, table, text
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
+from solve.statistics import Statistics
 from solve.system import SPEED, PeriodicSystem, driven
 
 _AXIS = ("phase",)
@@ -29,6 +30,8 @@ class Transient(Result):
     rad/s at the ends of the turns. orbit: what it is compared with, None where there is none; rtol: to
     which that counts as reached.
     """
+
+    _calculated: ClassVar[tuple[str, ...]] = (*Result._calculated, "outputs")
 
     system: PeriodicSystem
     ends: Array
@@ -82,6 +85,13 @@ class Transient(Result):
         """Velocities (n, j), by time."""
         return self._joined(1)
 
+    @cached_property
+    def outputs(self) -> Mapping[str, Array]:
+        """Outputs (j,) by name; none where the speed varies, of which they know no acceleration."""
+        if self.ramp:
+            return {}
+        return dict(self.system.output_values(self.phase, self.speed, self.q, self.qd, self._joined(2)))
+
     def _joined(self, derivative: int) -> Array:
         values = self.motions[:, derivative] * (self._mean**derivative)[:, None, None]
         turns = np.concatenate(values[..., :-1], axis=-1)
@@ -112,35 +122,43 @@ class Transient(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
+        quantities, concerned = (
+            dict(zip(self.system.coordinates, self.q, strict=True)),
+            self.system.judged_quantities,
+        )
+        if not quantities.keys() >= {*concerned}:
+            quantities |= self.outputs
+        figures = {name: _figures(quantities[name]) for name in concerned if name in quantities}
+        judged = self.system.judged(figures, linear=not self.nonlinear)
         if self.ramp:
-            return []
+            return judged
         if self.orbit is None:
             return [
-                "no orbit lies near the last turn: more turns may reach one, or there is none of this period"
+                "no orbit lies near the last turn: more turns may reach one, or there is none of this period",
+                *judged,
             ]
         if self.reached is None:
             last = float(np.nanmax(self.distances[-1]))
-            return [f"the orbit is not reached: the last turn is off by {last:.1e} of it; give more turns"]
-        return []
+            left = f"the orbit is not reached: the last turn is off by {last:.1e} of it; give more turns"
+            return [left, *judged]
+        return judged
 
     def record(self) -> dict[str, Any]:
-        """Of `solve transient --json`: figures of every coordinate over all turns, its largest modulus in
-        each of them, and its distance to the orbit."""
+        """Of `solve transient --json`: figures of every coordinate and output over all turns, of a coordinate
+        also its largest modulus in each of them, and its distance to the orbit."""
         coordinates = {
-            name: {
-                "unit": self.system.units.get(name, ""),
-                "max": values.max(),
-                "min": values.min(),
-                "max_abs": np.abs(values).max(),
-                "end": values[-1],
-                "peaks": peaks,
-                "distances": distances,
-            }
+            name: {**self._record(name, values), "peaks": peaks, "distances": distances}
             for name, values, peaks, distances in zip(
                 self.system.coordinates, self.q, self.peaks.T, self.distances.T, strict=True
             )
         }
-        return {**super().record(), "coordinates": plain(coordinates)}
+        outputs = {name: self._record(name, values) for name, values in self.outputs.items()}
+        return {**super().record(), "coordinates": plain(coordinates), "outputs": plain(outputs)}
+
+    def _record(self, name: str, values: Array) -> dict[str, Any]:
+        found = _figures(values)
+        extremes = {"max": found.max, "min": found.min, "max_abs": found.max_abs}
+        return {"unit": self.system.units.get(name, ""), **extremes, "end": values[-1]}
 
     @property
     def whole(self) -> dict[str, Any]:
@@ -217,8 +235,8 @@ class Transient(Result):
         above.set_xlabel(axis_label(self.system, SPEED))
 
     def contents(self) -> Contents:
-        """Time, phase and coordinates, for a file; in .npz and .mat also q, qd (n, j), from whose end another
-        transient can go on."""
+        """Time, phase, coordinates and outputs, for a file; in .npz and .mat also q, qd (n, j), from
+        whose end another transient can go on."""
         system, q = self.system, self.q
         columns = [
             ("time", Column(self.time, "s", "time", axes=_AXIS)),
@@ -227,10 +245,17 @@ class Transient(Result):
         if self.ramp:
             rising = self.ends[0] + np.diff(self.ends[[0, -1]]) * self.time / self.time[-1]
             columns.append(("speed", speeds_of(system, rising, axes=_AXIS)))
-        for name, values in zip(system.coordinates, q, strict=True):
+        for name, values in (*zip(system.coordinates, q, strict=True), *self.outputs.items()):
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
             columns.append((name, Column(values, unit, meaning, axes=_AXIS)))
         require_different_names(columns)
         arrays = {"phase": self.phase, "time": self.time, "q": q, "qd": self.qd}
         arrays["coordinates"] = np.array(system.coordinates)
         return Contents(dict(columns), {}, self.metadata, arrays)
+
+
+def _figures(values: Array) -> Statistics:
+    """Of values (j,) at the nodes, whose phases mean nothing over many turns."""
+    size = np.abs(values)
+    mean, rms = float(values.mean()), float(np.sqrt(np.square(values).mean()))
+    return Statistics(float(values.max()), float(values.min()), float(size.max()), mean, np.nan, np.nan, rms)

@@ -47,7 +47,33 @@ def test_who_starts_on_the_orbit_is_there():
     found = solve.transient(solve.load("cam"), "300 rpm", 2, "orbit")
     assert found.reached == 0
     assert found.distances.max() < 1e-8
-    assert found.warnings == []
+    assert set(found.warnings) == set(solve.periodic(solve.load("cam"), "300 rpm").warnings)
+
+
+def test_outputs_belong_to_the_state_of_each_instant():
+    """The contact force is that of its spring and damper, from q and q̇."""
+    cam = solve.load("cam")
+    found = solve.transient(cam, "200 rpm", 3)
+    p = cam.parameters
+    expected = -(p["k2"] * found.q[1] + p["c2"] * found.qd[1])
+    np.testing.assert_allclose(found.outputs["contact_force"], expected, atol=1e-9 * np.abs(expected).max())
+    record = found.record()["outputs"]["contact_force"]
+    assert record["min"] == pytest.approx(expected.min())
+    assert record["unit"] == "N"
+    assert found.to_xarray()["contact_force"].shape == found.time.shape
+
+
+def test_what_leaves_the_bounds_of_the_model_is_warned_of():
+    """The nonlinear motion is not bound by what the linear one is trusted for, but by the contact."""
+    cam = solve.load("cam")
+    linear, nonlinear = (solve.transient(cam, "600 rpm", 3, nonlinear=way) for way in (False, True))
+    trusted = "the linearisation is not to be trusted"
+    assert any(text.startswith(trusted) for text in linear.warnings)
+    assert not any(text.startswith(trusted) for text in nonlinear.warnings)
+    assert any("lifts off" in text for text in nonlinear.warnings)
+    run_up = solve.transient(cam, turns=3, speeds="0:600 rpm")
+    assert run_up.outputs == {}
+    assert any(text.startswith(trusted) for text in run_up.warnings)
 
 
 def test_the_cam_from_rest_reaches_its_nonlinear_orbit():
