@@ -27,7 +27,9 @@ with page(3.2, "Gain of a parametric amplifier") as figure:
     for pump, colour in zip(pumps, (BLUE, GREEN, PURPLE), strict=True):
         turned = fine - np.pi / 4  # Rugar and Grütter, Physical Review Letters 67 (1991) 699
         exact = np.hypot(np.cos(turned) / (1 + pump), np.sin(turned) / (1 - pump))
-        axes.semilogy(np.degrees(fine), exact, color=colour, label=f"pump at {pump:.0%} of the threshold")
+        axes.semilogy(
+            np.degrees(fine), exact, color=colour, label=f"pump at {100 * pump:.0f} % of the threshold"
+        )
         axes.semilogy(np.degrees(phases), gain[pump], "o", color=colour)
     axes.plot([], [], "o", color="black", label="periodic solutions")
     axes.axhline(1, color=VERMILION, linewidth=0.8, linestyle="--", label="no pump")

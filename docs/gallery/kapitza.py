@@ -25,15 +25,15 @@ chart = solve.chart(upright, "A=0.005:0.12:60", "speed=10:200:60 rad/s")
 edge = chart.cut(x=0.02).crossings[0][0]
 
 A = np.linspace(0.005, 0.12, 200)
-falls, swings = -mathieu_a(0, 2 * A / L), -mathieu_b(1, 2 * A / L)  # 4g/(LΩ²) at both limits
-with np.errstate(invalid="ignore", divide="ignore"):
-    exact = [np.sqrt(4 * g / (L * each)) for each in (falls, swings)]
+limits = np.transpose(
+    [-mathieu_a(0, 2 * A / L), -mathieu_b(1, 2 * A / L)]
+)  # 4g/(LΩ²) where it falls, and swings
+exact = np.sqrt(4 * g / (L * np.where(limits > 0, limits, np.nan)))
 
 with styled():
     figure = chart.plot()
     axes = figure.axes[0]
-    lines = axes.plot(A, np.array(exact).T, ":", color=VERMILION, linewidth=3)
-    lines[0].set_label("Mathieu's a0 and b1")
+    axes.plot(A, exact, ":", color=VERMILION, linewidth=3, label=["Mathieu's a0 and b1", None])
     axes.plot(A, np.sqrt(2 * g * L) / A, color=BLACK, linewidth=0.8, label="Kapitza's Ω = √(2gL)/A")
     axes.set(ylim=(10, 200))
     axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)

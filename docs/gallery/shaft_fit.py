@@ -6,7 +6,7 @@ import solve
 from solve.results.style import BLUE, GREY, VERMILION, page
 
 cam, noise = solve.load("cam"), np.random.default_rng(1)
-true = {"k1": 90e3, "c1": 15.0}
+true = {"k1": 90e3, "c1": 15.0}  # for want of a machine, the record is computed
 angles = np.arange(0, 360, 2.0)
 torque = solve.periodic(cam.varied(true), "400 rpm").signal("shaft_torque")(np.radians(angles))
 noisy = torque + 0.05 * np.std(torque) * noise.standard_normal(len(angles))

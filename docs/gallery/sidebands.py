@@ -17,7 +17,7 @@ mesh = lines["tracking"][[14, 28]]  # amplitudes at 420 and at 840 Hz, m/s
 with page(3.2, "Gear pair at 1800 rpm: rate of the transmission error") as figure:
     axes = figure.subplots()
     for load, colour, shift in (("tracking", BLUE, 0), ("constant", VERMILION, 8)):
-        label = f"load {'that follows the tooth error' if load == 'tracking' else 'constant'}"
+        label = "load that follows the tooth error" if load == "tracking" else "constant load"
         axes.vlines(hertz + shift, 1e-7, lines[load], color=colour, label=label)
     for k in range(1, 6):
         axes.annotate(f"{k} × mesh", (420 * k, 0.03), ha="center", color=GREY)
