@@ -1,14 +1,19 @@
 """`python -m tests.pictures [NAME …]`: renew the pictures of the pages by the commands beside them.
 
 A picture's command is the line of its page that draws a file of its name, `--plot NAME`, or that writes an
-HTML page of its name, whose beginning Chromium shows, or a block of Python with `savefig("NAME")`.
+HTML page of its name, whose beginning Chromium shows, or Python with `savefig("NAME")`: a script beside the
+picture, or a block of the page.
 """
 
 import re
 import shlex
 import sys
+import tempfile
+from contextlib import chdir
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from PIL import Image
 
 from tests import browser
 
@@ -27,13 +32,16 @@ class Picture(NamedTuple):
 def pictures() -> list[Picture]:
     """Of all pages. Raises LookupError for one that no command of its page draws."""
     return [
-        Picture(page, (page.parent / name).resolve(), _command(page, Path(name).name))
+        Picture(page, (page.parent / name).resolve(), _command(page, name))
         for page in PAGES
         for name in re.findall(r"!\[[^\]]*\]\(([^)]+\.png)\)", page.read_text(encoding="utf-8"))
     ]
 
 
-def _command(page: Path, name: str) -> str:
+def _command(page: Path, place: str) -> str:
+    script, name = (page.parent / place).with_suffix(".py"), Path(place).name
+    if script.is_file():
+        return script.read_text(encoding="utf-8")
     text = page.read_text(encoding="utf-8")
     lines = re.findall(r"python -m (?:solve|models)\b[^`\n]*", text)
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
@@ -44,33 +52,47 @@ def _command(page: Path, name: str) -> str:
     raise LookupError(f"no command of {page.name} draws {name}")
 
 
-def renew(picture: Picture) -> None:
-    """Draw it where the page shows it. Raises RuntimeError where its command fails."""
+def run_script(picture: Picture) -> dict[str, Any]:
+    """Draw it by its Python; the names of this by their values."""
+    names: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        exec(picture.command.replace(f'"{picture.file.name}"', f'"{picture.file.as_posix()}"'), names)
+    return names
+
+
+def run_command(picture: Picture, *flags: str) -> None:
+    """Draw it by its command and further flags. Raises RuntimeError where that fails."""
     from models.coupler.__main__ import run as coupler
     from models.four_bar.__main__ import run as four_bar
     from models.portal_frame.__main__ import run as portal_frame
     from solve.commands.app import run as solve
 
-    if "savefig(" in picture.command:
-        exec(picture.command.replace(picture.file.name, str(picture.file)), {})
-        return
     words = shlex.split(re.sub(r"--save \S+", "", picture.command))
     flag = "--out" if "--out" in words else "--plot"
     file = picture.file.with_suffix(".html") if flag == "--out" else picture.file
     words[words.index(flag) + 1] = str(file)
     runs = {"solve": solve, "coupler": coupler, "four_bar": four_bar, "portal_frame": portal_frame}
-    if runs[words[2].removeprefix("models.")](words[3:]) != 0:
+    if runs[words[2].removeprefix("models.")]([*words[3:], *flags]) != 0:
         raise RuntimeError(f"{picture.command}: failed")
     if file != picture.file:
         browser.run(file, f"--screenshot={picture.file}", "--hide-scrollbars", "--window-size=960,1800")
         file.unlink()
 
 
+def renew(picture: Picture) -> None:
+    """Draw it where the page shows it, in 256 colours. Raises RuntimeError where its command fails."""
+    run_script(picture) if "savefig(" in picture.command else run_command(picture)
+    with Image.open(picture.file) as drawn:
+        few = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    few.save(picture.file, optimize=True)
+
+
 def main() -> None:
     """Renew those whose name holds one of the arguments, by default all."""
     for picture in pictures():
-        if any(name in picture.file.name for name in sys.argv[1:] or [""]):
-            print(f"{picture.file.name}: {picture.command}", file=sys.stderr, flush=True)
+        place = picture.file.relative_to(ROOT).as_posix()
+        if any(name in place for name in sys.argv[1:] or [""]):
+            print(f"{place}: {picture.command.splitlines()[0]}", file=sys.stderr, flush=True)
             renew(picture)
 
 

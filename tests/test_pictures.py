@@ -11,7 +11,7 @@ EVERY = pictures.pictures()
 
 def test_every_picture_of_the_folder_is_shown_and_drawn_by_a_command_of_its_page():
     shown = {picture.file for picture in EVERY}
-    assert shown == {file.resolve() for file in (pictures.ROOT / "docs").glob("*.png")}
+    assert shown == {file.resolve() for file in (pictures.ROOT / "docs").rglob("*.png")}
 
 
 def test_a_picture_that_no_command_draws_is_told(tmp_path):

@@ -11,19 +11,22 @@ if TYPE_CHECKING:
 else:
     Table = object
 
+_LEFT = ' style="text-align: left"'
+"""Of words; a notebook has no style sheet of ours, and sets all cells to the right."""
+
 
 def html(printed: RenderableType) -> str:
     """Tables of rich as `<table>`, texts as `<p>`, groups one part below the other.
 
     >>> from solve.results.report import table, text
-    >>> made = table("Speeds", "name", "rpm")
-    >>> made.add_row("slow", "60")
+    >>> made = table("Speeds", "", "Hz")
+    >>> made.add_row("slow", "1")
     >>> print(html(made))
     <table>
     <caption>Speeds</caption>
-    <thead><tr><th scope="col" class="text">name</th><th scope="col">rpm</th></tr></thead>
+    <thead><tr><th scope="col" class="text" style="text-align: left"></th><th scope="col">Hz</th></tr></thead>
     <tbody>
-    <tr><th scope="row">slow</th><td>60</td></tr>
+    <tr><th scope="row" style="text-align: left">slow</th><td>1</td></tr>
     </tbody>
     </table>
     >>> print(html(text("1 < 2", "bold")))
@@ -46,10 +49,10 @@ def _table(table: Table) -> str:
     if table.show_header:
         lines.append(f"<thead><tr>{''.join(_heading(column) for column in table.columns)}</tr></thead>")
     lines.append("<tbody>")
-    kinds = [' class="text"' if column.justify == "left" else "" for column in table.columns[1:]]
+    kinds = [_kind(column) for column in table.columns[1:]]
     rows = zip(*(column.cells for column in table.columns), strict=True)
     for number, ((first, *others), row) in enumerate(zip(rows, table.rows, strict=True), start=1):
-        name = f'<th scope="row">{_words(first)}</th>' if first else "<td></td>"
+        name = f'<th scope="row"{_LEFT}>{_words(first)}</th>' if first else "<td></td>"
         cells = zip(kinds, others, strict=True)
         lines.append(f"<tr>{name}{''.join(f'<td{kind}>{_words(cell)}</td>' for kind, cell in cells)}</tr>")
         if row.end_section and number < len(table.rows):
@@ -62,8 +65,11 @@ def _table(table: Table) -> str:
 
 
 def _heading(column: Any) -> str:
-    kind = ' class="text"' if column.justify == "left" else ""
-    return f'<th scope="col"{kind}>{_words(column.header)}</th>'
+    return f'<th scope="col"{_kind(column)}>{_words(column.header)}</th>'
+
+
+def _kind(column: Any) -> str:
+    return f' class="text"{_LEFT}' if column.justify == "left" else ""
 
 
 def _words(content: Any) -> str:

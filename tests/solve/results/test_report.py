@@ -141,3 +141,15 @@ def test_greek_names_are_greek_in_tables_and_html_and_spelled_in_what_machines_r
     found.save(tmp_path / "found.csv")
     assert "epsilon" in (tmp_path / "found.csv").read_text(encoding="utf-8").splitlines()[0]
     assert found.record()["points"][0]["parameters"] == {"epsilon": 0.0}
+
+
+def test_a_notebook_shows_a_result_once_and_its_words_to_the_left(monkeypatch, capsys):
+    """Where rich believes itself in a notebook, its consoles show what they print there."""
+    found = solve.floquet(solve.load("mathieu"), "1 rad/s")
+    alone = repr(found)
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    assert repr(found) == alone
+    assert capsys.readouterr().out == ""
+    method = re.search("<td([^>]*)>gauss", found._repr_html_())
+    assert method is not None
+    assert "text-align: left" in method[1]
