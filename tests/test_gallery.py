@@ -16,7 +16,10 @@ from tests.digits import half_a_digit
 PICTURES = {each.file.stem: each for each in pictures.pictures() if each.page.stem == "gallery"}
 SCRIPTS = sorted((pictures.ROOT / "docs" / "gallery").glob("*.py"))
 MOST_LINES = 45
-SLOW = {"cam_nonlinear", "column", "coupler_campbell", "duffing", "four_bar_stress", "ground_resonance"}
+SLOW = {
+    *("cam_nonlinear", "column", "coupler_campbell", "duffing", "four_bar_stress", "ground_resonance"),
+    *("multiplier_functions", "operations"),
+}
 
 
 def printed(text):
@@ -126,6 +129,22 @@ def manipulator_validity(record):
     return error, pytest.approx(abs(whole - linear).max() / abs(linear).max(), rel=0.05)
 
 
+def operations(script):
+    """Marching by the steps' maps from rest: each coordinate's own distance, which another norm than that
+    of the multiplier's decay shifts by a turn."""
+    marched = solve.transient(solve.load("four_bar"), "62 rad/s", turns=40, rtol=1e-4)
+    return script["cycles"](0.02), pytest.approx(marched.reached, abs=1)
+
+
+def follower_acceleration(script):
+    """By differences of the angle from the triangle ABC."""
+    t1, step = np.radians(120), 1e-3
+    angles = [script["linkage"].motion(t1 + shift).t[2] for shift in (-step, 0.0, step)]
+    return script["linkage"].motion(t1, 30.0).alpha[2], pytest.approx(
+        30.0**2 * np.diff(angles, 2)[0] / step**2, rel=1e-4
+    )
+
+
 HELD = {
     "amplifier": lambda script: (script["gain"][0.9][18], pytest.approx(1 / (1 - 0.9), rel=1e-4)),
     "cam_nonlinear": cam_nonlinear,
@@ -142,13 +161,19 @@ HELD = {
     "flat_shaft": lambda script: (script["band"].high, pytest.approx(120.0, rel=1e-7)),
     "four_bar_stress": four_bar_stress,
     "ground_resonance": ground_resonance,
+    "follower_acceleration": follower_acceleration,
     "kapitza": kapitza,
     "manipulator": lambda record: (record["coordinates"]["q1"]["max_abs"], printed("0.03163246")),
     "manipulator_map": manipulator_map,
     "manipulator_validity": manipulator_validity,
     "mathieu": lambda script: (script["first_tongue"][1], pytest.approx(mathieu_a(1, 0.5), rel=1e-8)),
     "meissner": meissner,
+    "multiplier_functions": lambda script: (
+        script["J"](np.full(4, 3.7), 1.9),
+        pytest.approx(np.cos(3.7 * 1.9), rel=1e-12),
+    ),
     "multipliers": multipliers,
+    "operations": operations,
     "orders": lambda script: (script["slopes"]["Radau, order 5"], pytest.approx(5, abs=0.15)),
     "portal_modes": lambda record: (
         record["frequencies"][3],
