@@ -82,7 +82,7 @@ class Chart(Result):
     and unstable regions. at(x, y): the stability at a point anywhere, with its warnings. solve_cut (position
     of the quantity that is held, its value): stability along a line. notes: how the engine was chosen,
     where that is not as asked. of: a quantity that was asked for, values (ny, nx): what it is, NaN where
-    it has none.
+    it has none; beyond: where its orbits leave the bounds of the model.
     """
 
     _of_solver: ClassVar[tuple[str, ...]] = ("at", "solve_cut")
@@ -100,6 +100,7 @@ class Chart(Result):
     cuts: Sequence[Cut] = ()
     of: Named | None = None
     values: Array | None = None
+    beyond: Sequence[str] = ()
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -142,12 +143,13 @@ class Chart(Result):
 
     @cached_property
     def warnings(self) -> list[str]:
-        """How many points failed, and why the first did."""
+        """How many points failed, and why the first did; where the model is left."""
+        warnings = [*self.system.equation_warnings, *self.beyond]
         if not self.failures:
-            return list(self.system.equation_warnings)
+            return warnings
         reason, total = next(iter(self.failures.values())), len(self.results)
         return [
-            *self.system.equation_warnings,
+            *warnings,
             f"{len(self.failures)} of {total} points give no result, and boundaries end beside them: "
             + reason,
         ]

@@ -24,6 +24,7 @@ from solve.results.points import KINDS, Kept, PointResults
 from solve.results.stability import Stability
 from solve.single import floquet
 from solve.sizes import NUMBERS_A_POINT, require_size
+from solve.statistics import Statistics
 from solve.studies.boundaries import Judged, Search, hidden, judge
 from solve.studies.contours import Crossings, contours
 from solve.system import PeriodicSystem
@@ -75,7 +76,7 @@ def chart(
     stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     task = stability
     if asked is not None and of_orbit:
-        task, _ = task_of(family, method, rtol, engine, asked.kept)
+        task, _ = task_of(family, method, rtol, engine, asked.kept(family.example.judged_quantities))
     batch = stability.batch(points)
     with steps(3) as step:
         step("the grid")
@@ -89,7 +90,8 @@ def chart(
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, notes)
         if asked is not None:
             values = asked.over(found, family.speeds(points), system.period)
-            solved = replace(solved, of=asked.named, values=values.reshape(solved.shape))
+            beyond = _beyond(system, found) if of_orbit else []
+            solved = replace(solved, of=asked.named, values=values.reshape(solved.shape), beyond=beyond)
         if not boundaries:
             return solved
         return replace(solved, boundaries=_boundaries(search, solved, Judged.of(points, results), step))
@@ -104,6 +106,14 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
     if len(failed):
         results.insert(failed, gathered(batch, points[failed], blank.kept))
     return results
+
+
+def _beyond(system: PeriodicSystem, orbits: PointResults) -> list[str]:
+    """Bounds of the model that some of the orbits leave, by the one that is farthest beyond."""
+    names, known = orbits.kept.names, orbits.figures[~orbits.failed]
+    least, largest = known.min(axis=0), known.max(axis=0)
+    figures = {name: Statistics(*largest[k])._replace(min=least[k][1]) for k, name in enumerate(names)}
+    return [f"at some points {text}" for text in system.judged(figures)]
 
 
 @dataclass(frozen=True)
@@ -123,12 +133,11 @@ class _Asked:
     def of_orbit(self) -> bool:
         return self.named.of_orbit
 
-    @property
-    def kept(self) -> Kept:
-        """What is kept of the points."""
-        order = self.named.number if self.named.figure == HARMONIC else None
-        names = (self.named.subject,) if self.of_orbit else ()
-        return Kept(names, () if order is None else names, order or 0, warnings=False)
+    def kept(self, judged: Sequence[str]) -> Kept:
+        """What is kept of orbits, beside the figures by which they are judged."""
+        subject, order = (self.named.subject,), self.named.number if self.named.figure == HARMONIC else None
+        names = tuple(dict.fromkeys((*subject, *judged)))
+        return Kept(names, () if order is None else subject, order or 0, warnings=False)
 
     def over(self, results: PointResults, speeds: Array, period: float) -> Array:
         """Values (P,), NaN where there is none; speeds (P,) in rad/s, period in phase."""

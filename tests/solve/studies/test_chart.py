@@ -215,6 +215,17 @@ def test_a_quantity_is_that_of_single_solves():
         solve.chart(cam, {"speed": speeds}, {"k1": stiff}, of="q3.maximal")
 
 
+def test_a_chart_of_orbits_says_where_the_model_is_left():
+    """By the orbit that is farthest beyond; a chart of multipliers has no orbits to judge."""
+    cam, speeds, stiff = solve.load("cam"), {"speed": [50.0, 60.0]}, {"k1": [7e4, 8e4]}
+    orbits = [solve.periodic(cam.varied({"k1": k1}), speed) for k1 in (7e4, 8e4) for speed in (50.0, 60.0)]
+    largest = max(orbit.statistics("q1").max_abs for orbit in orbits)
+    chart = solve.chart(cam, speeds, stiff, boundaries=False, of="q3.max_abs")
+    said = f"at some points the linearisation is not to be trusted: max|q1| = {largest:.3g} rad, beyond 0.05"
+    assert said in chart.warnings
+    assert solve.chart(cam, speeds, stiff, boundaries=False, of="rho1.re").warnings == []
+
+
 def test_a_quantity_of_the_orbit_is_solved_once_and_stability_is_known_where_there_is_no_orbit(monkeypatch):
     """Without damping cos(φ) forces the oscillator x″ + k x at speed 1: at k = 1 it has no orbit."""
     solved, whole = [], Task.solved
