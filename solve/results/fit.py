@@ -92,7 +92,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
     with page(0.7 + 1.9 * len(shown), title) as figure:
         rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
         for (axes, spectra), each in zip(rows, shown, strict=True):
-            factor = _draw(axes, system, each)
+            factor, unit = _draw(axes, system, each)
             measured = _evenly(system, each)
             if measured is None:
                 spectra.set_axis_off()
@@ -102,13 +102,14 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
                 color = VERMILION if mark == "o" else BLUE
                 spectra.plot(np.arange(1, len(found)), found[1:], mark, markersize=3, color=color)
             spectra.set_yscale("log")
-            spectra.set_xlabel("order")
-        rows[0, 0].legend()
+            spectra.set_xlabel("order of rotation")
+            spectra.set_ylabel(labelled("amplitude", unit))
+        rows[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return figure
 
 
-def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> float:
-    """Measured over computed; the factor from SI units to those shown."""
+def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str]:
+    """Measured over computed; the factor from SI units to those shown, and these."""
     measured, computed = (
         np.abs(part) if np.iscomplexobj(part) else part for part in (each.measured, each.computed)
     )
@@ -122,7 +123,7 @@ def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> float:
     axes.set_ylabel(labelled(each.name, unit))
     axes.set_title(each.where(system.speed_unit), loc="left")
     axes.set_xlabel(each.axis)
-    return factor
+    return factor, unit
 
 
 def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
