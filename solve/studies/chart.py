@@ -1,5 +1,6 @@
 """Stability over two quantities: spectral radius, verdict, and the boundaries between."""
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -238,6 +239,23 @@ def _held(speed: Speed, names: Names) -> float | None:
     return None if speed is None else speed_in_si(speed)
 
 
+def _beside(found: Array, axes: tuple[Array, Array], along: int, looked: Array) -> Array:
+    """Positions of the middles where a tongue that was found at points (k, 2) may go on in the lines beside,
+    among all with two neighbours on their line; looked (lines, middles): where it was looked for or found,
+    kept up to date."""
+    line = np.searchsorted(axes[1 - along], found[:, 1 - along])
+    right = np.searchsorted(axes[along], found[:, along]) - 1
+    for across in range(-2, 2):
+        looked[line, np.clip(right + across, 0, looked.shape[1] - 1)] = True
+    near = np.zeros_like(looked)
+    for beside, across in itertools.product((-1, 1), range(-2, 2)):
+        at = np.clip(line + beside, 0, len(looked) - 1), np.clip(right + across, 0, looked.shape[1] - 1)
+        near[at] = True
+    near &= ~looked
+    looked |= near
+    return np.flatnonzero(near)
+
+
 def _boundaries(
     search: Search, chart: Chart, known: Judged, step: Callable[[str], None]
 ) -> list[BoundaryCurve]:
@@ -245,8 +263,15 @@ def _boundaries(
 
     def crossings(index: Array, along: int) -> Crossings:
         """Of the lines whose points the rows of the index name."""
-        inner = (index[:, :-2].ravel(), index[:, 1:-1].ravel(), index[:, 2:].ravel())
-        every = known + hidden(search.judge, *(known[part] for part in inner), promising=_PROMISING)
+        before, middle, after = (
+            known[part.ravel()] for part in (index[:, :-2], index[:, 1:-1], index[:, 2:])
+        )
+        found = hidden(search.judge, before, middle, after, _PROMISING)
+        every, looked = known + found, np.zeros((len(index), index.shape[1] - 2), dtype=bool)
+        while len(found.points):
+            near = _beside(found.points, axes, along, looked)
+            found = hidden(search.judge, before[near], middle[near], after[near])
+            every = every + found
         lines = np.searchsorted(axes[1 - along], every.points[:, 1 - along])
         return search.crossings(every, lines, along)
 

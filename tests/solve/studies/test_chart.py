@@ -48,6 +48,32 @@ def test_tongues_thinner_than_a_cell_are_followed(undamped):
     assert lowest == 0.05
 
 
+@pytest.mark.slow
+def test_a_thin_tongue_is_followed_from_where_it_was_found():
+    """Two Mathieu oscillators: the third tongue of the second is thinner than a thirtieth of a cell."""
+    squares, loads = np.array([1014.6, 16233.5]), np.array([1233.7, 4934.8])
+
+    def build(load):
+        def matrices(phase, speed):
+            one = np.tile(np.eye(2), (len(phase), 1, 1))
+            stiffness = squares * (1 - (100 + load * np.cos(2 * phase))[:, None] / loads)
+            return one, 0 * one, stiffness[:, :, None] * np.eye(2), np.zeros((len(phase), 2))
+
+        return solve.PeriodicSystem(matrices, ["q1", "q2"], period=np.pi)
+
+    amplitudes = np.linspace(0, 800, 60)
+    chart = solve.chart(build, {"speed": np.linspace(12, 150, 140)}, {"load": amplitudes})
+    mean, swing = squares[1] * (1 - 100 / loads[1]), squares[1] * amplitudes[2:] / loads[1]
+    for edge, characteristic in ((0, mathieu_a), (1, mathieu_b)):
+        speeds = np.sqrt(mean) / 3 * np.ones_like(swing)
+        for _ in range(60):
+            speeds = np.sqrt(mean / characteristic(3, swing / (2 * speeds**2)))
+        curves = np.concatenate([points for kind, points in chart.boundaries if kind == "-1"])
+        for speed, load in zip(speeds, amplitudes[2:], strict=True):
+            row = curves[np.isclose(curves[:, 1], load, rtol=1e-9)][:, 0]
+            assert np.abs(row - speed).min() < 1e-6, (edge, load)
+
+
 def test_points_are_single_solves(undamped):
     rng = np.random.default_rng(0)
     for j, i in zip(rng.integers(0, 30, 8), rng.integers(0, 30, 8), strict=True):
