@@ -1,0 +1,47 @@
+"""The site of these pages: `sphinx-build -W -n --keep-going docs site`."""
+
+import os
+import sys
+from importlib.metadata import metadata
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+# Commands of the pages are those of the environment that builds the site.
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+os.environ["MPLBACKEND"] = "Agg"
+
+_about = metadata("parametric-vibration")
+project, release = _about["Name"], _about["Version"]
+project_copyright = ""
+
+extensions = ["sphinx.ext.autodoc", "myst_nb", "sphinx_copybutton", "docstrings", "executed", "mathml"]
+exclude_patterns = ["gallery/*.py"]
+suppress_warnings = ["toc.not_readable"]
+
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 4
+myst_links_external_new_tab = False
+html_math_renderer = "mathml"
+nb_execution_mode = "auto"
+nb_execution_timeout = 120
+nb_execution_raise_on_error = True
+
+html_theme = "furo"
+html_title = project
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_show_copyright = html_show_sphinx = html_copy_source = False
+html_theme_options = {"navigation_with_keys": False}
+pygments_style = "friendly"
+
+default_role = "code"
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+autodoc_default_options = {"members": True, "undoc-members": False}
+maximum_signature_line_length = 90
+copybutton_prompt_text = r"\$ |>>> |\.\.\. "
+copybutton_prompt_is_regexp = True
+
+nitpicky = True
+# Types of other libraries have no page here.
+nitpick_ignore_regex = [(r"py:.*", r".*")]
