@@ -1,21 +1,45 @@
-"""Docstrings are plain text: words in backquotes are code, nothing else is markup. Types that `solve` or `derive`
-offer lead to their entries, whatever file they stand in."""
+"""Docstrings are plain text: words in backquotes are code, nothing else is markup.
+
+Types that `solve` or `derive` offer lead to their entries, whatever file they stand in.
+"""
 
 import re
 from typing import Any
 
-import derive
-import solve
 from docutils import nodes
 from sphinx.application import Sphinx
 
+import derive
+import derive.errors
+import solve
+import solve.errors
+
 
 def _plain(app: Sphinx, kind: str, name: str, about: Any, options: Any, lines: list[str]) -> None:
-    """Letters that reStructuredText takes for markup, as |ρ|, are themselves outside of backquotes."""
+    """Letters that reStructuredText takes for markup, as |ρ|, are themselves outside of backquotes and
+    examples; errors lead to their entries."""
+    module = derive.errors if name.startswith("derive.") else solve.errors
     for number, line in enumerate(lines):
+        if line.lstrip().startswith((">>> ", "... ")):
+            continue
         parts = re.split(r"(`[^`]*`)", line)
-        parts[::2] = [re.sub(r"([|*\\]|_\b)", r"\\\1", part) for part in parts[::2]]
+        parts[::2] = [_escaped(part, module) for part in parts[::2]]
         lines[number] = "".join(parts)
+
+
+def _escaped(text: str, errors: Any) -> str:
+    def entry(word: re.Match[str]) -> str:
+        return f":py:exc:`~{errors.__name__}.{word[0]}`" if hasattr(errors, word[0]) else word[0]
+
+    return re.sub(r"\b\w+Error\b", entry, re.sub(r"([|*\\]|_\b)", r"\\\1", text))
+
+
+def _short(app: Sphinx, kind: str, name: str, about: Any, options: Any, shown: str, returned: str) -> Any:
+    """NumPy's arrays by their name alone."""
+    return tuple(
+        each and re.sub(r"ndarray\[tuple\[[^]]*\], dtype\[[^]]*\]\]", "ndarray", each)
+        for each in (shown, returned)
+    )
 
 
 def _offered(app: Sphinx, env: Any, node: Any, contents: nodes.Node) -> nodes.Node | None:
@@ -30,5 +54,6 @@ def _offered(app: Sphinx, env: Any, node: Any, contents: nodes.Node) -> nodes.No
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", _plain)
+    app.connect("autodoc-process-signature", _short)
     app.connect("missing-reference", _offered)
     return {"parallel_read_safe": True}

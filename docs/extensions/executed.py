@@ -10,8 +10,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-
-from sphinx.application import Sphinx
+from typing import Any
 
 _BLOCK = re.compile(r"```(\w+)\n(?:# (\w+\.\w+)\n)?(.*?)```", re.DOTALL)
 
@@ -43,12 +42,12 @@ def executed(page: str) -> str:
         return _BLOCK.sub(renewed, page)
 
 
-def _read(app: Sphinx, page: str, source: list[str]) -> None:
+def _read(app: Any, page: str, source: list[str]) -> None:
     if "```console\n" in source[0]:
         source[0] = executed(source[0])
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: Any) -> dict[str, bool]:
     app.connect("source-read", _read)
     return {"parallel_read_safe": True}
 
