@@ -1,4 +1,4 @@
-"""The site of these pages: `sphinx-build -W -n --keep-going docs site`."""
+"""The site of these pages; the README has the line that builds it."""
 
 import sys
 from importlib.metadata import metadata
@@ -32,7 +32,7 @@ pygments_style = "friendly"
 default_role = "code"
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
-autodoc_default_options = {"members": True, "undoc-members": False}
+autodoc_default_options = {"members": True, "show-inheritance": True}
 maximum_signature_line_length = 90
 copybutton_prompt_text = r"\$ |>>> |\.\.\. "
 copybutton_prompt_is_regexp = True

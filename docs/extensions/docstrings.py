@@ -35,11 +35,16 @@ def _escaped(text: str, errors: Any) -> str:
 
 
 def _short(app: Sphinx, kind: str, name: str, about: Any, options: Any, shown: str, returned: str) -> Any:
-    """NumPy's arrays by their name alone."""
+    """Types by their last name alone, and NumPy's arrays without what they may hold."""
+    array = r"ndarray\[tuple\[[^]]*\], dtype\[[^]]*\]\]"
     return tuple(
-        each and re.sub(r"ndarray\[tuple\[[^]]*\], dtype\[[^]]*\]\]", "ndarray", each)
-        for each in (shown, returned)
+        each and re.sub(array, "ndarray", re.sub(r"~[\w.]+\.", "", each)) for each in (shown, returned)
     )
+
+
+def _skipped(app: Sphinx, kind: str, name: str, about: Any, skip: bool, options: Any) -> bool | None:
+    """Fields of tuples, of which Python says only where they stand."""
+    return True if str(about.__doc__).startswith("Alias for field number") else None
 
 
 def _offered(app: Sphinx, env: Any, node: Any, contents: nodes.Node) -> nodes.Node | None:
@@ -55,5 +60,6 @@ def _offered(app: Sphinx, env: Any, node: Any, contents: nodes.Node) -> nodes.No
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", _plain)
     app.connect("autodoc-process-signature", _short)
+    app.connect("autodoc-skip-member", _skipped)
     app.connect("missing-reference", _offered)
     return {"parallel_read_safe": True}
