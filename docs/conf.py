@@ -1,9 +1,12 @@
 """The site of these pages; the README has the line that builds it."""
 
+import os
 import sys
 from importlib.metadata import metadata
 from pathlib import Path
 
+# Notebooks draw below their cells.
+os.environ.pop("MPLBACKEND", None)
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 _about = metadata("parametric-vibration")
 project, release = _about["Name"], _about["Version"]
@@ -19,6 +22,7 @@ myst_links_external_new_tab = False
 html_math_renderer = "mathml"
 nb_execution_mode = "auto"
 nb_execution_timeout = 120
+nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 
 html_theme = "furo"

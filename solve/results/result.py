@@ -109,7 +109,9 @@ class Result(Lasting):
         from rich.console import Console
 
         stream = StringIO()
-        Console(file=stream, width=_WIDTH, highlight=False, no_color=True).print(self._brief())
+        # A console within a notebook shows what it is given beside the cell, whatever its file.
+        console = Console(file=stream, width=_WIDTH, highlight=False, no_color=True, force_jupyter=False)
+        console.print(self._brief())
         lines = [line.rstrip() for line in stream.getvalue().strip("\n").splitlines()]
         return "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "…"])
 
