@@ -3,6 +3,7 @@
 Types that `solve` or `derive` offer lead to their entries, whatever file they stand in.
 """
 
+import builtins
 import re
 from typing import Any
 
@@ -29,7 +30,8 @@ def _plain(app: Sphinx, kind: str, name: str, about: Any, options: Any, lines: l
 
 def _escaped(text: str, errors: Any) -> str:
     def entry(word: re.Match[str]) -> str:
-        return f":py:exc:`~{errors.__name__}.{word[0]}`" if hasattr(errors, word[0]) else word[0]
+        known = hasattr(builtins, word[0])
+        return word[0] if known else f":py:exc:`~{errors.__name__}.{word[0]}`"
 
     return re.sub(r"\b\w+Error\b", entry, re.sub(r"([|*\\]|_\b)", r"\\\1", text))
 
