@@ -53,6 +53,14 @@ def test_every_public_name_has_its_entry(package):
     assert {f"{package.__name__}.{name}" for name in package.__all__} - NAMED == set()
 
 
+def test_every_public_name_says_what_it_is():
+    """A dataclass without words has its signature in their place."""
+    for name in solve.__all__:
+        said = inspect.getdoc(getattr(solve, name)) or ""
+        assert said, name
+        assert not said.startswith(f"{name}("), name
+
+
 def test_every_result_and_method_has_its_entry():
     modules = pkgutil.iter_modules(solve.results.__path__, "solve.results.")
     rooms = [import_module(module.name) for module in modules]
