@@ -16,11 +16,16 @@ _BLOCK = re.compile(r"```(\w+)\n(?:# (\w+\.\w+)\n)?(.*?)```", re.DOTALL)
 
 
 def printed(command: str, folder: Path) -> str:
-    """What the command prints in the folder, errors and warnings included, but not that it compiles once."""
+    """What the command prints in the folder, errors and warnings included, but not that it compiles once.
+
+    Raises RuntimeError where it ends neither well nor in a refusal.
+    """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
     environment = {**os.environ, "PATH": path, "MPLBACKEND": "Agg", "COLUMNS": "80"}
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "timeout": 120}
     run = subprocess.run(command, shell=True, cwd=folder, env=environment, check=False, **streams)
+    if run.returncode not in (0, 2):
+        raise RuntimeError(f"{command} ended in {run.returncode}:\n{run.stdout}")
     lines = [line.rstrip() for line in run.stdout.splitlines()]
     return "\n".join(line for line in lines if not line.startswith("compiling "))
 
