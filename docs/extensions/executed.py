@@ -1,0 +1,62 @@
+"""Pages whose commands are run when the site is built: what they print stands below them.
+
+A block of `console` holds commands after `$ ` and what they print; a block whose first line is the comment
+`# NAME` with a file's ending is that file. `python docs/extensions/executed.py PAGE …` writes the pages anew.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+_BLOCK = re.compile(r"```(\w+)\n(?:# (\w+\.\w+)\n)?(.*?)```", re.DOTALL)
+
+
+def printed(command: str, folder: Path) -> str:
+    """What the command prints in the folder, errors and warnings included, but not that it compiles once.
+
+    Raises RuntimeError where it ends neither well nor in a refusal.
+    """
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+    environment = {**os.environ, "PATH": path, "MPLBACKEND": "Agg", "COLUMNS": "80"}
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "timeout": 120}
+    run = subprocess.run(command, shell=True, cwd=folder, env=environment, check=False, **streams)
+    if run.returncode not in (0, 2):
+        raise RuntimeError(f"{command} ended in {run.returncode}:\n{run.stdout}")
+    lines = [line.rstrip() for line in run.stdout.splitlines()]
+    return "\n".join(line for line in lines if not line.startswith("compiling "))
+
+
+def executed(page: str) -> str:
+    """The page with what its commands print now, run one after another in a folder of their own."""
+    with tempfile.TemporaryDirectory() as name:
+
+        def renewed(block: re.Match[str]) -> str:
+            language, file, text = block.groups()
+            if file:
+                (Path(name) / file).write_text(text, encoding="utf-8")
+            if language != "console":
+                return block[0]
+            commands = re.findall(r"^\$ (.*)$", text, flags=re.MULTILINE)
+            shown = [f"$ {command}\n{printed(command, Path(name))}".strip() for command in commands]
+            return "```console\n" + "\n".join(shown) + "\n```"
+
+        return _BLOCK.sub(renewed, page)
+
+
+def _read(app: Any, page: str, source: list[str]) -> None:
+    if "```console\n" in source[0]:
+        source[0] = executed(source[0])
+
+
+def setup(app: Any) -> dict[str, bool]:
+    app.connect("source-read", _read)
+    return {"parallel_read_safe": True}
+
+
+if __name__ == "__main__":
+    for each in map(Path, sys.argv[1:]):
+        each.write_text(executed(each.read_text(encoding="utf-8")), encoding="utf-8")

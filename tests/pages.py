@@ -1,0 +1,59 @@
+"""The pages: README and docs, with their links, anchors and places in the site."""
+
+import re
+import unicodedata
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+EVERY = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("**/*.md"))]
+_CODE = re.compile(r"^(`{3,}).*?^\1$", flags=re.DOTALL | re.MULTILINE)
+_INCLUDED = re.compile(r"```\{include\} (\S+)\n")
+
+
+class Link(NamedTuple):
+    """A relative link of a page: the file that it names, and the anchor in it."""
+
+    page: Path
+    target: Path
+    anchor: str
+
+
+def links(page: Path) -> list[Link]:
+    """Of links and pictures; those to other sites are left out."""
+    prose = re.sub(r"`[^`\n]+`", "", _CODE.sub("", page.read_text(encoding="utf-8")))
+    found = []
+    for address in re.findall(r"\]\(([^)\s]+)\)", prose):
+        if not re.match(r"\w+:", address):
+            path, _, anchor = address.partition("#")
+            found.append(Link(page, (page.parent / path).resolve() if path else page, anchor))
+    return found
+
+
+def anchors(page: Path) -> set[str]:
+    """Of the headings, as repository viewers and MyST name them."""
+    text = _CODE.sub("", page.read_text(encoding="utf-8"))
+    return {_slug(title) for title in re.findall(r"^#+ (.*)$", text, flags=re.MULTILINE)}
+
+
+def _slug(title: str) -> str:
+    words = re.sub(r"\[([^]]*)\]\([^)]*\)|[`*]", r"\1", title).strip().lower()
+    kept = (each for each in words if each in " -_" or unicodedata.category(each)[0] in "LN")
+    return "".join(kept).replace(" ", "-")
+
+
+def of_the_site() -> set[Path]:
+    """Pages that the site's contents name, the front page and what pages include."""
+    index = DOCS / "index.md"
+    found = {index}
+    for body in re.findall(r"```\{toctree\}\n(.*?)```", index.read_text(encoding="utf-8"), flags=re.DOTALL):
+        names = [line for line in body.splitlines() if line and not line.startswith(":")]
+        found |= {DOCS / f"{name}{ending}" for name in names for ending in (".md", ".ipynb")}
+    pages = {page for page in found if page.suffix == ".md" and page.exists()}
+    included = {
+        (page.parent / name).resolve()
+        for page in pages
+        for name in _INCLUDED.findall(page.read_text("utf-8"))
+    }
+    return found | included

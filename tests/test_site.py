@@ -1,0 +1,104 @@
+"""The site, as far as it can be seen without building it: links, contents, entries of everything public."""
+
+import inspect
+import pkgutil
+import re
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import derive
+import derive.errors
+import solve
+import solve.errors
+import solve.results
+from solve.methods.choice import METHODS
+from solve.results.result import Result
+from tests import pages
+
+ENTRIES = "".join(page.read_text("utf-8") for page in (pages.DOCS / "api").glob("*.md"))
+NAMED = set(re.findall(r"\b(?:solve|derive)(?:\.\w+)+", ENTRIES))
+EXECUTED = [page for page in pages.EVERY if "```console\n" in page.read_text("utf-8")]
+
+
+@pytest.mark.parametrize("page", pages.EVERY, ids=lambda page: page.name)
+def test_relative_links_lead_somewhere(page):
+    for link in pages.links(page):
+        assert link.target.exists(), link
+        assert not link.anchor or link.anchor in pages.anchors(link.target), link
+
+
+def test_a_broken_link_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# One, two: `three`\n[a](#one-two-three) [b](no.md) ![c](#one)\n```\n[d](x)\n# e\n```\n")
+    assert [(link.target.name, link.anchor) for link in pages.links(page)] == [
+        ("page.md", "one-two-three"),
+        ("no.md", ""),
+        ("page.md", "one"),
+    ]
+    assert pages.anchors(page) == {"one-two-three"}
+
+
+def test_every_page_has_its_place_in_the_site():
+    notebooks = pages.DOCS.glob("notebooks/*.ipynb")
+    assert {*pages.EVERY, *notebooks} - pages.of_the_site() == set()
+
+
+@pytest.mark.parametrize("package", [solve, derive])
+def test_every_public_name_has_its_entry(package):
+    assert {f"{package.__name__}.{name}" for name in package.__all__} - NAMED == set()
+
+
+def test_every_public_name_says_what_it_is():
+    """A dataclass without words has its signature in their place."""
+    for name in solve.__all__:
+        said = inspect.getdoc(getattr(solve, name)) or ""
+        assert said, name
+        assert not said.startswith(f"{name}("), name
+
+
+def test_every_result_and_method_has_its_entry():
+    modules = pkgutil.iter_modules(solve.results.__path__, "solve.results.")
+    rooms = [import_module(module.name) for module in modules]
+    results = [each for room in rooms for each in vars(room).values() if inspect.isclass(each)]
+    asked = {each for each in results if issubclass(each, Result)}
+    asked |= {each for each in METHODS.values() if inspect.isclass(each)}
+    assert len(asked) > 25
+    for each in asked:
+        assert {f"{each.__module__}.{each.__name__}", f"solve.{each.__name__}"} & NAMED, each
+
+
+def test_every_error_has_its_entry():
+    for module in (solve.errors, derive.errors):
+        assert f"automodule:: {module.__name__}" in ENTRIES
+        classes = [
+            each
+            for each in vars(module).values()
+            if getattr(each, "__module__", "") == module.__name__ and inspect.isclass(each)
+        ]
+        assert len(classes) > 10
+        assert all(each.__doc__ for each in classes)
+
+
+def digits(text: str) -> tuple[str, list[float]]:
+    """A text without its numbers, nor the widths that these take, and the numbers."""
+    number = r"[-±]?\d+(?:\.\d+)?(?:e[-+]\d+)?"
+    return re.sub(r"[\s─]+", " ", re.sub(number, "#", text)), [
+        float(each.lstrip("±")) for each in re.findall(number, text)
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", EXECUTED, ids=lambda page: page.name)
+def test_what_commands_print_stands_below_them(page, tmp_path):
+    """Word by word. Numbers differ by rounding, and errors of that size by machine."""
+    copy = shutil.copy(page, tmp_path)
+    subprocess.run([sys.executable, str(pages.DOCS / "extensions" / "executed.py"), copy], check=True)
+    (words, expected), (now, found) = (digits(each.read_text("utf-8")) for each in (page, Path(copy)))
+    assert now == words
+    for one, other in zip(expected, found, strict=True):
+        assert other == pytest.approx(one, rel=1e-3, abs=1e-6)
