@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
+DERIVE_SHA256 = "6fff1e29f508883eb345ac8c98f4704961e9d88cacaa448468f07a304819c6de"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "fd8d430c17e7887505edc6e7e1fc14c6f42835b10b3fe7f2dcfc205a4e211391"
+FILE_SHA256 = "efd8739ff2b3a39041dadfa7c6dd013ef5fec201a4d61083efc6d57930f6b32b"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

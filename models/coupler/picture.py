@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from models.four_bar.linkage import Linkage, Plane
+from models.four_bar.linkage import Linkage
 from solve import Model
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 from solve.errors import ValueOutOfBoundsError
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
