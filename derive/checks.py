@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy
 
-from derive.errors import DeclarationError, DeriveError, UnknownSymbolError, UnusedParameterError
+from derive.errors import DeclarationError, DeriveError, UnitError, UnknownSymbolError, UnusedParameterError
 from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
 from derive.sketch import AROUND, METRE
@@ -64,8 +64,13 @@ def _require(statement: _Statement, known: Dimensions) -> None:
     _require_known(statement, known)
     if statement.unit is None:
         dimension_of(statement.what, statement.expression, known)
-    else:
+        return
+    try:
         require(statement.what, statement.expression, statement.unit, known)
+    except UnitError as error:
+        if METRE not in statement.own:
+            raise
+        raise UnitError(f"{error}; a size that is no parameter is a number times metre") from None
 
 
 def _require_equations(mechanism: Mechanism) -> None:

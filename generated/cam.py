@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "6fff1e29f508883eb345ac8c98f4704961e9d88cacaa448468f07a304819c6de"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "20679a6b5ed175d5f644fbf05175afc93cbd05d8a5a764ce3c9f0c20b6666cae"
+FILE_SHA256 = "1175819ae47d5db30b297e9d9da43f0a547a7a08dbb5b0f6bd9de123c404a064"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

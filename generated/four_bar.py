@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "6fff1e29f508883eb345ac8c98f4704961e9d88cacaa448468f07a304819c6de"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ba24d16c99ab8552c453cd86c4b5cfe4d1bf0e46ab005caf418256aadd0d62f6"
+FILE_SHA256 = "51a9f7ba9f433ac7a9e8242767e204a3b515c67c5fb21700a20fe84b8f9dd271"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "6fff1e29f508883eb345ac8c98f4704961e9d88cacaa448468f07a304819c6de"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "efd8739ff2b3a39041dadfa7c6dd013ef5fec201a4d61083efc6d57930f6b32b"
+FILE_SHA256 = "08a3dd66e780128e268b0732f1a79c78a543ace3d3fbd7269d187ca24d3f4358"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
