@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from html import escape
 from pathlib import Path
 from typing import BinaryIO
 
@@ -114,6 +115,10 @@ class Animation:
     def __repr__(self) -> str:
         return f"Animation of {self.title}; .save('{self.system.name}.gif') writes it"
 
+    def _repr_html_(self) -> str:
+        """The page, in a notebook."""
+        return f'<iframe srcdoc="{escape(self.html)}" style="width: 100%; height: 40rem; border: 0"></iframe>'
+
 
 def animate(
     system: PeriodicSystem | Orbit,
@@ -153,6 +158,8 @@ def animate(
         try:
             asked.require_load(omega)
         except NoLoadError:
+            if nonlinear:
+                raise
             return _scaled(_free(asked, omega, names, frames, rtol), scale)
         find = nonlinear_orbit if nonlinear else periodic
         orbit = find(asked, omega, method=method, rtol=rtol)
@@ -221,7 +228,7 @@ def _scaled(made: Animation, scale: float | None) -> Animation:
         size = max(np.ptp(everywhere.real), np.ptp(everywhere.imag))
         largest = max(float(np.abs(moved[name] - places).max()) for name, places in rigid.items())
         scale = round_magnification(_VISIBLE * size / largest) if largest > 0 else 1.0
-    return Animation(**{**vars(made), "scale": float(scale)})
+    return replace(made, scale=float(scale))
 
 
 def checked_scale(scale: float | None) -> None:

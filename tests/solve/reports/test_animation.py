@@ -12,6 +12,7 @@ from PIL import Image
 import solve
 from derive import Mechanism, cos, rate, sin, sqrt
 from solve.errors import (
+    NoLoadError,
     NoMotionError,
     NoSketchError,
     ReopenedError,
@@ -189,6 +190,11 @@ def test_the_page_is_whole_html_that_asks_for_nothing_from_elsewhere(mathieu):
     assert page.count('class="mover"') == len(page_data(page)["parts"])
 
 
+def test_a_notebook_shows_the_page_in_a_frame(mathieu):
+    frame = html5lib.HTMLParser(strict=True).parseFragment(mathieu._repr_html_())[0]
+    assert frame.attrib["srcdoc"] == mathieu.html
+
+
 def page_data(page):
     found = re.search(r"^const data = (.*);$", page, re.MULTILINE)
     assert found
@@ -285,6 +291,8 @@ def test_what_cannot_be_shown_is_refused():
     for wrong in ({"scale": -1.0}, {"scale": np.nan}, {"frames": 0}, {"frames": 2.5}, {"frames": 721}):
         with pytest.raises(ValueOutOfBoundsError, match="allowed"):
             solve.animate(cam, "100 rpm", **wrong)
+    with pytest.raises(NoLoadError, match="mathieu has no load"):
+        solve.animate(mathieu, nonlinear=True)
     with pytest.raises(UnknownNameError, match="q9"):
         solve.animate(mathieu, show=["q9"])
     with pytest.raises(ValueOutOfBoundsError, match=r"frames is 90; allowed: 1 … 12"):
