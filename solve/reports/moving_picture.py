@@ -246,7 +246,7 @@ def _frame(drawn: Drawn) -> tuple[complex, complex]:
     places = np.concatenate([each.ravel() for lines in (drawn.rigid, drawn.moved) for each in lines.values()])
     low = complex(places.real.min(), places.imag.min())
     high = complex(places.real.max(), places.imag.max())
-    room = _MARGIN * max((high - low).real, (high - low).imag) * (1 + 1j)
+    room = _MARGIN * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
     return low - room, high + room
 
 

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import solve
-from derive import Mechanism, cos, rate, sin, sqrt
+from derive import Mechanism, Section, Structure, cos, rate, sin, sqrt
 from solve.errors import (
     NoLoadError,
     NoMotionError,
@@ -274,6 +274,13 @@ def test_a_mechanism_in_memory_moves():
     np.testing.assert_allclose(x, 0.1 * np.sin(TURN), atol=1e-15)
 
 
+def test_lines_that_shrink_to_a_point_are_drawn():
+    made = solve.animate(
+        solve.load(spring(True), **NUMBERS | {"a": 1e-200, "L": 1e-190}), 50.0, frames=2, **ROUGH
+    )
+    assert Image.open(BytesIO(gif(made))).n_frames == 2
+
+
 def test_a_line_without_place_is_named():
     with pytest.raises(ValueOutOfBoundsError, match="sketch rod of spring has no place"):
         solve.animate(solve.load(spring(True), **NUMBERS | {"L": 0.05}), "50 rad/s", **ROUGH)
@@ -304,3 +311,24 @@ def test_an_orbit_from_a_file_knows_no_lines(tmp_path):
     orbit.save(tmp_path / "orbit.npz")
     with pytest.raises(ReopenedError, match="load the model again"):
         solve.animate(solve.open(tmp_path / "orbit.npz"))
+
+
+def test_a_structure_draws_further_lines_besides_its_links():
+    """A turning beam, clamped to a disc, before a wall that stands still."""
+    rotor = Structure("rotor", "A turning beam on a disc")
+    E, A, I, rho, L = rotor.parameters(  # noqa: E741 - the field's symbol
+        E=("Pa", "modulus"), A=("m^2", "area"), I=("m^4", "second moment"), rho=("kg/m^3", "density"),
+        L=("m", "length"),
+    )  # fmt: skip
+    rotor.link("beam", "hub", "tip", L, rotor.phase, Section(E, A, I, rho))
+    rotor.clamp("hub")
+    rotor.damping_ratio = 0.02
+    radius = 0.1 * rotor.metre
+    rotor.sketch("disc", [(radius * cos(rotor.around), radius * sin(rotor.around))])
+    rotor.sketch("wall", [(-L, -rotor.metre), (L, -rotor.metre)])
+    model = solve.load(rotor, E=2.1e11, A=1e-4, I=1e-9, rho=7850, L=0.5)
+    lines = rigid(model)
+    assert list(lines) == ["beam", "disc", "wall"]
+    np.testing.assert_allclose(lines["beam"][-1], 0.5 * np.exp(1j * TURN), atol=1e-14)
+    np.testing.assert_allclose(np.abs(lines["disc"]), 0.1, rtol=1e-14)
+    np.testing.assert_allclose(lines["wall"][1], np.full(37, 0.5 - 1j))
