@@ -2,14 +2,15 @@
 
 import difflib
 from collections.abc import Iterator, Mapping, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import sympy
 
-from derive.errors import DeclarationError, DeriveError, UnknownSymbolError, UnusedParameterError
+from derive.errors import DeclarationError, DeriveError, UnitError, UnknownSymbolError, UnusedParameterError
 from derive.kinematics import LoopFunction
 from derive.mechanism import Mechanism
+from derive.sketch import AROUND, METRE
 from derive.structure import Structure
 from derive.switches import switches
 from derive.symbols import ACCELERATION, PHASE, SPEED
@@ -28,6 +29,8 @@ class _Statement:
     unit: str | None
     """None where any will do, as long as it is one."""
     forbidden: Set[Any] = frozenset()
+    own: Mapping[Any, Dimension] = field(default_factory=dict)
+    """Dimensions of symbols that it alone may hold."""
 
 
 def check(mechanism: Mechanism) -> None:
@@ -44,11 +47,11 @@ def check(mechanism: Mechanism) -> None:
     else:
         _require_equations(mechanism)
         statements = list(_statements(mechanism))
-    statements += _kinematic_statements(mechanism)
+    statements += [*_kinematic_statements(mechanism), *_sketches(mechanism)]
     known = dimensions(mechanism)
     for each in statements:
         try:
-            _require(each, known)
+            _require(each, {**known, **each.own})
         except DeriveError as error:
             error.about = each.expression
             raise
@@ -61,8 +64,13 @@ def _require(statement: _Statement, known: Dimensions) -> None:
     _require_known(statement, known)
     if statement.unit is None:
         dimension_of(statement.what, statement.expression, known)
-    else:
+        return
+    try:
         require(statement.what, statement.expression, statement.unit, known)
+    except UnitError as error:
+        if METRE not in statement.own:
+            raise
+        raise UnitError(f"{error}; a size that is no parameter is a number times metre") from None
 
 
 def _require_equations(mechanism: Mechanism) -> None:
@@ -116,6 +124,18 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
         yield _Statement("damping ratio", ratio, "1", motion | local | points | {PHASE, SPEED})
     for output in mechanism.declared_outputs:
         yield _Statement(f"output {output.name}", output.expression, output.unit, local)
+
+
+def _sketches(mechanism: Mechanism) -> Iterator[_Statement]:
+    moving = [each.symbol for each in mechanism.declared_coordinates]
+    local = mechanism.declared_field.symbols if mechanism.declared_field else []
+    never = {s for q in (*moving, *local) for s in (q.rate, q.rate.rate)}
+    if mechanism.declared_field:
+        never |= {*mechanism.declared_field.points, mechanism.declared_field.tension}
+    own = {AROUND: ONE, METRE: parse("m")}
+    for each in mechanism.declared_sketches:
+        for number in each.numbers:
+            yield _Statement(f"sketch {each.name}", number, each.unit, never, own)
 
 
 def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:

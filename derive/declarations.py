@@ -11,7 +11,7 @@ from derive.errors import DeclarationError
 from derive.symbols import Moving
 
 RESERVED = (
-    *("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math"),
+    *("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math", "running"),
     *("time", "speedd", "multiplier_re", "multiplier_im", "exponent_re", "exponent_im"),
 )
 """Names of generated code, and of what files of results hold besides coordinates and outputs."""

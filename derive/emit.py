@@ -12,7 +12,7 @@ from derive.breaks import ANGLES, PASSES, Passage, passages
 from derive.declarations import Condition, Output
 from derive.errors import ImpulseError
 from derive.field import Field
-from derive.field_text import definitions, field_functions, field_tools
+from derive.field_text import along, definitions, field_functions, field_tools
 from derive.freshness import banner, hashed_module
 from derive.function_text import (
     GeneratedFunction,
@@ -31,6 +31,7 @@ from derive.printer import CasadiPrinter
 from derive.progress import steps
 from derive.reading import Equation, read
 from derive.recurrence import COMPONENTS, FOURIER
+from derive.sketch import AROUND, RUNNING
 from derive.symbols import steady
 from derive.transmission import PeriodicFunction
 from derive.units import size
@@ -244,7 +245,29 @@ def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunc
         doc = "ζ of the modes of M and K at speed 0 by rising frequency, the last for all others."
         ratios = {"ratios": sympy.Matrix(mechanism.damping_ratios)}
         functions.append(GeneratedFunction("damping_ratios", doc, ("p",), ratios))
+    functions += sketch_functions(mechanism)
     return functions + condition_functions([*mechanism.conditions, *equations.conditions])
+
+
+def sketch_functions(mechanism: Mechanism) -> list[GeneratedFunction]:
+    """The function of the lines of the picture, if there are any."""
+    if not mechanism.declared_sketches:
+        return []
+    deflection, still = mechanism.declared_field, {AROUND: 2 * sympy.pi * RUNNING}
+    texts: dict[sympy.Symbol, str] = {}
+    if deflection:
+        # Shortening is of second order in the deflection.
+        still |= dict.fromkeys((deflection.shortening, deflection.total_shortening), sympy.S.Zero)
+        texts = along(deflection)
+
+    def drawn(number: Any) -> Any:
+        return steady(lagrange.from_fundamental(mechanism, number.xreplace(still)))
+
+    lines = {each.name: each.at(drawn) for each in mechanism.declared_sketches}
+    doc = (
+        "x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."
+    )
+    return [GeneratedFunction("sketch", doc, ("phase", "speed", "q", "running", "p"), lines, texts)]
 
 
 def condition_functions(conditions: list[Condition]) -> list[GeneratedFunction]:
@@ -295,6 +318,8 @@ def constants(
     if mechanism.declared_field:
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
+    if mechanism.declared_sketches:
+        rows["SKETCH"] = [(each.name, each.unit, each.kind) for each in mechanism.declared_sketches]
     lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
     for name, tuples in rows.items():
         lines += (

@@ -113,6 +113,13 @@ class Field:
         """∫ density dx from 0 to the length."""
         return self._integral(sympy.sympify(density), self.length)
 
+    def line(self, start: tuple[Any, Any], direction: Any) -> list[tuple[Any, Any]]:
+        """For `sketch`, the point that runs along the bent link from its beginning (x, y), whose chord has
+        a direction (rad from x); w is positive at +90° from it."""
+        (x, y), along, across = start, self.position - self.shortening, self.deflection
+        c, s = sympy.cos(direction), sympy.sin(direction)
+        return [(x + along * c - across * s, y + along * s + across * c)]
+
     def at(self, expression: Any, position: Any) -> Any:
         """The value of an expression in x, w, w′, w″, their rates and the tension at a position."""
         expression = sympy.sympify(expression)

@@ -8,6 +8,7 @@ from derive.field import Field
 from derive.galerkin import ZERO_COLUMN, ZERO_MATRIX, Moment, Pair, Projection
 from derive.modal_integrals import XI
 from derive.printer import CasadiPrinter
+from derive.sketch import RUNNING
 
 K = sympy.Symbol("k", integer=True, positive=True)
 PAIRS = '''\
@@ -39,6 +40,17 @@ def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
             texts[symbol] = f"casadi.dot(_column(_{moment}, {modes}), {amplitudes})"
             symbol = symbol.rate
     return texts | _points(projection.deflection)
+
+
+def along(deflection: Field) -> dict[sympy.Symbol, str]:
+    """Text for what `Field.line` holds, at the fraction `running` of the length."""
+    printer, modes = CasadiPrinter(), deflection.modes
+    length = printer.doprint(deflection.length)
+    texts = {deflection.position: f"({length})*{RUNNING}"}
+    for order, local in enumerate(deflection.derivatives):
+        shape = f"_{deflection.name}({RUNNING}, {order}, {modes})"
+        texts[local] = f"casadi.dot({shape}, coordinates)" + (f"/({length})**{order}" if order else "")
+    return texts
 
 
 def field_tools(projection: Projection) -> list[str]:

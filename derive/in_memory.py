@@ -54,3 +54,5 @@ def _statement(mechanism: Mechanism) -> Iterator[str]:
         yield sympy.srepr(pair)
     for output in mechanism.declared_outputs:
         yield sympy.srepr(output.expression)
+    for sketch in mechanism.declared_sketches:
+        yield sympy.srepr(sketch.points)

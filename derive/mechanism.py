@@ -22,6 +22,7 @@ from derive.declarations import (
 from derive.errors import DeclarationError
 from derive.field import Field
 from derive.kinematics import Loop, four_bar, full_turn
+from derive.sketch import AROUND, METRE, Sketch, sketch_of
 from derive.stated import note
 from derive.symbols import PHASE, SPEED, Moving
 from derive.transmission import PeriodicFunction, Series
@@ -61,6 +62,7 @@ class Mechanism:
     validity: dict[str, float] = field(default_factory=dict, init=False)
     declared_field: Field | None = field(default=None, init=False)
     declared_loops: list[Loop] = field(default_factory=list, init=False)
+    declared_sketches: list[Sketch] = field(default_factory=list, init=False)
     conditions: list[Condition] = field(default_factory=list, init=False)
     no_drive_torque: str = field(default="", init=False)
     lines: dict[Any, int] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -82,6 +84,16 @@ class Mechanism:
     def speed(self) -> sympy.Symbol:
         """Constant speed Ω of the drive, rad/s."""
         return SPEED
+
+    @property
+    def around(self) -> sympy.Symbol:
+        """Angle from 0 to 2π by which the point of a closed curve of a `sketch` runs."""
+        return AROUND
+
+    @property
+    def metre(self) -> sympy.Symbol:
+        """1 m, the unit of sizes that belong to a `sketch` alone: `0.2 * metre`."""
+        return METRE
 
     def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]:
         """Declare coordinates as `q1=(unit, meaning)`; they vanish in the desired motion.
@@ -350,6 +362,26 @@ class Mechanism:
         self._require_unused(name)
         self.declared_outputs.append(Output(name, sympy.sympify(expression), unit, meaning))
         note(self.lines, self.declared_outputs[-1].expression)
+
+    def sketch(self, name: str, points: Sequence[Sequence[Any]], unit: str = "m") -> None:
+        """Draw a line through points (x, y) in the plane of motion: expressions of the phase, the speed, the
+        coordinates and parameters, in `unit`. It has no effect on the equations.
+
+        Sizes without a parameter are numbers times `metre`. One point that holds `around` runs around a
+        closed curve, such as a cam's profile; the one of `Field.line` runs along a beam. Raises
+        DeclarationError.
+        """
+        require_plain(name)
+        require_coherent(f"sketch {name}", unit)
+        if name in {each.name for each in self.declared_sketches}:
+            raise DeclarationError(f"sketch {name} is declared twice")
+        others = {each.unit for each in self.declared_sketches} - {unit}
+        if others:
+            raise DeclarationError(f'sketch {name} is in "{unit}", others in "{others.pop()}"; give them one')
+        local = self.declared_field.local if self.declared_field else set()
+        self.declared_sketches.append(sketch_of(name, points, unit, local))
+        for number in self.declared_sketches[-1].numbers:
+            note(self.lines, number)
 
     def limit(self, output: str, bound: str, beyond: str) -> None:
         """Bound an output, such as ">= 0", and say in `beyond` what is true where it leaves the bound."""

@@ -5,7 +5,15 @@ from collections.abc import Sequence
 
 import sympy
 
-from derive.emit import TOOLS, condition_functions, constants, equations_text, functions_text, literal
+from derive.emit import (
+    TOOLS,
+    condition_functions,
+    constants,
+    equations_text,
+    functions_text,
+    literal,
+    sketch_functions,
+)
 from derive.freshness import banner, hashed_module
 from derive.function_text import GeneratedFunction
 from derive.reading import links
@@ -36,7 +44,12 @@ springs and dashpots where there are any, and the damping ratio of every mode.""
 def structure_text(structure: Structure, source_sha256: str, derive_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
     texts, counts = functions_text(
-        structure, [_properties(structure), *condition_functions(structure.conditions)]
+        structure,
+        [
+            _properties(structure),
+            *sketch_functions(structure),
+            *condition_functions(structure.conditions),
+        ],
     )
     of_interest = observed(structure)
     parts = [

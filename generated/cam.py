@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "028a5ba26a626a2f1306e14f09413a931bc96b94c2e41d4186e461e2c20514b2"
-DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
+MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "faaf788618817bc16cc34c0945167c31152144167ac8c77a225d68b641ae7f83"
+FILE_SHA256 = "1175819ae47d5db30b297e9d9da43f0a547a7a08dbb5b0f6bd9de123c404a064"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -82,6 +82,12 @@ LIMITS = (
 SERIES = (
     ("U", "cosine-sine", True, "", "a", "b", 12),
     ("F", "cosine-sine", False, "F", "Fa", "Fb", 6),
+)
+SKETCH = (
+    ("cam", "m", "curve"),
+    ("mark", "m", "points"),
+    ("follower", "m", "points"),
+    ("output", "m", "points"),
 )
 VALIDITY = {"q1": 0.05}
 PERIOD = 2*math.pi
@@ -294,6 +300,76 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "shaft_torque", "contact_force", "output_displacement"],
+    )
+
+
+def sketch():
+    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    coordinates = casadi.SX.sym("q", 3)
+    (q1, q2, q3) = casadi.vertsplit(coordinates)
+    running = casadi.SX.sym("running")
+    parameters = casadi.SX.sym("p", 47)
+    (
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
+        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
+        Fb5, Fb6,
+    ) = casadi.vertsplit(parameters)
+    [U_0] = _fourier(
+        2*math.pi*running, 0.0,
+        (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
+        (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
+        [-1],
+    )
+    [U_0_] = _fourier(
+        q1 + phase, 0.0,
+        (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
+        (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
+        [-1],
+    )
+    x0 = U_0 + 0.5
+    x1 = q1 + phase
+    x2 = -2*math.pi*running + x1
+    x3 = q2 + U_0_
+    x4 = x3 + 0.9
+    x5 = q3 + x4
+    x6 = q3 + x3 + 1.3
+    return casadi.Function(
+        "sketch",
+        [phase, speed, coordinates, running, parameters],
+        [
+            casadi.vertcat(
+                -x0*casadi.sin(x2),
+                x0*casadi.cos(x2),
+            ),
+            casadi.vertcat(
+                0,
+                0,
+                -0.25*casadi.sin(x1),
+                0.25*casadi.cos(x1),
+            ),
+            casadi.vertcat(
+                0,
+                x3 + 0.5,
+                0,
+                x4,
+            ),
+            casadi.vertcat(
+                -0.200000000000000,
+                x5,
+                0.200000000000000,
+                x5,
+                0.200000000000000,
+                x6,
+                -0.200000000000000,
+                x6,
+                -0.200000000000000,
+                x5,
+            ),
+        ],
+        ["phase", "speed", "q", "running", "p"],
+        ["cam", "mark", "follower", "output"],
     )
 
 

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "0a7077f4722b2fd341c5f9770ab01671cae6245d029c8206989fc60c3acf9443"
-DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
+MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "432b5bae9406b647eeaa0d13a242bf0d1c7c6decf725892010e31e414578410b"
+FILE_SHA256 = "f7f6a931b2c7a698384626b1abb6632ae075e3af27ed78068ac4ee98e0e4f32d"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -80,6 +80,11 @@ CONDITIONS = (
 )
 FIELDS = (
     ("w", "m", "deflection of the coupler"),
+)
+SKETCH = (
+    ("crank", "m", "points"),
+    ("coupler", "m", "beam"),
+    ("follower", "m", "points"),
 )
 VALIDITY = {}
 PERIOD = 2*math.pi
@@ -425,6 +430,55 @@ def outputs(*, modes=3, branch="open"):
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "midpoint_deflection", "axial_force", "bending_moment", "stress", "deflection_ratio", "euler_ratio"],
+    )
+
+
+def sketch(*, modes=3, branch="open"):
+    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    modes = _count("modes", modes)
+    branch_open, branch_crossed = _choice("branch", branch)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    coordinates = casadi.SX.sym("q", modes)
+    running = casadi.SX.sym("running")
+    parameters = casadi.SX.sym("p", 18)
+    (
+        l1, l2, l3, l4, s4, m4, E, A, I, rho, cx, cy, JC, alpha, alpha4, theta, g, Me,
+    ) = casadi.vertsplit(parameters)
+    w_position = (l3)*running
+    w = casadi.dot(_w(running, 0, modes), coordinates)
+    (phi3_0_0, phi4_0_0, phi3_0_1, phi4_0_1, phi3_1_0, phi4_1_0, phi3_2_0, phi4_2_0) = _phi3_phi4(
+        phase, l3, branch_crossed, branch_open, l1, l2, l4, theta,
+    )
+    x0 = l2*casadi.cos(phase)
+    x1 = l2*casadi.sin(phase)
+    x2 = casadi.cos(phi3_0_0)
+    x3 = casadi.sin(phi3_0_0)
+    x4 = l1*casadi.cos(theta)
+    x5 = l1*casadi.sin(theta)
+    return casadi.Function(
+        "sketch",
+        [phase, speed, coordinates, running, parameters],
+        [
+            casadi.vertcat(
+                0,
+                0,
+                x0,
+                x1,
+            ),
+            casadi.vertcat(
+                -w*x3 + w_position*x2 + x0,
+                w*x2 + w_position*x3 + x1,
+            ),
+            casadi.vertcat(
+                x4,
+                x5,
+                l4*casadi.cos(phi4_0_0) + x4,
+                l4*casadi.sin(phi4_0_0) + x5,
+            ),
+        ],
+        ["phase", "speed", "q", "running", "p"],
+        ["crank", "coupler", "follower"],
     )
 
 

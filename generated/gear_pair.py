@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "204522a987a692d2edfff5d6adf7224f4a6f5592029b700230a25d1b939e3f6e"
-DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
+MECHANISM_SHA256 = "b72fd1921bf1bd162a4399c0ba59896da155a09f4ca7c295530f9f1055810df0"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "92fef4e4ddf54aba5214f224313c9e16ac0ef1168485a71f156df73c297361ac"
+FILE_SHA256 = "2c5309242d40761717a306dde32368bc8d33ab1e90bfa284e13886ca24676ce0"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -75,6 +75,12 @@ LIMITS = (
 SERIES = (
     ("k", "amplitude-phase", False, "k0", "k", "gamma", 10),
     ("e", "amplitude-phase", False, "", "e", "alpha", 6),
+)
+SKETCH = (
+    ("pinion", "m", "curve"),
+    ("pinion_mark", "m", "points"),
+    ("wheel", "m", "curve"),
+    ("wheel_mark", "m", "points"),
 )
 VALIDITY = {}
 PERIOD = 2*math.pi
@@ -275,6 +281,65 @@ def outputs(*, load="tracking"):
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["transmission_error_rate", "mesh_force", "pinion_speed_ripple", "wheel_speed_ripple"],
+    )
+
+
+def sketch(*, load="tracking"):
+    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    load_tracking, load_constant = _choice("load", load)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    running = casadi.SX.sym("running")
+    parameters = casadi.SX.sym("p", 40)
+    (
+        J1, J2, rb1, rb2, z1, zeta, q0, k0, k1, k2, k3, k4, k5, k6, k7, k8, k9, k10, gamma1, gamma2,
+        gamma3, gamma4, gamma5, gamma6, gamma7, gamma8, gamma9, gamma10, e1, e2, e3, e4, e5, e6, alpha1,
+        alpha2, alpha3, alpha4, alpha5, alpha6,
+    ) = casadi.vertsplit(parameters)
+    x0 = 2*math.pi*running
+    x1 = q/(J1*rb2**2 + J2*rb1**2)
+    x2 = phase + J2*rb1*x1
+    x3 = x0 + x2
+    x4 = x0*z1
+    x5 = 1.8/z1
+    x6 = 1/casadi.cos((1/9)*math.pi)
+    x7 = rb1*x6
+    x8 = x7*(x5*casadi.tanh(2*casadi.sin(x4)) + 1)
+    x9 = 0.8*x7
+    x10 = rb1*x5*casadi.tanh(2*casadi.sin(rb2*x4/rb1)) + rb2
+    x11 = -phase*rb1/rb2 + J1*rb2*x1
+    x12 = x0 + x11
+    x13 = rb1 + rb2
+    x14 = 0.8*rb2
+    return casadi.Function(
+        "sketch",
+        [phase, speed, coordinates, running, parameters],
+        [
+            casadi.vertcat(
+                x8*casadi.cos(x3),
+                x8*casadi.sin(x3),
+            ),
+            casadi.vertcat(
+                0,
+                0,
+                x9*casadi.cos(x2),
+                x9*casadi.sin(x2),
+            ),
+            casadi.vertcat(
+                x6*(-x10*casadi.cos(x12) + x13),
+                -x10*x6*casadi.sin(x12),
+            ),
+            casadi.vertcat(
+                x13*x6,
+                0,
+                x6*(x13 - x14*casadi.cos(x11)),
+                -x14*x6*casadi.sin(x11),
+            ),
+        ],
+        ["phase", "speed", "q", "running", "p"],
+        ["pinion", "pinion_mark", "wheel", "wheel_mark"],
     )
 
 

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "ec9f17d2160b61a8dc83198b4d0fa1d55138ce7c8d28a7d1c692ba29df6caaf0"
-DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
+MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "141f59d284ff7f46f58de88fdd564bb46dc6c96a1df2b8fc2d83657f68d340f1"
+FILE_SHA256 = "107213e823d09df8750d022ce2af27c5212f4d517e28bc2a0ecf21b7d0bebb04"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -62,6 +62,11 @@ OUTPUTS = (
 LIMITS = ()
 SERIES = (
     ("U", "cosine-sine", True, "", "a", "b", 12),
+)
+SKETCH = (
+    ("cam", "m", "curve"),
+    ("mark", "m", "points"),
+    ("hammer", "m", "points"),
 )
 VALIDITY = {"q1": 0.12}
 PERIOD = 2*math.pi
@@ -239,6 +244,72 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         ["drive_torque", "load_torque", "hammer_displacement"],
+    )
+
+
+def sketch():
+    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    coordinates = casadi.SX.sym("q", 2)
+    (q1, q2) = casadi.vertsplit(coordinates)
+    running = casadi.SX.sym("running")
+    parameters = casadi.SX.sym("p", 32)
+    (
+        I0, I1, m2, k1, k2, c1, c2, F, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2, b3, b4,
+        b5, b6, b7, b8, b9, b10, b11, b12,
+    ) = casadi.vertsplit(parameters)
+    [U_0] = _fourier(
+        2*math.pi*running, 0.0,
+        (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
+        (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
+        [-1],
+    )
+    [U_0_] = _fourier(
+        q1 + phase, 0.0,
+        (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
+        (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
+        [-1],
+    )
+    x0 = U_0 + 0.5
+    x1 = q1 + phase
+    x2 = -2*math.pi*running + x1
+    x3 = q2 + U_0_
+    x4 = x3 + 1.1
+    x5 = x3 + 1.3
+    return casadi.Function(
+        "sketch",
+        [phase, speed, coordinates, running, parameters],
+        [
+            casadi.vertcat(
+                -x0*casadi.sin(x2),
+                x0*casadi.cos(x2),
+            ),
+            casadi.vertcat(
+                0,
+                0,
+                -0.25*casadi.sin(x1),
+                0.25*casadi.cos(x1),
+            ),
+            casadi.vertcat(
+                0,
+                x3 + 0.5,
+                0,
+                x4,
+                -0.200000000000000,
+                x4,
+                -0.200000000000000,
+                x5,
+                0.200000000000000,
+                x5,
+                0.200000000000000,
+                x4,
+                0,
+                x4,
+            ),
+        ],
+        ["phase", "speed", "q", "running", "p"],
+        ["cam", "mark", "hammer"],
     )
 
 

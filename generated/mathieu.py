@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "3d5d844475585a5a66f39c520098f2aaf6ccc6f6e51368c3868239da0db447f9"
-DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
+MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "120782d8bd346d01cb339217640f8c9a419e60c41b0b00aba681c85d51909185"
+FILE_SHA256 = "94036b2b75c6e315fe15614dff5ee4d14ce68aa08561e1a580c6c3723c8c48ab"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -26,6 +26,11 @@ PARAMETERS = (
 OPTIONS = ()
 OUTPUTS = ()
 LIMITS = ()
+SKETCH = (
+    ("pivot", "1", "points"),
+    ("pendulum", "1", "points"),
+    ("bob", "1", "curve"),
+)
 VALIDITY = {}
 PERIOD = math.pi
 OPERATIONS = {"linearised": 9, "residual": 13, "outputs": 0}
@@ -118,6 +123,48 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         [],
+    )
+
+
+def sketch():
+    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    running = casadi.SX.sym("running")
+    parameters = casadi.SX.sym("p", 3)
+    (delta, epsilon, zeta) = casadi.vertsplit(parameters)
+    x0 = casadi.sign(delta)
+    x1 = (1/4)*epsilon*casadi.cos(2*phase)/speed**2
+    x2 = x0*x1
+    x3 = -x2
+    x4 = casadi.sin(q)
+    x5 = casadi.cos(q)
+    x6 = 2*math.pi*running
+    return casadi.Function(
+        "sketch",
+        [phase, speed, coordinates, running, parameters],
+        [
+            casadi.vertcat(
+                -0.100000000000000,
+                x3,
+                0.100000000000000,
+                x3,
+            ),
+            casadi.vertcat(
+                0,
+                x3,
+                x4,
+                -x0*(x1 + x5),
+            ),
+            casadi.vertcat(
+                x4 + 0.08*casadi.cos(x6),
+                -x0*x5 - x2 + 0.08*casadi.sin(x6),
+            ),
+        ],
+        ["phase", "speed", "q", "running", "p"],
+        ["pivot", "pendulum", "bob"],
     )
 
 

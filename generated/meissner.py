@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "a823a9e0016a7feda6122a423fa40bca56d2406ac9295b515905234f5abc2267"
-DERIVE_SHA256 = "9c14492f1997f8da8ce113124f0b71bc8c5619e761204dd4036102f9a13e05bb"
+MECHANISM_SHA256 = "0d04bf238be57b677531795ee4e9650d62ac915350169ac37b5f2e5ae2c4c9ab"
+DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "eb9b0ed8f7fd2ac4dcc343252d99917cf979b919c85530ce299cf6e4aab2d745"
+FILE_SHA256 = "867893388ec61346953232d30f3e7f7771a3984126da0bfeb6faccca9140c8e7"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -26,6 +26,10 @@ PARAMETERS = (
 OPTIONS = ()
 OUTPUTS = ()
 LIMITS = ()
+SKETCH = (
+    ("spring", "1", "points"),
+    ("mass", "1", "points"),
+)
 VALIDITY = {}
 PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 11, "residual": 13, "outputs": 0}
@@ -143,6 +147,73 @@ def outputs():
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
         [],
+    )
+
+
+def sketch():
+    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    running = casadi.SX.sym("running")
+    parameters = casadi.SX.sym("p", 3)
+    (w1, w2, share) = casadi.vertsplit(parameters)
+    x0 = 2*math.pi
+    x1 = 1 - (w2 + (w1 - w2)*(share*x0 - (phase - x0*casadi.floor((phase)/(x0))) > 0))/(w1 + w2)
+    x2 = -x1
+    x3 = 3*q
+    x4 = 5*q
+    x5 = q + 1
+    return casadi.Function(
+        "sketch",
+        [phase, speed, coordinates, running, parameters],
+        [
+            casadi.vertcat(
+                -4,
+                0,
+                (1/13)*(q - 48),
+                x2,
+                (2/13)*(q - 22),
+                x1,
+                (1/13)*x3 - 40/13,
+                x2,
+                (4/13)*(q - 9),
+                x1,
+                (1/13)*x4 - 32/13,
+                x2,
+                (2/13)*x3 - 28/13,
+                x1,
+                (1/13)*(7*q - 24),
+                x2,
+                (4/13)*(2*q - 5),
+                x1,
+                (1/13)*(9*q - 16),
+                x2,
+                (2/13)*x4 - 12/13,
+                x1,
+                (1/13)*(11*q - 8),
+                x2,
+                (4/13)*x3 - 4/13,
+                x1,
+                q,
+                0,
+            ),
+            casadi.vertcat(
+                q,
+                -0.500000000000000,
+                x5,
+                -0.500000000000000,
+                x5,
+                0.500000000000000,
+                q,
+                0.500000000000000,
+                q,
+                -0.500000000000000,
+            ),
+        ],
+        ["phase", "speed", "q", "running", "p"],
+        ["spring", "mass"],
     )
 
 

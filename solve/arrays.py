@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+Plane = NDArray[np.complex128]
+"""Points, velocities, accelerations or directions in the plane, x + iy."""
+
 
 def whole(chosen: Array, count: int) -> bool:
     """Whether positions (k,), or a mask, choose all of so many points in their order: nothing to copy."""

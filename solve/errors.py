@@ -60,6 +60,10 @@ class NoLoadError(SolveError):
     """A system that nothing drives, asked for a vibration that would be zero."""
 
 
+class NoSketchError(SolveError):
+    """A system that states nothing of what it looks like, asked for its picture."""
+
+
 class StepsError(SolveError):
     """A number of steps that the method cannot use: too few, or beyond its stability limit."""
 

@@ -13,6 +13,7 @@ from solve.model.model import Model
 from solve.newton.orbits import nonlinear
 from solve.newton.transients import transient
 from solve.period.quantities import statistics as signal_statistics
+from solve.reports.animation import Animation, animate
 from solve.reports.page import Report
 from solve.reports.report import report
 from solve.results.bands import Band
@@ -44,6 +45,7 @@ from solve.studies.validity import validity
 from solve.system import PeriodicSystem
 
 __all__ = [
+    "Animation",
     "Band",
     "Case",
     "Chart",
@@ -69,6 +71,7 @@ __all__ = [
     "Transient",
     "Validity",
     "Variation",
+    "animate",
     "bands",
     "boundaries",
     "case_numbers",

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 from solve.errors import (
     LinearModelError,
     MatricesError,
     MissingValueError,
     NoDerivativeError,
     NoLoadError,
+    NoSketchError,
     SolveError,
     TransientError,
     ValueOutOfBoundsError,
@@ -196,6 +197,8 @@ class PeriodicSystem:
     """As elements of HTML, MathML among them."""
     links: tuple[DrawnLink, ...] = ()
     """Of which mode shapes can be drawn."""
+    sketch_unit: str = "m"
+    """Of the places of `sketched`."""
     moves: bool = True
     """Whether the drive has positions: a structure may stand still."""
     outputs: tuple[str, ...] = ()
@@ -372,6 +375,14 @@ class PeriodicSystem:
             where = f"case '{self.case}' of {self.name}" if self.case else f"{self.name} has no case and"
             raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
         return speed_in_si(given)
+
+    def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
+        """The lines of its picture by name: places x + iy (points, k) for q (n, k) at phases (k,). Raises
+        NoSketchError where it states none."""
+        raise NoSketchError(
+            f"{self.name} states no lines to draw; add mechanism.sketch(name, points) to its file and derive "
+            "it again, see docs/motion.md"
+        )
 
     def entries(self, phase: Array, speed: float) -> Array:
         """Ω²M, ΩC, K by rows and d beside each other, (m, 3n² + n), for derivatives by the phase."""

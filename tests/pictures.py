@@ -1,8 +1,8 @@
 """`python -m tests.pictures [NAME …]`: renew the pictures of the pages by the commands beside them.
 
-A picture's command is the line of its page that draws a file of its name, `--plot NAME`, or that writes an
-HTML page of its name, whose beginning Chromium shows, or Python with `savefig("NAME")`: a script beside the
-picture, or a block of the page.
+A picture's command is the line of its page that draws a file of its name, `--plot NAME` or `--out NAME`, or
+that writes an HTML page of its name, whose beginning Chromium shows, or Python with `savefig("NAME")`: a
+script beside the picture, or a block of the page.
 """
 
 import re
@@ -47,7 +47,8 @@ def _command(page: Path, place: str) -> str:
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     for command in lines + blocks:
         page_of = f"--out {Path(name).with_suffix('.html')}"
-        if f"--plot {name}" in command or page_of in command or f'savefig("{name}"' in command:
+        ways = f"--plot {name}", f"--out {name}", page_of, f'savefig("{name}"'
+        if any(way in command for way in ways):
             return command
     raise LookupError(f"no command of {page.name} draws {name}")
 
@@ -69,8 +70,9 @@ def run_command(picture: Picture, *flags: str) -> None:
 
     words = shlex.split(re.sub(r"--save \S+", "", picture.command))
     flag = "--out" if "--out" in words else "--plot"
-    file = picture.file.with_suffix(".html") if flag == "--out" else picture.file
-    words[words.index(flag) + 1] = str(file)
+    at = words.index(flag) + 1
+    file = picture.file.with_suffix(Path(words[at]).suffix)
+    words[at] = str(file)
     runs = {"solve": solve, "coupler": coupler, "four_bar": four_bar, "portal_frame": portal_frame}
     if runs[words[2].removeprefix("models.")]([*words[3:], *flags]) != 0:
         raise RuntimeError(f"{picture.command}: failed")

@@ -1,6 +1,6 @@
 """Cam follower driven through an elastic shaft, chapter 4.1."""
 
-from derive import Mechanism, rate
+from derive import Mechanism, cos, rate, sin
 
 
 def mechanism() -> Mechanism:
@@ -47,4 +47,12 @@ def mechanism() -> Mechanism:
     cam.limit("contact_force", ">= 0", beyond="the follower lifts off the cam")
     cam.output("output_displacement", y3, "m", "position y3 of the output link")
     cam.trust(q1=0.05)
+
+    radius, around = 0.5 * cam.metre, cam.around
+    profile, block = radius + U(around), 0.2 * cam.metre
+    cam.sketch("cam", [(profile * sin(around - phi1), profile * cos(around - phi1))])
+    cam.sketch("mark", [(0, 0), (-radius / 2 * sin(phi1), radius / 2 * cos(phi1))])
+    cam.sketch("follower", [(0, radius + y2), (0, radius + y2 + 2 * block)])
+    foot, head = radius + y3 + 2 * block, radius + y3 + 4 * block
+    cam.sketch("output", [(-block, foot), (block, foot), (block, head), (-block, head), (-block, foot)])
     return cam

@@ -64,7 +64,17 @@ def mechanism() -> Mechanism:
     linkage.dissipation = beam.integral(dissipation) / 2
     linkage.force(-Me, along=phi4)
     _state_outputs(linkage, beam, A, I, EI)
+
+    pin, pivot = _polar(l2, linkage.phase), _polar(l1, theta)
+    end = [at + part for at, part in zip(pivot, _polar(l4, phi4), strict=True)]
+    linkage.sketch("crank", [(0, 0), pin])
+    linkage.sketch("coupler", beam.line(pin, phi3))
+    linkage.sketch("follower", [pivot, end])
     return linkage
+
+
+def _polar(length, angle):
+    return length * cos(angle), length * sin(angle)
 
 
 def _state_outputs(linkage: Mechanism, beam, A, I, EI) -> None:  # noqa: E741 - the field's symbol

@@ -8,9 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from models.four_bar.linkage import Linkage, Plane
 from solve import Model
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 from solve.errors import ValueOutOfBoundsError
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
@@ -22,9 +21,6 @@ MOST_POSITIONS = 12
 """Positions that fit on a page."""
 
 _COLUMNS = 4
-_STATIONS = 65
-"""Points along the coupler."""
-
 _TURN_POINTS = 720
 _BULGE = 0.2
 """Part of the coupler's length up to which an automatic magnification may bend it."""
@@ -70,14 +66,12 @@ def checked_magnification(magnification: float) -> float:
 def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> BentCoupler:
     """The mechanism at phases (k,) of the crank. The joints are those of the rigid linkage: the chord's
     shortening is of second order in the deflection."""
-    p, tilt = model.parameters, np.exp(1j * model.parameters["theta"])
-    linkage = Linkage(p["l2"], p["l3"], p["l4"], p["l1"], branch=model.options["branch"])
-    motion = linkage.motion(phase - p["theta"])
-    joints = [0 * phase, motion.position(1, p["l2"]), motion.position(3, p["l4"]), 0 * phase + p["l1"]]
-    xi = np.linspace(0.0, 1.0, _STATIONS)
-    deflection = model.field("w", xi) @ orbit.at(phase)
-    line = motion.position(2, p["l3"] * xi[:, None] + 1j * magnification * deflection)
-    return BentCoupler(phase, np.stack(joints) * tilt, deflection, line * tilt)
+    q = orbit.at(phase)
+    lines = model.sketched(phase, orbit.speed, magnification * q)
+    joints = [lines["crank"][0], lines["crank"][-1], lines["follower"][-1], lines["follower"][0]]
+    line = lines["coupler"]
+    deflection = model.field("w", np.linspace(0.0, 1.0, len(line))) @ q
+    return BentCoupler(phase, np.stack(joints), deflection, line)
 
 
 def round_magnification(model: Model, orbit: Orbit) -> float:
@@ -139,7 +133,7 @@ def _frame(deformed: BentCoupler) -> tuple[complex, complex]:
 
 def _draw_position(axes: Axes, deformed: BentCoupler, k: int) -> None:
     joints, line = deformed.joints[:, k], deformed.line[:, k]
-    middle = float(deformed.deflection[_STATIONS // 2, k])
+    middle = float(deformed.deflection[len(deformed.deflection) // 2, k])
     size = float(np.abs(deformed.deflection).max())
     factor, unit = prefixed("m", size)
     axes.plot(*_xy(joints[[0, 3]]), color=LIGHT, linewidth=0.9, zorder=1)

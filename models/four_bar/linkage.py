@@ -14,13 +14,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 from solve.errors import SolveError, UnknownNameError, ValueOutOfBoundsError
-
-Plane = NDArray[np.complex128]
-"""Points, velocities, accelerations or directions in the plane, x + iy."""
 
 BRANCHES = {"open": 1.0, "crossed": -1.0}
 """Sign of sin(t3 - t2): open has B to the left of the line from A to C, crossed to the right."""

@@ -1,6 +1,6 @@
 """Gear pair with tooth errors, chapter 4.2."""
 
-from derive import Mechanism, rate, sqrt
+from derive import Mechanism, cos, pi, rate, sin, sqrt, tanh
 
 
 def mechanism() -> Mechanism:
@@ -43,4 +43,11 @@ def mechanism() -> Mechanism:
     pair.limit("mesh_force", ">= 0", beyond="the teeth separate; backlash is not in the model")
     pair.output("pinion_speed_ripple", rate(phi1 - pair.phase), "rad/s", "pinion's speed against its mean")
     pair.output("wheel_speed_ripple", wheel_ripple, "rad/s", "wheel's speed against its mean")
+
+    # Radii where the pitch circles touch, at a pressure angle of 20°.
+    r1, r2, z2 = rb1 / cos(pi / 9), rb2 / cos(pi / 9), z1 * rb2 / rb1
+    for name, x, r, z, turn in (("pinion", 0, r1, z1, phi1), ("wheel", r1 + r2, r2, z2, phi2 + pi)):
+        rim, at = r + 1.8 * r1 / z1 * tanh(2 * sin(z * pair.around)), pair.around + turn
+        pair.sketch(name, [(x + rim * cos(at), rim * sin(at))])
+        pair.sketch(f"{name}_mark", [(x, 0), (x + r * cos(turn) * 0.8, r * sin(turn) * 0.8)])
     return pair

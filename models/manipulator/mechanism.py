@@ -1,6 +1,6 @@
 """Transport manipulator of a forging press, chapter 4.3."""
 
-from derive import Mechanism, rate
+from derive import Mechanism, cos, rate, sin
 
 
 def mechanism() -> Mechanism:
@@ -38,4 +38,14 @@ def mechanism() -> Mechanism:
     press.output("hammer_displacement", y, "m", "position of the hammer")
     # Linear and nonlinear amplitudes differ by up to 3.3 % at 0.115 rad and by 6 % at 0.16 rad.
     press.trust(q1=0.12)
+
+    radius, around = 0.5 * press.metre, press.around
+    profile, head = radius + U(around), 0.2 * press.metre
+    press.sketch("cam", [(profile * sin(around - phi1), profile * cos(around - phi1))])
+    press.sketch("mark", [(0, 0), (-radius / 2 * sin(phi1), radius / 2 * cos(phi1))])
+    foot, top = radius + y, radius + y + 3 * head
+    press.sketch(
+        "hammer",
+        [(0, foot), (0, top), (-head, top), (-head, top + head), (head, top + head), (head, top), (0, top)],
+    )
     return press

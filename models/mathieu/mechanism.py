@@ -1,6 +1,6 @@
 """Mathieu's equation, thesis 7.2.3 and Appendix E."""
 
-from derive import Abs, Mechanism, cos, pi, rate, sqrt
+from derive import Abs, Mechanism, cos, pi, rate, sign, sin, sqrt
 
 
 def mechanism() -> Mechanism:
@@ -20,4 +20,12 @@ def mechanism() -> Mechanism:
     mathieu.potential = (delta + epsilon * cos(2 * mathieu.phase)) * q**2 / 2
     mathieu.dissipation = zeta * sqrt(Abs(delta)) * rate(q) ** 2
     mathieu.decline_drive_torque("an equation without physical units has no torque")
+
+    # A pendulum of length 1, upright where delta < 0, whose pivot's acceleration is what beats.
+    pivot = -sign(delta) * epsilon / (2 * mathieu.speed) ** 2 * cos(2 * mathieu.phase)
+    bob = pivot - sign(delta) * cos(q)
+    mathieu.sketch("pivot", [(-0.1, pivot), (0.1, pivot)], unit="1")
+    mathieu.sketch("pendulum", [(0, pivot), (sin(q), bob)], unit="1")
+    at = mathieu.around
+    mathieu.sketch("bob", [(sin(q) + 0.08 * cos(at), bob + 0.08 * sin(at))], unit="1")
     return mathieu

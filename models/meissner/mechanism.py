@@ -20,4 +20,11 @@ def mechanism() -> Mechanism:
     meissner.kinetic = rate(q) ** 2 / 2
     meissner.potential = (w2**2 + (w1**2 - w2**2) * first) * q**2 / 2
     meissner.decline_drive_torque("an equation without physical units has no torque")
+
+    # A mass of size 1 on a spring that is wide where it is soft.
+    width, wall = 1 - (w2 + (w1 - w2) * first) / (w1 + w2), -4
+    coils = [(wall + (q - wall) * k / 13, width * (-1) ** k) for k in range(1, 13)]
+    meissner.sketch("spring", [(wall, 0), *coils, (q, 0)], unit="1")
+    box = [(q, -0.5), (q + 1, -0.5), (q + 1, 0.5), (q, 0.5), (q, -0.5)]
+    meissner.sketch("mass", box, unit="1")
     return meissner

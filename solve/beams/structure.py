@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
-from solve.arrays import Array, Asked
+from solve.arrays import Array, Asked, Plane
 from solve.beams.assembly import Beams, Positions, Properties
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frozen import lowest, shapes
@@ -18,6 +18,7 @@ from solve.model.damping import beyond_critical
 from solve.model.model import Model
 from solve.model.sampling import Sampler
 from solve.model.setup import Setup
+from solve.model.sketches import SAMPLES, stated_lines
 from solve.system import DrawnLink, Matrices, ModeShape
 
 if TYPE_CHECKING:
@@ -229,6 +230,15 @@ class StructureModel(Model):
         Raises UnknownNameError and ValueOutOfBoundsError.
         """
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
+
+    def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
+        """Its links, bent, and what it states besides."""
+        fractions = np.linspace(0.0, 1.0, SAMPLES["beam"]).tolist()
+        links = {
+            link.name: np.array([self.path(link.name, at, 0.0, phase, q)[1] for at in fractions])
+            for link in self.links
+        }
+        return {**links, **stated_lines(self.setup, phase, speed, q[:0])}
 
     def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
         """Places x + iy (k,) in m, rigid and with deflections q (n, k), of a point that a section carries

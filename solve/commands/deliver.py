@@ -14,6 +14,7 @@ from solve.results.save import Whole, write_whole, writer
 from solve.results.style import Figure, drawn
 
 if TYPE_CHECKING:
+    from solve.reports.animation import Animation
     from solve.reports.page import Report
 
 
@@ -66,6 +67,16 @@ def deliver_page(made: "Report", file: Path) -> None:
     sys.stdout.flush()
     missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
     _print_warnings([*missing, *made.warnings], [file])
+
+
+def deliver_animation(made: "Animation", file: Path) -> None:
+    """Write the animation to a checked file; print what it shows."""
+    from rich.console import Console
+
+    made.save(file)
+    Console(highlight=False).print(made.title, markup=False, soft_wrap=True)
+    sys.stdout.flush()
+    _print_warnings(made.warnings, [file])
 
 
 def _print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 from solve.errors import (
     MatricesError,
     NoDerivativeError,
@@ -24,6 +24,7 @@ from solve.model.damping import DampedSampler, beyond_critical, damped, damped_r
 from solve.model.generated import model_module, module_of
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
+from solve.model.sketches import stated_lines
 from solve.statistics import Statistics
 from solve.system import SPEED, Dependence, Formulas, Marcher, Matrices, Motion, PeriodicSystem
 
@@ -62,6 +63,7 @@ class Model(PeriodicSystem):
         self.parameter_sources = setup.case.sources
         self.equations = getattr(module, "EQUATIONS", (getattr(module, "NO_EQUATIONS", ""),))
         self.options = setup.options
+        self.sketch_unit = next((unit for _, unit, _ in getattr(module, "SKETCH", ())), self.sketch_unit)
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         self.fits = setup.case.fits
@@ -151,6 +153,9 @@ class Model(PeriodicSystem):
             raise ValueOutOfBoundsError(f"position is {position}; allowed: fractions of the length, 0 to 1")
         shapes = self.setup.function("fields").map(fraction.size)(fraction.reshape(1, -1))
         return shapes.full().T.reshape(*fraction.shape, self.n)
+
+    def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
+        return stated_lines(self.setup, phase, speed, q) or super().sketched(phase, speed, q)
 
     def warnings(self, speed: float) -> list[str]:
         ratios = self.setup.ratios

@@ -235,16 +235,19 @@ def _wide(content: str) -> str:
 
 
 def _picture(figure: Figure, part: Part) -> str:
+    svg = _NAME.sub(rf"\g<1>{_anchor(part.heading)}-", svg_of(figure))
+    name = escape(f"{part.heading}: {part.about}")
+    svg = svg.replace("<svg", f'<svg role="img" aria-label="{name}"', 1)
+    return f"<figure>{svg}</figure>"
+
+
+def svg_of(figure: Figure) -> str:
+    """The figure as an element of HTML, without what only a file of its own needs."""
     stream = BytesIO()
     drawn(figure, Path("picture.svg"))(stream)
     found = _SVG.search(stream.getvalue().decode())
     assert found
-    svg = _NAME.sub(rf"\g<1>{_anchor(part.heading)}-", _UNNEEDED.sub("", found[0])).replace(
-        "xlink:href", "href"
-    )
-    name = escape(f"{part.heading}: {part.about}")
-    svg = svg.replace("<svg", f'<svg role="img" aria-label="{name}"', 1)
-    return f"<figure>{svg}</figure>"
+    return _UNNEEDED.sub("", found[0]).replace("xlink:href", "href")
 
 
 def _made(report: Report) -> str:

@@ -20,7 +20,8 @@ MODELS = [
 
 CHEAP = {
     **dict.fromkeys(
-        ("periodic", "floquet", "sensitivity", "validity", "fit", "transient"), (("--rtol", "1e-3"),)
+        ("periodic", "floquet", "sensitivity", "validity", "fit", "transient", "animate"),
+        (("--rtol", "1e-3"),),
     ),
     **dict.fromkeys(("sweep", "bands", "chart", "critical", "report"), (("--rtol", "1e-2"),)),
     "compare": (("--method", "rk4"), ("--steps", "64"), ("--rtol", "1e-2")),
@@ -33,6 +34,7 @@ NEEDED = {
     "critical": (("--speeds", "30:31:2 rad/s"),),
     "compare": (("--speed", "1 rad/s"),),
     "report": (("--speed", "30 rad/s"), ("--speeds", "30:31:2 rad/s"), ("--out", "a.html")),
+    "animate": (("--speed", "30 rad/s"), ("--frames", "3"), ("--out", "a.gif")),
     "chart": (("--x", "delta=0.5:1.5:3"), ("--y", "epsilon=0.1:0.5:3")),
     "transient": (("--speed", "30 rad/s"), ("--turns", "3")),
     "fit": (("--speed", "30 rad/s"), ("--data", "measured.csv"), ("--free", "k1")),

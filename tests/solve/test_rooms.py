@@ -65,6 +65,7 @@ called = {
     "critical_speeds": solve.critical_speeds(cam, [60.0, 62.0, 64.0], **rough, tolerance=1e-2),
     "frequencies": solve.frequencies(cam),
     "report": solve.report(solve.load("portal_frame")),
+    "animate": solve.animate(cam, "100 rpm", rtol=1e-2),
     "frequencies_over": solve.frequencies_over(cam, "k1", [8e4, 9e4], np.zeros(1)),
     "boundaries": solve.boundaries(at, [0.5, 1.0, 1.5]),
     "open": reopened(tempfile.mkdtemp()),

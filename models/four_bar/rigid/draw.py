@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MultipleLocator
 
-from models.four_bar.linkage import ADVISED, Linkage, Motion, Plane
+from models.four_bar.linkage import ADVISED, Linkage, Motion
 from models.four_bar.rigid.barker import classify
 from models.four_bar.rigid.forces import Body, joint_forces
 from models.four_bar.rigid.record import JOINTS, TURN
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 from solve.results.quantities import prefixed
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
 from solve.units import unit_given

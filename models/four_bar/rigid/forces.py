@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.four_bar.linkage import Motion, Plane
-from solve.arrays import Array
+from models.four_bar.linkage import Motion
+from solve.arrays import Array, Plane
 
 _ACTING = (
     # link, unknown, sign, joint: at its first joint (0) or its second (1)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from models.four_bar.linkage import ADVISED, Linkage, Plane
+from models.four_bar.linkage import ADVISED, Linkage
 from models.four_bar.rigid.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
 from models.four_bar.rigid.forces import (
     Body,
@@ -20,7 +20,7 @@ from models.four_bar.rigid.forces import (
 )
 from models.four_bar.rigid.stresses import LINKS, greatest_stress
 from solve import signal_statistics
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 
 JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
 """The joints, and the force that each carries."""

@@ -88,6 +88,35 @@ BAD = {
         ("report", "cam", "--speeds", "1:2:3 rad/s", "--out", "cam.html"),
         ("names no speed", "--speed"),
     ),
+    "animation without a file": (("animate", "cam", *SPEED), ("--out cam.gif",)),
+    "animation of unknown kind": (
+        ("animate", "cam", *SPEED, "--out", "cam.mp4"),
+        ("cam.mp4", ".gif, .html, .png, .pdf, .svg"),
+    ),
+    "animation in a missing folder": (
+        ("animate", "cam", *SPEED, "--out", "none/cam.gif"),
+        ("none/cam.gif", "no folder"),
+    ),
+    "animation of no frame": (
+        ("animate", "cam", *SPEED, "--out", "a.gif", "--frames", "0"),
+        ("frames is 0", "1 … 720"),
+    ),
+    "too many positions of an animation": (
+        ("animate", "cam", *SPEED, "--out", "a.png", "--frames", "90"),
+        ("frames is 90", "1 … 12"),
+    ),
+    "negative magnification of an animation": (
+        ("animate", "cam", *SPEED, "--out", "a.gif", "--scale", "-1"),
+        ("scale is -1", ">= 0"),
+    ),
+    "animation of what stands still": (
+        ("animate", "portal_frame", "--out", "a.gif"),
+        ("portal_frame", "solve frequencies portal_frame"),
+    ),
+    "unknown quantity beside a free vibration": (
+        ("animate", "mathieu", "--out", "a.gif", "--show", "p"),
+        ("'p'", "q"),
+    ),
     "data below a file": ((*CAM, "--save", "file.txt/cam.csv"), ("file.txt", "no folder")),
     "case file that is none": ((*CAM, "--cases", "none.toml"), ("none.toml", "cannot be read")),
     "case file that is no TOML": ((*CAM, "--cases", "broken.toml"), ("broken.toml", "not TOML")),

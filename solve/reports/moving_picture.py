@@ -1,0 +1,270 @@
+"""Pictures of a mechanism in motion: a still of some positions, and the frames of an animation."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from io import BytesIO
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array, Plane
+from solve.results.plot import labelled
+from solve.results.quantities import prefixed
+from solve.results.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, Axes, Figure, page, styled
+from solve.system import PeriodicSystem
+
+if TYPE_CHECKING:
+    from matplotlib.lines import Line2D
+    from matplotlib.text import Text
+
+_DPI = 100
+_FRAME_MS = 40
+_TALLEST, _LOWEST = 4.8, 2.0
+_PANEL = 0.85
+_MECHANISM = 3.7
+"""Inches: of the mechanism's axes most and least, of a panel with a curve, and how wide the mechanism is."""
+
+_MARGIN = 0.07
+_SAME = 1e-9
+"""Distance, as a part of the mechanism's size, within which two places are one."""
+
+_RIGID = {"color": "#B4B4B4", "linewidth": 2.4, "solid_capstyle": "round", "zorder": 2}
+_MOVED = {"color": BLUE, "linewidth": 1.5, "solid_capstyle": "round", "zorder": 3}
+_GROUND = {"color": BLACK, "linewidth": 1.0, "zorder": 1}
+_JOINT = {"color": BLUE, "marker": "o", "markersize": 4, "linestyle": "", "zorder": 4}
+_HELD = {"color": BLACK, "marker": "^", "markersize": 5.5, "linestyle": "", "zorder": 4}
+_MARK = {"color": VERMILION, "linewidth": 1.0, "zorder": 3}
+_DOT = {"color": VERMILION, "marker": "o", "markersize": 4, "linestyle": "", "zorder": 4}
+
+
+class Panel(NamedTuple):
+    """A quantity: its curve, and its values (frames,)."""
+
+    name: str
+    curve: Array
+    values: Array
+
+
+class Drawn(NamedTuple):
+    """What a picture shows: phases (k,) of its frames, `fine` ones of the curves; lines by name, places
+    x + iy (points, k), of the rigid motion and with the vibration; a panel a quantity."""
+
+    system: PeriodicSystem
+    title: str
+    caption: str
+    doubt: str
+    phase: Array
+    fine: Array
+    rigid: Mapping[str, Plane]
+    moved: Mapping[str, Plane]
+    panels: Sequence[Panel]
+
+    @property
+    def labels(self) -> list[str]:
+        """The phase of each frame, and its turn of several."""
+        turns = self.fine[-1] > 1.5 * self.system.period
+        return [
+            f"φ = {math.degrees(phase % self.system.period if turns else phase):.0f}°"
+            + (f", period {int(phase // self.system.period + _SAME) + 1}" if turns else "")
+            for phase in self.phase
+        ]
+
+
+class Mover(NamedTuple):
+    """A line of the figure, and its places x + iy (points, frames) in the units of its axes."""
+
+    artist: "Line2D"
+    places: Plane
+
+    def show(self, frame: int) -> None:
+        """Put it where it is in a frame."""
+        self.artist.set_data(self.places[:, frame].real, self.places[:, frame].imag)
+
+
+class Scene(NamedTuple):
+    """A figure with what moves in it."""
+
+    figure: Figure
+    movers: list[Mover]
+    label: "Text"
+    labels: list[str]
+
+    def show(self, frame: int) -> None:
+        """Everything as it is in a frame."""
+        for mover in self.movers:
+            mover.show(frame)
+        self.label.set_text(self.labels[frame])
+
+
+def scene(drawn: Drawn) -> Scene:
+    """The mechanism on the left, a panel a quantity with a moving mark on the right."""
+    low, high = _frame(drawn)
+    width, height = (high - low).real, (high - low).imag
+    tall = min(max(_MECHANISM * height / width, _LOWEST, _PANEL * len(drawn.panels)), _TALLEST)
+    with page(tall + 0.95, drawn.title) as figure:
+        grid = figure.add_gridspec(len(drawn.panels), 2, width_ratios=(1.3, 1))
+        axes = figure.add_subplot(grid[:, 0])
+        movers = _mechanism(axes, drawn)
+        _framed(axes, low, high, drawn.system.sketch_unit)
+        label = axes.text(0.02, 0.98, drawn.labels[0], transform=axes.transAxes, va="top")
+        below = None
+        for row, panel in enumerate(drawn.panels):
+            below = figure.add_subplot(grid[row, 1], sharex=below)
+            below.tick_params(labelbottom=row == len(drawn.panels) - 1)
+            movers += _panel(below, drawn, panel)
+        figure.align_ylabels()
+        _caption(figure, drawn)
+    return Scene(figure, movers, label, drawn.labels)
+
+
+def still(drawn: Drawn) -> Figure:
+    """A panel a position."""
+    count = len(drawn.phase)
+    columns = count if count <= 3 else 3 if count in (5, 6, 9) else 4
+    rows = math.ceil(count / columns)
+    low, high = _frame(drawn)
+    row = (PAGE_WIDTH - 0.6) / columns * (high - low).imag / (high - low).real + 0.12
+    with page(1.1 + rows * row, drawn.title) as figure:
+        every = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        for frame, axes in enumerate(every.flat):
+            if frame >= count:
+                axes.set_axis_off()
+                continue
+            for mover in _mechanism(axes, drawn):
+                mover.show(frame)
+            _framed(axes, low, high, drawn.system.sketch_unit)
+            axes.label_outer()
+            axes.set_title(drawn.labels[frame])
+        _caption(figure, drawn)
+    return figure
+
+
+def gif(drawn: Drawn) -> bytes:
+    """An animation for any viewer, without end."""
+    images = [*_images(scene(drawn))]
+    stream = BytesIO()
+    images[0].save(
+        stream, "GIF", save_all=True, append_images=images[1:], duration=_FRAME_MS, loop=0, optimize=True
+    )
+    return stream.getvalue()
+
+
+def _images(made: Scene) -> Iterator:
+    """The frames with one palette. What does not move is drawn once."""
+    from PIL import Image
+
+    artists = [*(mover.artist for mover in made.movers), made.label]
+    made.figure.set_dpi(_DPI)
+    canvas, palette = made.figure.canvas, None
+    with styled():
+        for artist in artists:
+            artist.set_animated(True)
+        canvas.draw()
+        still = canvas.copy_from_bbox(made.figure.bbox)  # type: ignore[attr-defined]
+        for frame in range(len(made.labels)):
+            canvas.restore_region(still)  # type: ignore[attr-defined]
+            made.show(frame)
+            for artist in sorted(artists, key=lambda artist: artist.get_zorder()):
+                artist.axes.draw_artist(artist)
+            pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
+            image = Image.fromarray(np.ascontiguousarray(pixels))
+            palette = palette or image.quantize(colors=64, method=Image.Quantize.FASTOCTREE)
+            yield image.quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+def _mechanism(axes: Axes, drawn: Drawn) -> list[Mover]:
+    """Its lines: what never moves black, the rigid motion grey, the vibration blue; joints between lines."""
+    movers, size = [], abs(np.subtract(*_frame(drawn)))
+    for name, rigid in drawn.rigid.items():
+        moved = drawn.moved[name]
+        if _still(moved, size):
+            axes.plot(moved[:, 0].real, moved[:, 0].imag, **_GROUND)
+            continue
+        movers += [_mover(axes, rigid, _RIGID), _mover(axes, moved, _MOVED)]
+        for end in {0: moved[0], -1: moved[-1]}.values():
+            if _still(end[None], size) and not _closed(moved, size):
+                axes.plot(end[0].real, end[0].imag, **_HELD)
+    joints = _joints(drawn, size)
+    return [*movers, *(_mover(axes, each[None], _JOINT) for each in joints)]
+
+
+def _joints(drawn: Drawn, size: float) -> list[Plane]:
+    """Places (k,) where an end of a moving line is always one of another."""
+    open_lines = [name for name, places in drawn.rigid.items() if not _closed(places, size)]
+    ends = [(name, end) for name in open_lines for end in (0, -1)]
+    found = []
+    for number, (name, end) in enumerate(ends):
+        rigid, moved = drawn.rigid[name][end], drawn.moved[name][end]
+        others = [drawn.rigid[other][at] for other, at in ends[number + 1 :] if other != name]
+        meets = any(np.abs(rigid - other).max() < _SAME * size for other in others)
+        if meets and not _still(moved[None], size):
+            found.append(moved)
+    return found
+
+
+def _still(places: Plane, size: float) -> bool:
+    return bool(np.abs(places - places[:, :1]).max() < _SAME * size)
+
+
+def _closed(places: Plane, size: float) -> bool:
+    return bool(np.abs(places[0] - places[-1]).max() < _SAME * size)
+
+
+def _panel(axes: Axes, drawn: Drawn, panel: Panel) -> list[Mover]:
+    """A quantity over the phase, and what marks the phase of a frame."""
+    factor, unit = prefixed(drawn.system.units.get(panel.name, ""), float(np.abs(panel.curve).max()))
+    axes.axhline(0.0, color=GREY, linewidth=0.5)
+    axes.plot(np.degrees(drawn.fine), factor * panel.curve, color=BLUE)
+    axes.set_xlim(0.0, math.degrees(drawn.fine[-1]))
+    axes.set_ylabel(labelled(panel.name, unit))
+    axes.margins(y=0.1)
+    axes.xaxis.set_major_locator(_turn_ticks(math.degrees(drawn.fine[-1])))
+    if axes.get_subplotspec().is_last_row():  # type: ignore[union-attr]
+        axes.set_xlabel("phase φ (°)")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high)
+    x = np.degrees(drawn.phase)
+    return [
+        _mover(axes, np.stack((x + 1j * low, x + 1j * high)), _MARK),
+        _mover(axes, (x + 1j * factor * panel.values)[None], _DOT),
+    ]
+
+
+def _turn_ticks(degrees: float):
+    from matplotlib.ticker import MultipleLocator
+
+    return MultipleLocator(degrees / 4)
+
+
+def _mover(axes: Axes, places: Plane, style: Mapping) -> Mover:
+    (artist,) = axes.plot(places[:, 0].real, places[:, 0].imag, **style)
+    return Mover(artist, places)
+
+
+def _frame(drawn: Drawn) -> tuple[complex, complex]:
+    """Corners, lower left and upper right, of what every frame needs."""
+    places = np.concatenate([each.ravel() for lines in (drawn.rigid, drawn.moved) for each in lines.values()])
+    low = complex(places.real.min(), places.imag.min())
+    high = complex(places.real.max(), places.imag.max())
+    room = _MARGIN * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
+    return low - room, high + room
+
+
+def _framed(axes: Axes, low: complex, high: complex, unit: str) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    factor, shown = prefixed(unit, max(map(abs, (low, high))))
+    axes.set(xlim=(low.real, high.real), ylim=(low.imag, high.imag), aspect="equal")
+    for axis, set_label, name in (
+        (axes.xaxis, axes.set_xlabel, "x"),
+        (axes.yaxis, axes.set_ylabel, "y"),
+    ):
+        axis.set_major_locator(MaxNLocator(4))
+        axis.set_major_formatter(lambda value, _: f"{value * factor:.6g}".replace("-", "−"))
+        set_label(f"{name} ({shown})" if shown else name)
+    axes.grid(color=LIGHT, linewidth=0.4)
+
+
+def _caption(figure: Figure, drawn: Drawn) -> None:
+    lines = filter(None, (drawn.caption, drawn.doubt))
+    figure.supxlabel("\n".join(lines), fontsize=8.5, color=VERMILION if drawn.doubt else GREY)

@@ -1,0 +1,58 @@
+"""`solve animate`."""
+
+import pytest
+from PIL import Image
+
+import solve
+
+CAM = ("animate", "cam", "--speed", "600 rpm", "--rtol", "1e-3", "--frames", "3")
+
+
+def test_the_animation_is_that_of_python(command, tmp_path):
+    ran = command(*CAM, "--out", "mine.html", "--scale", "2", "--show", "q2")
+    assert ran.status == 0
+    made = solve.animate(solve.load("cam"), "600 rpm", 2.0, 3, ["q2"], rtol=1e-3)
+    assert (tmp_path / "mine.html").read_text("utf-8") == made.html
+    assert ran.out == "cam, case 1, 600 rpm: vibration magnified 2 times\n"
+    said = ran.err.replace("\n", " ")
+    assert "the linearisation is not to be trusted: max|q1| = 0.867 rad" in said
+    assert "wrote mine.html" in said
+    assert "the linearisation is not to be trusted" in made.html
+
+
+@pytest.mark.parametrize("ending", [".gif", ".GIF", ".png", ".svg", ".pdf"])
+def test_files_by_their_ending(command, tmp_path, ending):
+    ran = command(*CAM, "--out", f"mine{ending}")
+    assert ran.status == 0
+    content = (tmp_path / f"mine{ending}").read_bytes()
+    begins = {".gif": b"GIF89a", ".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[ending.lower()]
+    assert content.startswith(begins)
+    if ending == ".gif":
+        assert Image.open(tmp_path / "mine.gif").n_frames == 3
+
+
+@pytest.mark.slow
+def test_the_nonlinear_orbit(command):
+    ran = command(*CAM, "--nonlinear", "--out", "mine.png")
+    assert ran.status == 0
+    assert "not to be trusted" not in ran.err
+
+
+def test_a_model_without_lines_is_told_how_to_state_them(command, tmp_path, monkeypatch):
+    monkeypatch.setattr("solve.model.model.stated_lines", lambda *_: {})
+    ran = command(*CAM, "--out", "mine.gif")
+    assert (ran.status, ran.out) == (2, "")
+    assert "cam states no lines to draw; add mechanism.sketch(name, points)" in ran.err
+    assert "docs/motion.md" in ran.err
+    assert ran.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_animation_that_is_interrupted_leaves_no_file(command, tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("solve.reports.animation.gif", interrupted)
+    ran = command(*CAM, "--out", "mine.gif")
+    assert (ran.status, ran.out) == (130, "")
+    assert list(tmp_path.iterdir()) == []
