@@ -1,6 +1,7 @@
 """What is of interest in a structure whose links move: deflections, stresses, joint forces, energy."""
 
 from collections.abc import Iterator
+from itertools import product
 from typing import NamedTuple
 
 from derive.declarations import Output
@@ -17,8 +18,9 @@ class Observed(NamedTuple):
 
 
 def observed(structure: Structure) -> list[Observed]:
-    """Of a link that is clamped at one end the tip's deflection and the root's stresses, of another those
-    of its middle; what the joints bear; the strain energy of all links. Nothing of a structure at rest."""
+    """Of each link the stresses at its middle, and its deflection there; of one that is clamped at one end
+    the tip's deflection instead, and the root's stresses too; what the joints bear; the strain energy of all
+    links. Nothing of a structure at rest."""
     if not structure.moves:
         return []
     energy = Output("strain_energy", None, "J", "strain energy of all links")
@@ -32,16 +34,15 @@ def observed(structure: Structure) -> list[Observed]:
 def _of_link(structure: Structure, link: Link) -> Iterator[Observed]:
     clamped = [structure.rotation(link, joint) == "" for joint in (link.start, link.end)]
     ends = clamped[0] != clamped[1]
-    deflected, strained = (float(clamped[0]), float(clamped[1])) if ends else (0.5, 0.5)
-    place = "tip" if ends else "midpoint"
+    place, deflected = ("tip", float(clamped[0])) if ends else ("midpoint", 0.5)
     meaning = f"transverse deflection of the {link.name}'s {place} from its rigid motion"
     deflection = Output(f"{link.name}_{place}_deflection", None, "m", meaning)
     yield Observed(deflection, "deflection", link.name, deflected)
-    place = "root" if ends else "midpoint"
-    for surface in ("plus", "minus"):
+    strained = {"root": float(clamped[1])} if ends else {}
+    for place, surface in product((*strained, "midpoint"), ("plus", "minus")):
         meaning = f"axial stress at the {link.name}'s {place}, {surface} surface"
         stress = Output(f"{link.name}_{place}_stress_{surface}", None, "Pa", meaning)
-        yield Observed(stress, f"stress_{surface}", link.name, strained)
+        yield Observed(stress, f"stress_{surface}", link.name, strained.get(place, 0.5))
 
 
 def _of_joint(structure: Structure, joint: str) -> Iterator[Observed]:

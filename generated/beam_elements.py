@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
+DERIVE_SHA256 = "3ac182b3bce546d825f18aa8e15783c9b9d23c08090c611e4992eb4d126f7d31"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8ca05278badac15d1625ea9fe41bf0bccbd53565c922fe92ef80450ce008806b"
+FILE_SHA256 = "4dd4332bdca19904b64a5e17b901afa71b4f6f50aab8a65961150787af562a5d"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "d94cd8e405993847ec1d3af1c01c4cf5bfedb166350c4c0d44e717262d881b49"
+DERIVE_SHA256 = "3ac182b3bce546d825f18aa8e15783c9b9d23c08090c611e4992eb4d126f7d31"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "51a9f7ba9f433ac7a9e8242767e204a3b515c67c5fb21700a20fe84b8f9dd271"
+FILE_SHA256 = "0a8c4fd34e4a757061968e8a285d0fb41470e9b434ac40fae8401ddc6e9c0cbe"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -43,6 +43,8 @@ OUTPUTS = (
     ("crank_tip_deflection", "m", "transverse deflection of the crank's tip from its rigid motion"),
     ("crank_root_stress_plus", "Pa", "axial stress at the crank's root, plus surface"),
     ("crank_root_stress_minus", "Pa", "axial stress at the crank's root, minus surface"),
+    ("crank_midpoint_stress_plus", "Pa", "axial stress at the crank's midpoint, plus surface"),
+    ("crank_midpoint_stress_minus", "Pa", "axial stress at the crank's midpoint, minus surface"),
     ("coupler_midpoint_deflection", "m", "transverse deflection of the coupler's midpoint from its rigid motion"),
     ("coupler_midpoint_stress_plus", "Pa", "axial stress at the coupler's midpoint, plus surface"),
     ("coupler_midpoint_stress_minus", "Pa", "axial stress at the coupler's midpoint, minus surface"),
@@ -101,6 +103,8 @@ OBSERVED = (
     ("deflection", "crank", 1.0),
     ("stress_plus", "crank", 0.0),
     ("stress_minus", "crank", 0.0),
+    ("stress_plus", "crank", 0.5),
+    ("stress_minus", "crank", 0.5),
     ("deflection", "coupler", 0.5),
     ("stress_plus", "coupler", 0.5),
     ("stress_minus", "coupler", 0.5),
