@@ -2,6 +2,8 @@
 
 from solve.derivatives.point import sensitivities
 from solve.errors import SolveError
+from solve.exports.harmonic_transfer import HarmonicTransfer, harmonic_transfer
+from solve.exports.state_space import StateSpace, state_space
 from solve.loading import case_numbers, load
 from solve.methods.gauss import Gauss
 from solve.methods.hill import boundaries
@@ -51,6 +53,7 @@ __all__ = [
     "Fitted",
     "Frequencies",
     "Gauss",
+    "HarmonicTransfer",
     "Model",
     "Newmark",
     "NonlinearOrbit",
@@ -64,6 +67,7 @@ __all__ = [
     "SensitivitiesOver",
     "SolveError",
     "Stability",
+    "StateSpace",
     "Sweep",
     "Sweeps",
     "Transient",
@@ -79,6 +83,7 @@ __all__ = [
     "floquet",
     "frequencies",
     "frequencies_over",
+    "harmonic_transfer",
     "load",
     "nonlinear",
     "open",
@@ -88,6 +93,7 @@ __all__ = [
     "sensitivities_over",
     "signal_statistics",
     "speed_sensitivities",
+    "state_space",
     "sweep",
     "sweeps",
     "transient",

@@ -46,7 +46,7 @@ class Hill(Fourier):
         rates = 2j * np.pi / point.period * orders
         M, C, K, d = (_spectrum(part[0], 2 * N) for part in matrices(point, _samples(point, 2 * N)))
         smooth, rate = (part[:, None, None] for part in (1.0 / (1.0 - rates**2), rates))
-        M0, (M, C, K) = M[2 * N], (toeplitz(part, orders) for part in (M, C, K))
+        M0, (M, C, K) = M[2 * N], (toeplitz(part, orders, orders) for part in (M, C, K))
         blocks = (K + rate * C + rate**2 * M) * smooth
         unit = 1.0 / np.sqrt(np.abs(np.diag(M0)))
         u, condition = balanced(together(unit[:, None] * blocks * unit), (d[N : 3 * N + 1] * unit).ravel())
@@ -160,16 +160,16 @@ def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
     orders = np.arange(-N, N + 1) if shift == 0.0 else np.arange(-N, N)
     P = _spectrum(state_rate(point, _samples(point, 2 * N))[0, ..., :-1], 2 * N)
     size = P.shape[-1]
-    blocks = toeplitz(P, orders)
+    blocks = toeplitz(P, orders, orders)
     blocks[range(len(orders)), range(len(orders))] -= (
         2j * np.pi / point.period * (orders + shift)[:, None, None] * np.eye(size)
     )
     return together(blocks)
 
 
-def toeplitz(spectrum: Array, orders: Array) -> Array:
-    """Blocks (k, k, …) P_{i-j} for orders i, j of (k,), of a spectrum that has P_0 in its middle."""
-    return spectrum[len(spectrum) // 2 + orders[:, None] - orders]
+def toeplitz(spectrum: Array, rows: Array, columns: Array) -> Array:
+    """Blocks (j, k, …) P_{row - column} for orders (j,) and (k,), of a spectrum with P_0 in its middle."""
+    return spectrum[len(spectrum) // 2 + rows[:, None] - columns]
 
 
 def together(blocks: Array) -> Array:
