@@ -2,6 +2,7 @@
 
 from solve.derivatives.point import sensitivities
 from solve.errors import SolveError
+from solve.exports.export import export
 from solve.exports.harmonic_transfer import HarmonicTransfer, harmonic_transfer
 from solve.exports.state_space import StateSpace, state_space
 from solve.loading import case_numbers, load
@@ -79,6 +80,7 @@ __all__ = [
     "chart",
     "compare",
     "critical_speeds",
+    "export",
     "fit",
     "floquet",
     "frequencies",

@@ -27,6 +27,7 @@ COMMANDS = {
     "fit": "Parameters of the model from measured vibration, with intervals.",
     "validity": "How far the linear model is off over speed, and up to which speed to trust it.",
     "report": "Everything about a model on one page of HTML.",
+    "export": "The equations for another tool: MATLAB, C, or an FMU.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",
 }
 """Of `solve`: what `solve --help` says of each, the first line of its own help too."""

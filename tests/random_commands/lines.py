@@ -33,6 +33,7 @@ NEEDED = {
     "critical": (("--speeds", "30:31:2 rad/s"),),
     "compare": (("--speed", "1 rad/s"),),
     "report": (("--speed", "30 rad/s"), ("--speeds", "30:31:2 rad/s"), ("--out", "a.html")),
+    "export": (("--speed", "30 rad/s"), ("--out", "a.mat")),
     "chart": (("--x", "delta=0.5:1.5:3"), ("--y", "epsilon=0.1:0.5:3")),
     "transient": (("--speed", "30 rad/s"), ("--turns", "3")),
     "fit": (("--speed", "30 rad/s"), ("--data", "measured.csv"), ("--free", "k1")),

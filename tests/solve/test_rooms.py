@@ -52,6 +52,7 @@ called = {
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
     "floquet": solve.floquet(mathieu, 1.0, **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
+    "export": solve.export(cam, tempfile.mkdtemp() + "/cam.c"),
     "state_space": solve.state_space(cam, "600 rpm"),
     "harmonic_transfer": solve.harmonic_transfer(mathieu, 1.0),
     "sweep": solve.sweep(cam, [62.0, 63.0], **rough),
