@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from solve.exports.c_code import c_code
+from solve.exports.fmu import fmu
 from solve.exports.mat_file import mat_file
 from solve.exports.state_space import SAMPLES, state_space
 from solve.results.save import Whole, checked
@@ -29,8 +30,12 @@ def export(
 
     .mat: the state space over `samples` phases with its multipliers, for MATLAB, of any system. .c, with a .h
     beside it: the linearised and the nonlinear equations as functions of phase, speed, states and parameters.
+    .fmu: the nonlinear equations as a functional mock-up unit (FMI 3.0, model exchange) for the machine on
+    which it is made, starting on the periodic orbit.
+
     speed: in rad/s, or a text with unit, by default that of the case; the functions of C take any. Raises
-    FileError, LinearModelError where there are no formulas for .c, and other SolveError subclasses.
+    FileError, LinearModelError where there are no formulas for .c and .fmu,
+    MissingLibraryError where the extra `fmu` or a compiler is missing, and other SolveError subclasses.
     """
     file = checked(path, ENDINGS, "export")
     contents, warnings = ENDINGS[file.suffix.lower()](system, file, speed, samples)
@@ -62,8 +67,15 @@ def _c(system: PeriodicSystem, file: Path, speed: float | str | None, samples: i
     return {file: source.encode(), file.with_suffix(".h"): header.encode()}, warnings
 
 
+def _fmu(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Made:
+    system.require_motion()
+    content, warnings = fmu(system, system.speed_or_usual(speed))
+    return {file: content}, warnings
+
+
 ENDINGS: dict[str, Callable[[PeriodicSystem, Path, float | str | None, int], _Made]] = {
     ".mat": _mat,
     ".c": _c,
+    ".fmu": _fmu,
 }
 """By the file's ending, what makes the contents of the files, and the warnings."""
