@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import LinearModelError, MissingLibraryError, NoLoadError, ValueOutOfBoundsError
+from solve.errors import MissingLibraryError, NoLoadError, ValueOutOfBoundsError
 from solve.exports.equations import identifier, require_formulas
 from solve.exports.extras import library
 from solve.exports.state_space import signals
@@ -72,18 +72,14 @@ def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
     States are phase and speed of the drive, coordinates and their rates, which start on the periodic orbit of
     the nonlinear equations at the speed (rad/s); inputs are the acceleration of the drive and a force along
     each coordinate, 0 unless they are connected; parameters are tunable. It holds its C code and a library
-    for the machine on which it is made.
+    for the machine on which it is made. Jumps of the matrices are events, at the phases that they have with
+    the given parameters.
 
-    Raises LinearModelError for systems without formulas and for those that jump, MissingLibraryError without
-    compiler, headers or CasADi 3.8, SolveError subclasses where there is no orbit, and ValueOutOfBoundsError
-    where two quantities have one name.
+    Raises LinearModelError for systems without formulas, MissingLibraryError without compiler, headers or
+    CasADi 3.8, ValueOutOfBoundsError where two quantities have one name, and SolveError subclasses where
+    there is no orbit.
     """
     model = require_formulas(system, _WHAT)
-    if model.breaks:
-        raise LinearModelError(
-            f"{_WHAT} of {model.name} would need events where its matrices jump, which CasADi's export does "
-            "not have; write it to a .c or .mat file"
-        )
     headers = Path(library("fmpy", "fmu", _WHAT).__file__).parent / "c-code"
     compiler = _compiler()
     variables, warnings = _variables(model, speed)
@@ -180,6 +176,9 @@ def _exported(model: Model, variables: _Variables, headers: Path, compiler: str)
         builder.eq(builder.der(state), rate)
     for output, value in zip(outputs, casadi.vertsplit(values) if outputs else (), strict=True):
         builder.eq(output, value)
+    for at in model.breaks:
+        # Changes sign there, once a period from above, so that an integrator stops and begins anew.
+        builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - at)) < 0, [])
     files = builder.export_fmu({"no_warning": True, "with_serialization": False})
     options = {
         "compiler": "shell",
