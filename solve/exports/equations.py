@@ -4,7 +4,7 @@ import re
 from typing import NamedTuple
 
 from solve.errors import LinearModelError
-from solve.model.model import Model
+from solve.model.model import Model, ModelAlong
 from solve.system import PeriodicSystem
 
 
@@ -19,7 +19,8 @@ class Quantity(NamedTuple):
 def require_formulas(system: PeriodicSystem, what: str) -> Model:
     """The system as a model with formulas. Raises NoMotionError, LinearModelError."""
     system.require_motion()
-    if not isinstance(system, Model) or system.assembled or not system.nonlinear:
+    along = isinstance(system, ModelAlong)
+    if not isinstance(system, Model) or along or system.assembled or not system.nonlinear:
         raise LinearModelError(
             f"{what} takes the formulas of a mechanism; the matrices of {system.name} are numbers at each "
             "phase: write them to a .mat file"

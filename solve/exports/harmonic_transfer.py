@@ -50,7 +50,7 @@ class HarmonicTransfer:
 
     harmonics: N. orders: of the states in the balance, -orders … orders. error: of H at a probe off the
     imaginary axis, estimated from twice the orders. excitation (2N+1, n): Fourier coefficients of the load
-    d; rest (2N+1, p): of the outputs at q = 0 without forces. The steady vibration is
+    d; rest (2N+1, p): of the outputs without states and forces. The steady vibration is
     H(0) excitation + rest as far as N reaches. signals: names of states, inputs u and outputs y.
     """
 
@@ -159,7 +159,8 @@ def harmonic_transfer(
 
     harmonics: N, inputs and outputs have the orders -N … N. orders: of the states; by default they are
     doubled until H is exact to `rtol`, or as many as a dense balance takes, with a warning. Inputs and
-    outputs are those of `state_space`. Raises SolveError subclasses for bad input, NoMotionError.
+    outputs are those of `state_space`, also about a nonlinear orbit. Raises SolveError subclasses for bad
+    input, NoMotionError.
 
     >>> import numpy as np
     >>> def oscillator(phase, speed):

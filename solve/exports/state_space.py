@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.exports.extras import library
+from solve.model.model import Model, ModelAlong
 from solve.period.points import rate_of
 from solve.sizes import require_size
 from solve.system import PeriodicSystem
@@ -30,7 +31,7 @@ _FORCES = {"m": "N", "rad": "N m"}
 
 class Coefficients(NamedTuple):
     """At k phases: A (k, 2n, 2n), B (k, 2n, n), C (k, p, 2n), D (k, p, n), the load d (k, n), and y₀ (k, p),
-    the outputs at q = 0 without forces; also M, damping and stiffness (k, n, n), of which they follow."""
+    the outputs without states and forces; also M, damping and stiffness (k, n, n), of which they follow."""
 
     A: Array
     B: Array
@@ -82,27 +83,39 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
     y0 = np.zeros((k, n))
     names = _linear_outputs(system)
     if names:
-        still = np.zeros((3, n, k))
-        at_rest = system.output_values(phase, speed, *still)
-        slopes = _output_slopes(system, names, phase, speed)
+        about = _about(system, phase, speed)
+        slopes = _output_slopes(system, names, phase, speed, about)
         by_a, by_v, by_q = slopes[..., 0, :], slopes[..., 1, :], slopes[..., 2, :]
         moving = np.concatenate((by_q, by_v), axis=-1) + by_a @ rate[:, n:]
         C, D = np.concatenate((C, moving), axis=1), np.concatenate((D, by_a @ inverse), axis=1)
-        y0 = np.concatenate((y0, np.stack([at_rest[name] for name in names], axis=1)), axis=1)
+        values = system.output_values(phase, speed, *about[::-1])
+        there = np.stack([values[name] for name in names], axis=1)
+        there -= np.einsum("kpsn,snk->kp", slopes, about)
+        y0 = np.concatenate((y0, there), axis=1)
     return Coefficients(rate, B, C, D, d, y0, M, damping, K)
 
 
 def _linear_outputs(system: PeriodicSystem) -> Sequence[str]:
     """Outputs whose derivatives by the states are known."""
-    return system.outputs if system.outputs and system.dependence(()).parted else ()
+    return system.outputs if isinstance(system, Model) and not system.assembled else ()
 
 
-def _output_slopes(system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float) -> Array:
-    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q at q = 0."""
-    dependence, still = system.dependence(()), np.zeros((len(phase), 3, system.n))
-    found = np.stack([dependence.output(name, phase, speed, still)[1] for name in names], axis=1)
-    # Those of a dependence are by derivatives by the phase.
-    return found / speed ** np.array([2.0, 1.0, 0.0])[:, None]
+def _about(system: PeriodicSystem, phase: Array, speed: float) -> Array:
+    """q̈, q̇, q (3, n, k) about which outputs are linearised: those of the motion along which the equations
+    are, else 0."""
+    if not isinstance(system, ModelAlong):
+        return np.zeros((3, system.n, len(phase)))
+    return np.stack([speed**k * system.motion(phase, k) for k in (2, 1, 0)])
+
+
+def _output_slopes(
+    system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, about: Array
+) -> Array:
+    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at these (3, n, k)."""
+    rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
+    # Those of a dependence are by derivatives by the phase, and so are the states that it takes.
+    dependence, states = system.dependence(()), np.moveaxis(about, -1, 0) / rates
+    return np.stack([dependence.output(name, phase, speed, states)[1] for name in names], axis=1) / rates
 
 
 @dataclass(frozen=True, repr=False)
@@ -111,7 +124,7 @@ class StateSpace:
 
     phase (m,): even, from 0, without the end of the period. A (m, 2n, 2n), B (m, 2n, n), C (m, p, 2n),
     D (m, p, n) at these phases; d (m, n): the load, which drives the vibration and is added to the inputs;
-    y0 (m, p): outputs at q = 0 without forces. speed in rad/s. SI units.
+    y0 (m, p): outputs without states and forces. speed in rad/s. SI units.
     """
 
     system: PeriodicSystem
@@ -173,8 +186,9 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     many even phases of a period.
 
     Inputs are forces along the coordinates; outputs the coordinates, and those of a model that is given by
-    formulas, linearised about q = 0 (a structure of beams has its coordinates alone). At a jump of the
-    matrices the value after it stands. Raises SolveError subclasses for bad input, NoMotionError.
+    formulas, linearised about q = 0 (a structure of beams has its coordinates alone). The system of a
+    nonlinear orbit, `solve.nonlinear(…).system`, is linearised about that orbit, outputs too. At a jump of
+    the matrices the value after it stands. Raises SolveError subclasses for bad input, NoMotionError.
 
     >>> import numpy as np
     >>> def oscillator(phase, speed):

@@ -108,7 +108,8 @@ def test_what_has_no_formulas_is_refused(tmp_path):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
 
-    for given in (solve.load("four_bar"), solve.PeriodicSystem(oscillator, ["q"])):
+    along = solve.nonlinear(solve.load("manipulator"), "50 rpm").system
+    for given in (solve.load("four_bar"), solve.PeriodicSystem(oscillator, ["q"]), along):
         with pytest.raises(LinearModelError, match=r"write them to a \.mat file"):
             solve.export(given, tmp_path / "a.c")
     with pytest.raises(NoMotionError):

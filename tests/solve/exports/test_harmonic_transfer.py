@@ -81,6 +81,21 @@ def test_an_output_of_a_model_responds_as_on_the_orbit():
     np.testing.assert_allclose(column, torque, rtol=0, atol=1e-8 * np.abs(torque).max())
 
 
+@pytest.mark.slow
+def test_about_a_nonlinear_orbit_the_response_to_the_load_is_that_orbit():
+    """Its outputs too, which are not linear, but for the orders beyond N; the linear orbit is 35 % off and
+    more."""
+    model, N, speed = solve.load("manipulator"), 60, "300 rpm"
+    orbit, linear = solve.nonlinear(model, speed), solve.periodic(model, speed)
+    transfer = solve.harmonic_transfer(orbit.system, speed, N)
+    steady = np.einsum("iokj,kj->io", transfer.at(0.0).values, transfer.excitation) + transfer.rest
+    for column, name in zip(steady.T, (*model.coordinates, *model.outputs), strict=True):
+        expected = harmonics_of(orbit.signal(name), model.period, N)
+        largest = np.abs(expected).max()
+        np.testing.assert_allclose(column, expected, rtol=0, atol=1e-5 * largest)
+        assert np.abs(harmonics_of(linear.signal(name), model.period, N) - expected).max() > 0.3 * largest
+
+
 def test_two_periods_of_the_matrices_are_a_turn_of_the_phase():
     """Mathieu's matrices repeat after π: the orders are multiples of 2 rad/s."""
     model = solve.load("mathieu", delta=1.3, epsilon=0.4, zeta=0.05)
