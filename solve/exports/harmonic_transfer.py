@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.exports.extras import library
+from solve.exports.extras import labels, library
 from solve.exports.state_space import Coefficients, Signals, coefficients, signals
 from solve.methods.fourier import MOST_UNKNOWNS
 from solve.methods.hill import toeplitz, together
@@ -83,9 +83,11 @@ class HarmonicTransfer:
         if error <= self.rtol:
             return []
         jumps = "; the matrices jump, and their harmonics fall slowly" if self.system.breaks else ""
+        most = _most_orders(self.system)
+        more = "more orders, or " if self.orders < most else ""
         return [
-            f"harmonic transfer function with {self.orders} orders of the states: error {error:.1e}, more "
-            f"than the {self.rtol:.1e} asked for{jumps}; give more orders, or a larger rtol"
+            f"harmonic transfer function with {self.orders} orders of the states, of at most {most}: error "
+            f"{error:.1e}, more than the {self.rtol:.1e} asked for{jumps}; give {more}a larger rtol"
         ]
 
     @property
@@ -173,7 +175,7 @@ def harmonic_transfer(
     """
     omega, rtol = speed_in_si(speed), checked_rtol(rtol)
     system.require_motion()
-    most = (MOST_UNKNOWNS // (2 * system.n) - 1) // 4
+    most = _most_orders(system)
     if not (isinstance(harmonics, int | np.integer) and 0 <= harmonics <= most):
         raise ValueOutOfBoundsError(
             f"harmonics is {harmonics!r}; allowed for {system.n} coordinates: 0 … {most}"
@@ -192,6 +194,11 @@ def harmonic_transfer(
         if orders is not None or first == most or made.error <= rtol:
             return made
         first = min(2 * first, most)
+
+
+def _most_orders(system: PeriodicSystem) -> int:
+    """Of the states, so that twice as many are still worth waiting for."""
+    return (MOST_UNKNOWNS // (2 * system.n) - 1) // 4
 
 
 def _fastest(system: PeriodicSystem, speed: float) -> int:
@@ -281,4 +288,4 @@ def _amplitudes(orders: int) -> Array:
 
 def _phasors(names: Sequence[str], orders: int) -> list[str]:
     parts = ["0", *(f"{part}{k}" for k in range(1, orders + 1) for part in "cs")]
-    return [f"{name}_{part}" for part in parts for name in names]
+    return labels(f"{name}_{part}" for part in parts for name in names)

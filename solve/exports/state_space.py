@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.exports.extras import library
+from solve.exports.extras import labels, library
 from solve.model.model import Model, ModelAlong
 from solve.period.points import rate_of
 from solve.sizes import require_size
@@ -167,9 +167,9 @@ class StateSpace:
         names = self.signals
         return control.StateSpace(
             *(part[0] for part in (at.A, at.B, at.C, at.D)),
-            states=list(names.states),
-            inputs=list(names.inputs),
-            outputs=list(names.outputs),
+            states=labels(names.states),
+            inputs=labels(names.inputs),
+            outputs=labels(names.outputs),
         )
 
     def __repr__(self) -> str:

@@ -147,6 +147,15 @@ def test_a_truncation_that_is_too_short_is_not_silent():
     assert 1e-8 < off < 2 * found.error
 
 
+@pytest.mark.slow
+def test_a_large_structure_says_how_far_its_orders_reach():
+    """Its modes are faster than the orders that a dense balance takes."""
+    beams = solve.load("four_bar")
+    (warning,) = solve.harmonic_transfer(beams, "30 rad/s", 10).warnings
+    assert "27 orders of the states, of at most 27" in warning
+    assert warning.endswith("give a larger rtol")
+
+
 def test_jumps_converge_slowly_and_say_so():
     transfer = solve.harmonic_transfer(solve.load("meissner"), 1.0, 2, orders=20, rtol=1e-10)
     assert "the matrices jump" in transfer.warnings[0]

@@ -93,6 +93,13 @@ def test_a_frozen_system_is_one_of_python_control():
         made.frozen(np.nan)
 
 
+def test_names_with_dots_are_taken_by_python_control():
+    pytest.importorskip("control", reason="python-control is not installed")
+    given = solve.PeriodicSystem(random_system(0, 1).at, ["q.1"])
+    assert solve.state_space(given, 1.0, samples=2).frozen(0.0).output_labels == ["q_1"]
+    assert solve.harmonic_transfer(given, 1.0, 1).lifted().input_labels[1] == "force_q_1_c1"
+
+
 def test_what_is_refused(monkeypatch):
     with pytest.raises(NoMotionError, match="solve frequencies portal_frame"):
         solve.state_space(solve.load("portal_frame"), 1.0)
