@@ -180,16 +180,16 @@ def _exported(model: Model, variables: _Variables, headers: Path, compiler: str)
         # Changes sign there, once a period from above, so that an integrator stops and begins anew.
         builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - at)) < 0, [])
     files = builder.export_fmu({"no_warning": True, "with_serialization": False})
-    options = {
-        "compiler": "shell",
-        "compiler_options": {"compiler": compiler},
-        "include_dirs": [str(headers)],
-    }
+    # Importing tools need not have loaded the mathematical functions.
+    tools = {"compiler": compiler, "linker": compiler, "flags": ["-O2"], "linker_flags": ["-lm"]}
+    options = {"compiler_options": tools, "include_dirs": [str(headers)]}
+    _with_nominals(Path(f"{identifier(model)}_wrap.c"), variables.states)
     try:
         return builder.compile_fmu(files, options)
     except RuntimeError as error:
-        line = str(error).strip().splitlines()[-1]
-        raise MissingLibraryError(f"C compiler '{compiler}' failed for {_WHAT}: {line}; look at it") from None
+        raise MissingLibraryError(
+            f"{_WHAT} needs a C compiler, and '{compiler}' failed; it said above why"
+        ) from error
 
 
 def _with_nominals(wrapper: Path, states: Sequence[_Variable]) -> None:

@@ -123,6 +123,15 @@ def test_inputs_push_the_mass_and_drive_faster(shaken):
         assert found["q"][-1] == pytest.approx(by_hand(end, start, u, acceleration), rel=1e-4)
 
 
+def test_errors_are_measured_by_the_size_of_the_states(tmp_path):
+    """A motion of micrometres by a tolerance of 1e-6: absolute errors of 1e-6 m would be as large as it."""
+    model = solve.load(shaker, **{**SHAKER, "e": 1e-6})
+    solve.export(model, tmp_path / "small.fmu", SPEED)
+    found = simulated(str(tmp_path / "small.fmu"), 2, SPEED, 1e-6)
+    expected = solve.nonlinear(model, SPEED).at(SPEED * found["time"])[0]
+    np.testing.assert_allclose(found["q"], expected, rtol=0, atol=1e-3 * np.abs(expected).max())
+
+
 def test_without_a_load_it_starts_at_rest(tmp_path):
     made = solve.export(solve.load("mathieu"), tmp_path / "mathieu.fmu")
     assert made.warnings[0].endswith("the unit starts at rest")
