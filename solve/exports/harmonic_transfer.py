@@ -170,7 +170,7 @@ def harmonic_transfer(
     ...     return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
     >>> made = harmonic_transfer(PeriodicSystem(oscillator, ["q"]), 1.0, harmonics=1)
     >>> H = made.at(0.0).values
-    >>> H.shape, round(abs(H[2, 0, 2, 0]), 9)
+    >>> H.shape, round(float(abs(H[2, 0, 2, 0])), 9)
     ((3, 1, 3, 1), 0.333148302)
     """
     omega, rtol = speed_in_si(speed), checked_rtol(rtol)
