@@ -2,6 +2,9 @@
 
 from solve.derivatives.point import sensitivities
 from solve.errors import SolveError
+from solve.exports.export import export
+from solve.exports.harmonic_transfer import HarmonicTransfer, harmonic_transfer
+from solve.exports.state_space import StateSpace, state_space
 from solve.loading import case_numbers, load
 from solve.methods.gauss import Gauss
 from solve.methods.hill import boundaries
@@ -53,6 +56,7 @@ __all__ = [
     "Fitted",
     "Frequencies",
     "Gauss",
+    "HarmonicTransfer",
     "Model",
     "Newmark",
     "NonlinearOrbit",
@@ -66,6 +70,7 @@ __all__ = [
     "SensitivitiesOver",
     "SolveError",
     "Stability",
+    "StateSpace",
     "Sweep",
     "Sweeps",
     "Transient",
@@ -78,10 +83,12 @@ __all__ = [
     "chart",
     "compare",
     "critical_speeds",
+    "export",
     "fit",
     "floquet",
     "frequencies",
     "frequencies_over",
+    "harmonic_transfer",
     "load",
     "nonlinear",
     "open",
@@ -91,6 +98,7 @@ __all__ = [
     "sensitivities_over",
     "signal_statistics",
     "speed_sensitivities",
+    "state_space",
     "sweep",
     "sweeps",
     "transient",

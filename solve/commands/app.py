@@ -28,6 +28,7 @@ COMMANDS = {
     "validity": "How far the linear model is off over speed, and up to which speed to trust it.",
     "report": "Everything about a model on one page of HTML.",
     "animate": "The mechanism in motion, its vibration magnified, as an animation or a picture.",
+    "export": "The equations for another tool: MATLAB, C, or an FMU.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",
 }
 """Of `solve`: what `solve --help` says of each, the first line of its own help too."""

@@ -79,6 +79,11 @@ def deliver_animation(made: "Animation", file: Path) -> None:
     _print_warnings(made.warnings, [file])
 
 
+def deliver_files(files: Sequence[Path], warnings: Sequence[str]) -> None:
+    """Say which files were written, after their warnings."""
+    _print_warnings(warnings, files)
+
+
 def _print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:
     from rich.console import Console
     from rich.text import Text

@@ -29,7 +29,7 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
     """The library of a C file with the sizes as macros, and a file with the formulas as another, FORMULAS,
     where there are some; a first compilation is announced by a line of the logger of this module. Raises
     CompilerError."""
-    compiler, identity = _compiler()
+    compiler, identity = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
     texts = [each.read_text(encoding="utf-8") for each in (source, *sorted(_HEADERS.glob("*.h")))]
     text = "\0".join((*texts, formulas, identity, *MACHINE, *_FLAGS, *macros))
@@ -73,7 +73,7 @@ def _hash(content: bytes) -> str:
 
 
 @lru_cache
-def _compiler() -> tuple[str, str]:
+def c_compiler() -> tuple[str, str]:
     """Path of the C compiler, and a text that tells it and this machine's processor from others."""
     wanted = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
     found = next(filter(None, map(shutil.which, wanted)), None)

@@ -45,13 +45,11 @@ class Hill(Fourier):
         orders = np.arange(-N, N + 1)
         rates = 2j * np.pi / point.period * orders
         M, C, K, d = (_spectrum(part[0], 2 * N) for part in matrices(point, _samples(point, 2 * N)))
-        index = 2 * N + orders[:, None] - orders
         smooth, rate = (part[:, None, None] for part in (1.0 / (1.0 - rates**2), rates))
-        blocks = (K[index] + rate * C[index] + rate**2 * M[index]) * smooth
-        unit = 1.0 / np.sqrt(np.abs(np.diag(M[2 * N])))
-        blocks = unit[:, None] * blocks * unit
-        matrix = np.swapaxes(blocks, 1, 2).reshape(len(orders) * n, len(orders) * n)
-        u, condition = balanced(matrix, (d[N : 3 * N + 1] * unit).ravel())
+        M0, (M, C, K) = M[2 * N], (toeplitz(part, orders, orders) for part in (M, C, K))
+        blocks = (K + rate * C + rate**2 * M) * smooth
+        unit = 1.0 / np.sqrt(np.abs(np.diag(M0)))
+        u, condition = balanced(together(unit[:, None] * blocks * unit), (d[N : 3 * N + 1] * unit).ravel())
         q = (u.reshape(-1, n) * unit * smooth[:, 0])[N:]
         q[1:] *= 2.0
         return FourierCurve(grid.nodes, q.T[None]), condition
@@ -162,11 +160,22 @@ def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
     orders = np.arange(-N, N + 1) if shift == 0.0 else np.arange(-N, N)
     P = _spectrum(state_rate(point, _samples(point, 2 * N))[0, ..., :-1], 2 * N)
     size = P.shape[-1]
-    blocks = P[2 * N + orders[:, None] - orders]
+    blocks = toeplitz(P, orders, orders)
     blocks[range(len(orders)), range(len(orders))] -= (
         2j * np.pi / point.period * (orders + shift)[:, None, None] * np.eye(size)
     )
-    return np.swapaxes(blocks, 1, 2).reshape(len(orders) * size, len(orders) * size)
+    return together(blocks)
+
+
+def toeplitz(spectrum: Array, rows: Array, columns: Array) -> Array:
+    """Blocks (j, k, …) P_{row - column} for orders (j,) and (k,), of a spectrum with P_0 in its middle."""
+    return spectrum[len(spectrum) // 2 + rows[:, None] - columns]
+
+
+def together(blocks: Array) -> Array:
+    """Blocks (j, k, a, b) as one matrix (j a, k b)."""
+    j, k, a, b = blocks.shape
+    return np.swapaxes(blocks, 1, 2).reshape(j * a, k * b)
 
 
 def _samples(point: Points, orders: int) -> Array:

@@ -35,6 +35,7 @@ NEEDED = {
     "compare": (("--speed", "1 rad/s"),),
     "report": (("--speed", "30 rad/s"), ("--speeds", "30:31:2 rad/s"), ("--out", "a.html")),
     "animate": (("--speed", "30 rad/s"), ("--frames", "3"), ("--out", "a.gif")),
+    "export": (("--speed", "30 rad/s"), ("--out", "a.mat")),
     "chart": (("--x", "delta=0.5:1.5:3"), ("--y", "epsilon=0.1:0.5:3")),
     "transient": (("--speed", "30 rad/s"), ("--turns", "3")),
     "fit": (("--speed", "30 rad/s"), ("--data", "measured.csv"), ("--free", "k1")),

@@ -170,6 +170,7 @@ DATA = (
     "full.csv",
     "y" * 300 + ".nc",
 )
+EXPORTS = ("a.mat", "a.c", "a.fmu", "none/a.c", "folder.c", "full.c", "y" * 300 + ".mat", 'quoted".c')
 CASES = {
     "good.toml": '[case.1]\nspeed = "600 rpm"\n[case.1.parameters]\n'
     'k1 = { value = 8e4, unit = "N m/rad", source = "s" }\n',
@@ -263,6 +264,7 @@ VALUES: dict[str, tuple[str, ...]] = {
         "y" * 300 + ".html",
         "a.gif",
         "a.svg",
+        *EXPORTS,
     ),
     "--over": (*RANGE, "L4=0.5,0.6", "L4=0.5:0.6:2", "m=0.1:0.2:2"),
     "--periods": ("1", "2", "0", "100000000"),
@@ -270,6 +272,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--position": ("70 deg", "1e300 rad", "1 m"),
     "--positions": _COUNT,
     "--rtol": ("1e-3", "1e-2", "1e-15", "0.5"),
+    "--samples": ("12", "0", "1.5", "100000000"),
     "--save": DATA,
     "--scale": ("dB", "linear", "10", "0", "1e300"),
     "--scheduler": ("tcp://127.0.0.1:9", "http://127.0.0.1", "127.0.0.1"),
@@ -298,7 +301,7 @@ def prepare(folder: Path) -> None:
     """The files that the command lines name."""
     for name, content in {**CASES, **MECHANISMS, **MEASURED, "file.txt": ""}.items():
         (folder / name).write_text(content, encoding="utf-8", errors="surrogateescape")
-    for name in ("folder.png", "folder.csv"):
+    for name in ("folder.png", "folder.csv", "folder.c"):
         (folder / name).mkdir()
-    for name in ("full.png", "full.csv"):
+    for name in ("full.png", "full.csv", "full.c"):
         (folder / name).symlink_to("/dev/full")

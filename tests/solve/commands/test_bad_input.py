@@ -117,6 +117,26 @@ BAD = {
         ("animate", "mathieu", "--out", "a.gif", "--show", "p"),
         ("'p'", "q"),
     ),
+    "export without a file": (("export", "cam", *SPEED), ("no file given", "--out cam.mat")),
+    "export of unknown kind": (("export", "cam", *SPEED, "--out", "cam.slx"), ("cam.slx", ".mat, .c, .fmu")),
+    "export in a missing folder": (
+        ("export", "cam", *SPEED, "--out", "none/cam.mat"),
+        ("none/cam.mat", "no folder"),
+    ),
+    "export without a speed": (("export", "cam", "--out", "cam.mat"), ("names no speed", "--speed")),
+    "export at no phases": (
+        ("export", "cam", *SPEED, "--out", "cam.mat", "--samples", "0"),
+        ("samples is 0", "at least 1"),
+    ),
+    "export at too many phases": (
+        ("export", "cam", *SPEED, "--out", "cam.mat", "--samples", "100000000"),
+        ("1e+08 samples", "--limit"),
+    ),
+    "export of a structure as C": (("export", "four_bar", "--out", "four_bar.c"), ("four_bar", ".mat")),
+    "export of what stands still": (
+        ("export", "portal_frame", "--out", "frame.mat"),
+        ("solve frequencies portal_frame",),
+    ),
     "data below a file": ((*CAM, "--save", "file.txt/cam.csv"), ("file.txt", "no folder")),
     "case file that is none": ((*CAM, "--cases", "none.toml"), ("none.toml", "cannot be read")),
     "case file that is no TOML": ((*CAM, "--cases", "broken.toml"), ("broken.toml", "not TOML")),

@@ -11,7 +11,7 @@ def nothing_remembered():
 
     def forget():
         of_lanes = library.library, library.trouble, library.available
-        for remembered in (compiler._compiler, *of_lanes, formulas._library):
+        for remembered in (compiler.c_compiler, *of_lanes, formulas._library):
             remembered.cache_clear()
 
     forget()

@@ -23,7 +23,7 @@ on_x86 = pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reaso
 @pytest.mark.parametrize("width", LACKING)
 def test_the_compiler_chooses_the_width(compiled_for, width):
     compiled_for(*LACKING[width])
-    macros = compiler._compiler()[1]
+    macros = compiler.c_compiler()[1]
     has = 8 if "__AVX512F__" in macros else 4 if "__AVX__" in macros else 2
     assert has <= width
     assert lanes(Size(1, 1, 2, True, False)) == has

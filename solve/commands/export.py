@@ -1,0 +1,25 @@
+"""`solve export`: the equations for another tool."""
+
+from typing import Annotated
+
+from solve.commands.deliver import deliver_files
+from solve.commands.groups import Flag, Problem, Speed
+from solve.errors import MissingValueError
+from solve.exports.export import ENDINGS
+from solve.exports.export import export as exported
+from solve.exports.state_space import SAMPLES
+from solve.results.save import checked
+
+
+def export(
+    problem: Problem,
+    speed: Speed,
+    out: Annotated[str | None, Flag("Where they go: .mat, .c or .fmu by the file's ending.", "FILE")] = None,
+    samples: Annotated[int, Flag("Phases of a period in a .mat file.", "N")] = SAMPLES,
+) -> None:
+    """The equations for another tool: MATLAB, C, or an FMU."""
+    if out is None:
+        raise MissingValueError("no file given; add one, such as --out cam.mat")
+    checked(out, ENDINGS, "export")
+    made = exported(problem.loaded(), out, speed.speed, samples)
+    deliver_files(made.files, made.warnings)

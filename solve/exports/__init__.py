@@ -1,0 +1,1 @@
+"""Linearised and nonlinear equations in the forms of other tools."""

@@ -1,0 +1,33 @@
+"""`solve export`."""
+
+import numpy as np
+from scipy.io import loadmat
+
+import solve
+
+
+def test_the_file_is_that_of_python(command, tmp_path):
+    ran = command(
+        "export", "cam", "--speed", "600 rpm", "--set", "k1=9e4", "--out", "mine.mat", "--samples", "6"
+    )
+    assert ran.status == 0
+    assert "wrote mine.mat" in ran.err
+    made = solve.state_space(solve.load("cam", k1=9e4), "600 rpm", samples=6)
+    found = loadmat(tmp_path / "mine.mat")
+    np.testing.assert_array_equal(np.moveaxis(found["A"], -1, 0), made.A)
+    assert found["C"].shape == (7, 6, 6)
+
+
+def test_c_needs_no_speed_and_tells_of_both_files(command, tmp_path):
+    ran = command("export", "coupler", "--option", "modes=2", "--out", "mine.c")
+    assert ran.status == 0
+    assert ran.err.splitlines() == ["wrote mine.c", "wrote mine.h"]
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["mine.c", "mine.h"]
+
+
+def test_what_is_doubtful_is_warned_of(command, tmp_path):
+    ran = command("export", "four_bar", "--speed", "30 rad/s", "--option", "terms=instantaneous", "--set",
+                  "zeta=0", "--out", "mine.mat", "--samples", "4")  # fmt: skip
+    assert ran.status == 0
+    assert "warning: terms=instantaneous" in ran.err
+    assert (tmp_path / "mine.mat").is_file()

@@ -1,0 +1,46 @@
+"""Files for MATLAB: read back by SciPy, against the system."""
+
+import numpy as np
+from scipy.io import loadmat
+
+import solve
+
+
+def read(system, folder, *speed):
+    solve.export(system, folder / "made.mat", *speed, samples=12)
+    return loadmat(folder / "made.mat", squeeze_me=True)
+
+
+def test_the_phase_counts_last_and_the_matrices_are_those_of_the_system(tmp_path):
+    model, speed = solve.load("cam"), 60.0
+    found = read(model, tmp_path, speed)
+    parts = dict(zip(("M", "Cq", "K", "d"), model.at(found["phase"], speed), strict=True))
+    for name, expected in parts.items():
+        np.testing.assert_array_equal(np.moveaxis(found[name], -1, 0), expected)
+    for k in range(12):
+        M, Cq, K = (found[name][..., k] for name in ("M", "Cq", "K"))
+        A, B = found["A"][..., k], found["B"][..., k]
+        np.testing.assert_allclose(M @ A[3:], -np.hstack((K, Cq)), rtol=1e-9, atol=1e-9 * np.abs(K).max())
+        np.testing.assert_allclose(M @ B[3:], np.eye(3), atol=1e-12)
+
+
+def test_names_units_parameters_and_multipliers(tmp_path):
+    model = solve.load("manipulator")
+    found = read(model, tmp_path)
+    assert found["outputs"].tolist() == ["q1", "q2", *model.outputs]
+    assert found["input_units"].tolist() == ["N m", "N"]
+    assert dict(zip(found["parameter_names"], found["parameter_values"], strict=True)) == model.parameters
+    np.testing.assert_allclose(found["speed"], 50 * 2 * np.pi / 60, rtol=1e-14)
+    np.testing.assert_array_equal(found["multipliers"], solve.floquet(model, "50 rpm").multipliers)
+    assert found["verdict"] == "asymptotically stable"
+
+
+def test_a_system_of_ones_own_and_a_structure_of_beams(tmp_path):
+    def oscillator(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
+
+    found = read(solve.PeriodicSystem(oscillator, ["q"]), tmp_path, 1.0)
+    assert found["A"].shape == (2, 2, 12)
+    assert found["parameter_values"].size == 0
+    assert read(solve.load("four_bar"), tmp_path, "30 rad/s")["A"].shape == (18, 18, 12)
