@@ -13,7 +13,6 @@ project, release = _about["Name"], _about["Version"]
 project_copyright = ""
 
 extensions = ["sphinx.ext.autodoc", "myst_nb", "sphinx_copybutton", "docstrings", "executed", "mathml"]
-suppress_warnings = ["toc.not_readable"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
