@@ -59,6 +59,19 @@ def test_stresses_need_more_elements_than_deflections(orbit):
         assert abs(found / truth - 1) < 0.3
 
 
+def test_models_but_that_of_one_element_agree_in_phase(orbit):
+    """7.4.1, Fig. 7.9: crank angle of the follower's largest stress at 30 rad/s, in degrees."""
+    others = [
+        solve.periodic(solve.load("four_bar", options={"elements": n}), 30.0, rtol=1e-4) for n in (1, 3)
+    ]
+    one, two, three = (
+        np.degrees(each.statistics("follower_midpoint_stress_plus").min_phase)
+        for each in (others[0], orbit, others[1])
+    )
+    assert abs(two - three) < 0.5
+    assert abs(one - three) > 4
+
+
 @pytest.mark.slow
 def test_more_elements_lower_the_critical_speeds():
     """7.4.1, order 4: one element a link has it over 8 % above two."""
@@ -81,6 +94,19 @@ def test_damping_ends_an_instability_far_below_the_first_frequency(zeta, stable)
     found = solve.floquet(model, 61.05, rtol=1e-5)
     assert found.stable is stable
     assert (found.spectral_radius > 1.005) == (not stable)
+
+
+def cycles(speed, zeta):
+    """Until 1e-4 of a transient is left, by the largest modulus of the multipliers."""
+    found = solve.floquet(solve.load("four_bar", zeta=zeta), speed, rtol=1e-5)
+    return np.log(1e-4) / np.log(found.spectral_radius)
+
+
+def test_marching_is_slow_with_little_damping_and_hardly_slower_at_a_critical_speed():
+    """2.2.2, 6.2, 7.2: 61.33 rad/s beside quiet speeds on either side, and with a tenth of the damping."""
+    critical, *quiet = (cycles(speed, 0.02) for speed in (61.33, 56.0, 67.0))
+    assert max(quiet) < critical < 1.25 * min(quiet)
+    assert cycles(61.33, 0.002) > 5 * critical
 
 
 @pytest.mark.slow
