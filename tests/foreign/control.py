@@ -12,10 +12,11 @@ VARGA = Source(
     "andreasvarga/PeriodicSystems.jl, test/test_pslifting.jl",
 )
 ZHOU_HAGIWARA = Source(
-    "J. Zhou, T. Hagiwara",
-    "example of Systems & Control Letters 2002",
-    "2002",
-    "andreasvarga/PeriodicSystems.jl, test/test_pslifting.jl",
+    "J. Zhou, T. Hagiwara, M. Araki",
+    "Spectral characteristics and eigenvalues computation of the harmonic state operators in continuous-time "
+    "periodic systems, Systems & Control Letters 53, 141-155",
+    "2004",
+    'as andreasvarga/PeriodicSystems.jl cites it; its test/test_pslifting.jl says "Zhou, Hagiwara SCL 2002"',
 )
 
 

@@ -12,7 +12,7 @@ HANDBOOK = Source(
     "J. Burkardt, after M. Abramowitz and I. A. Stegun",
     "test values for TOMS 352, of Handbook of Mathematical Functions, chapter 20",
     "2006",
-    "kthohr/jburkardt-f77, toms352/toms352_prb.f",
+    "johannesgerer/jburkardt-f77, toms352/toms352_prb.f",
 )
 ZHANG_JIN = Source(
     "S. Zhang, J. Jin",
@@ -32,7 +32,8 @@ ANDREW = Source(
     "Correction of finite difference eigenvalues of periodic Sturm-Liouville problems, J. Austral. Math. "
     "Soc. B 30",
     "1989",
-    "digits as in the tests of twist-numerical/matslise, test/matslise/periodic.cpp",
+    "digits as in the tests of twist-numerical/matslise, test/matslise/periodic.cpp, which cite it and "
+    "sciencedirect 0168927495000675",
 )
 IMPACTX = Source(
     "A. Huebl, C. Mitchell and others",

@@ -6,9 +6,9 @@ import solve
 from tests.foreign.wall import Case, Source
 
 ROSS = Source(
-    "ROSS developers (petrobras)",
-    "ROSS, test_rotor_assembly.py, rotor3",
-    "2024",
+    "R. Timbó and others",
+    "ROSS - Rotordynamic Open Source Software, Journal of Open Source Software 5(48), 2120",
+    "2020",
     "petrobras/ross, ross/tests/test_rotor_assembly.py",
 )
 E, G, RHO = 211e9, 81.2e9, 7810.0
@@ -83,7 +83,7 @@ def whirling(near):
 
 
 CASES = [
-    Case(ROSS, "test_mesh_convergence", "first natural frequency, rad/s", "82.653037", lambda: at_rest(0)),
+    Case(ROSS, "test_kappa_rotor3", "first natural frequency, rad/s", "82.653037", lambda: at_rest(0)),
     Case(ROSS, "test_kappa_rotor3", "backward whirl at 2000 rad/s", "77.37957042",
          lambda: whirling(77.4), within=1e-7),
     Case(ROSS, "test_kappa_rotor3", "forward whirl at 2000 rad/s", "88.98733511566752",

@@ -2,7 +2,7 @@
 
 B. Simeon, Modelling a flexible slider crank mechanism by a mixed system of DAEs and PDEs, Mathematical
 Modelling of Systems 2 (1996) 1-18; Test Set for IVP solvers, problem `crank` (F. Mazzia, C. Magherini,
-University of Bari), whose equations are public in tpetzoldt/deSolve, pkg/daeSolve/src/Ex_crank.f.
+F. Iavernaro), whose equations are public in tpetzoldt/deSolve, pkg/daeSolve/src/Ex_crank.f.
 The connecting rod has two sine shapes across and a quadratic element along it. The set's masses along the
 rod are 15 times those of that element (8, 1, 2 for 8/15, 1/15, 2/15), and its pi is 3.1415927; both are kept
 here, since its reference solution rests on them.

@@ -8,7 +8,7 @@ from tests.foreign.wall import Case, Source
 
 SZEBEHELY = Source(
     "V. Szebehely (after E. J. Routh)",
-    "Theory of Orbits, stability of the triangular points: 27 μ(1 − μ) = 1",
+    "Theory of Orbits, Academic Press, New York, stability of the triangular points: 27 μ(1 − μ) = 1",
     "1967",
     "closed form",
 )

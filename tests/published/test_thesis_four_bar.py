@@ -58,7 +58,7 @@ def test_the_curvature_element_has_ten_freedoms():
 
 
 def test_the_pinned_coupler_meets_the_pinned_follower_at_0_547_m():
-    """Thesis 9.1: a shorter coupler leaves the first frequency to the follower, a longer one takes it."""
+    """Thesis 9.2: a shorter coupler leaves the first frequency to the follower, a longer one takes it."""
 
     def difference(L2):
         alone = solve.load("four_bar", L2=L2).pinned_frequencies()

@@ -1,0 +1,130 @@
+"""What chapter and paper see in their pictures: orders of spectra, sidebands, profiles, both procedures."""
+
+import functools
+
+import numpy as np
+import pytest
+
+import solve
+
+TURN = np.linspace(0.0, 2 * np.pi, 2001)
+TEETH = 14
+"""Of the pinion, chapter Table 3."""
+ERRORS_MM = {
+    "1": (0.0015, 0.0035, 0.0027, 0.0011, 0.0005, 0.0013),
+    "2": (0.010, 0.003, 0.0018, 0.0011, 0.0009, 0.0003),
+}
+"""Chapter Table 5, e1 to e6."""
+
+
+@functools.cache
+def orbit(model, speed, case=None):
+    return solve.periodic(solve.load(model, case=case), speed, rtol=1e-9)
+
+
+def orders(model, speed, case, name):
+    """Amplitudes of the orders of the shaft's frequency, the mean left out: entry k is order k + 1."""
+    return orbit(model, speed, case).harmonics(name)[0][1:]
+
+
+def strongest(amplitudes, count):
+    return {int(k) + 1 for k in np.argsort(amplitudes)[::-1][:count]}
+
+
+def test_the_couplers_midpoint_moves_with_the_shafts_frequency_and_its_double():
+    """Paper § 3; the third order has under 1 % of the first."""
+    found = orders("coupler", "62.8 rad/s", None, "midpoint_deflection")
+    assert strongest(found, 2) == {1, 2}
+    assert found[2:].max() < 0.01 * found[0]
+
+
+def test_the_couplers_higher_modes_are_small_beside_the_first():
+    """Paper § 3: by its own Table 2 they have 3.3 % and 0.4 % of it at 600 rpm."""
+    first, *higher = (orbit("coupler", "600 rpm").statistics(name).max_abs for name in ("q1", "q2", "q3"))
+    assert [each / first for each in higher] == pytest.approx([0.0090 / 0.2750, 0.0011 / 0.2750], rel=0.05)
+
+
+@pytest.mark.parametrize("case", ["1", "2"])
+def test_the_slow_cam_moves_with_orders_1_3_and_5(case):
+    """Chapter § 4.1, Fig. 4: all of them over 10 % of the largest; with profile 2 the ninth is too."""
+    found = orders("cam", "100 rpm", case, "q3")
+    large = {int(k) + 1 for k in np.flatnonzero(found > 0.1 * found.max())}
+    assert large == ({1, 3, 5} if case == "1" else {1, 3, 5, 9})
+
+
+@pytest.mark.parametrize("case", ["1", "2"])
+def test_the_fast_cam_moves_with_tens_of_harmonics(case):
+    """Chapter § 4.1, Figs. 5 and 6: over 20 orders beyond 10 % of the largest; at 100 rpm four at most."""
+    found = orders("cam", "600 rpm", case, "q3")
+    assert np.count_nonzero(found > 0.1 * found.max()) > 20
+
+
+@pytest.mark.parametrize("case", ["1", "2"])
+def test_the_cams_error_grows_faster_with_the_speed_than_its_load(case):
+    """Chapter § 4.1, "more serious at high speeds": six times the speed, 36 times the inertia force."""
+    slow, fast = (orbit("cam", speed, case).statistics("q3") for speed in ("100 rpm", "600 rpm"))
+    assert (fast.max - fast.min) / (slow.max - slow.min) > 36
+
+
+def test_the_profile_matters():
+    """Chapter §§ 4.1 and 4.3: by half and more of the smaller peak to peak."""
+    for model, speed, name in (("cam", "100 rpm", "q3"), ("manipulator", "50 rpm", "q2")):
+        size = [
+            found.max - found.min
+            for found in (orbit(model, speed, case).statistics(name) for case in ("1", "2"))
+        ]
+        assert size[1] > 1.5 * size[0]
+
+
+@pytest.mark.parametrize("case", ["1", "2"])
+def test_the_manipulators_orders_are_odd(case):
+    """Chapter § 4.3, Figs. 18 and 19: Ω, 3Ω and 5Ω. With profile 2, at the printed numbers, the orders next
+    to the natural frequency of q2, sqrt(k2/m2) = 16.4 Ω, are larger than these."""
+    found = orders("manipulator", "50 rpm", case, "q2")
+    assert found[1::2].max() < 1e-3 * found.max()
+    assert found[[0, 2, 4]].min() > 0.1 * found.max()
+    assert strongest(found, 3) == ({1, 3, 5} if case == "1" else {13, 15, 17})
+
+
+def lines(case):
+    return orbit("gear_pair", "1800 rpm", case).harmonics("transmission_error_rate")[0]
+
+
+def test_the_sidebands_of_the_gears_follow_the_errors_of_the_teeth():
+    """Chapter § 4.2, Fig. 10. The stiffness joins orders that differ by the number of teeth alone, so that
+    the sidebands at ±i of every meshing line grow as e_i, and the meshing lines themselves do not."""
+    first, second = lines("1"), lines("2")
+    for meshing in TEETH * np.arange(1, 4):
+        assert second[meshing] == pytest.approx(first[meshing], rel=1e-6)
+        for i, (one, two) in enumerate(zip(*ERRORS_MM.values(), strict=True), start=1):
+            for line in (meshing - i, meshing + i):
+                assert second[line] / first[line] == pytest.approx(two / one, rel=1e-6)
+
+
+def test_the_gears_sidebands_beside_the_meshing_lines_are_larger_in_case_2():
+    """Chapter § 4.2: those at ±30 and ±150 Hz; not at ±60, ±90 and ±180 Hz, where its e_i are smaller."""
+    first, second = lines("1"), lines("2")
+    for meshing in (TEETH, 2 * TEETH):
+        for i, larger in ((1, True), (2, False), (3, False), (5, True), (6, False)):
+            for line in (meshing - i, meshing + i):
+                assert (second[line] > first[line]) == larger
+
+
+@pytest.mark.parametrize(
+    ("model", "speed", "steps", "within"),
+    [
+        ("coupler", "600 rpm", 1000, 1e-6),
+        ("coupler", "1500 rpm", 400, 1e-4),
+        ("gear_pair", "1800 rpm", 20_000, 1e-4),
+        ("cam", "100 rpm", 20_000, 1e-4),
+    ],
+)
+def test_both_procedures_give_the_same_where_both_are_fine_enough(model, speed, steps, within):
+    """Paper § 3 with its steps of 1e-4 s, chapter § 4: largest difference of any coordinate over the turn."""
+    average = solve.Newmark(gamma=1 / 2, beta=1 / 6 if model == "coupler" else 1 / 4)
+    found = [
+        solve.periodic(solve.load(model), speed, method, steps=steps, rtol=0.5).at(TURN)
+        for method in (average, "rk4")
+    ]
+    error = np.abs(found[0] - found[1]).max(axis=1) / np.abs(found[1]).max(axis=1)
+    assert error.max() < within

@@ -1,0 +1,121 @@
+"""What thesis Chapters 3 to 5 and 8.5 say of links and elements in words."""
+
+import numpy as np
+import pytest
+
+import solve
+from models.four_bar.linkage import Linkage
+from solve.results.orbit import QuasiStatic
+from solve.studies.frequencies import turn
+
+PARAMETERS = solve.case_numbers("four_bar").parameters
+L1, L2, L3, L4 = (PARAMETERS[name] for name in ("L1", "L2", "L3", "L4"))
+LINKAGE = Linkage(L1, L2, L3, L4)
+TURN = np.arange(720) * (2 * np.pi / 720)
+
+
+def test_a_small_transmission_angle_brings_high_accelerations():
+    """3.3: the least angle falls with L4 until crank and ground in line fold coupler and follower."""
+    folded = L1 + abs(L3 - L2)
+    made = [Linkage(L1, L2, L3, ground) for ground in (L4, 0.5, 0.45, 0.4, 0.37, folded + 1e-3)]
+    least = [linkage.transmission_extremes().min for linkage in made]
+    largest = [np.abs(linkage.motion(TURN, 1.0).alpha[2]).max() for linkage in made]
+    assert (np.diff(least) < 0).all()
+    assert (np.diff(largest) > 0).all()
+    assert largest[-1] > 10 * largest[0]
+
+
+@pytest.mark.parametrize(("speed", "likeness"), [(5.0, 0.99), (17.0, 0.99), (30.0, 0.85)])
+def test_the_follower_bends_as_its_acceleration_varies_and_the_coupler_does_not(speed, likeness):
+    """3.5, deflection and stress, by the coefficient of correlation over a turn; the coupler is loaded by
+    what its pins do as well."""
+    orbit = solve.periodic(solve.load("four_bar", options={"elements": 2}), speed, rtol=1e-4)
+    outputs = orbit.system.output_values(TURN, speed, *orbit.state(TURN))
+    alpha = LINKAGE.motion(TURN, speed).alpha
+    for link, number, least, most in (("follower", 2, likeness, 1.0), ("coupler", 1, 0.0, 0.3)):
+        for quantity in ("deflection", "stress_plus"):
+            found = np.corrcoef(outputs[f"{link}_midpoint_{quantity}"], alpha[number])[0, 1]
+            assert least < abs(found) < most
+
+
+def test_mass_and_stiffness_are_symmetric_and_what_rotation_adds_is_not():
+    """4.2.3, (4.28), without damping; in 2.2.1, (2.1), it is the same two matrices."""
+    full, still = (
+        solve.load("four_bar", options={"terms": terms}, zeta=0.0).at(TURN[::60], 30.0)
+        for terms in ("full", "instantaneous")
+    )
+
+    def asymmetry(A):
+        return np.abs(A - A.transpose(0, 2, 1)).max() / np.abs(A).max()
+
+    assert max(asymmetry(still[0]), asymmetry(still[2])) < 1e-12
+    assert np.abs(still[1]).max() == 0
+    assert asymmetry(full[1]) > 0.1
+    assert asymmetry(full[2] - still[2]) > 0.1
+
+
+def mean_errors(**options):
+    """Numbers of freedoms, and errors of the means of the first four frequencies."""
+    model, exact = (solve.load("four_bar", options=each) for each in (options, {"element": "dynamic"}))
+    found, truth = (solve.frequencies(each, turn(each), 4) for each in (model, exact))
+    return found.freedoms, found.mean / truth.mean - 1
+
+
+@pytest.mark.parametrize(
+    ("quintic", "cubic"),
+    [
+        ({"element": "curvature"}, {"elements": 1}),
+        ({"element": "curvature", "elements": 2}, {"elements": 3}),
+        ({"element": "internal"}, {"elements": 2}),
+        ({"element": "internal", "elements": 2}, {"elements": 4}),
+    ],
+)
+def test_the_p_version_is_more_accurate_than_the_h_version_with_as_many_freedoms(quintic, cubic):
+    """4.1, 4.4: all four means, with as many freedoms, fewer, or one more."""
+    (freedoms, errors), (others, coarser) = mean_errors(**quintic), mean_errors(**cubic)
+    assert freedoms <= others + 1
+    assert (errors < coarser).all()
+
+
+def test_one_curvature_element_does_what_three_cubic_ones_do():
+    """4.3: "almost the same result", 10 freedoms beside 27."""
+    (few, one), (many, three) = mean_errors(element="curvature"), mean_errors(elements=3)
+    assert (few, many) == (10, 27)
+    np.testing.assert_allclose(one, three, rtol=0, atol=0.003)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_beam_gives_way_less_under_tension_and_more_under_compression(sign):
+    """4.2.6: what the option adds to the stiffness of the follower's own turns, against the force of B along
+    the follower, quasi-static."""
+    stiffened, plain = (solve.load("four_bar", options={"stiffening": how}) for how in ("on", "off"))
+    phase, speed = TURN[::15], 10.0
+    added = stiffened.at(phase, speed)[2] - plain.at(phase, speed)[2]
+    forces = plain.output_values(phase, speed, *QuasiStatic(plain, speed).state(phase))
+    angle = LINKAGE.motion(phase).t[2]
+    tension = forces["B_force_x"] * np.cos(angle) + forces["B_force_y"] * np.sin(angle)
+    clear = sign * tension > 0.2 * np.abs(tension).max()
+    assert clear.any()
+    own = [k for k, name in enumerate(plain.coordinates) if name.startswith("follower")]
+    assert (sign * np.linalg.eigvalsh(added[np.ix_(clear, own, own)]) > 0).all()
+
+
+def pinned(number, **changed):
+    """(π/L)² sqrt(EI/ρA) of a link between two pins."""
+    p = {**PARAMETERS, **changed}
+    wave = np.pi / p[f"L{number}"]
+    return wave**2 * np.sqrt(p["E"] * p[f"I{number}"] / (p["rho"] * p[f"A{number}"]))
+
+
+def test_the_follower_is_the_most_flexible_link_and_with_the_long_coupler_two_are_flexible():
+    """8.5.2, and 9.2: the softest link gives the first mean frequency within 2 %."""
+    alone = {}
+    for length, softest in ((0.328, "follower"), (0.636, "coupler")):
+        alone = {name: pinned(k, L2=length) for k, name in enumerate(("crank", "coupler", "follower"), 1)}
+        model = solve.load("four_bar", options={"element": "dynamic"}, L2=length)
+        assert model.pinned_frequencies() == pytest.approx(alone, rel=1e-9)
+        assert min(alone, key=lambda name: alone[name]) == softest
+        assert solve.frequencies(model, turn(model), 1).mean[0] == pytest.approx(alone[softest], rel=0.02)
+    assert (round(alone["coupler"], 1), round(alone["follower"], 1)) == (124.6, 168.4)
+    assert alone["crank"] > 10 * alone["follower"]
+    assert pinned(2) > 2.5 * pinned(3)
