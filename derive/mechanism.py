@@ -315,8 +315,12 @@ class Mechanism:
         """
         if self.declared_field or self.declared_coordinates:
             raise DeclarationError(f"{name}: a mechanism has one field and no coordinates besides")
-        if not isinstance(modes.values, range) or modes.values[0] < 1:
-            raise DeclarationError(f"{name}: give the number of modes as an option with a range from 1 on")
+        if not (isinstance(modes, Option) and isinstance(modes.values, range) and modes.values[0] >= 1):
+            given = getattr(modes, "values", modes)
+            raise DeclarationError(
+                f"{name}: modes is {given}; give an option with a range from 1 on, such as "
+                'modes=mechanism.option("modes", range(1, 6))'
+            )
         numbers = sympy.symbols("k xi")
         if sympy.sympify(shape(*numbers)).free_symbols != set(numbers):
             raise DeclarationError(f"{name}: the shape {shape(*numbers)} must depend on k and xi alone")

@@ -287,6 +287,9 @@ def test_the_number_of_modes_is_an_option_of_numbers():
         declared(values=("few", "many"))
     with pytest.raises(DeclarationError, match="an option with a range from 1 on"):
         declared(values=range(4))
+    beam, length, _ = statement()
+    with pytest.raises(DeclarationError, match=r"modes is 2; give an option with a range from 1 on"):
+        beam.field("w", "m", "deflection", length=length, shape=sine, modes=2)
 
 
 def test_a_shape_depends_on_number_and_place_alone():
