@@ -220,6 +220,7 @@ def test_compression_beyond_what_a_link_bears_is_told():
     assert any("link coupler" in text and f"Euler load of {euler:.4g} N" in text for text in found.warnings)
 
 
+@pytest.mark.slow
 def test_report_fits_a_terminal_and_files_are_written(capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("COLUMNS", "80")
     picture, data = tmp_path / "design.png", tmp_path / "design.npz"

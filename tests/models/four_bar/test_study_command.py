@@ -49,6 +49,7 @@ def test_a_study_over_an_option_and_the_corrected_model(answer):
     assert max(map(len, out.splitlines())) <= 80
 
 
+@pytest.mark.slow
 def test_doubts_about_the_equations_are_told_for_every_system(answer):
     given = ("study", "--speeds", "30 90 rad/s", "--option", "stiffening=on", "--rtol", "1e-4")
     _, err = answer(*given, "--over", "zeta=0,0.02")
