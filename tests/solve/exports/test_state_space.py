@@ -91,6 +91,9 @@ def test_a_frozen_system_is_one_of_python_control():
     assert frozen.output_labels == list(made.signals.outputs)
     with pytest.raises(ValueOutOfBoundsError, match="phase is nan"):
         made.frozen(np.nan)
+    for wrong in ("a", None, 1j, [0.0, 1.0]):
+        with pytest.raises(ValueOutOfBoundsError, match="allowed: a finite one, in rad"):
+            made.frozen(wrong)
 
 
 def test_names_with_dots_are_taken_by_python_control():
@@ -103,7 +106,7 @@ def test_names_with_dots_are_taken_by_python_control():
 def test_what_is_refused(monkeypatch):
     with pytest.raises(NoMotionError, match="solve frequencies portal_frame"):
         solve.state_space(solve.load("portal_frame"), 1.0)
-    for samples in (0, 1.5):
+    for samples in (0, 1.5, True):
         with pytest.raises(ValueOutOfBoundsError, match="whole numbers"):
             solve.state_space(solve.load("cam"), 1.0, samples=samples)
     with pytest.raises(ValueOutOfBoundsError, match="--limit"):
