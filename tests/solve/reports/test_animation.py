@@ -347,3 +347,9 @@ def test_a_structure_draws_further_lines_besides_its_links():
     np.testing.assert_allclose(lines["beam"][-1], 0.5 * np.exp(1j * TURN), atol=1e-14)
     np.testing.assert_allclose(np.abs(lines["disc"]), 0.1, rtol=1e-14)
     np.testing.assert_allclose(lines["wall"][1], np.full(37, 0.5 - 1j))
+
+
+def test_six_positions_of_a_tall_mechanism_stand_side_by_side():
+    made = solve.animate(solve.load("mathieu", delta=-1), **ROUGH)
+    width, height = made.plot().get_size_inches()
+    assert height < width
