@@ -150,11 +150,7 @@ def animate(
     asked.sketched(np.zeros(1), 1.0, np.zeros((asked.n, 1)))
     names = shown(asked, show) if show else list(asked.coordinates[:_PANELS])
     if isinstance(system, Orbit):
-        if speed is not None or nonlinear or method != "auto":
-            raise ValueOutOfBoundsError(
-                "an orbit that was calculated before has its speed, method and equations; leave out speed, "
-                "method and nonlinear, or give the model instead of the orbit"
-            )
+        _require_nothing(speed is not None or nonlinear or method != "auto")
         orbit = system
     else:
         omega = asked.speed_or_usual(speed)
@@ -169,6 +165,15 @@ def animate(
         find = nonlinear_orbit if nonlinear else periodic
         orbit = find(asked, omega, method=method, rtol=rtol)
     return _scaled(_of_orbit(orbit, names, frames), scale)
+
+
+def _require_nothing(given: bool) -> None:
+    """Raise ValueOutOfBoundsError where something is given beside an orbit that it cannot change."""
+    if given:
+        raise ValueOutOfBoundsError(
+            "an orbit that was calculated before has its speed, method and equations; leave out speed, method "
+            "and nonlinear, or give the model instead of the orbit"
+        )
 
 
 def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animation:
