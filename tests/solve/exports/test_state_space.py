@@ -119,3 +119,13 @@ def test_what_is_refused(monkeypatch):
 def test_a_few_lines_say_what_it_is():
     text = repr(solve.state_space(solve.load("mathieu"), "1 rad/s"))
     assert text.splitlines()[1:] == ["states  q, q_dot", "inputs  force_q", "outputs q"]
+
+
+def test_the_torque_of_the_drive_is_that_in_its_shaft():
+    """As docs/interfaces.md says: a force along the twist acts from outside on what the shaft carries."""
+    model = solve.load("cam")
+    made = solve.state_space(model, "600 rpm", samples=4)
+    row = made.signals.outputs.index("drive_torque")
+    assert not made.D[:, row].any()
+    shaft = [-model.parameters["k1"], 0, 0, -model.parameters["c1"], 0, 0]
+    np.testing.assert_allclose(made.C[:, row], [shaft] * 4, rtol=1e-12)
