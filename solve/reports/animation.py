@@ -171,8 +171,8 @@ def _require_nothing(given: bool) -> None:
     """Raise ValueOutOfBoundsError where something is given beside an orbit that it cannot change."""
     if given:
         raise ValueOutOfBoundsError(
-            "an orbit that was calculated before has its speed, method and equations; leave out speed, method "
-            "and nonlinear, or give the model instead of the orbit"
+            "an orbit that was calculated before has its speed, method and equations; leave out speed, "
+            "method and nonlinear, or give the model instead of the orbit"
         )
 
 
