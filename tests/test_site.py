@@ -92,6 +92,14 @@ def digits(text: str) -> tuple[str, list[float]]:
     ]
 
 
+def test_what_depends_on_the_machine_does_not_stand_below_a_command(tmp_path):
+    page = tmp_path / "page.md"
+    said = "derive: 10 s so far: 0 of 1 mechanisms", "compiling figures", "wrote a.png"
+    page.write_text("```console\n$ printf '%s\\n' " + " ".join(f"'{each}'" for each in said) + "\n```\n")
+    subprocess.run([sys.executable, str(pages.DOCS / "extensions" / "executed.py"), page], check=True)
+    assert page.read_text().splitlines()[2:] == ["wrote a.png", "```"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", EXECUTED, ids=lambda page: page.name)
 def test_what_commands_print_stands_below_them(page, tmp_path):

@@ -14,9 +14,13 @@ from typing import Any
 
 _BLOCK = re.compile(r"```(\w+)\n(?:# (\w+\.\w+)\n)?(.*?)```", re.DOTALL)
 
+_PASSING = re.compile(r"compiling |(?:solve|derive): \d.* so far")
+"""Lines that depend on the machine."""
+
 
 def printed(command: str, folder: Path) -> str:
-    """What the command prints in the folder, errors and warnings included, but not that it compiles once.
+    """What the command prints in the folder, errors and warnings included, but not that it compiles once, nor
+    how far it is on a slow machine.
 
     Raises RuntimeError where it ends neither well nor in a refusal.
     """
@@ -27,7 +31,7 @@ def printed(command: str, folder: Path) -> str:
     if run.returncode not in (0, 2):
         raise RuntimeError(f"{command} ended in {run.returncode}:\n{run.stdout}")
     lines = [line.rstrip() for line in run.stdout.splitlines()]
-    return "\n".join(line for line in lines if not line.startswith("compiling "))
+    return "\n".join(line for line in lines if not _PASSING.match(line))
 
 
 def executed(page: str) -> str:

@@ -9,10 +9,11 @@ from typing import BinaryIO
 from solve.exports.c_code import c_code
 from solve.exports.fmu import fmu
 from solve.exports.mat_file import mat_file
-from solve.exports.state_space import SAMPLES, state_space
+from solve.exports.state_space import SAMPLES, require_samples, state_space
 from solve.results.save import Whole, checked
 from solve.single import floquet
 from solve.system import PeriodicSystem
+from solve.units import speed_in_si
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,9 @@ def export(
     MissingLibraryError where the extra `fmu` or a compiler is missing, and other SolveError subclasses.
     """
     file = checked(path, ENDINGS, "export")
+    require_samples(samples)
+    if speed is not None:
+        speed_in_si(speed)
     contents, warnings = ENDINGS[file.suffix.lower()](system, file, speed, samples)
     for each in contents.keys() - {file}:
         checked(each, (each.suffix,), "export")

@@ -105,14 +105,18 @@ class HarmonicTransfer:
     def at(self, s: complex) -> TransferValues:
         """H(s) at a complex s in 1/s, from twice the orders. Raises ValueOutOfBoundsError where s is not
         finite, or a pole."""
-        if not np.isfinite(s):
-            raise ValueOutOfBoundsError(f"s is {s}; allowed: finite complex numbers, in 1/s")
+        try:
+            place = complex(s)
+        except (TypeError, ValueError):
+            place = complex(math.nan)
+        if not np.isfinite(place):
+            raise ValueOutOfBoundsError(f"s is {s}; allowed: finite complex numbers, in 1/s, one at a time")
         coarse, fine = (
-            self._spectra.transfer(complex(s), orders, self.harmonics, self.rotation)
+            self._spectra.transfer(place, orders, self.harmonics, self.rotation)
             for orders in (self.orders, 2 * self.orders)
         )
         if not np.isfinite(fine).all():
-            raise ValueOutOfBoundsError(f"s = {s:.6g} is a pole of the system; give another s")
+            raise ValueOutOfBoundsError(f"s = {place:.6g} is a pole of the system; give another s")
         largest = np.abs(fine).max(axis=(0, 2))
         off = np.abs(fine - coarse).max(axis=(0, 2))
         error = float((off / np.where(largest > 0, largest, 1.0)).max())

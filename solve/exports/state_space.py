@@ -1,6 +1,7 @@
 """Linearised equations as state space over the phase: x′ = A x + B (u + d), y = C x + D (u + d) + y₀, with
 derivatives by time, x = (q, q̇), forces u along the coordinates beside the load d."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -161,9 +162,13 @@ class StateSpace:
         """The system held still at a phase, for python-control: poles there say nothing of stability, which
         is that of the whole turn. Raises MissingLibraryError, ValueOutOfBoundsError."""
         control = library("control", "control", "a state space of python-control")
-        if not np.isfinite(phase):
+        try:
+            place = float(phase)
+        except (TypeError, ValueError):
+            place = math.nan
+        if not math.isfinite(place):
             raise ValueOutOfBoundsError(f"phase is {phase}; allowed: a finite one, in rad")
-        at = coefficients(self.system, self.speed, np.array([float(phase)]))
+        at = coefficients(self.system, self.speed, np.array([place]))
         names = self.signals
         return control.StateSpace(
             *(part[0] for part in (at.A, at.B, at.C, at.D)),
@@ -200,8 +205,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     """
     omega = speed_in_si(speed)
     system.require_motion()
-    if not (isinstance(samples, int | np.integer) and samples >= 1):
-        raise ValueOutOfBoundsError(f"samples is {samples!r}; allowed: whole numbers of at least 1")
+    require_samples(samples)
     system.checked(omega)
     system = system.shown_in(omega)
     require_size("samples", samples, each=20 * (system.n + len(system.outputs)) * system.n)
@@ -209,6 +213,12 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     return StateSpace(
         system, omega, phase, coefficients(system, omega, _after(system, phase)), signals(system)
     )
+
+
+def require_samples(samples: int) -> None:
+    """Raise ValueOutOfBoundsError unless it is a number of phases."""
+    if isinstance(samples, bool) or not (isinstance(samples, int | np.integer) and samples >= 1):
+        raise ValueOutOfBoundsError(f"samples is {samples!r}; allowed: whole numbers of at least 1")
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:

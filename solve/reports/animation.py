@@ -131,8 +131,8 @@ def animate(
     rtol: float = 1e-8,
 ) -> Animation:
     """The mechanism as it moves over a period at a speed (rad/s, or a text with unit; by default that of the
-    case), or on an orbit that was calculated before: rigid, and with its coordinates multiplied by `scale`,
-    chosen so that the vibration can be seen where none is given.
+    case), or on an orbit that was calculated before, which has its own: rigid, and with its coordinates
+    multiplied by `scale`, chosen so that the vibration can be seen where none is given.
 
     Without a load the periodic vibration is zero; then the free one over eight periods is shown, the largest
     coordinate 1. frames: of the animation, 90 (240 of a free vibration), or positions in a still, 6. show:
@@ -150,6 +150,7 @@ def animate(
     asked.sketched(np.zeros(1), 1.0, np.zeros((asked.n, 1)))
     names = shown(asked, show) if show else list(asked.coordinates[:_PANELS])
     if isinstance(system, Orbit):
+        _require_nothing(speed is not None or nonlinear or method != "auto")
         orbit = system
     else:
         omega = asked.speed_or_usual(speed)
@@ -164,6 +165,15 @@ def animate(
         find = nonlinear_orbit if nonlinear else periodic
         orbit = find(asked, omega, method=method, rtol=rtol)
     return _scaled(_of_orbit(orbit, names, frames), scale)
+
+
+def _require_nothing(given: bool) -> None:
+    """Raise ValueOutOfBoundsError where something is given beside an orbit that it cannot change."""
+    if given:
+        raise ValueOutOfBoundsError(
+            "an orbit that was calculated before has its speed, method and equations; leave out speed, "
+            "method and nonlinear, or give the model instead of the orbit"
+        )
 
 
 def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animation:
@@ -233,10 +243,14 @@ def _scaled(made: Animation, scale: float | None) -> Animation:
 
 def checked_scale(scale: float | None) -> None:
     """Raises ValueOutOfBoundsError."""
-    if scale is not None and not (math.isfinite(scale) and scale >= 0):
-        raise ValueOutOfBoundsError(
-            f"scale is {scale:g}; allowed: a number >= 0, such as 50, or leave it out"
-        )
+    if scale is None:
+        return
+    try:
+        good = 0 <= float(scale) < math.inf and not isinstance(scale, bool | str)
+    except (TypeError, ValueError):
+        good = False
+    if not good:
+        raise ValueOutOfBoundsError(f"scale is {scale}; allowed: a number >= 0, such as 50, or leave it out")
 
 
 def frame_count(frames: int | None, free: bool, still: bool) -> int:
@@ -244,7 +258,7 @@ def frame_count(frames: int | None, free: bool, still: bool) -> int:
     if frames is None:
         return _POSITIONS if still else _FREE_FRAMES if free else _FRAMES
     most = MOST_POSITIONS if still else MOST_FRAMES
-    if not (isinstance(frames, int | np.integer) and 1 <= frames <= most):
+    if isinstance(frames, bool) or not (isinstance(frames, int | np.integer) and 1 <= frames <= most):
         what = "positions in a still" if still else "frames"
         raise ValueOutOfBoundsError(f"frames is {frames!r}; allowed: 1 … {most} {what}, such as {most // 2}")
     return int(frames)

@@ -24,6 +24,9 @@ _PANEL = 0.85
 _MECHANISM = 3.7
 """Inches: of the mechanism's axes most and least, of a panel with a curve, and how wide the mechanism is."""
 
+_TALL = 1.8
+"""Height of a mechanism, of its width, from which six positions stand side by side."""
+
 _MARGIN = 0.07
 _SAME = 1e-9
 """Distance, as a part of the mechanism's size, within which two places are one."""
@@ -120,9 +123,10 @@ def scene(drawn: Drawn) -> Scene:
 def still(drawn: Drawn) -> Figure:
     """A panel a position."""
     count = len(drawn.phase)
-    columns = count if count <= 3 else 3 if count in (5, 6, 9) else 4
-    rows = math.ceil(count / columns)
     low, high = _frame(drawn)
+    tall = (high - low).imag > _TALL * (high - low).real
+    columns = count if count <= (6 if tall else 3) else 3 if count in (5, 6, 9) else 4
+    rows = math.ceil(count / columns)
     row = (PAGE_WIDTH - 0.6) / columns * (high - low).imag / (high - low).real + 0.12
     with page(1.1 + rows * row, drawn.title) as figure:
         every = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
@@ -134,7 +138,7 @@ def still(drawn: Drawn) -> Figure:
                 mover.show(frame)
             _framed(axes, low, high, drawn.system.sketch_unit)
             axes.label_outer()
-            axes.set_title(drawn.labels[frame])
+            axes.set_title(drawn.labels[frame].replace(", ", "\n" if columns > 4 else ", "))
         _caption(figure, drawn)
     return figure
 

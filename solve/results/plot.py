@@ -110,6 +110,7 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     ValueOutOfBoundsError for more rows than a page holds."""
     if not names:
         return list(system.coordinates[:MOST_ROWS])
+    names = [names] if isinstance(names, str) else names
     known = system.known_quantities(names)
     if len(names) > MOST_ROWS:
         raise ValueOutOfBoundsError(

@@ -1,6 +1,7 @@
 """`solve export`."""
 
 import numpy as np
+import pytest
 from scipy.io import loadmat
 
 import solve
@@ -23,6 +24,14 @@ def test_c_needs_no_speed_and_tells_of_both_files(command, tmp_path):
     assert ran.status == 0
     assert ran.err.splitlines() == ["wrote mine.c", "wrote mine.h"]
     assert sorted(each.name for each in tmp_path.iterdir()) == ["mine.c", "mine.h"]
+
+
+@pytest.mark.parametrize("wrong", [("--speed", "90"), ("--speed", "-1 rpm"), ("--samples", "0")])
+def test_what_c_does_not_need_is_read_all_the_same(command, tmp_path, wrong):
+    ran = command("export", "mathieu", "--out", "mine.c", *wrong)
+    assert ran.status == 2
+    assert len(ran.err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_doubtful_is_warned_of(command, tmp_path):

@@ -173,6 +173,9 @@ def test_what_is_refused():
         solve.harmonic_transfer(MATHIEU, 1.0, 4, orders=3)
     with pytest.raises(ValueOutOfBoundsError, match=r"s is .*nan"):
         solve.harmonic_transfer(MATHIEU, 1.0, 1).at(complex("nan"))
+    for wrong in ("a", None, [0.0, 1j]):
+        with pytest.raises(ValueOutOfBoundsError, match="one at a time"):
+            solve.harmonic_transfer(MATHIEU, 1.0, 1).at(wrong)
 
 
 def test_a_few_lines_say_what_it_is():

@@ -91,6 +91,9 @@ def test_a_frozen_system_is_one_of_python_control():
     assert frozen.output_labels == list(made.signals.outputs)
     with pytest.raises(ValueOutOfBoundsError, match="phase is nan"):
         made.frozen(np.nan)
+    for wrong in ("a", None, 1j, [0.0, 1.0]):
+        with pytest.raises(ValueOutOfBoundsError, match="allowed: a finite one, in rad"):
+            made.frozen(wrong)
 
 
 def test_names_with_dots_are_taken_by_python_control():
@@ -103,7 +106,7 @@ def test_names_with_dots_are_taken_by_python_control():
 def test_what_is_refused(monkeypatch):
     with pytest.raises(NoMotionError, match="solve frequencies portal_frame"):
         solve.state_space(solve.load("portal_frame"), 1.0)
-    for samples in (0, 1.5):
+    for samples in (0, 1.5, True):
         with pytest.raises(ValueOutOfBoundsError, match="whole numbers"):
             solve.state_space(solve.load("cam"), 1.0, samples=samples)
     with pytest.raises(ValueOutOfBoundsError, match="--limit"):
@@ -116,3 +119,13 @@ def test_what_is_refused(monkeypatch):
 def test_a_few_lines_say_what_it_is():
     text = repr(solve.state_space(solve.load("mathieu"), "1 rad/s"))
     assert text.splitlines()[1:] == ["states  q, q_dot", "inputs  force_q", "outputs q"]
+
+
+def test_the_torque_of_the_drive_is_that_in_its_shaft():
+    """As docs/interfaces.md says: a force along the twist acts from outside on what the shaft carries."""
+    model = solve.load("cam")
+    made = solve.state_space(model, "600 rpm", samples=4)
+    row = made.signals.outputs.index("drive_torque")
+    assert not made.D[:, row].any()
+    shaft = [-model.parameters["k1"], 0, 0, -model.parameters["c1"], 0, 0]
+    np.testing.assert_allclose(made.C[:, row], [shaft] * 4, rtol=1e-12)

@@ -295,7 +295,14 @@ def test_what_cannot_be_shown_is_refused():
     cam, mathieu = solve.load("cam"), solve.load("mathieu")
     with pytest.raises(NoMotionError, match="portal_frame"):
         solve.animate(solve.load("portal_frame"))
-    for wrong in ({"scale": -1.0}, {"scale": np.nan}, {"frames": 0}, {"frames": 2.5}, {"frames": 721}):
+    for wrong in (
+        {"scale": -1.0},
+        {"scale": np.nan},
+        {"frames": 0},
+        {"frames": 2.5},
+        {"frames": 721},
+        {"scale": "50"},
+    ):
         with pytest.raises(ValueOutOfBoundsError, match="allowed"):
             solve.animate(cam, "100 rpm", **wrong)
     with pytest.raises(NoLoadError, match="mathieu has no load"):
@@ -304,6 +311,14 @@ def test_what_cannot_be_shown_is_refused():
         solve.animate(mathieu, show=["q9"])
     with pytest.raises(ValueOutOfBoundsError, match=r"frames is 90; allowed: 1 … 12"):
         solve.animate(cam, "100 rpm", frames=90, **ROUGH).plot()
+
+
+def test_an_orbit_keeps_its_speed_method_and_equations():
+    orbit = solve.periodic(solve.load("coupler"), "600 rpm", **ROUGH)
+    for wrong in ({"speed": "100 rpm"}, {"nonlinear": True}, {"method": "radau"}):
+        with pytest.raises(ValueOutOfBoundsError, match="leave out speed"):
+            solve.animate(orbit, **wrong)
+    assert solve.animate(orbit, show="q2").signals.keys() == {"q2"}
 
 
 def test_an_orbit_from_a_file_knows_no_lines(tmp_path):
@@ -332,3 +347,9 @@ def test_a_structure_draws_further_lines_besides_its_links():
     np.testing.assert_allclose(lines["beam"][-1], 0.5 * np.exp(1j * TURN), atol=1e-14)
     np.testing.assert_allclose(np.abs(lines["disc"]), 0.1, rtol=1e-14)
     np.testing.assert_allclose(lines["wall"][1], np.full(37, 0.5 - 1j))
+
+
+def test_six_positions_of_a_tall_mechanism_stand_side_by_side():
+    made = solve.animate(solve.load("mathieu", delta=-1), **ROUGH)
+    width, height = made.plot().get_size_inches()
+    assert height < width

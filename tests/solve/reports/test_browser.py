@@ -15,7 +15,8 @@ addEventListener("load", () => {
     document.querySelectorAll("math").length, equation.namespaceURI,
     equation.getBoundingClientRect().height > 5,
     document.querySelector("figure svg").getBoundingClientRect().width > 200,
-    document.documentElement.scrollWidth - document.documentElement.clientWidth]);
+    document.documentElement.scrollWidth - document.documentElement.clientWidth,
+    Math.max(...[...document.querySelectorAll(".wide")].map(e => e.offsetWidth - e.clientWidth))]);
 });
 </script></body>"""
 
@@ -45,6 +46,6 @@ def test_equations_and_pictures_are_shown_and_nothing_is_wider_than_the_page(pag
     shown, _ = browser.run(asked, "--dump-dom", f"--window-size={width},800")
     found = re.search(r'data-found="([^"]*)"', shown)
     assert found
-    equations, space, tall, wide, over = found[1].replace("&quot;", '"').strip("[]").split(",")
+    equations, space, tall, wide, over, bars = found[1].replace("&quot;", '"').strip("[]").split(",")
     assert (int(equations), space.strip('"')) == (4, "http://www.w3.org/1998/Math/MathML")
-    assert (tall, wide, int(over)) == ("true", "true", 0)
+    assert (tall, wide, int(over), int(bars)) == ("true", "true", 0, 0)
