@@ -16,14 +16,28 @@ RESERVED = (
 )
 """Names of generated code, and of what files of results hold besides coordinates and outputs."""
 
+ARGUMENTS = ("q", "qd", "qdd", "p")
+"""Names of what generated functions take, beside those that are reserved."""
+
 _CLAUSE = r"\s*(?:(integer)|([<>]=?)\s*(-?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?))\s*"
 
 
 def require_plain(name: str) -> None:
     """Raise DeclarationError unless generated code can use the name."""
-    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name) or name in RESERVED:
+    plain = isinstance(name, str) and re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name)
+    if not plain or keyword.iskeyword(name) or name in RESERVED:
         raise DeclarationError(
             f'"{name}" cannot be a name: it is reserved, or no plain word of letters and digits'
+        )
+
+
+def require_result(name: str) -> None:
+    """Raise DeclarationError unless a generated function can give something of the name."""
+    require_plain(name)
+    if name in ARGUMENTS:
+        raise DeclarationError(
+            f'"{name}" cannot be the name of an output or of a line: generated functions take arguments of '
+            "that name; choose a longer one"
         )
 
 

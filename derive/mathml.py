@@ -50,8 +50,9 @@ class _Printer(MathMLPresentationPrinter):
         return super().mathml_tag(e).replace("<", "&lt;").replace(">", "&gt;")
 
     def doprint(self, expr: Any) -> str:
-        # XML knows no names of characters but these.
-        return re.sub(_NAMED, lambda name: f"&#{ord(unescape(name[0]))};", super().doprint(expr))
+        # XML knows no names of characters but these; names of several letters need room between them.
+        text = re.sub(_NAMED, lambda name: f"&#{ord(unescape(name[0]))};", super().doprint(expr))
+        return text.replace(f"<mo>{_TIMES}</mo>", f'<mo rspace="0.12em">{_TIMES}</mo>')
 
     def _print_Function(self, e: Any) -> Any:
         # SymPy's printers find no method by the class from which a function's own class is made.

@@ -17,6 +17,7 @@ from derive.declarations import (
     Parameter,
     bound_of,
     require_plain,
+    require_result,
     scalar,
 )
 from derive.errors import DeclarationError
@@ -361,7 +362,8 @@ class Mechanism:
             self.fundamental_motion[symbols[name]] = sympy.sympify(motion)
 
     def output(self, name: str, expression: sympy.Expr, unit: str, meaning: str) -> None:
-        """Declare a quantity to be computed beside the coordinates."""
+        """Declare a quantity to be computed beside the coordinates. Raises DeclarationError."""
+        require_result(name)
         self._described(name, (unit, meaning))
         self._require_unused(name)
         self.declared_outputs.append(Output(name, sympy.sympify(expression), unit, meaning))
@@ -375,7 +377,7 @@ class Mechanism:
         closed curve, such as a cam's profile; the one of `Field.line` runs along a beam. Raises
         DeclarationError.
         """
-        require_plain(name)
+        require_result(name)
         require_coherent(f"sketch {name}", unit)
         if name in {each.name for each in self.declared_sketches}:
             raise DeclarationError(f"sketch {name} is declared twice")

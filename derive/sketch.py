@@ -52,7 +52,9 @@ def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any])
         ]
     except (TypeError, sympy.SympifyError):
         pairs = []
-    good = all(len(pair) == 2 and all(isinstance(each, sympy.Expr) for each in pair) for pair in pairs)
+    numbers = [number for pair in pairs for number in pair]
+    good = all(len(pair) == 2 for pair in pairs)
+    good &= all(isinstance(each, sympy.Expr) and not each.has(sympy.I) for each in numbers)
     symbols = set().union(*(each.free_symbols for pair in pairs if good for each in pair))
     kind = BEAM if symbols & along_beam else CURVE if AROUND in symbols else POINTS
     if not pairs or not good or (kind == POINTS) == (len(pairs) == 1) or (kind == BEAM and AROUND in symbols):

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "9a29efca1b679102ced72814f97007e669b354aeeb9741d8dbf65d44f2480775"
+DERIVE_SHA256 = "c2a132a054e4064a5cdbc67171af2921f4b99185d8bb8ed9cc4c8e5b8ba5db52"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ba68f07090bf3118fd5a04834471e11c7c23ec3b5df35c28fe6c342c1e84d376"
+FILE_SHA256 = "c322a4c28cebf0398f4c9f52c90352487f83d873fc2cc27136a8be9979c170d8"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -244,22 +244,22 @@ EQUATIONS = (
     "<math><mrow><msub><mi>&#952;</mi><mi>crank</mi></msub><mo>=</mo><mrow><mi>&#x3C6;</mi></mrow></mrow></math>",
     "<math><mrow><msub><mi>L</mi><mi>crank</mi></msub><mo>=</mo><msub><mi>L</mi><mi>1</mi></msub></mrow></math>",
     "<math><mrow><msub><mi>E</mi><mi>crank</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
-    "<math><mrow><msub><mi>EA</mi><mi>crank</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>1</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>EI</mi><mi>crank</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>1</mi></msub></mrow></mrow></math>",
-    "<math><mrow><msub><mi>&#956;</mi><mi>crank</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>1</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>crank</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>1</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>crank</mi></msub><mo>=</mo><mrow><mi>E</mi><mo rspace=\"0.12em\">&#x2062;</mo><msub><mi>I</mi><mi>1</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>crank</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>1</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
     "<math><mrow><msub><mi>h</mi><mi>crank</mi></msub><mo>=</mo><msub><mi>h</mi><mi>1</mi></msub></mrow></math>",
     "<math><mrow><msub><mi>&#952;</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>t</mi><mi>2</mi></msub></mrow></mrow></math>",
     "<math><mrow><msub><mi>L</mi><mi>coupler</mi></msub><mo>=</mo><msub><mi>L</mi><mi>2</mi></msub></mrow></math>",
     "<math><mrow><msub><mi>E</mi><mi>coupler</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
-    "<math><mrow><msub><mi>EA</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>2</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>EI</mi><mi>coupler</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>2</mi></msub></mrow></mrow></math>",
-    "<math><mrow><msub><mi>&#956;</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>2</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>coupler</mi></msub><mo>=</mo><mrow><mi>E</mi><mo rspace=\"0.12em\">&#x2062;</mo><msub><mi>I</mi><mi>2</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>coupler</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
     "<math><mrow><msub><mi>h</mi><mi>coupler</mi></msub><mo>=</mo><msub><mi>h</mi><mi>2</mi></msub></mrow></math>",
     "<math><mrow><msub><mi>&#952;</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>t</mi><mi>3</mi></msub></mrow></mrow></math>",
     "<math><mrow><msub><mi>L</mi><mi>follower</mi></msub><mo>=</mo><msub><mi>L</mi><mi>3</mi></msub></mrow></math>",
     "<math><mrow><msub><mi>E</mi><mi>follower</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
-    "<math><mrow><msub><mi>EA</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>3</mi></msub><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>EI</mi><mi>follower</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><msub><mi>I</mi><mi>3</mi></msub></mrow></mrow></math>",
-    "<math><mrow><msub><mi>&#956;</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>3</mi></msub><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>3</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>follower</mi></msub><mo>=</mo><mrow><mi>E</mi><mo rspace=\"0.12em\">&#x2062;</mo><msub><mi>I</mi><mi>3</mi></msub></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>follower</mi></msub><mo>=</mo><mrow><msub><mi>A</mi><mi>3</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
     "<math><mrow><msub><mi>h</mi><mi>follower</mi></msub><mo>=</mo><msub><mi>h</mi><mi>3</mi></msub></mrow></math>",
 )

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "9a29efca1b679102ced72814f97007e669b354aeeb9741d8dbf65d44f2480775"
+DERIVE_SHA256 = "c2a132a054e4064a5cdbc67171af2921f4b99185d8bb8ed9cc4c8e5b8ba5db52"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "24f806fce30828a7f2761d5d4f128bca4745fe2d63173fbd09d9cd6ca5801b70"
+FILE_SHA256 = "511fd7959a91c40376792f193d9bdce4c0bfed34333d7d2cb647295a9b4c0755"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -328,15 +328,15 @@ def residual_varying():
 
 
 EQUATIONS = (
-    "<math><mrow><msub><mi>M</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>I</mi><mi>1</mi></msub><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2032;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
-    "<math><mrow><msub><mi>M</mi><mi>12</mi></msub><mo>=</mo><msub><mi>M</mi><mi>21</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>I</mi><mi>1</mi></msub><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2032;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>M</mi><mi>12</mi></msub><mo>=</mo><msub><mi>M</mi><mi>21</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
     "<math><mrow><msub><mi>M</mi><mi>22</mi></msub><mo>=</mo><msub><mi>m</mi><mi>2</mi></msub></mrow></math>",
-    "<math><mrow><msub><mi>C</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>c</mi><mi>1</mi></msub><mo>+</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
-    "<math><mrow><msub><mi>C</mi><mi>21</mi></msub><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>c</mi><mi>1</mi></msub><mo>+</mo><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>21</mi></msub><mo>=</mo><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
     "<math><mrow><msub><mi>C</mi><mi>22</mi></msub><mo>=</mo><msub><mi>c</mi><mi>2</mi></msub></mrow></math>",
-    "<math><mrow><msub><mi>K</mi><mi>11</mi></msub><mo>=</mo><mrow><mrow><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>+</mo><msub><mi>k</mi><mi>1</mi></msub><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2033;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
-    "<math><mrow><msub><mi>K</mi><mi>21</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>11</mi></msub><mo>=</mo><mrow><mrow><mi>F</mi><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>+</mo><msub><mi>k</mi><mi>1</mi></msub><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow><mo>+</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2033;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>21</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
     "<math><mrow><msub><mi>K</mi><mi>22</mi></msub><mo>=</mo><msub><mi>k</mi><mi>2</mi></msub></mrow></math>",
-    "<math><mrow><msub><mi>d</mi><mi>1</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><mi>F</mi><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow><mo>-</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
-    "<math><mrow><msub><mi>d</mi><mi>2</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><mi>F</mi></mrow><mo>-</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo>&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>1</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><mi>F</mi><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow><mo>-</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>2</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><mi>F</mi></mrow><mo>-</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
 )

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "9a29efca1b679102ced72814f97007e669b354aeeb9741d8dbf65d44f2480775"
+DERIVE_SHA256 = "c2a132a054e4064a5cdbc67171af2921f4b99185d8bb8ed9cc4c8e5b8ba5db52"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "13a2709cbba4087aedec008c6fc373a95514a9ffc086c22a4afcc6dd57e46d37"
+FILE_SHA256 = "bb17fd13414ef75d72798cb08821a7220d5b00ab2cc9d156452ae4968925c12a"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -184,7 +184,7 @@ def residual_varying():
 
 EQUATIONS = (
     "<math><mrow><mi>M</mi><mo>=</mo><mn>1</mn></mrow></math>",
-    "<math><mrow><mi>C</mi><mo>=</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mi>&#950;</mi><mo>&#x2062;</mo><msqrt><mrow><mo>|</mo><mi>&#948;</mi><mo>|</mo></mrow></msqrt></mrow></mrow></math>",
-    "<math><mrow><mi>K</mi><mo>=</mo><mrow><mi>&#948;</mi><mo>+</mo><mrow><mi>&#949;</mi><mo>&#x2062;</mo><mrow><mi>cos</mi><mrow><mo>(</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mrow><mi>&#x3C6;</mi></mrow></mrow><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
+    "<math><mrow><mi>C</mi><mo>=</mo><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#950;</mi><mo rspace=\"0.12em\">&#x2062;</mo><msqrt><mrow><mo>|</mo><mi>&#948;</mi><mo>|</mo></mrow></msqrt></mrow></mrow></math>",
+    "<math><mrow><mi>K</mi><mo>=</mo><mrow><mi>&#948;</mi><mo>+</mo><mrow><mi>&#949;</mi><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>cos</mi><mrow><mo>(</mo><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>&#x3C6;</mi></mrow></mrow><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
     "<math><mrow><mi>d</mi><mo>=</mo><mn>0</mn></mrow></math>",
 )

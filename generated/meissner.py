@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0d04bf238be57b677531795ee4e9650d62ac915350169ac37b5f2e5ae2c4c9ab"
-DERIVE_SHA256 = "9a29efca1b679102ced72814f97007e669b354aeeb9741d8dbf65d44f2480775"
+DERIVE_SHA256 = "c2a132a054e4064a5cdbc67171af2921f4b99185d8bb8ed9cc4c8e5b8ba5db52"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "53dcc1075b16d30871166a3f1d75f9f5d06624c5e8d96d48c7acd0e7abb631b6"
+FILE_SHA256 = "7fc6535271b81291d51061292530c645120d19212d275c45a6ef2bff5c01d4e7"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -244,6 +244,6 @@ def breaks(speed, p):
 EQUATIONS = (
     "<math><mrow><mi>M</mi><mo>=</mo><mn>1</mn></mrow></math>",
     "<math><mrow><mi>C</mi><mo>=</mo><mn>0</mn></mrow></math>",
-    "<math><mrow><mi>K</mi><mo>=</mo><mrow><msup><msub><mi>w</mi><mi>2</mi></msub><mn>2</mn></msup><mo>+</mo><mrow><mrow><mo>(</mo><mrow><msup><msub><mi>w</mi><mi>1</mi></msub><mn>2</mn></msup><mo>-</mo><msup><msub><mi>w</mi><mi>2</mi></msub><mn>2</mn></msup></mrow><mo>)</mo></mrow><mo>&#x2062;</mo><mrow><mi>&#x398;</mi><mrow><mo>&#x2061;</mo><mo>(</mo><mrow><mrow><mn>2</mn><mo>&#x2062;</mo><mi>&#960;</mi><mo>&#x2062;</mo><mi>share</mi></mrow><mo>-</mo><mrow><mo>(</mo><mrow><mi>&#x3C6;</mi></mrow><mo>mod</mo><mrow><mn>2</mn><mo>&#x2062;</mo><mi>&#960;</mi></mrow><mo>)</mo></mrow></mrow><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
+    "<math><mrow><mi>K</mi><mo>=</mo><mrow><msup><msub><mi>w</mi><mi>2</mi></msub><mn>2</mn></msup><mo>+</mo><mrow><mrow><mo>(</mo><mrow><msup><msub><mi>w</mi><mi>1</mi></msub><mn>2</mn></msup><mo>-</mo><msup><msub><mi>w</mi><mi>2</mi></msub><mn>2</mn></msup></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>&#x398;</mi><mrow><mo>&#x2061;</mo><mo>(</mo><mrow><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#960;</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>share</mi></mrow><mo>-</mo><mrow><mo>(</mo><mrow><mi>&#x3C6;</mi></mrow><mo>mod</mo><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#960;</mi></mrow><mo>)</mo></mrow></mrow><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
     "<math><mrow><mi>d</mi><mo>=</mo><mn>0</mn></mrow></math>",
 )

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "9a29efca1b679102ced72814f97007e669b354aeeb9741d8dbf65d44f2480775"
+DERIVE_SHA256 = "c2a132a054e4064a5cdbc67171af2921f4b99185d8bb8ed9cc4c8e5b8ba5db52"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8082b39f40f8c473b57d6af4432889bd1426335c9bd8abf838b8c1ed42de78a3"
+FILE_SHA256 = "246a4a75776a1b1e060a38b6ec288408596abd6b76d183d6893620f743c79715"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -124,22 +124,22 @@ EQUATIONS = (
     "<math><mrow><msub><mi>&#952;</mi><mi>left</mi></msub><mo>=</mo><mrow><mfrac><mi>&#960;</mi><mn>2</mn></mfrac></mrow></mrow></math>",
     "<math><mrow><msub><mi>L</mi><mi>left</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
     "<math><mrow><msub><mi>E</mi><mi>left</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
-    "<math><mrow><msub><mi>EA</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>EI</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>&#956;</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>A</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>E</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>left</mi></msub><mo>=</mo><mrow><mi>A</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
     "<math><mrow><msub><mi>h</mi><mi>left</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
     "<math><mrow><msub><mi>&#952;</mi><mi>beam</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
     "<math><mrow><msub><mi>L</mi><mi>beam</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
     "<math><mrow><msub><mi>E</mi><mi>beam</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
-    "<math><mrow><msub><mi>EA</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>EI</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>&#956;</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>A</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>E</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>beam</mi></msub><mo>=</mo><mrow><mi>A</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
     "<math><mrow><msub><mi>h</mi><mi>beam</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
     "<math><mrow><msub><mi>&#952;</mi><mi>right</mi></msub><mo>=</mo><mrow><mfrac><mi>&#960;</mi><mn>2</mn></mfrac></mrow></mrow></math>",
     "<math><mrow><msub><mi>L</mi><mi>right</mi></msub><mo>=</mo><mi>L</mi></mrow></math>",
     "<math><mrow><msub><mi>E</mi><mi>right</mi></msub><mo>=</mo><mi>E</mi></mrow></math>",
-    "<math><mrow><msub><mi>EA</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>EI</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>E</mi><mo>&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
-    "<math><mrow><msub><mi>&#956;</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>A</mi><mo>&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EA</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>A</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>E</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>EI</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>E</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>I</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>&#956;</mi><mi>right</mi></msub><mo>=</mo><mrow><mi>A</mi><mo rspace=\"0.12em\">&#x2062;</mo><mi>&#961;</mi></mrow></mrow></math>",
     "<math><mrow><msub><mi>h</mi><mi>right</mi></msub><mo>=</mo><mn>0</mn></mrow></math>",
 )

@@ -85,6 +85,7 @@ def test_a_structure_states_lines_besides_its_links():
         (lambda m, q, r: [(0, 0), r], DeclarationError, "two or more"),
         (lambda m, q, r: [(0, 0), (r, "r")], DeclarationError, "two or more"),
         (lambda m, q, r: r, DeclarationError, "two or more"),
+        (lambda m, q, r: [(0, 0), (sympy.I * r, 0)], DeclarationError, "two or more"),
         (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "one point of a curve"),
         (lambda m, q, r: [(0, 0), (r, 0.2)], UnitError, "a number times metre"),
         (lambda m, q, r: [(0, 0), (r, r + 0.2)], UnitError, "sketch line"),
@@ -109,8 +110,12 @@ def test_names_and_units_that_do_not_fit():
     made.sketch("line", [(0, 0), (0, made.metre)])
     with pytest.raises(DeclarationError, match="sketch line is declared twice"):
         made.sketch("line", [(0, 0), (0, made.metre)])
-    with pytest.raises(DeclarationError, match='"a b" cannot be a name'):
-        made.sketch("a b", [(0, 0), (0, made.metre)])
+    for name in ("a b", 3):
+        with pytest.raises(DeclarationError, match=f'"{name}" cannot be a name'):
+            made.sketch(name, [(0, 0), (0, made.metre)])
+    for argument in ("q", "p"):
+        with pytest.raises(DeclarationError, match="generated functions take arguments of that name"):
+            made.sketch(argument, [(0, 0), (0, made.metre)])
     with pytest.raises(UnitError, match=r'"mm", which is 0\.001'):
         made.sketch("other", [(0, 0), (0, made.metre)], unit="mm")
     with pytest.raises(DeclarationError, match='sketch other is in "1", others in "m"'):

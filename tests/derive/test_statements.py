@@ -102,6 +102,9 @@ def test_outputs_share_the_names():
     one, q, *_ = oscillator()
     with pytest.raises(DeclarationError, match='"k" is declared twice'):
         one.output("k", q, "m", "displacement")
+    for argument in ("p", "qd"):
+        with pytest.raises(DeclarationError, match=f'"{argument}" cannot be the name of an output'):
+            one.output(argument, q, "m", "displacement")
     one.output("drive_torque", q, "m", "displacement")
     with pytest.raises(DeclarationError, match='"drive_torque" follows from the energies'):
         check(one)
