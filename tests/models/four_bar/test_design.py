@@ -111,7 +111,7 @@ def test_no_plan_and_the_smallest_allowable_that_has_one(design):
     assert found.least[0] > 1
     assert "no plan exists" in found.text
     assert f"{100 * found.least[0]:.4g} MPa" in found.text
-    highest = float(re.findall(r"up to ([\d.]+) rad/s the allowable", found.text)[0])
+    highest = float(re.findall(r"up to ([\d.]+) rpm the allowable", found.text)[0]) * math.pi / 30
     assert planned(design, highest - 0.01) is not None
     assert planned(design, highest + 0.5) is None
     # Just above this allowable stress a plan exists, just below none.
