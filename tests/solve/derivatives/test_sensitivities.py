@@ -149,10 +149,11 @@ FEW = {"manipulator": ["speed"], "gear_pair": ["k1"], "mathieu": ["delta"]}
 LEAST = {"four_bar": 1.0}
 """Elasticity of which 1e-8 are asked for: differences of the stiff linkage tell no more."""
 
-STIFF = {"four_bar": (3e-2, 1e-2, 1e-3)}
+STIFF = {"four_bar": (3e-2, 1e-2, 3e-3, 1e-3)}
 """Parts of a parameter that differences take. Stresses of the linkage with parameters that differ by rounding
 alone differ by 3e-12 of themselves: with steps of a thousandth their differences have 2e-8 of rounding, with
-steps of a hundredth 1e-9."""
+steps of a hundredth 1e-9. By the coupler's length steps of a hundredth leave 1e-6 of their own, those of
+three thousandths 3e-9 together with rounding."""
 
 
 def check(name, parameters):
