@@ -50,7 +50,7 @@ def deliver_result(
     else:
         Console(highlight=False).print(report() if report else result.report(choices))
     sys.stdout.flush()
-    _print_warnings([*notes, *result.warnings], [file for file in (*pictures, data) if file is not None])
+    print_warnings([*notes, *result.warnings], [file for file in (*pictures, data) if file is not None])
 
 
 def _text(text: str, stream: BinaryIO) -> None:
@@ -66,7 +66,7 @@ def deliver_page(made: "Report", file: Path) -> None:
         Console(highlight=False).print(sentence, markup=False)
     sys.stdout.flush()
     missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
-    _print_warnings([*missing, *made.warnings], [file])
+    print_warnings([*missing, *made.warnings], [file])
 
 
 def deliver_animation(made: "Animation", file: Path) -> None:
@@ -76,15 +76,11 @@ def deliver_animation(made: "Animation", file: Path) -> None:
     made.save(file)
     Console(highlight=False).print(made.title, markup=False, soft_wrap=True)
     sys.stdout.flush()
-    _print_warnings(made.warnings, [file])
+    print_warnings(made.warnings, [file])
 
 
-def deliver_files(files: Sequence[Path], warnings: Sequence[str]) -> None:
-    """Say which files were written, after their warnings."""
-    _print_warnings(warnings, files)
-
-
-def _print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:
+def print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:
+    """What is doubtful, then which files were written, on standard error."""
     from rich.console import Console
     from rich.text import Text
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from solve.commands.deliver import deliver_files
+from solve.commands.deliver import print_warnings
 from solve.commands.groups import Flag, Problem, Speed
 from solve.errors import MissingValueError
 from solve.exports.export import ENDINGS
@@ -22,4 +22,4 @@ def export(
         raise MissingValueError("no file given; add one, such as --out cam.mat")
     checked(out, ENDINGS, "export")
     made = exported(problem.loaded(), out, speed.speed, samples)
-    deliver_files(made.files, made.warnings)
+    print_warnings(made.warnings, made.files)

@@ -141,7 +141,7 @@ def animate(
     `.save("cam.gif")` writes it. Raises NoSketchError where the model states no lines, NoMotionError where it
     does not move, and other SolveError subclasses for bad input.
     """
-    checked_scale(scale)
+    checked_magnification(scale)
     frame_count(frames, False, False)
     asked = system.system if isinstance(system, Orbit) else system
     if not asked.solvable:
@@ -241,7 +241,7 @@ def _scaled(made: Animation, scale: float | None) -> Animation:
     return replace(made, scale=float(scale))
 
 
-def checked_scale(scale: float | None) -> None:
+def checked_magnification(scale: float | None) -> None:
     """Raises ValueOutOfBoundsError."""
     if scale is None:
         return

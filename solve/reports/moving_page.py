@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Plane
 from solve.reports.moving_picture import Drawn, Scene, scene
-from solve.reports.page import svg_of
+from solve.reports.page import document, svg_of
 from solve.results.style import styled
 
 _SCRIPT = Path(__file__).with_name("moving_page.js")
@@ -27,7 +27,8 @@ figure { margin: 0; }
 svg { display: block; width: 100%; height: auto; }
 .controls { display: flex; gap: 0.75rem; align-items: center; }
 input { flex: 1; }
-path.mover { fill: none; stroke-linecap: round; stroke-linejoin: round; }"""
+path.mover { fill: none; stroke-linecap: round; stroke-linejoin: round; }
+"""
 
 
 def page_text(drawn: Drawn, warnings: Sequence[str]) -> str:
@@ -37,19 +38,7 @@ def page_text(drawn: Drawn, warnings: Sequence[str]) -> str:
     data = {"labels": made.labels, "parts": parts}
     doubts = "".join(f"<li>{escape(each)}</li>\n" for each in warnings)
     doubts = f"<h2>Warnings</h2>\n<ul>{doubts}</ul>\n" if doubts else ""
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<title>{escape(drawn.title)}</title>
-<style>
-{_STYLE}
-</style>
-</head>
-<body>
-<main>
+    body = f"""<main>
 <figure role="img" aria-label="{escape(drawn.title)}">{picture}</figure>
 <div class="controls"><button id="play" type="button">Pause</button>
 <input id="frame" type="range" min="0" max="{len(made.labels) - 1}" value="0" aria-label="phase"></div>
@@ -57,9 +46,8 @@ def page_text(drawn: Drawn, warnings: Sequence[str]) -> str:
 <script>
 const data = {json.dumps(data, ensure_ascii=False, separators=(",", ":"))};
 {_SCRIPT.read_text("utf-8")}</script>
-</body>
-</html>
 """
+    return document(drawn.title, _POLICY, _STYLE, body)
 
 
 def _picture(made: Scene) -> tuple[str, list[dict]]:

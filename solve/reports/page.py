@@ -110,25 +110,32 @@ def _page(report: Report) -> str:
     title = system.title or system.name
     links = "".join(f"<li>{_link(heading)}</li>" for heading in sections)
     case = f", case {system.case}" if system.case else ""
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<title>{escape(title)}</title>
-<style>
-{_STYLE.read_text("utf-8")}</style>
-</head>
-<body>
-<header>
+    body = f"""<header>
 <h1>{escape(title)}</h1>
 <p class="model">Model {escape(system.name + case)}</p>
 </header>
 <main>
 {_section("Findings", _findings(report))}<nav aria-label="Parts of this report"><ol>{links}</ol></nav>
 {"".join(_section(*section) for section in sections.items())}</main>
-</body>
+"""
+    return document(title, _POLICY, _STYLE.read_text("utf-8"), body)
+
+
+def document(title: str, policy: str, style: str, body: str) -> str:
+    """A page of HTML that needs no other file. policy: what it may load; style, body: lines, each with its
+    end."""
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<title>{escape(title)}</title>
+<style>
+{style}</style>
+</head>
+<body>
+{body}</body>
 </html>
 """
 

@@ -1,6 +1,5 @@
 """Stability over two quantities: spectral radius, verdict, and the boundaries between."""
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -245,14 +244,13 @@ def _beside(found: Array, axes: tuple[Array, Array], along: int, looked: Array) 
     kept up to date."""
     line = np.searchsorted(axes[1 - along], found[:, 1 - along])
     right = np.searchsorted(axes[along], found[:, along]) - 1
+    at, near = np.zeros_like(looked), np.zeros_like(looked)
     for across in range(-2, 2):
-        looked[line, np.clip(right + across, 0, looked.shape[1] - 1)] = True
-    near = np.zeros_like(looked)
-    for beside, across in itertools.product((-1, 1), range(-2, 2)):
-        at = np.clip(line + beside, 0, len(looked) - 1), np.clip(right + across, 0, looked.shape[1] - 1)
-        near[at] = True
-    near &= ~looked
-    looked |= near
+        at[line, np.clip(right + across, 0, looked.shape[1] - 1)] = True
+    near[1:] |= at[:-1]
+    near[:-1] |= at[1:]
+    near &= ~(looked | at)
+    looked |= at | near
     return np.flatnonzero(near)
 
 
