@@ -9,7 +9,7 @@ import solve
 from solve.results.style import BLACK, BLUE, GREEN, VERMILION, page
 
 four_bar = solve.load("four_bar")
-speeds = np.linspace(20, 50, 91)  # rad/s
+speeds = 1 / np.linspace(1 / 50, 1 / 20, 121)  # rad/s, even in the period
 
 
 def lowest_frequency(phase):
