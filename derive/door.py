@@ -157,7 +157,13 @@ def enter(name: str, work: Callable[[Sequence[str]], int | None], refusals: type
     unless Python was asked for it: results that are doubtful say so themselves."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
-    sys.exit(door(name, work, sys.argv[1:], refusals))
+    status = door(name, work, sys.argv[1:], refusals)
+    if status == INTERRUPTED and any(thread.daemon for thread in threading.enumerate()):
+        # A thread that is left at work in a library could hang or crash where Python takes that down.
+        with suppress(AttributeError, OSError, ValueError):
+            sys.stdout.flush()
+        os._exit(status)
+    sys.exit(status)
 
 
 def _misused(name: str, error: Any) -> int:

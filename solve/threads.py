@@ -1,6 +1,7 @@
 """BLAS in one thread while small matrices are solved, for which its threads wait longer than they work; a
 thread of its own for what cannot be interrupted."""
 
+import atexit
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -48,7 +49,8 @@ def _libraries() -> Any:
 
 def interruptible(work: Callable[[], Value]) -> Value:
     """What the work returns or raises, done in a thread while this one waits, so that an interruption need
-    not wait until a long call of LAPACK returns; then the work is left to the end of the process."""
+    not wait until a long call of LAPACK returns. The work then goes on unseen, and a process that ends in
+    the usual way waits for it: the libraries that it uses are taken down after that."""
     done: Future[Value] = Future()
     context = copy_context()
 
@@ -58,5 +60,10 @@ def interruptible(work: Callable[[], Value]) -> Value:
         except BaseException as error:
             done.set_exception(error)
 
-    threading.Thread(target=run, daemon=True).start()
-    return done.result()
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    try:
+        return done.result()
+    except KeyboardInterrupt:
+        atexit.register(thread.join)
+        raise

@@ -1,6 +1,8 @@
 """What LAPACK does for long can be interrupted."""
 
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -42,3 +44,44 @@ def test_an_interruption_does_not_wait_for_the_end_of_the_work(monkeypatch):
     finally:
         signal.signal(signal.SIGALRM, before)
         ended.set()
+
+
+LEFT_AT_WORK = """
+import signal, sys, time
+import numpy as np
+from solve.commands.door import enter
+from solve.threads import interruptible
+
+def work(arguments):
+    print("before")
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    interruptible({work})
+
+{end}
+"""
+FOR_LONG = "lambda: [np.linalg.eig(np.random.default_rng(0).random((900, 900))) for _ in range(100)]"
+AS_A_COMMAND = 'enter("program", work, ValueError)'
+AS_A_SCRIPT = """
+try:
+    work(())
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def left_at_work(work, end):
+    program = LEFT_AT_WORK.format(work=work, end=end)
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize("attempt", range(4))
+def test_a_command_ends_at_once_while_lapack_is_at_work(attempt):
+    done = left_at_work(FOR_LONG, AS_A_COMMAND)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "before\n", "program: interrupted\n")
+
+
+def test_a_script_that_ends_after_an_interruption_waits_for_the_work():
+    """Libraries are taken down when a process ends."""
+    done = left_at_work("lambda: (time.sleep(1), print('ended'))", AS_A_SCRIPT)
+    assert (done.returncode, done.stdout) == (0, "before\ninterrupted\nended\n")
