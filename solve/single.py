@@ -10,11 +10,12 @@ from solve.period.points import OnePoint
 from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
 
 
+@of_system
 def periodic(
     system: PeriodicSystem,
     speed: float | str,
@@ -48,6 +49,7 @@ def periodic(
     return Orbit(system, omega, *solved)
 
 
+@of_system
 def floquet(
     system: PeriodicSystem,
     speed: float | str,

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
+from solve.argument import first_is
 from solve.arrays import Array, Plane
 from solve.errors import (
     LinearModelError,
@@ -538,6 +539,10 @@ class PeriodicSystem:
                 "M is singular: some coordinate has no inertia; give every coordinate a mass, "
                 "or leave a massless coordinate out"
             )
+
+
+of_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
+"""Before a public function of a system."""
 
 
 def _checked_period(period: float) -> float:

@@ -24,7 +24,7 @@ from solve.period.points import OnePoint
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
-from solve.system import SPEED, Dependence, PeriodicSystem
+from solve.system import SPEED, Dependence, PeriodicSystem, of_system
 from solve.threads import one_thread
 
 _GRIDS = 1, 2, 4
@@ -37,6 +37,7 @@ _ROUNDING = 1e-13
 """Part of a derivative that rounding leaves."""
 
 
+@of_system
 def sensitivities(
     system: PeriodicSystem,
     speed: float | str,

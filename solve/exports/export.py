@@ -12,7 +12,7 @@ from solve.exports.mat_file import mat_file
 from solve.exports.state_space import SAMPLES, require_samples, state_space
 from solve.results.save import Whole, checked
 from solve.single import floquet
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
 
 
@@ -24,6 +24,7 @@ class Exported:
     warnings: tuple[str, ...]
 
 
+@of_system
 def export(
     system: PeriodicSystem, path: str | Path, speed: float | str | None = None, samples: int = SAMPLES
 ) -> Exported:

@@ -17,7 +17,7 @@ from solve.exports.state_space import Coefficients, Signals, coefficients, signa
 from solve.methods.fourier import MOST_UNKNOWNS
 from solve.methods.hill import toeplitz, together
 from solve.period.grid import Grid
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import checked_rtol, speed_in_si
 
 if TYPE_CHECKING:
@@ -154,6 +154,7 @@ class HarmonicTransfer:
         )
 
 
+@of_system
 def harmonic_transfer(
     system: PeriodicSystem,
     speed: float | str,

@@ -14,7 +14,7 @@ from solve.exports.extras import labels, library
 from solve.model.model import Model, ModelAlong
 from solve.period.points import rate_of
 from solve.sizes import require_size
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
 
 if TYPE_CHECKING:
@@ -186,6 +186,7 @@ class StateSpace:
         )
 
 
+@of_system
 def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPLES) -> StateSpace:
     """The linearised equations at a speed (rad/s, or a text with unit) as a state space over the phase, at so
     many even phases of a period.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from solve.argument import first_is
 from solve.arrays import Array, Plane
 from solve.errors import (
     MatricesError,
@@ -294,6 +295,10 @@ class Model(PeriodicSystem):
                     reached = measured(extreme, self.units[name], 3)
                     warnings.append(f"{meaning}: {name} reaches {reached}, bound {clause}")
         return warnings
+
+
+of_model = first_is(Model, such_as="solve.load('cam')")
+"""Before a public function of a model."""
 
 
 class ModelAlong(Model):

@@ -23,7 +23,7 @@ from solve.progress import steps
 from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.single import request
-from solve.system import Motion, PeriodicSystem
+from solve.system import Motion, PeriodicSystem, of_system
 from solve.units import speed_in_si
 
 _STEPS = 64, 128
@@ -34,6 +34,7 @@ _WAYS = ("linear orbit", "load", "speed", _TRANSIENT)
 """In their order; for several periods the transient is first, as the others lead to an orbit of one."""
 
 
+@of_system
 def nonlinear(
     system: PeriodicSystem,
     speed: float | str,

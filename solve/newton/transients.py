@@ -15,7 +15,7 @@ from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.system import Marcher, PeriodicSystem
+from solve.system import Marcher, PeriodicSystem, of_system
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
 
 REST, ORBIT = "rest", "orbit"
@@ -32,6 +32,7 @@ _FINEST = 1e-12
 Start = str | Path | tuple[Array, Array]
 
 
+@of_system
 def transient(
     system: PeriodicSystem,
     speed: float | str | None = None,

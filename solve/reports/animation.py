@@ -10,6 +10,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from solve.argument import first_is
 from solve.arrays import Array, Plane
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
@@ -120,6 +121,7 @@ class Animation:
         return f'<iframe srcdoc="{escape(self.html)}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 
 
+@first_is(PeriodicSystem, Orbit, such_as="solve.load('cam')")
 def animate(
     system: PeriodicSystem | Orbit,
     speed: float | str | None = None,

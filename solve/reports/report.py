@@ -18,7 +18,7 @@ from solve.studies.critical_speeds import critical_speeds
 from solve.studies.frequencies import frequencies, turn
 from solve.studies.sweep import sweep
 from solve.studies.validity import validity
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import checked_rtol, speeds_given
 
 
@@ -31,6 +31,7 @@ class Asked(NamedTuple):
     instead: Callable[[], Result] | None = None
 
 
+@of_system
 def report(
     system: PeriodicSystem,
     speeds: float | str | Sequence[float | str] | Array | None = None,

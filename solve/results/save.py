@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
 
 import numpy as np
 
+from solve.argument import first_is
 from solve.arrays import Array
 from solve.errors import FileError
 from solve.results.contents import Column, Contents
@@ -188,6 +189,7 @@ def writer(result: Saved, file: Path) -> Callable[[BinaryIO], None]:
     return partial(DATA[file.suffix.lower()], result)
 
 
+@first_is(str, Path, such_as="'orbit.nc'")
 def opened(path: str | Path) -> Any:
     """The result that `save` wrote to a file .nc or .npz, bit for bit: everything that it holds, and what was
     calculated with it. No code is run, and there are no equations in it: what needs them is refused.

@@ -26,7 +26,7 @@ from solve.progress import part, stage, steps
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
 from solve.studies.boundaries import LIGHTLY_DAMPED, Judge, Judged, Search, hidden, judge
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import ShownUnit, checked_tolerance, speeds_between
 
 GROWTH = 1e-6
@@ -61,6 +61,7 @@ _SURVIVES = 1e-2
 """Part of a fast mode that is left after a period, above which it counts as not damped out."""
 
 
+@of_system
 def bands(
     system: PeriodicSystem,
     speeds: str | Sequence[float | str] | Array,

@@ -22,7 +22,7 @@ from solve.progress import part, stage
 from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row
 from solve.results.orbit import Orbit
 from solve.single import periodic, request
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import checked_rtol, speed_in_si
 
 TARGETS = (1e-3, 1e-6)
@@ -44,6 +44,7 @@ _BEYOND = 1e-3
 """Part of the finest target to which errors are followed, so that a picture shows the trend."""
 
 
+@of_system
 def compare(
     system: PeriodicSystem,
     speed: float | str,

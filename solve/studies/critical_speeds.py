@@ -25,7 +25,7 @@ from solve.progress import part, stage, steps
 from solve.results.critical_speeds import Combination, Critical, CriticalSpeeds, Maximum
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
@@ -98,6 +98,7 @@ class MeanFrequencies:
         return MeanFrequencies(self.system, np.array([speed])).values[0]
 
 
+@of_system
 def critical_speeds(
     system: PeriodicSystem,
     speeds: str | Sequence[float | str] | Array,

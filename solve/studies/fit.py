@@ -16,7 +16,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.model.bounds import clauses
-from solve.model.model import Model
+from solve.model.model import Model, of_model
 from solve.progress import part, stage
 from solve.results.fit import Channel, Fitted, Interval
 from solve.results.orbit import Orbit
@@ -47,6 +47,7 @@ _OUTLIER = 2.0
 """Standard deviations from which on a robust fit counts errors by their moduli."""
 
 
+@of_model
 def fit(
     model: Model,
     data: str | Path,

@@ -9,7 +9,7 @@ from solve.arrays import Array
 from solve.errors import NoMotionError, SolveError, ValueOutOfBoundsError, require_name
 from solve.results.frequencies import Frequencies, Variation
 from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import require_size_of_number, with_unit
 
 USUAL_COUNT = 4
@@ -18,6 +18,7 @@ TURN = 36
 """Positions of a turn, by default."""
 
 
+@of_system
 def frequencies(
     system: PeriodicSystem, position: float | str | Sequence[float] | Array = 0.0, count: int | None = None
 ) -> Frequencies:
@@ -51,6 +52,7 @@ def turn(system: PeriodicSystem, count: int = TURN) -> Array:
     return np.linspace(0.0, system.period, count, endpoint=False)
 
 
+@of_system
 def frequencies_over(
     system: PeriodicSystem,
     parameter: str,

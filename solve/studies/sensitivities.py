@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from solve.argument import first_is
 from solve.arrays import Array
 from solve.derivatives.point import quantities_by, sensitivities
 from solve.differences import slope
@@ -16,7 +17,7 @@ from solve.results.bands import Bands
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.sensitivities_over import SensitivitiesOver
-from solve.system import SPEED, PeriodicSystem
+from solve.system import SPEED, PeriodicSystem, of_system
 from solve.units import speeds_given
 
 _LOOK = 1e-4
@@ -40,6 +41,7 @@ _NEWTON = 3
 """Corrections of a speed that was found to a tolerance."""
 
 
+@of_system
 def sensitivities_over(
     system: PeriodicSystem,
     speeds: float | str | Sequence[float | str] | Array,
@@ -82,6 +84,7 @@ def sensitivities_over(
     return SensitivitiesOver(system, omegas, asked, names, by_speed, values, derivatives, errors, reasons)
 
 
+@first_is(CriticalSpeeds, Bands, such_as="solve.critical_speeds(model, speeds)")
 def speed_sensitivities(
     found: CriticalSpeeds | Bands,
     by: Sequence[str] | None = None,

@@ -15,19 +15,20 @@ from solve.batch.store import made_folder
 from solve.batch.task import task_of
 from solve.errors import MissingValueError, StepsError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
-from solve.model.model import Model
+from solve.model.model import Model, of_model
 from solve.progress import part, stage
 from solve.results.points import Kept
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
 from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import evenly, speeds_given
 
 Over = str | Sequence[str] | Mapping[str, str | Sequence[float] | Array]
 """Values of parameters by name, or texts NAME=A:B:N."""
 
 
+@of_system
 def sweep(
     system: PeriodicSystem,
     speeds: float | str | Sequence[float | str] | Array | None = None,
@@ -114,6 +115,7 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
     return system.case_speed
 
 
+@of_model
 def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str, Model]:
     """The model with each of several values of a parameter (in its own unit) or an option, by the value.
 

@@ -11,10 +11,11 @@ from solve.methods.choice import Rule
 from solve.progress import part, stage
 from solve.results.validity import Validity
 from solve.single import periodic
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 from solve.units import speeds_given
 
 
+@of_system
 def validity(
     system: PeriodicSystem,
     speeds: float | str | Sequence[float | str] | Array,

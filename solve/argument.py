@@ -1,0 +1,34 @@
+"""Public functions refuse what their first argument cannot be in words, not by an attribute that it lacks."""
+
+import inspect
+import reprlib
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from solve.errors import ValueOutOfBoundsError
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+def first_is(*kinds: type, such_as: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+    """A function that raises ValueOutOfBoundsError where its first argument is of none of the kinds; such_as:
+    how one is had."""
+
+    def checking(work: Callable[Given, Result]) -> Callable[Given, Result]:
+        name = next(iter(inspect.signature(work).parameters))
+
+        @wraps(work)
+        def checked(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+            given = args[:1] or [value for key, value in kwargs.items() if key == name]
+            if given and not isinstance(given[0], kinds):
+                allowed = " or ".join(kind.__name__ for kind in kinds)
+                raise ValueOutOfBoundsError(
+                    f"{name} is {reprlib.repr(given[0])}; allowed: {allowed}, such as {such_as}"
+                )
+            return work(*args, **kwargs)
+
+        return checked
+
+    return checking
