@@ -16,9 +16,7 @@ from typing import Any, NamedTuple
 from PIL import Image
 
 from tests import browser
-
-ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+from tests.pages import EVERY, ROOT
 
 
 class Picture(NamedTuple):
@@ -33,7 +31,7 @@ def pictures() -> list[Picture]:
     """Of all pages. Raises LookupError for one that no command of its page draws."""
     return [
         Picture(page, (page.parent / name).resolve(), _command(page, name))
-        for page in PAGES
+        for page in EVERY
         for name in re.findall(r"!\[[^\]]*\]\(([^)]+\.png)\)", page.read_text(encoding="utf-8"))
     ]
 
