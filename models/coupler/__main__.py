@@ -12,7 +12,7 @@ def _listed() -> Sequence[Callable[..., None]]:
 
 
 PROGRAM = Program("python -m models.coupler", _listed, None, '--speed "600 rpm" --plot bent.png')
-run, commands = PROGRAM.run, PROGRAM.commands
+run, commands, main = PROGRAM.run, PROGRAM.commands, PROGRAM.main
 
 if __name__ == "__main__":
-    PROGRAM.main()
+    main()

@@ -23,7 +23,7 @@ PROGRAM = Program(
     "The four-bar linkage of the thesis.",
     'linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
 )
-run, commands = PROGRAM.run, PROGRAM.commands
+run, commands, main = PROGRAM.run, PROGRAM.commands, PROGRAM.main
 
 if __name__ == "__main__":
-    PROGRAM.main()
+    main()

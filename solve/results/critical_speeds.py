@@ -9,18 +9,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns, plain, rows_of
 from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, through, title_of
-from solve.results.quantities import fixed, headed, measured, named, prefixed
+from solve.results.quantities import measured, named
 from solve.results.report import (
     RenderableType,
     Table,
     digits,
     model_heading,
+    sized,
     speeds_of,
     stacked,
-    table,
     table_of,
 )
 from solve.results.result import Result
@@ -176,19 +176,24 @@ class CriticalSpeeds(Result):
             "quantity": self.quantity,
             "figure": self.figure,
             "combinations": [vars(one) for one in self.combinations],
-            "unstable": [
-                {"from": low, "to": high, "spectral_radius": radius}
-                for low, high, radius in self.unstable_ranges
-            ],
+            "unstable": rows_of(self._unstable),
             "notes": self.notes,
+        }
+
+    @property
+    def _unstable(self) -> Columns:
+        """A row an unstable range."""
+        low, high, radius = np.reshape(self.unstable_ranges, (-1, 3)).T
+        return {
+            "from": speeds_of(self.system, low, "", "from", ".3f"),
+            "to": speeds_of(self.system, high, "", "to", ".3f"),
+            "spectral_radius": Column(radius, heading="largest |ρ|", text=digits(".6g")),
         }
 
     @property
     def columns(self) -> Columns:
         """A row a critical speed."""
-        largest = max((abs(height) for _, height in self.maxima("response")), default=0.0)
-        si = self.system.units.get(self.quantity, "")
-        factor, unit = prefixed(si, largest)
+        unit = self.system.units.get(self.quantity, "")
 
         def of(way: str, name: str) -> list[float | None]:
             found = (getattr(row, way) for row in self.rows)
@@ -201,9 +206,8 @@ class CriticalSpeeds(Result):
         return {
             "speed": speeds([row.speed for row in rows], "of this row"),
             "response": speeds(of(response, "speed"), "maximum of the response", "response"),
-            "response_height": Column(
-                *(of(response, "height"), si, f"{self.figure} of {self.quantity}", headed("height", unit)),
-                lambda value: fixed(value * factor, largest * factor, 5),
+            "response_height": sized(
+                of(response, "height"), unit, f"{self.figure} of {self.quantity}", "height", 5
             ),
             "multiplier": speeds(
                 of(multiplier, "speed"), "maximum of the dominant multiplier's real part", "multiplier"
@@ -238,31 +242,25 @@ class CriticalSpeeds(Result):
         return stacked(head, self._rows_table(), *further)
 
     def _unstable_table(self) -> Table:
-        unit = self.system.speed_unit
-        made = table(f"Unstable among the speeds, {unit.name}", "from", "to", "largest |ρ|", left=0)
-        for low, high, radius in self.unstable_ranges:
-            made.add_row(f"{unit.of(low):.3f}", f"{unit.of(high):.3f}", f"{radius:.6g}")
-        return made
+        return table_of(f"Unstable among the speeds, {self.system.speed_unit.name}", self._unstable)
 
     def _rows_table(self) -> Table:
         height = named(self.figure, self.quantity)
-        made = table_of(f"Critical speeds in {self.system.speed_unit.name}; height: {height}", self.columns)
-        made.caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
-        return made
+        title = f"Critical speeds in {self.system.speed_unit.name}; height: {height}"
+        caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
+        return table_of(title, self.columns, caption=caption)
 
     def _combinations_table(self) -> Table:
-        unit = self.system.speed_unit
-        made = table(f"Combinations (ω̄i ± ω̄j)/k, {unit.name}", "speed", "i", "j", "k", left=0)
-        for one in self.combinations[:_MOST_COMBINATIONS]:
-            made.add_row(
-                f"{unit.of(one.speed):.3f}",
-                str(one.modes[0]),
-                f"{one.sign * one.modes[1]:+d}",
-                str(one.order),
-            )
-        if len(self.combinations) > _MOST_COMBINATIONS:
-            made.caption = f"and {len(self.combinations) - _MOST_COMBINATIONS} at lower speeds"
-        return made
+        some = self.combinations[:_MOST_COMBINATIONS]
+        columns = {
+            "speed": speeds_of(self.system, [one.speed for one in some], "", "speed", ".3f"),
+            "i": Column([one.modes[0] for one in some], heading="i"),
+            "j": Column([one.sign * one.modes[1] for one in some], heading="j", text=digits("+.0f")),
+            "k": Column([one.order for one in some], heading="k"),
+        }
+        more = len(self.combinations) - len(some)
+        caption = f"and {more} at lower speeds" if more else None
+        return table_of(f"Combinations (ω̄i ± ω̄j)/k, {self.system.speed_unit.name}", columns, caption=caption)
 
 
 def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
