@@ -63,6 +63,7 @@ class Critical:
 
     mode (from 1) and order: of the integer division, with the frequencies' means at this speed; at_rest:
     the same division with those at rest. ratios: the means over the row's speed, from the lowest mode on.
+    combination: what explains the maximum where no division does, None where nothing does.
     """
 
     response: Maximum | None = None
@@ -72,6 +73,15 @@ class Critical:
     order: int | None = None
     at_rest: float | None = None
     ratios: Sequence[float] = ()
+    combination: Combination | None = None
+
+    @property
+    def explained(self) -> tuple[str, str]:
+        """Modes and order of what explains the row, in few characters."""
+        if self.combination is None:
+            return str(self.mode or "–"), str(self.order or "–")
+        (high, low), sign = self.combination.modes, "+" if self.combination.sign > 0 else "−"
+        return f"{high}{sign}{low}", str(self.combination.order)
 
     @property
     def speed(self) -> float:
@@ -203,7 +213,7 @@ class CriticalSpeeds(Result):
             return speeds_of(self.system, values, meaning, heading, ".3f")
 
         response, multiplier, rows = "response", "multiplier", self.rows
-        return {
+        found = {
             "speed": speeds([row.speed for row in rows], "of this row"),
             "response": speeds(of(response, "speed"), "maximum of the response", "response"),
             "response_height": sized(
@@ -223,14 +233,18 @@ class CriticalSpeeds(Result):
             "division_at_rest": speeds(
                 [row.at_rest for row in rows], "that of the frequency at rest", "at rest"
             ),
-            "mode": Column([row.mode for row in rows], "", "of the division", "mode"),
-            "order": Column([row.order for row in rows], "", "of the division", "k"),
         }
+        for at, (name, heading) in enumerate((("mode", "mode"), ("order", "k"))):
+            texts = [row.explained[at] for row in rows]
+            values = [getattr(row, name) for row in rows]
+            found[name] = Column(values, "", "of the division", heading, texts)
+        return found
 
     def record(self) -> dict[str, Any]:
         found = super().record()
         for row, critical in zip(found["rows"], self.rows, strict=True):
             row["ratios"] = plain(critical.ratios)
+            row["combination"] = plain(critical.combination and vars(critical.combination))
         return found
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
@@ -248,6 +262,8 @@ class CriticalSpeeds(Result):
         height = named(self.figure, self.quantity)
         title = f"Critical speeds in {self.system.speed_unit.name}; height: {height}"
         caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
+        if any(row.explained[0] == "–" for row in self.rows):
+            caption += "\nmode –: no division of a frequency and no combination explains the maximum"
         return table_of(title, self.columns, caption=caption)
 
     def _combinations_table(self) -> Table:
