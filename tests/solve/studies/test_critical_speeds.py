@@ -215,7 +215,7 @@ def test_no_division_explains_a_maximum_of_the_multiplier_where_another_takes_th
     assert row.multiplier.speed == pytest.approx(10.0, rel=1e-4)
     assert (row.mode, row.order, row.combination) == (None, None, None)
     assert made.record()["rows"][made.rows.index(row)]["combination"] is None
-    assert "no division of a frequency and no combination explains" in made._repr_html_()
+    assert "no division of a frequency and no combination explains it" in made._repr_html_()
 
 
 def test_a_combination_explains_the_maximum_of_the_multiplier_where_two_modes_meet():
