@@ -105,15 +105,14 @@ class Comparison(Result):
     @property
     def whole(self) -> dict[str, Any]:
         reference = self.reference
-        names = "method", "steps", "spectral_radius", "verdict"
-        known = {name: getattr(reference, name) for name in names}
+        names = "method", "steps", "spectral_radius", "verdict", "error_estimate"
         return {
             "speed": reference.speed,
             "period": reference.period,
-            "reference": {**known, "error_estimate": reference.error_estimate._asdict()},
+            "reference": {name: getattr(reference, name) for name in names},
             "judged_by": self.judged_by,
             "targets": self.targets,
-            "measured": [vars(row) for row in self.measured],
+            "measured": self.measured,
         }
 
     @property

@@ -185,7 +185,7 @@ class CriticalSpeeds(Result):
             "range": [self.speeds[0], self.speeds[-1]],
             "quantity": self.quantity,
             "figure": self.figure,
-            "combinations": [vars(one) for one in self.combinations],
+            "combinations": self.combinations,
             "unstable": rows_of(self._unstable),
             "notes": self.notes,
         }
@@ -243,8 +243,7 @@ class CriticalSpeeds(Result):
     def record(self) -> dict[str, Any]:
         found = super().record()
         for row, critical in zip(found["rows"], self.rows, strict=True):
-            row["ratios"] = plain(critical.ratios)
-            row["combination"] = plain(critical.combination and vars(critical.combination))
+            row |= plain({"ratios": critical.ratios, "combination": critical.combination})
         return found
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:

@@ -73,14 +73,12 @@ class SweepPoint:
         where = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
         if self.error is not None:
             return {**where, "error": self.error}
-        names = "spectral_radius", "verdict", "stable", "method", "steps"
+        names = "spectral_radius", "verdict", "stable", "method", "steps", "error_estimate", "warnings"
         return {
             **where,
             "coordinates": self._figures(system, system.coordinates),
             "outputs": self._figures(system, system.outputs),
             **{name: getattr(self, name) for name in names},
-            "error_estimate": self.error_estimate._asdict(),
-            "warnings": self.warnings,
         }
 
     def _figures(self, system: PeriodicSystem, names: Sequence[str]) -> dict[str, Any]:

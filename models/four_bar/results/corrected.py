@@ -85,8 +85,7 @@ class Corrections(Result):
     def record(self) -> dict[str, Any]:
         found = super().record()
         for row, model in zip(found["models"], self.models.values(), strict=True):
-            estimate = model.error_estimate._asdict()
-            row |= plain({**model.figures._asdict(), "error_estimate": estimate})
+            row |= plain({**model.figures._asdict(), "error_estimate": model.error_estimate})
         return found
 
     def contents(self) -> Contents:
