@@ -1,40 +1,18 @@
 """The command of the flexible coupler: `python -m models.coupler`."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
-from solve.commands.door import door, enter
-from solve.errors import SolveError
-
-if TYPE_CHECKING:
-    import typer
-
-_NAME = "python -m models.coupler"
+from solve.commands.program import Program
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit status: 2 with one line on standard error for bad input."""
-    return door(_NAME, _called, arguments, SolveError)
-
-
-def commands() -> "typer.Typer":
-    """The one that there is, for Typer."""
+def _listed() -> Sequence[Callable[..., None]]:
     from models.coupler.command import picture
-    from solve.commands.app import application
 
-    return application(_NAME, (picture,), None, f'{_NAME} --speed "600 rpm" --plot bent.png')
-
-
-def _called(arguments: Sequence[str]) -> int | None:
-    from solve.commands.app import called
-
-    return called(arguments, commands(), _NAME)
+    return (picture,)
 
 
-def main() -> None:
-    """Entry point of the module."""
-    enter(_NAME, _called, SolveError)
-
+PROGRAM = Program("python -m models.coupler", _listed, None, '--speed "600 rpm" --plot bent.png')
+run, commands, main = PROGRAM.run, PROGRAM.commands, PROGRAM.main
 
 if __name__ == "__main__":
     main()

@@ -1,40 +1,18 @@
 """The command of the portal frame: `python -m models.portal_frame`."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
-from solve.commands.door import door, enter
-from solve.errors import SolveError
-
-if TYPE_CHECKING:
-    import typer
-
-_NAME = "python -m models.portal_frame"
+from solve.commands.program import Program
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit status: 2 with one line on standard error for bad input."""
-    return door(_NAME, _called, arguments, SolveError)
-
-
-def commands() -> "typer.Typer":
-    """The one that there is, for Typer."""
+def _listed() -> Sequence[Callable[..., None]]:
     from models.portal_frame.command import determinant
-    from solve.commands.app import application
 
-    return application(_NAME, (determinant,), None, f"{_NAME} --plot determinant.png")
-
-
-def _called(arguments: Sequence[str]) -> int | None:
-    from solve.commands.app import called
-
-    return called(arguments, commands(), _NAME)
+    return (determinant,)
 
 
-def main() -> None:
-    """Entry point of the module."""
-    enter(_NAME, _called, SolveError)
-
+PROGRAM = Program("python -m models.portal_frame", _listed, None, "--plot determinant.png")
+run, commands, main = PROGRAM.run, PROGRAM.commands, PROGRAM.main
 
 if __name__ == "__main__":
     main()

@@ -66,7 +66,8 @@ def deliver_page(made: "Report", file: Path) -> None:
         Console(highlight=False).print(sentence, markup=False)
     sys.stdout.flush()
     missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
-    print_warnings([*missing, *made.warnings], [file])
+    doubts = [f"{said} ({', '.join(map(made.of, parts))})" for said, parts in made.warnings.items()]
+    print_warnings([*missing, *doubts], [file])
 
 
 def deliver_animation(made: "Animation", file: Path) -> None:

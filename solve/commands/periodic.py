@@ -8,6 +8,7 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, OnePoint, Problem, Results, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import ValueOutOfBoundsError
+from solve.model.model import Model
 from solve.results.orbit import Orbit
 from solve.results.plot import checked_scale, shown, titled
 from solve.results.report import RenderableType, stacked
@@ -49,25 +50,27 @@ def periodic(
 
         records = measured(data, model, speed.omega(model))
     picture = fits_figure(model) if fits else None
-    if nonlinear:
-        from solve.newton.orbits import nonlinear as nonlinear_orbit
-
-        if quasi_static:
-            raise ValueOutOfBoundsError(
-                "--quasi-static is of the linear orbit; leave out --quasi-static or --nonlinear"
-            )
-        given = accuracy.rule, accuracy.steps, accuracy.rtol, "auto", accuracy.all_multipliers
-        orbit = nonlinear_orbit(model, speed.omega(model), None, 1 if periods is None else periods, *given)
-    elif periods is not None:
+    if nonlinear and quasi_static:
+        raise ValueOutOfBoundsError(
+            "--quasi-static is of the linear orbit; leave out --quasi-static or --nonlinear"
+        )
+    if periods is not None and not nonlinear:
         raise ValueOutOfBoundsError(f"--periods {periods} is of nonlinear orbits; add --nonlinear")
-    else:
-        orbit = accuracy.solved(linear_orbit, model, speed.omega(model))
+    find = partial(_nonlinear, periods=1 if periods is None else periods) if nonlinear else linear_orbit
+    orbit = accuracy.solved(find, model, speed.omega(model))
     figure = partial(orbit.plot, show, quasi_static, scale, harmonics) if picture is None else lambda: picture
     record = partial(orbit.record, orders, quasi_static)
     report = partial(orbit.report, problem.choices, quasi_static)
     if records is not None:
         record, report, figure = _with_measured(orbit, records, record, report)
     deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure)
+
+
+def _nonlinear(model: Model, omega: float, *given: Any, periods: int, all_multipliers: bool) -> Orbit:
+    from solve.newton.orbits import nonlinear
+
+    rule, steps, rtol = given
+    return nonlinear(model, omega, None, periods, rule, steps, rtol, all_multipliers=all_multipliers)
 
 
 def _with_measured(

@@ -1,6 +1,7 @@
 """`solve sweep`: response and stability over many speeds."""
 
 import math
+from functools import partial
 from typing import Annotated, Any
 
 from solve.commands.deliver import deliver_result
@@ -54,23 +55,11 @@ def sweep(
     with places.given() as given:
         result = swept(model, omegas, *asked, **kept, **given)
     result.results.require_any()
-
-    def figure() -> Figure:
-        if turn and varied:
-            return _turns_over(model, result, turn, asked)
-        if turn:
-            orbits = [solved(model, point.speed, *asked) for point in _solved(result, turn)]
-            return turn_figure(orbits, turn)
-        return result.waterfall(waterfall) if waterfall else result.plot(show)
-
-    deliver_result(
-        results,
-        result,
-        problem.choices,
-        result.notes,
-        report=lambda: result.report(problem.choices, names),
-        figure=figure,
-    )
+    report = partial(result.report, problem.choices, names)
+    figure = partial(result.waterfall, waterfall) if waterfall else partial(result.plot, show)
+    if turn:
+        figure = partial(_turns, model, result, turn, asked)
+    deliver_result(results, result, problem.choices, result.notes, report=report, figure=figure)
 
 
 def _varied(over: list[str] | None) -> dict[str, list[float]]:
@@ -93,8 +82,10 @@ def _check_turn(
     checked_turn(model, name, count)
 
 
-def _turns_over(model: Model, sweep: Sweep, turn: str, asked: tuple[Any, ...]) -> Figure:
-    """A curve a point, named by what varies."""
+def _turns(model: Model, sweep: Sweep, turn: str, asked: tuple[Any, ...]) -> Figure:
+    """A curve a point, named by its speed or by what varies."""
+    if not sweep.parameters:
+        return turn_figure([solved(model, point.speed, *asked) for point in _solved(sweep, turn)], turn)
     orbits, vary = {}, moving(sweep.varied)
     for point in _solved(sweep, turn):
         values = {**point.parameters, SPEED: point.speed}

@@ -48,7 +48,8 @@ class Animation:
     """A vibration to be looked at, over phases from 0 to `span` (rad).
 
     vibration: q (n, k) at phases (k,); signals: what is drawn beside it by name; scale: the magnification;
-    about: what kind of vibration it is; doubt: why it would not be seen, if so; warnings: of its calculation.
+    about: what kind of vibration it is; doubt: why it would not be seen, if so; warnings: that, and of its
+    calculation.
     """
 
     system: PeriodicSystem
@@ -99,7 +100,8 @@ class Animation:
     @cached_property
     def html(self) -> str:
         """The animation as a page of HTML that needs no other file."""
-        return page_text(self.drawn(still=False), self.warnings)
+        # The picture itself says why the vibration would not be seen.
+        return page_text(self.drawn(still=False), [each for each in self.warnings if each != self.doubt])
 
     def save(self, path: str | Path) -> None:
         """Write the animation (.gif, .html) or some of its positions (.png, .pdf, .svg), whole or not at all.
@@ -153,20 +155,31 @@ def animate(
     names = shown(asked, show) if show else list(asked.coordinates[:_PANELS])
     if isinstance(system, Orbit):
         _require_nothing(speed is not None or nonlinear or method != "auto")
-        orbit = system
-    else:
-        omega = asked.speed_or_usual(speed)
-        asked.checked(omega)
-        asked = asked.shown_in(omega)
-        try:
-            asked.require_load(omega)
-        except NoLoadError:
-            if nonlinear:
-                raise
-            return _scaled(_free(asked, omega, names, frames, rtol), scale)
-        find = nonlinear_orbit if nonlinear else periodic
-        orbit = find(asked, omega, method=method, rtol=rtol)
-    return _scaled(_of_orbit(orbit, names, frames), scale)
+        return _scaled(_of_orbit(system, names, frames), scale)
+    omega = asked.speed_or_usual(speed)
+    asked.checked(omega)
+    made = _calculated(asked.shown_in(omega), omega, names, frames, nonlinear, method, rtol)
+    return _scaled(made, scale)
+
+
+def _calculated(
+    system: PeriodicSystem,
+    omega: float,
+    names: Sequence[str],
+    frames: int | None,
+    nonlinear: bool,
+    method: str | Rule,
+    rtol: float,
+) -> Animation:
+    """Of the orbit at this speed; without a load, which it needs, of the free vibration."""
+    try:
+        system.require_load(omega)
+    except NoLoadError:
+        if nonlinear:
+            raise
+        return _free(system, omega, names, frames, rtol)
+    find = nonlinear_orbit if nonlinear else periodic
+    return _of_orbit(find(system, omega, method=method, rtol=rtol), names, frames)
 
 
 def _require_nothing(given: bool) -> None:
@@ -181,7 +194,8 @@ def _require_nothing(given: bool) -> None:
 def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animation:
     """With the magnification 1."""
     signals = {name: orbit.signal(name) for name in names}
-    doubt = "unstable: disturbances grow, a machine does not keep to this vibration"
+    unstable = "unstable: disturbances grow, a machine does not keep to this vibration"
+    doubt = unstable if orbit.verdict == "unstable" else ""
     return Animation(
         orbit.system,
         orbit.speed,
@@ -191,8 +205,8 @@ def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animati
         1.0,
         frames,
         "vibration",
-        doubt if orbit.verdict == "unstable" else "",
-        orbit.warnings,
+        doubt,
+        [*filter(None, [doubt]), *orbit.warnings],
     )
 
 
@@ -216,6 +230,7 @@ def _free(
         row = system.coordinates.index(name)
         return lambda phase: curve(phase)[row]
 
+    doubt = "unstable: it grows" if found.orbit and found.orbit.verdict == "unstable" else ""
     return Animation(
         system,
         omega,
@@ -225,8 +240,8 @@ def _free(
         1.0,
         frames,
         "free vibration",
-        "unstable: it grows" if found.orbit and found.orbit.verdict == "unstable" else "",
-        found.orbit.warnings if found.orbit else [],
+        doubt,
+        [*filter(None, [doubt]), *(found.orbit.warnings if found.orbit else [])],
     )
 
 

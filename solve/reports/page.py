@@ -43,12 +43,14 @@ _GIVEN = "given"
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a report: its heading, what it shows in a sentence, and its result, or why there is none."""
+    """A part of a report: its heading, what it shows in a sentence, and its result, or why there is none;
+    orbit: which of the report's orbits that is, where there are two."""
 
     heading: str
     about: str
     result: Result | None = None
     reason: str = ""
+    orbit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +76,10 @@ class Report:
             for said in part.result.warnings if part.result is not None else ():
                 found.setdefault(said, []).append(part.heading)
         return found
+
+    def of(self, heading: str) -> str:
+        """What a warning of the part with this heading is about."""
+        return next(filter(None, (part.orbit for part in self.parts if part.heading == heading)), heading)
 
     @property
     def missing(self) -> dict[str, str]:
@@ -149,8 +155,8 @@ def _anchor(heading: str) -> str:
     return re.sub(r"\W+", "-", heading.lower())
 
 
-def _link(heading: str) -> str:
-    return f'<a href="#{_anchor(heading)}">{escape(heading)}</a>'
+def _link(heading: str, words: str = "") -> str:
+    return f'<a href="#{_anchor(heading)}">{escape(words or heading)}</a>'
 
 
 def _findings(report: Report) -> str:
@@ -159,7 +165,7 @@ def _findings(report: Report) -> str:
     lines = [*verdict, _list(map(escape, report.summary[1:]), "found")]
     if report.warnings:
         texts = [
-            f"{escape(said)} <small>({', '.join(map(_link, parts))})</small>"
+            f"{escape(said)} <small>({', '.join(_link(each, report.of(each)) for each in parts)})</small>"
             for said, parts in report.warnings.items()
         ]
         lines += ["<h3>Warnings</h3>", _list(texts, "warnings")]

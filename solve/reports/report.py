@@ -1,7 +1,9 @@
 """Everything that is asked of a model when it is judged, gathered for one page."""
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
 
 from solve.arrays import Array
 from solve.derivatives.point import sensitivities
@@ -23,10 +25,9 @@ from solve.units import checked_rtol, speeds_given
 
 
 class Asked(NamedTuple):
-    """Heading of a part, what it shows, how its result is found, and what to find where there is none."""
+    """A part that is still to be made: how its result is found, and what to find where there is none."""
 
-    heading: str
-    about: str
+    part: Part
     calculate: Callable[[], Result]
     instead: Callable[[], Result] | None = None
 
@@ -73,12 +74,12 @@ def _parts(asked: Sequence[Asked]) -> list[Part]:
     """Each with its result, or with the reason why there is none."""
     found = []
     with steps(len(asked)) as step:
-        for heading, about, calculate, instead in asked:
-            step(heading.lower())
+        for part, calculate, instead in asked:
+            step(part.heading.lower())
             result, reason = _tried(calculate)
             if reason and instead is not None:
                 result, _ = _tried(instead)
-            found.append(Part(heading, about, result, reason))
+            found.append(replace(part, result=result, reason=reason))
     return found
 
 
@@ -94,58 +95,61 @@ def _of_motion(
     system: PeriodicSystem, omega: float, omegas: Sequence[float], rule: Rule, rtol: float
 ) -> list[Asked]:
     """The parts of a model that moves."""
-    unit = system.speed_unit
-    at, between = unit.text(omega), f"from {unit.span(min(omegas), max(omegas))}"
-    given = {"method": rule, "rtol": rtol}
-    over = {"method": rule, "rtol": max(rtol, OVER_SPEEDS)}
-
-    def loaded(calculate: Callable[[], Result]) -> Callable[[], Result]:
-        def found() -> Result:
-            system.require_load(omega)
-            return calculate()
-
-        return found
-
+    unit, given = system.speed_unit, {"method": rule, "rtol": rtol}
+    at, linear, other = unit.text(omega), "linear orbit" * system.nonlinear, "nonlinear orbit"
+    orbit = Part(
+        "Vibration and stability",
+        f"The periodic vibration at {at} over one period, its spectrum and its Floquet multipliers.",
+        orbit=linear,
+    )
+    beyond = Part(
+        "Vibration by the nonlinear equations",
+        f"The periodic vibration at {at} without linearisation, the linear one beside it.",
+        orbit=other,
+    )
+    matters = Part(
+        "What matters most",
+        f"Derivatives at {at} by the parameters and the speed, exact but for the errors beside them; "
+        "an elasticity is the relative change by the relative change of the parameter.",
+    )
+    solved, nonlinear_one = (partial(find, system, omega, **given) for find in (periodic, nonlinear))
     return [
-        Asked(
-            "Vibration and stability",
-            f"The periodic vibration at {at} over one period, its spectrum and its Floquet multipliers.",
-            loaded(lambda: periodic(system, omega, **given)),
-            lambda: floquet(system, omega, **given),
-        ),
-        Asked(
-            "Vibration by the nonlinear equations",
-            f"The periodic vibration at {at} without linearisation, the linear one beside it.",
-            loaded(lambda: nonlinear(system, omega, **given)),
-        ),
+        Asked(orbit, _loaded(solved, system, omega), lambda: floquet(system, omega, **given)),
+        Asked(beyond, _loaded(nonlinear_one, system, omega)),
         *_modes(system),
-        Asked(
-            "Response over speed",
-            f"Largest moduli over a period and the spectral radius {between}.",
-            loaded(lambda: sweep(system, omegas, **over)),
-        ),
-        Asked(
-            "Critical speeds",
-            f"Maxima of the response and of the dominant multiplier, divisions of frequencies, {between}.",
-            loaded(lambda: critical_speeds(system, omegas, **over)),
-        ),
-        Asked(
-            "Unstable bands",
-            f"Speeds {between} at which disturbances grow.",
-            lambda: bands(system, omegas, **over),
-        ),
-        Asked(
-            "Validity of the linear answer",
-            f"How far the linear vibration is from the nonlinear one {between}.",
-            loaded(lambda: validity(system, omegas, **over)),
-        ),
-        Asked(
-            "What matters most",
-            f"Derivatives at {at} by the parameters and the speed, exact but for the errors beside them; "
-            "an elasticity is the relative change by the relative change of the parameter.",
-            lambda: sensitivities(system, omega, **given),
-        ),
+        *_over_speeds(system, omega, omegas, {**given, "rtol": max(rtol, OVER_SPEEDS)}),
+        Asked(matters, lambda: sensitivities(system, omega, **given)),
     ]
+
+
+def _over_speeds(
+    system: PeriodicSystem, omega: float, omegas: Sequence[float], given: Mapping[str, Any]
+) -> list[Asked]:
+    between = f"from {system.speed_unit.span(min(omegas), max(omegas))}"
+    response = f"Largest moduli over a period and the spectral radius {between}."
+    critical = f"Maxima of the response and of the dominant multiplier, divisions of frequencies, {between}."
+    off = f"How far the linear vibration is from the nonlinear one {between}."
+    parts = {
+        sweep: Part("Response over speed", response),
+        critical_speeds: Part("Critical speeds", critical),
+        bands: Part("Unstable bands", f"Speeds {between} at which disturbances grow."),
+        validity: Part("Validity of the linear answer", off),
+    }
+    asked = {find: partial(find, system, omegas, **given) for find in parts}
+    return [
+        Asked(part, asked[find] if find is bands else _loaded(asked[find], system, omega))
+        for find, part in parts.items()
+    ]
+
+
+def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: float) -> Callable[[], Result]:
+    """Refused where there is no load."""
+
+    def found() -> Result:
+        system.require_load(omega)
+        return calculate()
+
+    return found
 
 
 def _modes(system: PeriodicSystem) -> list[Asked]:
@@ -156,12 +160,13 @@ def _modes(system: PeriodicSystem) -> list[Asked]:
         here = frequencies(system)
         return Findings(here, shapes=here.shapes())
 
-    shapes = Asked(
-        "Natural frequencies and modes", f"Undamped natural frequencies and mode shapes{place}.", at_rest
-    )
+    about = f"Undamped natural frequencies and mode shapes{place}."
+    shapes = Asked(Part("Natural frequencies and modes", about), at_rest)
     over = Asked(
-        "Natural frequencies over the turn",
-        "Undamped natural frequencies with the drive held still at positions of the turn.",
+        Part(
+            "Natural frequencies over the turn",
+            "Undamped natural frequencies with the drive held still at positions of the turn.",
+        ),
         lambda: Findings(frequencies(system), frequencies(system, turn(system))),
     )
     return [*([shapes] if system.links else []), *([over] if system.moves else [])]

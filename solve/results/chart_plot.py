@@ -45,22 +45,17 @@ def chart_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) 
     from matplotlib.patches import Patch
 
     shown = [kind for kind in KIND_NAMES if (field.kinds == kind).any()]
-    lines, styles = _boundary_styles(field)
     with page(5.0, f"{title_of(system)}: stability") as figure:
         axes = figure.subplots()
         axes.set_facecolor(_STABLE)
         _draw_unstable(figure, axes, field, shown)
-        for kind, points in field.boundaries:
-            axes.plot(*smooth(points).T, **styles[kind])
-        _name_regions(axes, field, shown)
         keys: list[Any] = [Patch(facecolor=_STABLE, edgecolor=GREY, linewidth=0.4, label="stable")]
         names = {kind: f"unstable, {KIND_NAMES[kind]}" for kind in shown}
         keys += [Patch(facecolor=KIND_COLORS[kind], label=names[kind]) for kind in shown]
         if field.unknown.any():
             keys.append(Patch(facecolor=_UNKNOWN, label="no result, or undetermined"))
-        keys += _boundary_keys(lines, styles)
-        figure.legend(handles=keys, loc="outside lower center", ncols=3, handlelength=3)
-        axes.set(xlabel=labels[0], ylabel=labels[1], xlim=field.x[[0, -1]], ylim=field.y[[0, -1]])
+        _draw_boundaries(figure, axes, field, labels, keys)
+        _name_regions(axes, field, shown)
         axes.ticklabel_format(scilimits=(-3, 6))
         axes.grid(visible=False)
     return figure
@@ -71,30 +66,30 @@ def values_figure(
 ) -> Figure:
     """Values (ny, nx) with the text of their scale, grey where there is none, and the boundaries between
     stable and unstable."""
-    lines, styles = _boundary_styles(field)
     with page(5.0, f"{title_of(system)}: {scale.partition(' (')[0]}") as figure:
         axes = figure.subplots()
         axes.set_facecolor(_UNKNOWN)
         draw_map(figure, axes, field.x, field.y, values, scale)
-        for kind, points in field.boundaries:
-            axes.plot(*smooth(points).T, **styles[kind])
-        if lines:
-            keys = _boundary_keys(lines, styles)
-            figure.legend(handles=keys, loc="outside lower center", ncols=3, handlelength=3)
-        axes.set(xlabel=labels[0], ylabel=labels[1], xlim=field.x[[0, -1]], ylim=field.y[[0, -1]])
+        _draw_boundaries(figure, axes, field, labels, [])
     return figure
 
 
-def _boundary_styles(field: Field) -> tuple[list[str], dict[str, dict[str, Any]]]:
-    """The kinds of the boundaries, and how each is drawn."""
-    lines = [kind for kind in KIND_NAMES if any(kind == name for name, _ in field.boundaries)]
-    return lines, {kind: {"color": BLACK, "linestyle": _LINES[kind], "linewidth": 1.1} for kind in lines}
-
-
-def _boundary_keys(lines: Sequence[str], styles: Mapping[str, Mapping[str, Any]]) -> list[Any]:
+def _draw_boundaries(
+    figure: Figure, axes: Axes, field: Field, labels: tuple[str, str], keys: Sequence[Any]
+) -> None:
+    """Each kind in its own dashes, named in the legend behind the keys given; the axes' labels."""
     from matplotlib.lines import Line2D
 
-    return [Line2D([], [], label=f"boundary {_SHORT[kind]}", **styles[kind]) for kind in lines]
+    kinds = {kind for kind, _ in field.boundaries}
+    styles = {kind: {"color": BLACK, "linestyle": line, "linewidth": 1.1} for kind, line in _LINES.items()}
+    for kind, points in field.boundaries:
+        axes.plot(*smooth(points).T, **styles[kind])
+    lines = [
+        Line2D([], [], label=f"boundary {_SHORT[kind]}", **styles[kind]) for kind in _LINES if kind in kinds
+    ]
+    if keys or lines:
+        figure.legend(handles=[*keys, *lines], loc="outside lower center", ncols=3, handlelength=3)
+    axes.set(xlabel=labels[0], ylabel=labels[1], xlim=field.x[[0, -1]], ylim=field.y[[0, -1]])
 
 
 def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str]) -> None:

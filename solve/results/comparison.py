@@ -4,11 +4,10 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
-from solve.arrays import Array
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
 from solve.results.orbit import Orbit
@@ -93,13 +92,9 @@ class Comparison(Result):
         """Error over time, a line a method."""
         methods = _grouped((row.method, row) for row in self.measured if row.reason is None)
         kinds = [ORBIT, MULTIPLIERS] if self.judged_by == ORBIT else [MULTIPLIERS]
-        lines = {}
-        for name, rows in methods.items():
-            errors = {kind: np.array([row.error(kind) for row in rows]) for kind in kinds}
-            lines[name] = Work(np.array([row.time for row in rows]), errors)
         known_to = {kind: getattr(self.reference.error_estimate, kind) for kind in kinds}
         title = f"{titled(self.reference.system, self.reference.speed)}: work and precision"
-        return work_precision_figure(title, lines, known_to, {self.judged_by: self.targets})
+        return work_precision_figure(title, methods, known_to, {self.judged_by: self.targets})
 
     _rows: ClassVar[str] = "rows"
 
@@ -110,15 +105,14 @@ class Comparison(Result):
     @property
     def whole(self) -> dict[str, Any]:
         reference = self.reference
-        names = "method", "steps", "spectral_radius", "verdict"
-        known = {name: getattr(reference, name) for name in names}
+        names = "method", "steps", "spectral_radius", "verdict", "error_estimate"
         return {
             "speed": reference.speed,
             "period": reference.period,
-            "reference": {**known, "error_estimate": reference.error_estimate._asdict()},
+            "reference": {name: getattr(reference, name) for name in names},
             "judged_by": self.judged_by,
             "targets": self.targets,
-            "measured": [vars(row) for row in self.measured],
+            "measured": self.measured,
         }
 
     @property
@@ -206,20 +200,13 @@ def _grouped(pairs: Iterable[tuple[str, Any]]) -> dict[str, list[Any]]:
     return groups
 
 
-class Work(NamedTuple):
-    """Points of one method, rising in steps: time in seconds (k,), relative errors (k,) by their kind."""
-
-    time: Array
-    errors: Mapping[str, Array]
-
-
 def work_precision_figure(
     title: str,
-    methods: Mapping[str, Work],
+    methods: Mapping[str, Sequence[Row]],
     known_to: Mapping[str, float],
     targets: Mapping[str, Sequence[float]],
 ) -> Figure:
-    """Error over time, a panel a kind of error, a line a method; targets dashed.
+    """Error over time, a panel a kind of error, a line a method, its points rising in steps; targets dashed.
 
     known_to: the reference's own error of each kind, shaded, as nothing below it can be seen. Errors
     above 3 and below a tenth of the reference's are not drawn.
@@ -232,9 +219,13 @@ def work_precision_figure(
         floor = min(*known_to.values(), _WORST)
         for axes, (kind, error) in zip(panels, known_to.items(), strict=True):
             axes.set_prop_cycle(cycler(linestyle=_LINES) * (cycler(color=MANY) + cycler(marker=_MARKERS)))
-            for name, work in methods.items():
-                shown = (work.errors[kind] <= _WORST) & (work.errors[kind] >= floor / 10)
-                axes.loglog(work.time[shown] * 1e3, work.errors[kind][shown], label=name, **_DOTS)
+            for name, rows in methods.items():
+                shown = [
+                    (1e3 * row.time, row.error(kind))
+                    for row in rows
+                    if floor / 10 <= row.error(kind) <= _WORST
+                ]
+                axes.loglog(*np.reshape(shown, (-1, 2)).T, label=name, **_DOTS)
             for target in targets.get(kind, ()):
                 axes.axhline(target, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
             axes.set_ylim(floor / 10, _WORST)

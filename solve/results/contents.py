@@ -6,7 +6,7 @@ import functools
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -119,11 +119,15 @@ def rows_of(columns: Columns) -> list[dict[str, Any]]:
 
 
 def plain(value: Any) -> Any:
-    """Python's own numbers, lists and dictionaries.
+    """Python's own numbers, lists and dictionaries; dataclasses and named tuples as these.
 
     >>> plain({"rho": np.array([0.5 + 0.25j]), "error": math.nan})
     {'rho': [[0.5, 0.25]], 'error': None}
     """
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    elif is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, complex | np.complexfloating):

@@ -9,18 +9,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns, plain, rows_of
 from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, through, title_of
-from solve.results.quantities import fixed, headed, measured, named, prefixed
+from solve.results.quantities import measured, named
 from solve.results.report import (
     RenderableType,
     Table,
     digits,
     model_heading,
+    sized,
     speeds_of,
     stacked,
-    table,
     table_of,
 )
 from solve.results.result import Result
@@ -63,6 +63,7 @@ class Critical:
 
     mode (from 1) and order: of the integer division, with the frequencies' means at this speed; at_rest:
     the same division with those at rest. ratios: the means over the row's speed, from the lowest mode on.
+    combination: what explains the maximum where no division does, None where nothing does.
     """
 
     response: Maximum | None = None
@@ -72,6 +73,15 @@ class Critical:
     order: int | None = None
     at_rest: float | None = None
     ratios: Sequence[float] = ()
+    combination: Combination | None = None
+
+    @property
+    def explained(self) -> tuple[str, str]:
+        """Modes and order of what explains the row, in few characters."""
+        if self.combination is None:
+            return str(self.mode or "–"), str(self.order or "–")
+        (high, low), sign = self.combination.modes, "+" if self.combination.sign > 0 else "−"
+        return f"{high}{sign}{low}", str(self.combination.order)
 
     @property
     def speed(self) -> float:
@@ -175,20 +185,25 @@ class CriticalSpeeds(Result):
             "range": [self.speeds[0], self.speeds[-1]],
             "quantity": self.quantity,
             "figure": self.figure,
-            "combinations": [vars(one) for one in self.combinations],
-            "unstable": [
-                {"from": low, "to": high, "spectral_radius": radius}
-                for low, high, radius in self.unstable_ranges
-            ],
+            "combinations": self.combinations,
+            "unstable": rows_of(self._unstable),
             "notes": self.notes,
+        }
+
+    @property
+    def _unstable(self) -> Columns:
+        """A row an unstable range."""
+        low, high, radius = np.reshape(self.unstable_ranges, (-1, 3)).T
+        return {
+            "from": speeds_of(self.system, low, "", "from", ".3f"),
+            "to": speeds_of(self.system, high, "", "to", ".3f"),
+            "spectral_radius": Column(radius, heading="largest |ρ|", text=digits(".6g")),
         }
 
     @property
     def columns(self) -> Columns:
         """A row a critical speed."""
-        largest = max((abs(height) for _, height in self.maxima("response")), default=0.0)
-        si = self.system.units.get(self.quantity, "")
-        factor, unit = prefixed(si, largest)
+        unit = self.system.units.get(self.quantity, "")
 
         def of(way: str, name: str) -> list[float | None]:
             found = (getattr(row, way) for row in self.rows)
@@ -198,12 +213,11 @@ class CriticalSpeeds(Result):
             return speeds_of(self.system, values, meaning, heading, ".3f")
 
         response, multiplier, rows = "response", "multiplier", self.rows
-        return {
+        found = {
             "speed": speeds([row.speed for row in rows], "of this row"),
             "response": speeds(of(response, "speed"), "maximum of the response", "response"),
-            "response_height": Column(
-                *(of(response, "height"), si, f"{self.figure} of {self.quantity}", headed("height", unit)),
-                lambda value: fixed(value * factor, largest * factor, 5),
+            "response_height": sized(
+                of(response, "height"), unit, f"{self.figure} of {self.quantity}", "height", 5
             ),
             "multiplier": speeds(
                 of(multiplier, "speed"), "maximum of the dominant multiplier's real part", "multiplier"
@@ -219,14 +233,17 @@ class CriticalSpeeds(Result):
             "division_at_rest": speeds(
                 [row.at_rest for row in rows], "that of the frequency at rest", "at rest"
             ),
-            "mode": Column([row.mode for row in rows], "", "of the division", "mode"),
-            "order": Column([row.order for row in rows], "", "of the division", "k"),
         }
+        for at, (name, heading) in enumerate((("mode", "mode"), ("order", "k"))):
+            texts = [row.explained[at] for row in rows]
+            values = [getattr(row, name) for row in rows]
+            found[name] = Column(values, "", "of the division", heading, texts)
+        return found
 
     def record(self) -> dict[str, Any]:
         found = super().record()
         for row, critical in zip(found["rows"], self.rows, strict=True):
-            row["ratios"] = plain(critical.ratios)
+            row |= plain({"ratios": critical.ratios, "combination": critical.combination})
         return found
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
@@ -238,31 +255,27 @@ class CriticalSpeeds(Result):
         return stacked(head, self._rows_table(), *further)
 
     def _unstable_table(self) -> Table:
-        unit = self.system.speed_unit
-        made = table(f"Unstable among the speeds, {unit.name}", "from", "to", "largest |ρ|", left=0)
-        for low, high, radius in self.unstable_ranges:
-            made.add_row(f"{unit.of(low):.3f}", f"{unit.of(high):.3f}", f"{radius:.6g}")
-        return made
+        return table_of(f"Unstable among the speeds, {self.system.speed_unit.name}", self._unstable)
 
     def _rows_table(self) -> Table:
         height = named(self.figure, self.quantity)
-        made = table_of(f"Critical speeds in {self.system.speed_unit.name}; height: {height}", self.columns)
-        made.caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
-        return made
+        title = f"Critical speeds in {self.system.speed_unit.name}; height: {height}"
+        caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
+        if any(row.explained[0] == "–" for row in self.rows):
+            caption += "; mode –: no division of a frequency and no combination explains it"
+        return table_of(title, self.columns, caption=caption)
 
     def _combinations_table(self) -> Table:
-        unit = self.system.speed_unit
-        made = table(f"Combinations (ω̄i ± ω̄j)/k, {unit.name}", "speed", "i", "j", "k", left=0)
-        for one in self.combinations[:_MOST_COMBINATIONS]:
-            made.add_row(
-                f"{unit.of(one.speed):.3f}",
-                str(one.modes[0]),
-                f"{one.sign * one.modes[1]:+d}",
-                str(one.order),
-            )
-        if len(self.combinations) > _MOST_COMBINATIONS:
-            made.caption = f"and {len(self.combinations) - _MOST_COMBINATIONS} at lower speeds"
-        return made
+        some = self.combinations[:_MOST_COMBINATIONS]
+        columns = {
+            "speed": speeds_of(self.system, [one.speed for one in some], "", "speed", ".3f"),
+            "i": Column([one.modes[0] for one in some], heading="i"),
+            "j": Column([one.sign * one.modes[1] for one in some], heading="j", text=digits("+.0f")),
+            "k": Column([one.order for one in some], heading="k"),
+        }
+        more = len(self.combinations) - len(some)
+        caption = f"and {more} at lower speeds" if more else None
+        return table_of(f"Combinations (ω̄i ± ω̄j)/k, {self.system.speed_unit.name}", columns, caption=caption)
 
 
 def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:

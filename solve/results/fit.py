@@ -161,7 +161,7 @@ class Fitted(Result):
         return {
             "fitted": dict(self.system.parameters),
             "data": self.data,
-            "intervals": {name: each._asdict() for name, each in self.parameters.items()},
+            "intervals": self.parameters,
             "correlations": self.correlations,
             "residual": self.residual,
             "unidentifiable": self.unidentifiable,

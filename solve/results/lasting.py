@@ -13,6 +13,7 @@ from solve.arrays import Array
 from solve.errors import FileError, ReopenedError
 from solve.period.curve import Curve, FourierCurve
 from solve.period.floquet_modes import FloquetMode
+from solve.period.named import Named
 from solve.statistics import Statistics
 from solve.system import DrawnLink, Matrices, ModeShape, PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit
@@ -25,18 +26,8 @@ Kind = TypeVar("Kind", bound=type)
 _NUMBERS = "fciub"
 _LABELS = (
     *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
-    *(
-        "links",
-        "moves",
-        "outputs",
-        "equation_warnings",
-        "largest_of",
-        "units",
-        "meanings",
-        "period",
-        "coordinates",
-    ),
-    *("breaks", "freedoms", "judged_quantities", "speed_unit"),
+    *("links", "moves", "outputs", "equation_warnings", "largest_of", "units", "meanings", "period"),
+    *("coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit"),
 )
 
 
@@ -72,7 +63,7 @@ class Lasting:
         raise AttributeError(f"'{type(self).__name__}' has no attribute '{name}'")
 
 
-for _kind in (Curve, FourierCurve, FloquetMode, Statistics, ModeShape, DrawnLink, ShownUnit):
+for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, DrawnLink, ShownUnit):
     lasting(_kind)
 
 

@@ -173,11 +173,12 @@ def axis_label(system: PeriodicSystem, name: str) -> str:
     return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
 
 
-def label_speeds(axes: Axes, system: PeriodicSystem, speeds: Array) -> None:
-    """The horizontal axis of rising speeds (k,) in rad/s."""
-    shown = system.speed_unit.of(speeds)
-    axes.set_xlim(shown[0], shown[-1])
-    axes.set_xlabel(axis_label(system, SPEED))
+def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = SPEED) -> None:
+    """The horizontal axis of rising speeds (k,) in rad/s, or of values of a parameter."""
+    shown = system.unit_of(name).of(values)
+    if shown[0] < shown[-1]:
+        axes.set_xlim(shown[0], shown[-1])
+    axes.set_xlabel(axis_label(system, name))
     axes.ticklabel_format(axis="x", scilimits=(-3, 6))
 
 

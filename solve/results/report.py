@@ -1,13 +1,15 @@
 """Tables for a terminal of 80 columns."""
 
 import functools
-import itertools
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from solve.methods.method import Method
 from solve.results.contents import Column, Columns
-from solve.results.quantities import greek, prefixed
+from solve.results.quantities import fixed, greek, headed, prefixed
 from solve.system import PeriodicSystem
 from solve.units import USUAL, ShownUnit
 
@@ -64,13 +66,32 @@ def table(title: str, *columns: str, left: int = 1) -> Table:
     return made
 
 
-def table_of(title: str, columns: Columns, every: int = 1, left: int = 0) -> Table:
-    """A table of the columns that have a heading, each `every`-th row."""
+def table_of(
+    title: str, columns: Columns, left: int = 0, most: int | None = None, caption: str | None = None
+) -> Table:
+    """A table of the columns that have a heading; of more rows than `most` each k-th is shown."""
     shown = [column for column in columns.values() if column.heading]
     made = table(title, *(column.heading for column in shown), left=left)
-    for row in itertools.islice(zip(*(column.texts for column in shown), strict=True), None, None, every):
+    rows = [*zip(*(column.texts for column in shown), strict=True)]
+    for row in rows[:: math.ceil(len(rows) / (most or len(rows) or 1)) or 1]:
         made.add_row(*row)
+    made.caption = caption
     return made
+
+
+def sized(
+    values: Any, unit: str, meaning: str, heading: str, places: int, largest: float | None = None
+) -> Column:
+    """Numbers in SI units, in a table in the unit that suits the largest, with so many digits of it."""
+    if largest is None:
+        known = np.array([math.nan if value is None else value for value in values], dtype=float)
+        largest = float(np.nanmax(np.abs(known), initial=0.0))
+    factor, shown = prefixed(unit, largest)
+
+    def text(value: float) -> str:
+        return fixed(value * factor, largest * factor, places)
+
+    return Column(values, unit, meaning, headed(heading, shown), text)
 
 
 def speeds_of(

@@ -186,9 +186,7 @@ class Stability(Result):
 
     @property
     def _verdict_record(self) -> dict[str, Any]:
-        found = {name: getattr(self, name) for name in _RECORDED}
-        modes = [mode._asdict() for mode in self.modes]
-        return {**found, "modes": modes, "error_estimate": self.error_estimate._asdict()}
+        return {name: getattr(self, name) for name in _RECORDED}
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """Everything that `solve floquet` has to say but its warnings."""
@@ -244,15 +242,11 @@ class Stability(Result):
 
     def contents(self) -> Contents:
         """Multipliers and exponents, for a file."""
-        metadata = {
-            **self.problem,
-            "spectral_radius": self.spectral_radius,
-            "verdict": self.verdict,
-            "error_estimate": self.error_estimate._asdict(),
-            "warnings": self.warnings,
-            "units": dict(self.system.units),
-            "meanings": dict(self.system.meanings),
+        known = {
+            name: getattr(self, name) for name in ("spectral_radius", "verdict", "error_estimate", "warnings")
         }
+        labels = {"units": dict(self.system.units), "meanings": dict(self.system.meanings)}
+        metadata = {**self.problem, **known, **labels}
         rho, exponents = self.multipliers, self.exponents
         columns = {
             "multiplier_re": (np.real(rho), "1", "Floquet multiplier, real part"),

@@ -16,12 +16,12 @@ from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Column, Columns, plain
 from solve.results.points import FAILED, FIGURES, PointResults
-from solve.results.quantities import fixed, headed, prefixed
-from solve.results.report import RenderableType, model_heading, speeds_of, stacked, table
+from solve.results.quantities import headed
+from solve.results.report import RenderableType, digits, model_heading, sized, speeds_of, stacked, table_of
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
-from solve.results.sweep_plot import over_figure, sweep_figure, waterfall_figure
+from solve.results.sweep_plot import sweep_figure, waterfall_figure
 from solve.system import SPEED, PeriodicSystem
 
 _WIDTH = 48
@@ -63,19 +63,22 @@ class SweepPoint:
         """None where the point failed or its verdict is undetermined."""
         return None if self.verdict in {"", "undetermined"} else self.verdict != "unstable"
 
+    @property
+    def stability(self) -> str:
+        """The verdict in few characters."""
+        return "failed" if self.error else self.verdict.removesuffix("ally stable")
+
     def record(self, system: PeriodicSystem) -> dict[str, Any]:
         """As plain data; the system is that of the sweep."""
         where = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
         if self.error is not None:
             return {**where, "error": self.error}
-        names = "spectral_radius", "verdict", "stable", "method", "steps"
+        names = "spectral_radius", "verdict", "stable", "method", "steps", "error_estimate", "warnings"
         return {
             **where,
             "coordinates": self._figures(system, system.coordinates),
             "outputs": self._figures(system, system.outputs),
             **{name: getattr(self, name) for name in names},
-            "error_estimate": self.error_estimate._asdict(),
-            "warnings": self.warnings,
         }
 
     def _figures(self, system: PeriodicSystem, names: Sequence[str]) -> dict[str, Any]:
@@ -205,9 +208,7 @@ class Sweep(Result):
         parameters vary, over what runs fastest, a line for each value of the rest (matplotlib Figure). Raises
         UnknownNameError, and ValueOutOfBoundsError for more lines than can be told apart."""
         responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
-        if self.parameters:
-            return over_figure(self.system, self.varied, responses, self.spectral_radius, figure)
-        return sweep_figure(self.system, self.speeds, responses, self.spectral_radius, figure, self.unstable)
+        return sweep_figure(self.system, self.varied, responses, self.spectral_radius, figure, self.unstable)
 
     def waterfall(self, name: str) -> Figure:
         """The spectrum of a quantity over the speed, or over the parameter that varies instead (matplotlib
@@ -224,29 +225,24 @@ class Sweep(Result):
         """A row a point with the largest moduli of these quantities, by default the coordinates, as many as
         fit."""
         names = names or [name for name in self.system.coordinates if name in self.results.kept.names]
-        sizes = {name: float(np.nanmax(self.figures(name), initial=0.0)) for name in names}
-        scales = {name: prefixed(self.system.units.get(name, ""), size) for name, size in sizes.items()}
-        columns = [headed(f"max|{name}|", unit) for name, (_, unit) in scales.items()]
-        widths = itertools.accumulate(len(each) + 2 for each in columns)
+        units = self.system.units
+        moduli = {
+            name: sized(self.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names
+        }
+        widths = itertools.accumulate(len(each.heading) + 2 for each in moduli.values())
         fitting = max(1, sum(width <= _WIDTH for width in widths))
-        every = math.ceil(len(self.points) / _MOST_ROWS)
-        unit = self.system.speed_unit
-        over = ", ".join([*self.parameters, "speed"])
+        columns = {
+            name: Column(values, heading=headed(name, self.system.unit_of(name).name), text=digits(".6g"))
+            for name, values in self.parameters.items()
+        }
+        columns[SPEED] = speeds_of(self.system, self.speeds, heading="{}", form=".7g")
+        columns |= itertools.islice(moduli.items(), fitting)
+        columns["radius"] = Column(self.spectral_radius, heading="|ρ|", text=digits(".6g"))
+        columns["verdict"] = Column([point.stability for point in self.points], heading="stability")
+        every, over = math.ceil(len(self.points) / _MOST_ROWS), ", ".join([*self.parameters, SPEED])
         title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(self.points)}"
-        labels = [headed(name, self.system.unit_of(name).name) for name in self.parameters]
-        made = table(title, *labels, unit.name, *columns[:fitting], "|ρ|", "stability", left=0)
-        if fitting < len(names):
-            made.caption = "others by --show NAME, all by --json"
-        for at in range(0, len(self.points), every):
-            point = self.points[at]
-            moduli = [
-                fixed(self.figures(name)[at] * factor, sizes[name] * factor, 6)
-                for name, (factor, _) in itertools.islice(scales.items(), fitting)
-            ]
-            verdict = "failed" if point.error else point.verdict.removesuffix("ally stable")
-            radius = "–" if point.error else f"{point.spectral_radius:.6g}"
-            values = (f"{value:.6g}" for value in point.parameters.values())
-            made.add_row(*values, f"{unit.of(point.speed):.7g}", *moduli, radius, verdict)
+        caption = "others by --show NAME, all by --json" if fitting < len(names) else None
+        made = table_of(title, columns, most=_MOST_ROWS, caption=caption)
         return stacked(model_heading(self.system, choices), made)
 
     @property

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -36,75 +37,63 @@ Edges = Sequence[tuple[float, float, str]]
 
 def sweep_figure(
     system: PeriodicSystem,
-    speeds: Array,
+    varied: Mapping[str, Array],
     responses: Mapping[str, Array],
     radius: Array,
     figure: str = "max_abs",
     bands: Edges = (),
 ) -> Figure:
-    """A row a quantity: its figure over speed with the maxima marked; below them the spectral radius.
-    Bands are shaded; in them the response is never reached, and not drawn."""
-    order = np.argsort(speeds)
-    speeds = speeds[order]
-    shown = system.speed_unit.of(speeds)
-    with page(1.4 + 1.35 * (len(responses) + 1), f"{title_of(system)}: response over speed") as made:
-        axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
-        for place, (name, values) in zip(axes, responses.items(), strict=False):
-            heights = values[order] * label_quantity(place, system, name, values, figure)
-            for low, high, _ in bands:
-                heights[(speeds >= low) & (speeds <= high)] = np.nan
-            draw_through(place, shown, heights, color=BLUE)
-            # Beside a gap the response may rise on.
-            inner = heights[1:-1]
-            top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
-            place.plot(shown[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
-            if len(top):
-                place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
-            _shade(place, system, bands)
-        _draw_radius(axes[-1], system, speeds, radius[order], bands)
-        made.align_ylabels(axes)
-    return made
-
-
-def over_figure(
-    system: PeriodicSystem,
-    varied: Mapping[str, Array],
-    responses: Mapping[str, Array],
-    radius: Array,
-    figure: str = "max_abs",
-) -> Figure:
     """A row a quantity: its figure over the last of the quantities that vary, values (P,) by name, a line for
-    each combination of the others; below them the spectral radius. Raises ValueOutOfBoundsError for more
+    each combination of the others, one alone with its maxima marked; below them the spectral radius. Bands
+    are shaded; in them the response is never reached, and not drawn. Raises ValueOutOfBoundsError for more
     lines than can be told apart."""
     *others, along = moving(varied)
-    lines: dict[str, list[int]] = {}
-    for at in np.argsort(varied[along], kind="stable").tolist():
-        lines.setdefault(labelled_by(system, {name: float(varied[name][at]) for name in others}), []).append(
-            at
-        )
-    if len(lines) > MOST_LINES:
-        raise ValueOutOfBoundsError(
-            f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
-        )
-    lines = dict(sorted(lines.items(), key=lambda line: min(line[1])))
-    x, label = system.unit_of(along).of(varied[along]), axis_label(system, along)
-    title = f"{title_of(system)}: response over {along}"
-    with page(1.4 + 1.35 * (len(responses) + 1), title) as made:
+    lines = _lines(system, varied, others, along)
+    styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
+    x = system.unit_of(along).of(varied[along])
+    with page(1.4 + 1.35 * (len(responses) + 1), f"{title_of(system)}: response over {along}") as made:
         axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
-        shapes = shades(len(lines))
         for place, (name, values) in zip(axes, responses.items(), strict=False):
-            factor = label_quantity(place, system, name, values, figure)
-            for index, shade in zip(lines.values(), shapes, strict=True):
-                draw_through(place, x[index], values[index] * factor, **shade)
-        axes[-1].axhline(1.0, color=BLACK, linewidth=0.9)
-        for (words, index), shade in zip(lines.items(), shapes, strict=True):
-            draw_through(axes[-1], x[index], radius[index], label=words, **shade)
-        axes[-1].set_ylabel("spectral\nradius |ρ|")
-        axes[-1].set_xlabel(label)
+            heights = values * label_quantity(place, system, name, values, figure)
+            for low, high, _ in bands:
+                heights[(varied[along] >= low) & (varied[along] <= high)] = np.nan
+            for index, style in zip(lines.values(), styles, strict=True):
+                draw_through(place, x[index], heights[index], **style)
+                if not others:
+                    _mark_maxima(place, x[index], heights[index])
+            _shade(place, system, bands)
+        for (words, index), style in zip(lines.items(), styles, strict=True):
+            _draw_radius(axes[-1], x[index], radius[index], label=words or None, **style)
+        label_speeds(axes[-1], system, np.sort(varied[along]), along)
+        _name_bands(axes[-1], system, bands)
         if others:
             made.legend(loc="outside right center")
         made.align_ylabels(axes)
     return made
+
+
+def _lines(
+    system: PeriodicSystem, varied: Mapping[str, Array], others: Sequence[str], along: str
+) -> dict[str, list[int]]:
+    """Places of the points of each line, rising along it, by what the others are on it."""
+    lines: dict[str, list[int]] = {}
+    for at in np.argsort(varied[along], kind="stable").tolist():
+        words = labelled_by(system, {name: float(varied[name][at]) for name in others})
+        lines.setdefault(words, []).append(at)
+    if len(lines) > MOST_LINES:
+        raise ValueOutOfBoundsError(
+            f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
+        )
+    return dict(sorted(lines.items(), key=lambda line: min(line[1])))
+
+
+def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
+    """Those that lie between two lower neighbours: beside a gap the response may rise on."""
+    inner = heights[1:-1]
+    top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
+    axes.plot(x[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
+    if len(top):
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
 
 
 def moving(varied: Mapping[str, Array]) -> list[str]:
@@ -156,18 +145,23 @@ def radius_figure(system: PeriodicSystem, speeds: Array, radius: Array, bands: E
     """The spectral radius over speed with the unstable bands shaded by their kind."""
     order = np.argsort(speeds)
     with page(2.9, f"{title_of(system)}: unstable bands") as made:
-        _draw_radius(made.subplots(), system, speeds[order], radius[order], bands)
+        axes = made.subplots()
+        _draw_radius(axes, system.speed_unit.of(speeds[order]), radius[order], color=BLUE)
+        label_speeds(axes, system, speeds[order])
+        _name_bands(axes, system, bands)
     return made
 
 
-def _draw_radius(axes: Axes, system: PeriodicSystem, speeds: Array, radius: Array, bands: Edges) -> None:
+def _draw_radius(axes: Axes, x: Array, radius: Array, **style: Any) -> None:
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
     positive = np.where(radius > 0, radius, np.nan)
-    draw_through(axes, system.speed_unit.of(speeds), positive, True, color=BLUE)
+    draw_through(axes, x, positive, True, **style)
     if np.nanmin(positive, initial=1.0) <= 0.1 or np.nanmax(positive, initial=1.0) >= 10:
         axes.set_yscale("log")
     axes.set_ylabel("spectral\nradius |ρ|")
-    label_speeds(axes, system, speeds)
+
+
+def _name_bands(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
     _shade(axes, system, bands)
     if bands:
         axes.legend(loc="best")

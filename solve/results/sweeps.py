@@ -107,7 +107,7 @@ class Sweeps(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        extremes = {name: [one._asdict() for one in self.extremes(name)] for name in self.quantities}
+        extremes = {name: self.extremes(name) for name in self.quantities}
         return {"over": self.title, "figure": self.figure, "extremes": extremes}
 
     def record(self) -> dict[str, Any]:

@@ -11,8 +11,17 @@ from solve.arrays import Array
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
 from solve.results.plot import MOST_ROWS, axis_label, label_quantity, title_of, titled
-from solve.results.quantities import fixed, headed, prefixed
-from solve.results.report import RenderableType, heading, model_heading, speeds_of, stacked, table, text
+from solve.results.report import (
+    RenderableType,
+    digits,
+    heading,
+    model_heading,
+    sized,
+    speeds_of,
+    stacked,
+    table_of,
+    text,
+)
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.statistics import Statistics
@@ -170,22 +179,13 @@ class Transient(Result):
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a turn: the largest modulus of each coordinate, and the distance to the orbit."""
-        names = self.system.coordinates[:MOST_ROWS]
-        sizes = self.peaks.max(axis=0)
-        scales = [
-            prefixed(self.system.units.get(name, ""), size) for name, size in zip(names, sizes, strict=False)
-        ]
-        columns = [headed(name, unit) for name, (_, unit) in zip(names, scales, strict=True)]
-        unit = self.system.speed_unit
-        judged = f"to {unit.name}" if self.ramp else "from orbit"
-        made = table("Largest moduli, turn by turn", "turn", *columns, judged, left=0)
-        for turn in range(0, self.turns, -(-self.turns // _MOST_TURNS)):
-            row = zip(self.peaks[turn], scales, sizes, strict=False)
-            cells = [fixed(peak * factor, size * factor, 6) for peak, (factor, _), size in row]
-            distance = self.distances[turn].max()
-            last = f"{distance:.1e}" if np.isfinite(distance) else "–"
-            to = f"{unit.of(self.ends[turn + 1]):.6g}"
-            made.add_row(str(turn + 1), *cells, to if self.ramp else last)
+        columns = {"": Column(range(1, self.turns + 1), heading="turn")}
+        for name, peaks in zip(self.system.coordinates[:MOST_ROWS], self.peaks.T, strict=False):
+            columns[name] = sized(peaks, self.system.units.get(name, ""), "", name, 6)
+        distances = Column(self.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
+        speeds = speeds_of(self.system, self.ends[1:], heading="to {}")
+        columns["end"] = speeds if self.ramp else distances
+        made = table_of("Largest moduli, turn by turn", columns, most=_MOST_TURNS)
         if self.ramp:
             grid = model_heading(self.system, choices)
             grid.add_row("speed", f"{self._ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s")

@@ -25,6 +25,7 @@ from solve.progress import part, stage, steps
 from solve.results.critical_speeds import Combination, Critical, CriticalSpeeds, Maximum
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
+from solve.studies.explained import CLOSE, Explained, allowed_distance, of_multipliers
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
 
@@ -39,10 +40,6 @@ _ZOOM = 9
 
 _PROMINENT = 1e-2
 """Part of its own height by which a maximum must rise above the ground on either side."""
-
-_NEAR, _CLOSE = 0.2, 0.05
-"""Difference of frequency over speed from an integer, and its part of this, up to which a maximum may belong
-to that division."""
 
 _ASIDE = 0.25
 """Part of the distance between divisions at which a maximum is compared with what lies beside it."""
@@ -179,10 +176,6 @@ def _refined_grid(omegas: Array, lowest: float, orders: int) -> Array:
     return np.unique(np.concatenate((omegas, np.clip(lowest / ratios, low, high))))
 
 
-Explained = list[tuple[Maximum, set[int]]]
-"""Maxima, each with the orders of rotation that explain it."""
-
-
 @dataclass
 class _Search:
     """Solves speeds and finds maxima between them."""
@@ -223,7 +216,7 @@ class _Search:
                 height = found[every, at]
         return [Maximum(float(speed), float(peak)) for speed, peak in zip(best, height, strict=True)]
 
-    def risen(self, maxima: list[Maximum], orders: int) -> Explained:
+    def risen(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the response that are reached, beside an unstable range at the nearest, each with the
         orders up to `orders` whose power rises there above that on either side."""
         if not maxima:
@@ -231,7 +224,7 @@ class _Search:
         system, (name,) = self.batch.family.example, self.kept.names
         turns = system.period / (2 * np.pi)
         at = np.array([one.speed for one in maxima])
-        aside = _ASIDE / np.maximum(MeanFrequencies(system, at).values[:, 0] / at, _ASIDE / _CLOSE)
+        aside = _ASIDE / np.maximum(MeanFrequencies(system, at).values[:, 0] / at, _ASIDE / CLOSE)
         near = np.full(len(at), 4 * self.tolerance)
         trials = at * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
         kept = Kept((name,), (name,), math.ceil(orders * turns), warnings=False)
@@ -242,19 +235,31 @@ class _Search:
         whole = {
             k: round(k * turns) for k in range(1, orders + 1) if math.isclose(k * turns, round(k * turns))
         }
+        modes = range(1, system.n + 1)
         return [
-            (maximum, {k for k, number in whole.items() if rise[number] >= _SHARE * rise[1:].max() > 0})
+            Explained(
+                maximum,
+                {
+                    (mode, k)
+                    for mode, (k, number) in itertools.product(modes, whole.items())
+                    if rise[number] >= _SHARE * rise[1:].max() > 0
+                },
+            )
             for maximum, rise, is_reached in zip(maxima, rises, reached, strict=True)
             if is_reached
         ]
 
-    def turned(self, maxima: list[Maximum], orders: int) -> Explained:
-        """Maxima of the dominant multiplier's real part, which any order may explain, but none where the
+    def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
+        """Maxima of the dominant multiplier's real part, each with what explains it; nothing does where the
         motion is unstable."""
         found = self.solved(np.array([one.speed for one in maxima]))
         unstable = found.verdicts == VERDICTS.index("unstable")
-        every = set(range(1, orders + 1))
-        return [(one, set() if grows else every) for one, grows in zip(maxima, unstable, strict=True)]
+        system, explained = self.batch.family.example, []
+        for one, grows, rho in zip(maxima, unstable, found.multipliers, strict=True):
+            ratios = MeanFrequencies(system, np.array([one.speed])).values[0] / one.speed
+            by = Explained(one, set()) if grows else of_multipliers(system, one, rho, ratios, orders)
+            explained.append(by)
+        return explained
 
 
 def _rows(
@@ -287,24 +292,25 @@ def _rows(
 
 
 def _assigned(
-    rows: list[Critical], explained: Explained, frequencies: MeanFrequencies, way: str
+    rows: list[Critical], explained: list[Explained], frequencies: MeanFrequencies, way: str
 ) -> list[Critical]:
-    """The rows with each maximum at the division that explains it: of an order that does, and near; the
-    higher first. A row of its own where there is none, or where frozen frequencies mean nothing."""
+    """The rows with each maximum at the division that explains it: one that does, and near; the higher first.
+    A row of its own where there is none, or where frozen frequencies mean nothing."""
     rows, alone = list(rows), []
-    for maximum, orders in sorted(explained, key=lambda one: -one[0].height):
+    for maximum, divisions, combination in sorted(explained, key=lambda one: -one.maximum.height):
         here = MeanFrequencies(frequencies.system, np.array([maximum.speed]))
         ratios = here.values[0] / maximum.speed
         places = [
-            (abs(ratios[row.mode - 1] - row.order), place)
+            (abs(ratios[(row.mode or 0) - 1] - (row.order or 0)), place)
             for place, row in enumerate(rows)
-            if row.mode and row.order in orders and getattr(row, way) is None and not here.imaginary[0]
+            if (row.mode, row.order) in divisions and getattr(row, way) is None and not here.imaginary[0]
         ]
         distance, place = min(places, default=(np.inf, 0))
-        if distance < min(_NEAR, _CLOSE * (rows[place].order or 0) if places else 0.0):
+        if places and distance < allowed_distance(rows[place].order or 0):
             rows[place] = replace(rows[place], **{way: maximum})
         else:
-            alone.append(replace(Critical(), **{way: maximum}))
+            explained_by = None if here.imaginary[0] else combination
+            alone.append(replace(Critical(combination=explained_by), **{way: maximum}))
     return rows + alone
 
 

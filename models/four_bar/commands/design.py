@@ -88,12 +88,11 @@ def _allowable(model: "StructureModel", text: str | None) -> dict[str, float]:
 
 
 def _quantity(flag: str, text: str, unit: str, example: str) -> float:
-    """A number with unit, also without a space between. Raises UnitError."""
+    """A number with unit. Raises UnitError."""
     from solve.units import with_unit
 
-    spaced = re.sub(r"^\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(?=[A-Za-z])", r"\1 ", text)
     try:
-        return with_unit(spaced, unit)
+        return with_unit(text, unit)
     except UnitError as error:
         raise UnitError(f'{flag}: {error}; such as {flag} "{example}"') from None
 

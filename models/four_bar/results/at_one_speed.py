@@ -25,6 +25,5 @@ class AtOneSpeed(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        names = "speed", "method", "steps"
-        accuracy = self.orbit.error_estimate._asdict()
-        return {**{name: getattr(self.orbit, name) for name in names}, "error_estimate": accuracy}
+        names = "speed", "method", "steps", "error_estimate"
+        return {name: getattr(self.orbit, name) for name in names}

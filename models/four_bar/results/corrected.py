@@ -15,8 +15,7 @@ from solve.beams.structure import StructureModel
 from solve.progress import part, stage
 from solve.results.contents import Column, Columns, Contents, model_record, plain
 from solve.results.lasting import lasting
-from solve.results.quantities import fixed, prefixed
-from solve.results.report import RenderableType, digits, heading, stacked, table_of
+from solve.results.report import RenderableType, digits, heading, sized, stacked, table_of
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
@@ -70,19 +69,14 @@ class Corrections(Result):
         """A row a model."""
         every, reference = list(self.models.values()), self.models[REFERENCE].figures.max_abs
         si = self.system.units.get(self.models[REFERENCE].drawn, "")
-        factor, unit = prefixed(si, reference)
         figures = [model.figures for model in every]
         at = [each.max_phase if each.max >= -each.min else each.min_phase for each in figures]
-
-        def size(value: float) -> str:
-            return fixed(value * factor, reference * factor, 5)
-
         largest = [each.max_abs for each in figures]
         radii = [model.spectral_radius for model in every]
         excess = [each / reference - 1 for each in largest]
         return {
             "name": Column(list(self.models), "", "elements a link", "elements a link"),
-            "max_abs": Column(largest, si, "largest modulus", f"max|…| ({unit})", size),
+            "max_abs": sized(largest, si, "largest modulus", "max|…|", 5, reference),
             "at": Column(at, "rad", "where", "at", lambda phase: f"{math.degrees(phase):.1f}°"),
             "excess": Column(excess, "1", "over the reference", "excess (%)", digits("+.2f", 100.0)),
             "spectral_radius": Column(radii, "1", "largest modulus of a multiplier", "|ρ|", digits(".6f")),
@@ -91,8 +85,7 @@ class Corrections(Result):
     def record(self) -> dict[str, Any]:
         found = super().record()
         for row, model in zip(found["models"], self.models.values(), strict=True):
-            estimate = model.error_estimate._asdict()
-            row |= plain({**model.figures._asdict(), "error_estimate": estimate})
+            row |= plain({**model.figures._asdict(), "error_estimate": model.error_estimate})
         return found
 
     def contents(self) -> Contents:
@@ -110,8 +103,8 @@ class Corrections(Result):
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a model."""
-        made = table_of(self.quantity, self.columns, left=1)
-        made.caption = "reference: 2 quintic elements with an inner node a link"
+        caption = "reference: 2 quintic elements with an inner node a link"
+        made = table_of(self.quantity, self.columns, left=1, caption=caption)
         return stacked(heading(self.system, self.speed, choices), made)
 
     def plot(self) -> Figure:

@@ -14,10 +14,10 @@ from solve.beams.structure import StructureModel
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
-from solve.results.orbit import Turn
 from solve.results.quantities import fixed, prefixed, round_magnification
 from solve.results.report import RenderableType, heading, stacked, table
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
+from solve.results.turn import Turn
 
 _SAMPLES = 721
 _BULGE = 0.1

@@ -1,6 +1,7 @@
 """The design method's answer as tables for a terminal of 80 columns, and as a file's contents."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -8,7 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from models.four_bar.results.outcome import Outcome
-from solve.results.report import model_heading, table
+from solve.results.contents import Column, Columns
+from solve.results.report import digits, model_heading, speeds_of, table_of
 
 
 def outcome_report(result: Outcome, choices: Sequence[str]) -> RenderableType:
@@ -41,100 +43,88 @@ def _heading(result: Outcome, choices: Sequence[str]) -> Table:
     return grid
 
 
-def _critical(result: Outcome) -> RenderableType:
-    design, stresses = result.design, result.design.map
-    unit = stresses.model.speed_unit
+def _speeds(result: Outcome, speeds: Any, heading: str, form: str = ".2f") -> Column:
+    return speeds_of(result.design.map.model, speeds, "", heading, form)
+
+
+def _rates(result: Outcome, speeds: Sequence[float]) -> Columns:
+    """A column a link: how damping changes its stress at these speeds, empty where that was not asked."""
     rates = {each.speed: each.sensitivity for each in result.damping}
-    made = table(
-        f"Critical speeds at L4 = {stresses.own_L4:.4f} m",
-        f"speed ({unit.name})",
-        "link",
-        "stress/allowable",
-        "",
-        *stresses.links,
-    )
-    for peak in design.peaks:
-        helps = [f"{rates[peak.speed][link]:+.2f}" for link in stresses.links]
-        made.add_row(
-            f"{unit.of(peak.speed):.2f}",
-            peak.link,
-            f"{peak.ratio:.3f}",
-            "limiting" if peak.ratio > 1 else "",
-            *helps,
-        )
+    known = [rates.get(speed) for speed in speeds]
+    return {
+        link: Column(speeds, heading=link, text=[f"{rate[link]:+.2f}" if rate else "" for rate in known])
+        for link in result.design.map.links
+    }
+
+
+def _critical(result: Outcome) -> RenderableType:
+    peaks = result.design.peaks
+    speeds = [peak.speed for peak in peaks]
+    columns = {
+        "speed": _speeds(result, speeds, "speed ({})"),
+        "link": Column([peak.link for peak in peaks], heading="link"),
+        "ratio": Column([peak.ratio for peak in peaks], heading="stress/allowable", text=digits(".3f")),
+        "limit": Column(["limiting" if peak.ratio > 1 else "" for peak in peaks], heading=" "),
+    }
+    title = f"Critical speeds at L4 = {result.design.map.own_L4:.4f} m"
+    made = table_of(title, {**columns, **_rates(result, speeds)}, left=1)
     return Group(made, Text("links: % of stress that one % more ζ brings; damping helps where negative"))
 
 
 def _quiet(result: Outcome) -> RenderableType:
-    design, stresses = result.design, result.design.map
-    unit = stresses.model.speed_unit
+    bands, stresses = result.design.quiet, result.design.map
+    quietest = [band.quietest for band in bands]
     rates = {each.speed: each.sensitivity for each in result.damping}
-    made = table(
-        f"Quiet bands there ({unit.name})",
-        "from",
-        "to",
-        "quietest",
-        "stress/allowable",
-        "damping",
-        *stresses.links,
-    )
-    for band in design.quiet:
-        known = rates.get(band.quietest)
-        cells = [f"{known[link]:+.2f}" for link in stresses.links] if known else [""] * len(stresses.links)
-        worst = stresses.worst_link(band.quietest)
-        hurts = "" if known is None else "hurts" if known[worst] > 0 else "helps"
-        made.add_row(
-            *(f"{unit.of(speed):.2f}" for speed in (band.start, band.end, band.quietest)),
-            f"{band.ratio:.3f}",
-            hurts,
-            *cells,
-        )
-    return made
+    worst = [rates[at][stresses.worst_link(at)] if at in rates else 0.0 for at in quietest]
+    effects = [
+        "hurts" if rate > 0 else "helps" if at in rates else ""
+        for at, rate in zip(quietest, worst, strict=True)
+    ]
+    columns = {
+        "from": _speeds(result, [band.start for band in bands], "from"),
+        "to": _speeds(result, [band.end for band in bands], "to"),
+        "quietest": _speeds(result, quietest, "quietest"),
+        "ratio": Column([band.ratio for band in bands], heading="stress/allowable", text=digits(".3f")),
+        "damping": Column(effects, heading="damping"),
+    }
+    title = f"Quiet bands there ({stresses.model.speed_unit.name})"
+    return table_of(title, {**columns, **_rates(result, quietest)}, left=1)
 
 
 def _quiet_above(result: Outcome) -> RenderableType:
-    unit = result.design.map.model.speed_unit
-    made = table(
-        f"Quiet speeds above critical ones ({unit.name})",
-        "above",
-        "speed",
-        "allowable needed",
-        "with L4 fixed",
-        left=0,
-    )
-    for each in result.design.quiet_above:
-        made.add_row(
-            *(f"{value:.3f}" for value in (*map(unit.of, (each.peak, each.speed)), each.needed, each.fixed))
-        )
+    above = result.design.quiet_above
+    columns = {
+        "above": _speeds(result, [each.peak for each in above], "above", ".3f"),
+        "speed": _speeds(result, [each.speed for each in above], "speed", ".3f"),
+        "needed": Column([each.needed for each in above], heading="allowable needed", text=digits(".3f")),
+        "fixed": Column([each.fixed for each in above], heading="with L4 fixed", text=digits(".3f")),
+    }
+    made = table_of(f"Quiet speeds above critical ones ({result.design.map.model.speed_unit.name})", columns)
     return Group(made, Text("as a multiple of the allowable stress; L4 changes on the way and returns"))
 
 
 def _plan(result: Outcome) -> RenderableType:
     plan = result.plan
     assert plan is not None
-    unit = result.design.map.model.speed_unit
-    made = table("Run-up plan", f"speed ({unit.name})", "L4 (m)", left=0)
-    for speed, L4 in zip(plan.speed, plan.L4, strict=True):
-        made.add_row(f"{unit.of(speed):.3f}", f"{L4:.4f}")
+    columns = {
+        "speed": _speeds(result, plan.speed, "speed ({})", ".3f"),
+        "L4": Column(plan.L4, heading="L4 (m)", text=digits(".4f")),
+    }
+    made = table_of("Run-up plan", columns)
     if result.returns:
         made.add_row("then", f"{result.design.map.own_L4:.4f}")
-    return Group(
-        made,
-        Text(f"L4 is linear between these; steady stress at most {result.steady.max():.3f} of the allowable"),
-    )
+    steady = f"steady stress at most {result.steady.max():.3f} of the allowable"
+    return Group(made, Text(f"L4 is linear between these; {steady}"))
 
 
 def _trials(result: Outcome) -> RenderableType:
-    unit = result.design.map.model.speed_unit
-    made = table(
-        "Simulated", "within", "acceleration", "stress/allowable", f"at speed ({unit.name})", "", left=0
-    )
-    for trial in result.trials:
-        made.add_row(
-            f"{trial.run_up.duration:.4g} s",
-            unit.per_second.text(trial.run_up.acceleration, ".3g"),
-            f"{trial.worst:.4f}",
-            f"{unit.of(trial.worst_speed):.2f}",
-            "below" if trial.worst < 1 else "too high",
-        )
-    return made
+    trials, unit = result.trials, result.design.map.model.speed_unit.per_second
+    accelerations = [unit.text(trial.run_up.acceleration, ".3g") for trial in trials]
+    columns = {
+        "within": Column([f"{trial.run_up.duration:.4g} s" for trial in trials], heading="within"),
+        "acceleration": Column(accelerations, heading="acceleration"),
+        "worst": Column([trial.worst for trial in trials], heading="stress/allowable", text=digits(".4f")),
+        "at": _speeds(result, [trial.worst_speed for trial in trials], "at speed ({})"),
+        "verdict": Column(["below" if trial.worst < 1 else "too high" for trial in trials], heading=" "),
+    }
+    return table_of("Simulated", columns)

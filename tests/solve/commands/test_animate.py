@@ -31,6 +31,11 @@ def test_files_by_their_ending(command, tmp_path, ending):
         assert Image.open(tmp_path / "mine.gif").n_frames == 3
 
 
+def test_growth_is_printed_too(command):
+    ran = command("animate", "mathieu", "--case", "unstable", "--frames", "2", "--out", "mine.png")
+    assert "warning: unstable: it grows\n" in ran.err
+
+
 @pytest.mark.slow
 def test_the_nonlinear_orbit(command):
     ran = command(*CAM, "--nonlinear", "--out", "mine.png")

@@ -9,6 +9,7 @@ import pytest
 
 from solve.commands.app import run
 from solve.methods.choice import METHODS
+from solve.results.comparison import Row, work_precision_figure
 
 ARGUMENTS = (
     "manipulator", "--method", "newmark", "--method", "rk4", "--steps", "300", "--steps", "600",
@@ -80,11 +81,15 @@ def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeyp
     assert [text.get_text() for text in key.get_texts()] == ["newmark", "rk4"]
 
 
-def test_a_reference_that_is_not_known_at_all_shades_the_whole_picture():
-    from solve.results.comparison import Work, work_precision_figure
+def points(*errors):
+    """Of one method, a second and a step more each."""
+    return [
+        Row("rk4", 4, k, "equal steps", orbit_error=error, time=float(k)) for k, error in enumerate(errors, 1)
+    ]
 
-    work = Work(np.arange(1.0, 3.0), {"orbit": np.array([0.1, 0.01])})
-    made = work_precision_figure("one", {"rk4": work}, {"orbit": np.inf}, {})
+
+def test_a_reference_that_is_not_known_at_all_shades_the_whole_picture():
+    made = work_precision_figure("one", {"rk4": points(0.1, 0.01)}, {"orbit": np.inf}, {})
     low, high = made.axes[0].get_ylim()
     shade = made.axes[0].patches[0].get_extents().transformed(made.axes[0].transData.inverted())
     assert 0 < low < high
@@ -92,10 +97,7 @@ def test_a_reference_that_is_not_known_at_all_shades_the_whole_picture():
 
 
 def test_the_picture_tells_every_method_and_draws_what_is_in_its_range():
-    from solve.results.comparison import Work, work_precision_figure
-
-    errors = np.array([np.inf, 40.0, 0.5, 1e-4, 1e-9, 0.0])
-    work = Work(np.arange(1.0, 7.0), {"orbit": errors})
+    work = points(np.inf, 40.0, 0.5, 1e-4, 1e-9, 0.0)
     made = work_precision_figure("all", dict.fromkeys(METHODS, work), {"orbit": 1e-8}, {"orbit": [1e-3]})
     lines = made.axes[0].lines[: len(METHODS)]
     assert len({(line.get_color(), line.get_marker(), line.get_linestyle()) for line in lines}) == len(

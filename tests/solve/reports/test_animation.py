@@ -168,6 +168,8 @@ def test_without_load_the_free_vibration_is_that_of_the_equation():
 def test_growth_is_said_in_the_picture():
     made = solve.animate(solve.load("mathieu", case="unstable"), frames=2, **ROUGH)
     assert made.plot()._supxlabel.get_text().endswith("unstable: it grows")
+    assert made.warnings[0] == "unstable: it grows"
+    assert made.html.count("<li>unstable") == 0
     steady = solve.animate(solve.load("mathieu"), frames=2, **ROUGH)
     assert "unstable" not in steady.plot()._supxlabel.get_text()
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.commands.deliver import deliver_page
 from solve.errors import FileError, MatricesError, MissingValueError, NoResultError, StructureError
 from solve.reports.page import Part, Report
 
@@ -166,6 +167,22 @@ def test_warnings_stand_once_with_the_parts_that_say_them():
     items = ["".join(each.itertext()) for each in parsed(found.html).iter(HTML + "li")]
     for text in found.warnings:
         assert items.count(f"{text} (One, Other)") == 1
+
+
+def test_a_warning_says_of_which_orbit_it_is(capsys, tmp_path):
+    """Both orbits lift off; on the page and in the terminal it is told which."""
+    cam = solve.load("cam")
+    parts = [
+        Part(f"By {each}", "The same.", solve.periodic(cam, f"{rpm} rpm", rtol=1e-2), orbit=each)
+        for each, rpm in (("linear orbit", 600), ("nonlinear orbit", 610))
+    ]
+    found = Report(cam, parts, [], 1e-2)
+    items = ["".join(each.itertext()) for each in parsed(found.html).iter(HTML + "li")]
+    deliver_page(found, tmp_path / "cam.html")
+    said = capsys.readouterr().err
+    for orbit in ("linear orbit", "nonlinear orbit"):
+        (item,) = [each for each in items if "lifts off" in each and each.endswith(f"({orbit})")]
+        assert f"warning: {item}\n" in said
 
 
 def test_notes_stand_once():

@@ -65,6 +65,16 @@ def test_the_labels_of_the_system_are_kept(again):
     assert dict(again.system.meanings) == dict(system.meanings)
 
 
+def test_a_chart_of_a_quantity_is_read_back(tmp_path):
+    speeds, stiff = {"speed": ["200 rpm", "300 rpm"]}, {"k1": [8e4, 1e5]}
+    made = solve.chart(solve.load("cam"), speeds, stiff, boundaries=False, of="q3.max_abs", rtol=1e-5)
+    made.save(tmp_path / "chart.nc")
+    read = solve.open(tmp_path / "chart.nc")
+    assert read.of == made.of
+    assert read.values.tobytes() == made.values.tobytes()
+    assert read.record() == made.record()
+
+
 def test_a_chart_that_was_read_refuses_further_points_and_keeps_its_cuts(tmp_path):
     made = solve.chart("mathieu", "delta=0:5:7", "epsilon=0:5:7", 1.0).with_cuts([("epsilon", 1.0)])
     made.save(tmp_path / "chart.nc")

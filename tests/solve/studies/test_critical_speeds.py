@@ -191,3 +191,45 @@ def test_of_an_unstable_rotor_no_division_explains_what_grows():
     inside = [row for row in made.rows if first < row.speed < last and row.multiplier]
     assert inside
     assert all(row.mode is None for row in inside)
+
+
+def two_modes(frequencies, decays, coupling=0.0):
+    """Two oscillators that decay at rates δ(Ω), coupled by a stiffness that varies once a turn."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        damping = 2 * np.diag([decay(speed) for decay in decays])
+        varying = np.cos(phase)[:, None, None] * np.array([[0.0, coupling], [coupling, 0.0]])
+        load = np.column_stack((np.cos(phase), np.cos(phase)))
+        return one * np.eye(2), one * damping, one * np.diag(np.square(frequencies)) + varying, load
+
+    return solve.PeriodicSystem(matrices, ["x", "y"])
+
+
+def test_no_division_explains_a_maximum_of_the_multiplier_where_another_takes_the_lead():
+    """At Ω = 10 mode 1 decays as fast as mode 2, which leads from there on. Mode 1 is a tenth of an order
+    from its third division, which is near, but its multiplier is 36° from +1."""
+    system = two_modes((31.0, 55.0), (lambda speed: 0.5 + 0.1 * (speed - 10.0), lambda _: 0.5))
+    made = solve.critical_speeds(system, np.linspace(9.6, 10.25, 27), orders=6)
+    (row,) = [row for row in made.rows if row.multiplier]
+    assert row.multiplier.speed == pytest.approx(10.0, rel=1e-4)
+    assert (row.mode, row.order, row.combination) == (None, None, None)
+    assert made.record()["rows"][made.rows.index(row)]["combination"] is None
+    assert "no division of a frequency and no combination explains it" in made._repr_html_()
+
+
+def test_a_combination_explains_the_maximum_of_the_multiplier_where_two_modes_meet():
+    """At Ω = ω1 + ω2 the parametric coupling ε feeds both modes: the slower of their rates of decay is there
+    (δ1 + δ2)/2 - sqrt((δ1 - δ2)²/4 + ε²/(16 ω1 ω2)) (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 1979,
+    Section 5.4)."""
+    system = two_modes((1.0, 9.0), (lambda _: 0.2, lambda _: 0.3), 1.8)
+    made = solve.critical_speeds(system, np.linspace(9.0, 11.0, 41), orders=5)
+    (row,) = [row for row in made.rows if row.multiplier and row.mode is None]
+    assert row.multiplier.speed == pytest.approx(10.0, rel=0.03)
+    assert (row.combination.modes, row.combination.sign, row.combination.order) == ((2, 1), 1, 1)
+    rate = np.log(made.radius[20]) * made.speeds[20] / (2 * np.pi)
+    assert made.speeds[20] == pytest.approx(10.0)
+    assert rate == pytest.approx(-0.25 + np.sqrt(0.05**2 + 1.8**2 / 144), rel=0.05)
+    assert "2+1" in made._repr_html_()
+    (found,) = [each for each in made.record()["rows"] if each["combination"]]
+    assert found["combination"]["modes"] == [2, 1]
