@@ -322,9 +322,10 @@ class PeriodicSystem:
         return speed**2 * M, speed * C, K, d
 
     def output_values(
-        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        """Outputs (k,) by name at phases (k,) and states q, q̇, q̈ (n, k), derivatives by time."""
+        """Outputs (k,) by name at phases (k,), Ω, one or (k,), in rad/s, and states q, q̇, q̈ (n, k),
+        derivatives by time, while Ω̇ in rad/s² acts."""
         return {}
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:

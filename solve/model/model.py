@@ -259,12 +259,20 @@ class Model(PeriodicSystem):
     def _outputs(self) -> "casadi.Function":
         return self.setup.function("outputs")
 
+    @cached_property
+    def _outputs_varying(self) -> "casadi.Function":
+        return self.setup.function("outputs_varying")
+
     def output_values(
-        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
         if not self.outputs:
             return {}
-        values = self._outputs(phase[None], speed, q, qd, qdd, self.setup.p)
+        drive, state = (phase[None], np.atleast_2d(speed)), (q, qd, qdd, self.setup.p)
+        if acceleration == 0:
+            values = self._outputs(*drive, *state)
+        else:
+            values = self._outputs_varying(*drive, acceleration, *state)
         columns = values if isinstance(values, tuple) else (values,)
         return {name: value.full()[0] for name, value in zip(self.outputs, columns, strict=True)}
 
