@@ -174,9 +174,11 @@ class Transient(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        drive: dict[str, Any] = {"speed": self.speed, "period": self.system.period / self.speed}
+        drive: dict[str, Any]
         if self.ramp:
             drive = {"speed": None, "period": None, "speeds": self.ends[[0, -1]], "time": self.time[-1]}
+        else:
+            drive = {"speed": self.speed, "period": self.system.period / self.speed}
         solved = {**drive, "nonlinear": self.nonlinear}
         return {**solved, "turns": self.turns, "reached": self.reached, "rtol": self.rtol}
 
