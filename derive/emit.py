@@ -15,11 +15,12 @@ from derive.field import Field
 from derive.field_text import along, definitions, field_functions, field_tools
 from derive.freshness import banner, hashed_module
 from derive.function_text import (
+    VARYING,
     GeneratedFunction,
     breaks_text,
     function_text,
     options_text,
-    residual_varying,
+    varying_text,
 )
 from derive.galerkin import Projection, project
 from derive.linearise import clearances, linearise
@@ -57,24 +58,29 @@ TOOLS = {
     "_choice(": CHOICE,
     "_passes(": PASSES,
     "_angles(": ANGLES,
+    "_varying(": VARYING,
 }
 
 MOST_TO_READ = 2000
 """Operations of M, C, K and d that are still printed for reading."""
 
+DOCS = {
+    "residual": "Nonlinear r of the equation of motion r = 0.",
+    "outputs": "One scalar for each of OUTPUTS.",
+}
 STATE = ("phase", "speed", "q", "qd", "qdd", "p")
-VARYING = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
+ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
 
 
 @dataclass(frozen=True)
 class Equations:
     """All that a generated module computes.
 
-    residual: None where `functions` contain it. definitions: text for symbols of the expressions that are
-    no inputs. tools, functions: texts that go before and after the others. conditions: beyond those that
-    the mechanism states. passages: where the matrices switch. nonlinear: what the linear answer ignores, a
-    sentence each; idle: what moves nothing. no_drive_torque: why there is none, if so. projection: of a
-    deflection, on its mode functions. added: to the residual where the speed varies.
+    residual, outputs: where the speed varies; residual is None where `functions` contain it. definitions:
+    text for symbols of the expressions that are no inputs. tools, functions: texts that go before and after
+    the others. conditions: beyond those that the mechanism states. passages: where the matrices switch.
+    nonlinear: what the linear answer ignores, a sentence each; idle: what moves nothing. no_drive_torque: why
+    there is none, if so. projection: of a deflection, on its mode functions.
     """
 
     linearised: dict[str, Any]
@@ -89,40 +95,41 @@ class Equations:
     idle: list[str] = field(default_factory=list)
     no_drive_torque: str = ""
     projection: Projection | None = None
-    added: sympy.Matrix | None = None
+
+    @property
+    def of_states(self) -> dict[str, dict[str, Any]]:
+        """The results of each function of a state, by its name, where the speed varies."""
+        residual = {} if self.residual is None else {"residual": {"r": self.residual}}
+        return {**residual, "outputs": {each.name: each.expression for each in self.outputs}}
 
 
 def derive_equations(mechanism: Mechanism) -> Equations:
     """Equations of a checked mechanism; SingularMassError where a coordinate has no inertia."""
     if mechanism.declared_field:
         return _field_equations(mechanism, mechanism.declared_field)
-    r, added = lagrange.residuals(mechanism)
+    varying = lagrange.residuals(mechanism)
+    r = steady(varying)
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
             # Rows vanish on a motion only where they hold all that acts.
-            rows = () if mechanism.damping_ratios else [*r]
+            rows = () if mechanism.damping_ratios else [*varying]
             outputs.append(_torque(lagrange.drive_torque(mechanism, rows)))
         except ImpulseError as error:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
-        expression = steady(lagrange.from_fundamental(mechanism, each.expression))
-        outputs.append(_in_its_unit(each, expression))
+        outputs.append(_in_its_unit(each, lagrange.from_fundamental(mechanism, each.expression)))
     q = [each.symbol for each in mechanism.declared_coordinates]
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
     moving = [s for each in q for s in (each, each.rate, each.rate.rate)]
     return Equations(
         linearised._asdict(),
-        r,
+        varying,
         outputs,
-        functions=[
-            residual_varying(options_text(mechanism), [each.name for each in mechanism.declared_options])
-        ],
-        added=added,
         conditions=clearances(r, q),
-        passages=passages(linearised, expressions, moving),
+        passages=passages(linearised, [*map(steady, expressions)], moving),
         nonlinear=losses(mechanism, [*r], linearised),
-        idle=idle(mechanism, [*r, *linearised, *expressions]),
+        idle=idle(mechanism, [*varying, *linearised, *expressions]),
         no_drive_torque=reason,
     )
 
@@ -131,7 +138,7 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
     projection = project(mechanism, deflection)
     outputs = [] if mechanism.no_drive_torque else [_torque(projection.drive_torque)]
     for each in mechanism.declared_outputs:
-        outputs.append(_in_its_unit(each, steady(each.expression.xreplace(projection.tensions))))
+        outputs.append(_in_its_unit(each, each.expression.xreplace(projection.tensions)))
     options = [each.name for each in mechanism.declared_options]
     functions = field_functions(deflection, options_text(mechanism), options)
     tools = field_tools(projection)
@@ -167,6 +174,8 @@ def module_text(
             report(sentence)
         step("code")
         texts, counts = functions_text(mechanism, _functions(mechanism, equations))
+    options = [each.name for each in mechanism.declared_options]
+    texts += [varying_text(name, options_text(mechanism), options) for name in equations.of_states]
     texts += equations.functions
     if equations.passages:
         texts.append(breaks_text(mechanism, equations.passages))
@@ -229,18 +238,16 @@ def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunc
     names = equations.definitions
     doc = "M, C, K, d of M q̈ + C q̇ + K q = d."
     functions = [GeneratedFunction("linearised", doc, ("phase", "speed", "p"), equations.linearised, names)]
-    if equations.residual is not None:
-        doc = "Nonlinear r of the equation of motion r = 0."
-        functions.append(GeneratedFunction("residual", doc, STATE, {"r": equations.residual}))
-    if equations.added is not None:
-        doc = "What an acceleration of the drive adds to r."
-        functions.append(GeneratedFunction("accelerated", doc, VARYING, {"r": equations.added}))
+    for name, results in equations.of_states.items():
+        constant = {each: steady(part) for each, part in results.items()}
+        functions.append(GeneratedFunction(name, DOCS[name], STATE, constant, names))
+        doc = f"What an acceleration of the drive adds to {name}."
+        added = {each: lagrange.accelerated(part) for each, part in results.items()}
+        functions.append(GeneratedFunction(f"{name}_accelerated", doc, ACCELERATED, added, names))
     if equations.projection is not None:
         doc = "M, C, K, d where the speed varies."
         inputs, varying = ("phase", "speed", "acceleration", "p"), equations.projection.varying
         functions.append(GeneratedFunction("linearised_varying", doc, inputs, varying, names))
-    outputs = {each.name: each.expression for each in equations.outputs}
-    functions.append(GeneratedFunction("outputs", "One scalar for each of OUTPUTS.", STATE, outputs, names))
     if mechanism.damping_ratios:
         doc = "ζ of the modes of M and K at speed 0 by rising frequency, the last for all others."
         ratios = {"ratios": sympy.Matrix(mechanism.damping_ratios)}
@@ -285,7 +292,7 @@ def _in_its_unit(output: Output, expression: Any) -> Output:
 
 
 def _torque(expression: Any) -> Output:
-    return Output("drive_torque", expression, "N m", "torque of the drive that keeps the speed constant")
+    return Output("drive_torque", expression, "N m", "torque of the drive")
 
 
 def constants(

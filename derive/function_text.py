@@ -103,23 +103,26 @@ def breaks_text(mechanism: Mechanism, passages: Sequence[Passage]) -> str:
     return f"def breaks({signature}):\n" + textwrap.indent("\n".join(filter(None, body)), "    ")
 
 
-def residual_varying(given: str, options: Sequence[str]) -> str:
-    """The residual where the speed varies, from that at constant speed. given: text of the function's
-    parameters; options: names of the module's options."""
-    passed = ", ".join(f"{name}={name}" for name in options)
-    return f'''\
-def residual_varying({given}):
-    """r where the speed varies: at constant speed, and what its acceleration adds."""
-    steady, added = residual({passed}), accelerated({passed})
+VARYING = '''\
+def _varying(steady, added):
+    """A function where the speed varies: at constant speed, and what its acceleration adds."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
-    phase, speed, acceleration, *state = inputs
+    phase, speed, _, *state = inputs
+    parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
+    results = [each + more for each, more in parts]
     return casadi.Function(
-        "residual_varying",
-        inputs,
-        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
-        added.name_in(),
-        ["r"],
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
     )'''
+
+
+def varying_text(name: str, given: str, options: Iterable[str]) -> str:
+    """A function of a state where the speed varies. given: text of the function's parameters; options: names
+    of the module's options."""
+    passed = ", ".join(f"{each}={each}" for each in options)
+    return f'''\
+def {name}_varying({given}):
+    """The same as `{name}` where the speed varies."""
+    return _varying({name}({passed}), {name}_accelerated({passed}))'''
 
 
 def options_text(mechanism: Mechanism) -> str:

@@ -52,7 +52,8 @@ class Pair:
 
 @dataclass
 class Projection:
-    """Matrices and drive torque as sums of coefficients times constants of the mode functions.
+    """Matrices and drive torque where the speed varies, as sums of coefficients times constants of the mode
+    functions.
 
     pairs and moments: the symbols that stand for square matrices and for columns. weighted: those
     that stand for a moment's column times the amplitudes; their rates for that times the rates.
@@ -105,7 +106,7 @@ def project(mechanism: Mechanism, deflection: Field) -> Projection:
     if not mechanism.no_drive_torque:
         whole = Energies(*(each.xreplace(straight) for each in whole))
         forces = [[each.xreplace(straight) for each in work] for work in mechanism.forces]
-        projection.drive_torque = steady(equation(whole, PHASE, forces) + _torque(projection, density))
+        projection.drive_torque = equation(whole, PHASE, forces) + _torque(projection, density)
     _require_free_names(mechanism, projection)
     return projection
 

@@ -24,20 +24,26 @@ class Energies(NamedTuple):
     dissipation: Any
 
 
-def residuals(mechanism: Mechanism) -> tuple[sympy.Matrix, sympy.Matrix]:
-    """Left-hand sides r(φ, Ω, q, q̇, q̈) of the equations of motion r = 0 at constant speed, one row a
-    coordinate, and what an acceleration Ω̇ of the drive adds to them.
+def residuals(mechanism: Mechanism) -> sympy.Matrix:
+    """Left-hand sides r(φ, Ω, Ω̇, q, q̇, q̈) of the equations of motion r = 0, one row a coordinate.
 
     Coordinates with a fundamental motion are counted from it: q → q̄(φ) + q before anything else.
     """
-    rows = sympy.Matrix([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
-    return simplified([steady(rows)])[0], simplified([rows.applyfunc(_accelerated)])[0]
+    return _in_parts([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
 
 
-def _accelerated(row: Any) -> Any:
-    """What Ω̇ adds to a row."""
-    factor = sympy.diff(row, ACCELERATION)
-    return row - steady(row) if factor.has(ACCELERATION) else ACCELERATION * gathered(factor)
+def _in_parts(rows: Sequence[Any]) -> sympy.Matrix:
+    """The rows, simplified: at constant speed, and what an acceleration of the drive adds."""
+    given = sympy.Matrix(rows)
+    return simplified([steady(given)])[0] + simplified([accelerated(given)])[0]
+
+
+def accelerated(expression: Any) -> Any:
+    """What the acceleration Ω̇ of the drive adds to an expression, or to each entry of a matrix."""
+    if isinstance(expression, sympy.MatrixBase):
+        return expression.applyfunc(accelerated)
+    factor = sympy.diff(expression, ACCELERATION)
+    return expression - steady(expression) if factor.has(ACCELERATION) else ACCELERATION * gathered(factor)
 
 
 def drive_torque(mechanism: Mechanism, residual: Iterable[Any]) -> sympy.Expr:
@@ -48,13 +54,13 @@ def drive_torque(mechanism: Mechanism, residual: Iterable[Any]) -> sympy.Expr:
     the error that a motion of the linear equations would leave in the inertia terms. residual: the rows of
     the coordinates, none where they lack a part of what acts.
     """
-    torque = steady(_row(mechanism, PHASE))
+    torque = _row(mechanism, PHASE)
     accelerations = [each.symbol.rate.rate for each in mechanism.declared_coordinates]
     for row in residual:
-        without = gathered(torque - row)
-        if torque.has(*accelerations) and not without.has(*accelerations):
-            return without
-    whole: Any = simplified([sympy.Matrix([torque])])[0]
+        without = gathered(steady(torque - row))
+        if steady(torque).has(*accelerations) and not without.has(*accelerations):
+            return without + accelerated(torque - row)
+    whole: Any = _in_parts([torque])
     return whole[0, 0]
 
 

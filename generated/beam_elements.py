@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "523fd94572a17134b337686cf557af04b8fa9a6fcfcf827d4075cb2f870695f6"
+DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4abf7cec6f7b7ed8ca22620dec6cdc608fbc654a57fd13bd375f41a97bca38ae"
+FILE_SHA256 = "b2434a324be85476ee88fa972deec7a502fc3d98836ac44372c48b8dc6846ea3"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

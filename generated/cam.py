@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "523fd94572a17134b337686cf557af04b8fa9a6fcfcf827d4075cb2f870695f6"
+DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "9d92200a3c51e1cc7ff4c859bb5962e95cc09982b9201eab0d979deadfd538df"
+FILE_SHA256 = "74da0ecb63e3c2ceb16dd4e6f673b6226cb484cbfee99003976be8faaf6ab54d"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -71,7 +71,7 @@ PARAMETERS = (
 )
 OPTIONS = ()
 OUTPUTS = (
-    ("drive_torque", "N m", "torque of the drive that keeps the speed constant"),
+    ("drive_torque", "N m", "torque of the drive"),
     ("shaft_torque", "N m", "torque in the shaft, positive where the cam leads"),
     ("contact_force", "N", "follower against cam, compression positive"),
     ("output_displacement", "m", "position y3 of the output link"),
@@ -108,6 +108,17 @@ def _fourier(angle, mean, cosine, sine, orders):
         for i, order in enumerate(orders):
             sums[i] += float(k) ** order * (even, odd, -even, -odd)[order % 4]
     return sums
+
+
+def _varying(steady, added):
+    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, _, *state = inputs
+    parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
+    results = [each + more for each, more in parts]
+    return casadi.Function(
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+    )
 
 
 def linearised():
@@ -226,8 +237,8 @@ def residual():
     )
 
 
-def accelerated():
-    """What an acceleration of the drive adds to r."""
+def residual_accelerated():
+    """What an acceleration of the drive adds to residual."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -252,7 +263,7 @@ def accelerated():
     x0 = m2 + m3
     x1 = U_1*speedd
     return casadi.Function(
-        "accelerated",
+        "residual_accelerated",
         [phase, speed, speedd, coordinates, rates, accelerations, parameters],
         [
             casadi.vertcat(
@@ -299,6 +310,37 @@ def outputs():
             casadi.SX(q2 + q3 + U_0),
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
+        ["drive_torque", "shaft_torque", "contact_force", "output_displacement"],
+    )
+
+
+def outputs_accelerated():
+    """What an acceleration of the drive adds to outputs."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 3)
+    (q1, q2, q3) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 3)
+    (q1d, q2d, q3d) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 3)
+    (q1dd, q2dd, q3dd) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 47)
+    (
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
+        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
+        Fb5, Fb6,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "outputs_accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(I0*speedd),
+            casadi.SX(0),
+            casadi.SX(0),
+            casadi.SX(0),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
         ["drive_torque", "shaft_torque", "contact_force", "output_displacement"],
     )
 
@@ -374,17 +416,13 @@ def sketch():
 
 
 def residual_varying():
-    """r where the speed varies: at constant speed, and what its acceleration adds."""
-    steady, added = residual(), accelerated()
-    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
-    phase, speed, acceleration, *state = inputs
-    return casadi.Function(
-        "residual_varying",
-        inputs,
-        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
-        added.name_in(),
-        ["r"],
-    )
+    """The same as `residual` where the speed varies."""
+    return _varying(residual(), residual_accelerated())
+
+
+def outputs_varying():
+    """The same as `outputs` where the speed varies."""
+    return _varying(outputs(), outputs_accelerated())
 
 
 EQUATIONS = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "523fd94572a17134b337686cf557af04b8fa9a6fcfcf827d4075cb2f870695f6"
+DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ab5b7a79b708bf52b26d68858310dc1616727372eb994d62d6319fc0eda8681c"
+FILE_SHA256 = "c8117d71dbf4412d7973aab0bbe3476728c834eb8b0204a572b61a3b5b9ec124"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -62,7 +62,7 @@ OPTIONS = (
     ("branch", ("open", "crossed"), "open"),
 )
 OUTPUTS = (
-    ("drive_torque", "N m", "torque of the drive that keeps the speed constant"),
+    ("drive_torque", "N m", "torque of the drive"),
     ("midpoint_deflection", "m", "deflection at midspan"),
     ("axial_force", "N", "of the straight coupler at the crank pin, tension positive"),
     ("bending_moment", "N m", "E I w'' at midspan"),
@@ -105,6 +105,17 @@ def _choice(option, value):
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
     return [float(value == each) for each in allowed]
+
+
+def _varying(steady, added):
+    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, _, *state = inputs
+    parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
+    results = [each + more for each, more in parts]
+    return casadi.Function(
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+    )
 
 
 def _w(xi, derivative, count):
@@ -276,75 +287,6 @@ def linearised(*, modes=3, branch="open"):
     )
 
 
-def linearised_varying(*, modes=3, branch="open"):
-    """M, C, K, d where the speed varies."""
-    modes = _count("modes", modes)
-    branch_open, branch_crossed = _choice("branch", branch)
-    phase = casadi.SX.sym("phase")
-    speed = casadi.SX.sym("speed")
-    speedd = casadi.SX.sym("acceleration")
-    parameters = casadi.SX.sym("p", 18)
-    (
-        l1, l2, l3, l4, s4, m4, E, A, I, rho, cx, cy, JC, alpha, alpha4, theta, g, Me,
-    ) = casadi.vertsplit(parameters)
-    w_00_0 = _pairs(_w_00_0, modes)
-    w_11_0 = _pairs(_w_11_0, modes)
-    w_22_0 = _pairs(_w_22_0, modes)
-    w_11_1 = _pairs(_w_11_1, modes)
-    w_11_2 = _pairs(_w_11_2, modes)
-    w_0_0 = _column(_w_0_0, modes)
-    w_0_1 = _column(_w_0_1, modes)
-    (phi3_0_0, phi4_0_0, phi3_0_1, phi4_0_1, phi3_1_0, phi4_1_0, phi3_2_0, phi4_2_0) = _phi3_phi4(
-        phase, l3, branch_crossed, branch_open, l1, l2, l4, theta,
-    )
-    x0 = l3*w_00_0
-    x1 = A*x0
-    x2 = w_11_0/l3
-    x3 = l3**3
-    x4 = 1/x3
-    x5 = phi3_1_0**2
-    x6 = speed**2
-    x7 = rho*x6
-    x8 = x5*x7
-    x9 = A*rho
-    x10 = x6*x9
-    x11 = g*x9
-    x12 = x11*casadi.sin(phi3_0_0)
-    x13 = phase - phi3_0_0
-    x14 = l2*casadi.sin(x13)
-    x15 = cx*speed*x14
-    x16 = speedd*x9
-    x17 = x14*x16
-    x18 = l2*casadi.cos(x13)
-    x19 = x10*x18
-    x20 = 6*phi4_0_1
-    x21 = JC*x20
-    x22 = 6*l3
-    x23 = cy*speed
-    x24 = phi3_1_0*x23
-    x25 = 2*phi3_0_1
-    x26 = casadi.cos(phi3_0_0)
-    x27 = l3**2
-    x28 = A*x27
-    x29 = 3*x28
-    x30 = phi3_0_1*x29
-    x31 = x18*x23
-    x32 = rho*speedd
-    x33 = l3*x25*(3*I + x28)
-    return casadi.Function(
-        "linearised_varying",
-        [phase, speed, speedd, parameters],
-        [
-            casadi.SX(rho*(I*x2 + x1)),
-            casadi.SX(E*I*alpha*w_22_0*x4 + cy*x0),
-            casadi.SX(E*I*w_22_0*x4 - 1/2*l3*w_11_2*x10*x5 - w_11_1*(-x12 + x15 + x17 + x19) - x1*x8 - 1/6*x2*(Me*x20 + g*m4*s4*x20*casadi.cos(alpha4 + phi4_0_0) + g*rho*x26*x30 + 3*phi3_0_1*x27*x31 + phi3_1_0*x32*x33 + phi3_2_0*x33*x7 + phi4_1_0*speedd*x21 + phi4_2_0*x21*x6 + x12*x22 - x14*x30*x7 - x15*x22 - x17*x22 + x18*x30*x32 - x19*x22 + x24*x25*x3 - x29*x8)),
-            casadi.SX(-l3*(l3*w_0_1*(phi3_1_0*x16 + phi3_2_0*x10 + x24) + w_0_0*(-x10*x14 + x11*x26 + x16*x18 + x31))),
-        ],
-        ["phase", "speed", "acceleration", "p"],
-        ["M", "C", "K", "d"],
-    )
-
-
 def outputs(*, modes=3, branch="open"):
     """One scalar for each of OUTPUTS."""
     modes = _count("modes", modes)
@@ -433,6 +375,140 @@ def outputs(*, modes=3, branch="open"):
     )
 
 
+def outputs_accelerated(*, modes=3, branch="open"):
+    """What an acceleration of the drive adds to outputs."""
+    modes = _count("modes", modes)
+    branch_open, branch_crossed = _choice("branch", branch)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", modes)
+    rates = casadi.SX.sym("qd", modes)
+    accelerations = casadi.SX.sym("qdd", modes)
+    parameters = casadi.SX.sym("p", 18)
+    (
+        l1, l2, l3, l4, s4, m4, E, A, I, rho, cx, cy, JC, alpha, alpha4, theta, g, Me,
+    ) = casadi.vertsplit(parameters)
+    w_0_0_q = casadi.dot(_column(_w_0_0, modes), coordinates)
+    (phi3_0_0, phi4_0_0, phi3_0_1, phi4_0_1, phi3_1_0, phi4_1_0, phi3_2_0, phi4_2_0) = _phi3_phi4(
+        phase, l3, branch_crossed, branch_open, l1, l2, l4, theta,
+    )
+    x0 = l3**2
+    x1 = A*x0
+    x2 = rho*x1
+    x3 = phase - phi3_0_0
+    x4 = casadi.cos(x3)
+    x5 = l2*x4
+    x6 = x2*x5
+    x7 = l3*rho
+    x8 = A*x7
+    x9 = casadi.sin(x3)
+    x10 = l2*x9
+    x11 = x10*x8
+    x12 = l2**2*x8
+    x13 = phi3_1_0**2
+    x14 = 3*I
+    x15 = (1/3)*x7
+    x16 = x15*(x1 + x14)
+    x17 = JC*phi4_0_1
+    x18 = phi4_1_0*x17
+    x19 = phi3_0_1*phi3_1_0
+    x20 = x16*x19
+    x21 = (1/2)*phi3_0_1
+    x22 = x21*x6
+    x23 = 1/A
+    x24 = (1/2)*x10
+    x25 = x0*x21*x5
+    x26 = speed**2
+    x27 = cy*speed
+    x28 = x2*x26
+    x29 = Me*phi4_0_1 - cx*l3*speed*x10 + g*m4*phi4_0_1*s4*casadi.cos(alpha4 + phi4_0_0) + g*x2*x21*casadi.cos(phi3_0_0) + g*x8*casadi.sin(phi3_0_0) + (1/3)*l3**3*x19*x27 + phi3_0_1*phi3_2_0*x16*x26 - phi3_0_1*x24*x28 + phi4_2_0*x17*x26 - 1/2*x13*x28 + x25*x27 - x26*x5*x8
+    return casadi.Function(
+        "outputs_accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(speedd*(2*w_0_0_q*phi3_1_0*x11 + JC*phi4_1_0**2 + phi3_1_0*x6 + x12*x4**2 + x12*x9**2 + x13*x16)),
+            casadi.SX(0),
+            casadi.SX(-speedd*(-x11 + x18 + x20 + x22)),
+            casadi.SX(0),
+            casadi.SX(-speedd*(rho*x25 + x15*x19*(x0 + x14*x23) + x18*x23 - x24*x7)),
+            casadi.SX(0),
+            casadi.SX(x0*(-casadi.fabs(x29) + casadi.fabs(-speedd*x11 + speedd*x18 + speedd*x20 + speedd*x22 + x29))/(math.pi**2*E*I)),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
+        ["drive_torque", "midpoint_deflection", "axial_force", "bending_moment", "stress", "deflection_ratio", "euler_ratio"],
+    )
+
+
+def linearised_varying(*, modes=3, branch="open"):
+    """M, C, K, d where the speed varies."""
+    modes = _count("modes", modes)
+    branch_open, branch_crossed = _choice("branch", branch)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    parameters = casadi.SX.sym("p", 18)
+    (
+        l1, l2, l3, l4, s4, m4, E, A, I, rho, cx, cy, JC, alpha, alpha4, theta, g, Me,
+    ) = casadi.vertsplit(parameters)
+    w_00_0 = _pairs(_w_00_0, modes)
+    w_11_0 = _pairs(_w_11_0, modes)
+    w_22_0 = _pairs(_w_22_0, modes)
+    w_11_1 = _pairs(_w_11_1, modes)
+    w_11_2 = _pairs(_w_11_2, modes)
+    w_0_0 = _column(_w_0_0, modes)
+    w_0_1 = _column(_w_0_1, modes)
+    (phi3_0_0, phi4_0_0, phi3_0_1, phi4_0_1, phi3_1_0, phi4_1_0, phi3_2_0, phi4_2_0) = _phi3_phi4(
+        phase, l3, branch_crossed, branch_open, l1, l2, l4, theta,
+    )
+    x0 = l3*w_00_0
+    x1 = A*x0
+    x2 = w_11_0/l3
+    x3 = l3**3
+    x4 = 1/x3
+    x5 = phi3_1_0**2
+    x6 = speed**2
+    x7 = rho*x6
+    x8 = x5*x7
+    x9 = A*rho
+    x10 = x6*x9
+    x11 = g*x9
+    x12 = x11*casadi.sin(phi3_0_0)
+    x13 = phase - phi3_0_0
+    x14 = l2*casadi.sin(x13)
+    x15 = cx*speed*x14
+    x16 = speedd*x9
+    x17 = x14*x16
+    x18 = l2*casadi.cos(x13)
+    x19 = x10*x18
+    x20 = 6*phi4_0_1
+    x21 = JC*x20
+    x22 = 6*l3
+    x23 = cy*speed
+    x24 = phi3_1_0*x23
+    x25 = 2*phi3_0_1
+    x26 = casadi.cos(phi3_0_0)
+    x27 = l3**2
+    x28 = A*x27
+    x29 = 3*x28
+    x30 = phi3_0_1*x29
+    x31 = x18*x23
+    x32 = rho*speedd
+    x33 = l3*x25*(3*I + x28)
+    return casadi.Function(
+        "linearised_varying",
+        [phase, speed, speedd, parameters],
+        [
+            casadi.SX(rho*(I*x2 + x1)),
+            casadi.SX(E*I*alpha*w_22_0*x4 + cy*x0),
+            casadi.SX(E*I*w_22_0*x4 - 1/2*l3*w_11_2*x10*x5 - w_11_1*(-x12 + x15 + x17 + x19) - x1*x8 - 1/6*x2*(Me*x20 + g*m4*s4*x20*casadi.cos(alpha4 + phi4_0_0) + g*rho*x26*x30 + 3*phi3_0_1*x27*x31 + phi3_1_0*x32*x33 + phi3_2_0*x33*x7 + phi4_1_0*speedd*x21 + phi4_2_0*x21*x6 + x12*x22 - x14*x30*x7 - x15*x22 - x17*x22 + x18*x30*x32 - x19*x22 + x24*x25*x3 - x29*x8)),
+            casadi.SX(-l3*(l3*w_0_1*(phi3_1_0*x16 + phi3_2_0*x10 + x24) + w_0_0*(-x10*x14 + x11*x26 + x16*x18 + x31))),
+        ],
+        ["phase", "speed", "acceleration", "p"],
+        ["M", "C", "K", "d"],
+    )
+
+
 def sketch(*, modes=3, branch="open"):
     """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
     modes = _count("modes", modes)
@@ -504,6 +580,11 @@ def conditions(*, modes=3, branch="open"):
         ["phase", "p"],
         ["margins"],
     )
+
+
+def outputs_varying(*, modes=3, branch="open"):
+    """The same as `outputs` where the speed varies."""
+    return _varying(outputs(modes=modes, branch=branch), outputs_accelerated(modes=modes, branch=branch))
 
 
 def residual(*, modes=3, branch="open"):

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "b72fd1921bf1bd162a4399c0ba59896da155a09f4ca7c295530f9f1055810df0"
-DERIVE_SHA256 = "523fd94572a17134b337686cf557af04b8fa9a6fcfcf827d4075cb2f870695f6"
+DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ca18d5c3c99d7b5528cb5430fa0cd5b611e044e466085bbb55f35e46a7021244"
+FILE_SHA256 = "3b938622f62faef24cae6b7a24faa411609856d84031c7c2225c3810e7fe2c16"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -118,6 +118,17 @@ def _choice(option, value):
     return [float(value == each) for each in allowed]
 
 
+def _varying(steady, added):
+    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, _, *state = inputs
+    parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
+    results = [each + more for each, more in parts]
+    return casadi.Function(
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+    )
+
+
 def linearised(*, load="tracking"):
     """M, C, K, d of M q̈ + C q̇ + K q = d."""
     load_tracking, load_constant = _choice("load", load)
@@ -206,8 +217,8 @@ def residual(*, load="tracking"):
     )
 
 
-def accelerated(*, load="tracking"):
-    """What an acceleration of the drive adds to r."""
+def residual_accelerated(*, load="tracking"):
+    """What an acceleration of the drive adds to residual."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -225,7 +236,7 @@ def accelerated(*, load="tracking"):
         alpha2, alpha3, alpha4, alpha5, alpha6,
     ) = casadi.vertsplit(parameters)
     return casadi.Function(
-        "accelerated",
+        "residual_accelerated",
         [phase, speed, speedd, coordinates, rates, accelerations, parameters],
         [
             casadi.SX(0),
@@ -280,6 +291,38 @@ def outputs(*, load="tracking"):
             casadi.SX(qd*J1*rb2*x0),
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
+        ["transmission_error_rate", "mesh_force", "pinion_speed_ripple", "wheel_speed_ripple"],
+    )
+
+
+def outputs_accelerated(*, load="tracking"):
+    """What an acceleration of the drive adds to outputs."""
+    load_tracking, load_constant = _choice("load", load)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 1)
+    (qd,) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 1)
+    (qdd,) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 40)
+    (
+        J1, J2, rb1, rb2, z1, zeta, q0, k0, k1, k2, k3, k4, k5, k6, k7, k8, k9, k10, gamma1, gamma2,
+        gamma3, gamma4, gamma5, gamma6, gamma7, gamma8, gamma9, gamma10, e1, e2, e3, e4, e5, e6, alpha1,
+        alpha2, alpha3, alpha4, alpha5, alpha6,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "outputs_accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(0),
+            casadi.SX(0),
+            casadi.SX(0),
+            casadi.SX(0),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
         ["transmission_error_rate", "mesh_force", "pinion_speed_ripple", "wheel_speed_ripple"],
     )
 
@@ -344,17 +387,13 @@ def sketch(*, load="tracking"):
 
 
 def residual_varying(*, load="tracking"):
-    """r where the speed varies: at constant speed, and what its acceleration adds."""
-    steady, added = residual(load=load), accelerated(load=load)
-    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
-    phase, speed, acceleration, *state = inputs
-    return casadi.Function(
-        "residual_varying",
-        inputs,
-        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
-        added.name_in(),
-        ["r"],
-    )
+    """The same as `residual` where the speed varies."""
+    return _varying(residual(load=load), residual_accelerated(load=load))
+
+
+def outputs_varying(*, load="tracking"):
+    """The same as `outputs` where the speed varies."""
+    return _varying(outputs(load=load), outputs_accelerated(load=load))
 
 
 EQUATIONS = (

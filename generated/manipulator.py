@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "523fd94572a17134b337686cf557af04b8fa9a6fcfcf827d4075cb2f870695f6"
+DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a1d3737478f2cdf7f880f3f815492e07baef8819454ee1e24c8a463b02d6fd5e"
+FILE_SHA256 = "23547b3dcae159cfa2e641d1c8e75b711fafaa218528530d4e81d252a60d1917"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -55,7 +55,7 @@ PARAMETERS = (
 )
 OPTIONS = ()
 OUTPUTS = (
-    ("drive_torque", "N m", "torque of the drive that keeps the speed constant"),
+    ("drive_torque", "N m", "torque of the drive"),
     ("load_torque", "N m", "load on the driving shaft, positive where the cam lags"),
     ("hammer_displacement", "m", "position of the hammer"),
 )
@@ -87,6 +87,17 @@ def _fourier(angle, mean, cosine, sine, orders):
         for i, order in enumerate(orders):
             sums[i] += float(k) ** order * (even, odd, -even, -odd)[order % 4]
     return sums
+
+
+def _varying(steady, added):
+    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, _, *state = inputs
+    parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
+    results = [each + more for each, more in parts]
+    return casadi.Function(
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+    )
 
 
 def linearised():
@@ -176,8 +187,8 @@ def residual():
     )
 
 
-def accelerated():
-    """What an acceleration of the drive adds to r."""
+def residual_accelerated():
+    """What an acceleration of the drive adds to residual."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -199,7 +210,7 @@ def accelerated():
         [0],
     )
     return casadi.Function(
-        "accelerated",
+        "residual_accelerated",
         [phase, speed, speedd, coordinates, rates, accelerations, parameters],
         [
             casadi.vertcat(
@@ -243,6 +254,35 @@ def outputs():
             casadi.SX(q2 + U_0),
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
+        ["drive_torque", "load_torque", "hammer_displacement"],
+    )
+
+
+def outputs_accelerated():
+    """What an acceleration of the drive adds to outputs."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 2)
+    (q1, q2) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 2)
+    (q1d, q2d) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 2)
+    (q1dd, q2dd) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 32)
+    (
+        I0, I1, m2, k1, k2, c1, c2, F, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2, b3, b4,
+        b5, b6, b7, b8, b9, b10, b11, b12,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "outputs_accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+            casadi.SX(I0*speedd),
+            casadi.SX(0),
+            casadi.SX(0),
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
         ["drive_torque", "load_torque", "hammer_displacement"],
     )
 
@@ -314,17 +354,13 @@ def sketch():
 
 
 def residual_varying():
-    """r where the speed varies: at constant speed, and what its acceleration adds."""
-    steady, added = residual(), accelerated()
-    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
-    phase, speed, acceleration, *state = inputs
-    return casadi.Function(
-        "residual_varying",
-        inputs,
-        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
-        added.name_in(),
-        ["r"],
-    )
+    """The same as `residual` where the speed varies."""
+    return _varying(residual(), residual_accelerated())
+
+
+def outputs_varying():
+    """The same as `outputs` where the speed varies."""
+    return _varying(outputs(), outputs_accelerated())
 
 
 EQUATIONS = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "523fd94572a17134b337686cf557af04b8fa9a6fcfcf827d4075cb2f870695f6"
+DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e990a5002290c918141c5687f552c546d022099064107e59ff29b50da429fc4e"
+FILE_SHA256 = "7e301360d32b67528ab49cb99852ab9b733e824d6ede9864e4275b37d1aca030"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -35,6 +35,17 @@ VALIDITY = {}
 PERIOD = math.pi
 OPERATIONS = {"linearised": 9, "residual": 13, "outputs": 0}
 NO_DRIVE_TORQUE = "an equation without physical units has no torque"
+
+
+def _varying(steady, added):
+    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, _, *state = inputs
+    parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
+    results = [each + more for each, more in parts]
+    return casadi.Function(
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+    )
 
 
 def linearised():
@@ -80,8 +91,8 @@ def residual():
     )
 
 
-def accelerated():
-    """What an acceleration of the drive adds to r."""
+def residual_accelerated():
+    """What an acceleration of the drive adds to residual."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -94,7 +105,7 @@ def accelerated():
     parameters = casadi.SX.sym("p", 3)
     (delta, epsilon, zeta) = casadi.vertsplit(parameters)
     return casadi.Function(
-        "accelerated",
+        "residual_accelerated",
         [phase, speed, speedd, coordinates, rates, accelerations, parameters],
         [
             casadi.SX(0),
@@ -122,6 +133,29 @@ def outputs():
         [
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
+        [],
+    )
+
+
+def outputs_accelerated():
+    """What an acceleration of the drive adds to outputs."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 1)
+    (qd,) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 1)
+    (qdd,) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 3)
+    (delta, epsilon, zeta) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "outputs_accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
         [],
     )
 
@@ -169,17 +203,13 @@ def sketch():
 
 
 def residual_varying():
-    """r where the speed varies: at constant speed, and what its acceleration adds."""
-    steady, added = residual(), accelerated()
-    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
-    phase, speed, acceleration, *state = inputs
-    return casadi.Function(
-        "residual_varying",
-        inputs,
-        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
-        added.name_in(),
-        ["r"],
-    )
+    """The same as `residual` where the speed varies."""
+    return _varying(residual(), residual_accelerated())
+
+
+def outputs_varying():
+    """The same as `outputs` where the speed varies."""
+    return _varying(outputs(), outputs_accelerated())
 
 
 EQUATIONS = (

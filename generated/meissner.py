@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0d04bf238be57b677531795ee4e9650d62ac915350169ac37b5f2e5ae2c4c9ab"
-DERIVE_SHA256 = "523fd94572a17134b337686cf557af04b8fa9a6fcfcf827d4075cb2f870695f6"
+DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "791d0602ef0acf1b82a05295d306216d771e8284fbb6dad24840276db50e8057"
+FILE_SHA256 = "e6f962cd951a76214f974c74aca4fd3bef7baebad8ea1b5f1e0dd764c02b5d95"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -55,6 +55,17 @@ def _angles(cosine, sine, rest):
         return ()
     middle, half = math.atan2(sine, cosine), math.acos(-rest/size)
     return (middle - half, middle + half)
+
+
+def _varying(steady, added):
+    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
+    phase, speed, _, *state = inputs
+    parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
+    results = [each + more for each, more in parts]
+    return casadi.Function(
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+    )
 
 
 def linearised():
@@ -104,8 +115,8 @@ def residual():
     )
 
 
-def accelerated():
-    """What an acceleration of the drive adds to r."""
+def residual_accelerated():
+    """What an acceleration of the drive adds to residual."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -118,7 +129,7 @@ def accelerated():
     parameters = casadi.SX.sym("p", 3)
     (w1, w2, share) = casadi.vertsplit(parameters)
     return casadi.Function(
-        "accelerated",
+        "residual_accelerated",
         [phase, speed, speedd, coordinates, rates, accelerations, parameters],
         [
             casadi.SX(0),
@@ -146,6 +157,29 @@ def outputs():
         [
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
+        [],
+    )
+
+
+def outputs_accelerated():
+    """What an acceleration of the drive adds to outputs."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    speedd = casadi.SX.sym("acceleration")
+    coordinates = casadi.SX.sym("q", 1)
+    (q,) = casadi.vertsplit(coordinates)
+    rates = casadi.SX.sym("qd", 1)
+    (qd,) = casadi.vertsplit(rates)
+    accelerations = casadi.SX.sym("qdd", 1)
+    (qdd,) = casadi.vertsplit(accelerations)
+    parameters = casadi.SX.sym("p", 3)
+    (w1, w2, share) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "outputs_accelerated",
+        [phase, speed, speedd, coordinates, rates, accelerations, parameters],
+        [
+        ],
+        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
         [],
     )
 
@@ -218,17 +252,13 @@ def sketch():
 
 
 def residual_varying():
-    """r where the speed varies: at constant speed, and what its acceleration adds."""
-    steady, added = residual(), accelerated()
-    inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
-    phase, speed, acceleration, *state = inputs
-    return casadi.Function(
-        "residual_varying",
-        inputs,
-        [steady(phase, speed, *state) + added(phase, speed, acceleration, *state)],
-        added.name_in(),
-        ["r"],
-    )
+    """The same as `residual` where the speed varies."""
+    return _varying(residual(), residual_accelerated())
+
+
+def outputs_varying():
+    """The same as `outputs` where the speed varies."""
+    return _varying(outputs(), outputs_accelerated())
 
 
 def breaks(speed, p):

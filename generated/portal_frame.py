@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "523fd94572a17134b337686cf557af04b8fa9a6fcfcf827d4075cb2f870695f6"
+DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f2ee1561fe29c18ad4855c0af27b1039ffc5c3a54ea778321e1dfd38e60257c2"
+FILE_SHA256 = "3c400610f5f39a74ee20bc32247fc6bdb6e771385cf264734cc7ede8a209e888"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

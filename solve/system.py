@@ -76,6 +76,15 @@ class Formulas(NamedTuple):
     values: Array
 
 
+class AtStates(Protocol):
+    """Evaluates formulas of phase, speed and a state."""
+
+    def __call__(self, formulas: Formulas, phase: Array, speed: float, states: Array) -> Array | None:
+        """At phases (k,), a speed in rad/s and states q, q̇, q̈ (3, n, k): (k, outputs); None where it
+        cannot."""
+        ...
+
+
 class ManyPoints(Protocol):
     """A system at many points at once: each has its speed, (P,) in rad/s, and values (P, v) of its own for
     some parameters."""
@@ -323,9 +332,10 @@ class PeriodicSystem:
         return speed**2 * M, speed * C, K, d
 
     def output_values(
-        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        """Outputs (k,) by name at phases (k,) and states q, q̇, q̈ (n, k), derivatives by time."""
+        """Outputs (k,) by name at phases (k,), Ω, one or (k,), in rad/s, and states q, q̇, q̈ (n, k),
+        derivatives by time, while Ω̇ in rad/s² acts."""
         return {}
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
@@ -403,11 +413,12 @@ class PeriodicSystem:
                 continue
         return entries
 
-    def along(self, motion: Motion) -> "PeriodicSystem":
+    def along(self, motion: Motion, evaluate: AtStates | None = None) -> "PeriodicSystem":
         """The equations of motion r(φ, Ω, q, q̇, q̈) = 0 linearised along a motion q_k, with its period:
         M = ∂r/∂q̈, C = ∂r/∂q̇, K = ∂r/∂q and d = M q̈_k + C q̇_k + K q_k - r(q_k), so that its periodic
         solution is the next iterate of Newton's method (U. Ascher, R. Mattheij, R. Russell, Numerical
-        Solution of Boundary Value Problems, 2.3.4). Raises LinearModelError for linear systems."""
+        Solution of Boundary Value Problems, 2.3.4). evaluate: takes the formulas of these, where there are
+        some. Raises LinearModelError for linear systems."""
         raise LinearModelError(
             f"{self.name} is linear by construction, its orbit is the linear one; leave out what asks for "
             "nonlinear equations"

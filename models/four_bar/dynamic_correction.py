@@ -102,7 +102,7 @@ class Corrected(PeriodicSystem):
         return point.stress(self._exact.beams.angle(phase), q, surface, self.lowest(phase))
 
     def output_values(
-        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
         def value(name: str) -> Array:
             kind, link, fraction = self._observed[name]

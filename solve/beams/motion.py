@@ -118,8 +118,7 @@ class Motion:
     ) -> tuple[Array, Array, Array, Array]:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), Ω, one or (m, 1), in rad/s, Ω̇ in rad/s²."""
         positions = Positions(self.beams, phase)
-        rate, second = self.rates(phase)
-        rate, second = speed * rate, speed**2 * second + acceleration * rate
+        rate, second = self.rates_in_time(phase, speed, acceleration)
         M, K = positions.matrices()
         d = inertia_load(positions, rate, second)
         C = self._damping(phase) + self.beams.dashpots
@@ -134,6 +133,11 @@ class Motion:
             for number, (forces, table) in enumerate(zip(axial, self._geometric, strict=True)):
                 K = K + np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
         return M, C, K, d
+
+    def rates_in_time(self, phase: Array, speed: Array | float, acceleration: float) -> tuple[Array, Array]:
+        """ω and ω̇ (m, links) of the links; phase, speed and acceleration as when called."""
+        rate, second = self.rates(phase)
+        return speed * rate, speed**2 * second + acceleration * rate
 
     def axial_forces(self, positions: Positions, K: Array, d: Array) -> list[Array]:
         """Mean quasi-static axial force (m, elements) in the elements of each link, tension positive."""
@@ -193,14 +197,16 @@ class Motion:
 
 @dataclass(frozen=True)
 class State:
-    """Beams at phases (k,) and a speed (rad/s), with q, q̇, q̈ (n, k), derivatives by time."""
+    """Beams at phases (k,), Ω, one or (k,), in rad/s, and Ω̇ in rad/s², with q, q̇, q̈ (n, k), derivatives by
+    time."""
 
     motion: Motion
     phase: Array
-    speed: float
+    speed: Array | float
     q: Array
     qd: Array
     qdd: Array
+    acceleration: float = 0.0
 
     @cached_property
     def positions(self) -> Positions:
@@ -209,18 +215,19 @@ class State:
 
     @cached_property
     def rates(self) -> tuple[Array, Array]:
-        """First and second derivative (k, links) of the links' angles by the phase."""
-        return self.motion.rates(self.phase)
+        """ω and ω̇ (k, links) of the links."""
+        return self.motion.rates_in_time(self.phase, np.reshape(self.speed, (-1, 1)), self.acceleration)
 
     @cached_property
     def axial_forces(self) -> list[Array]:
         """Quasi-static axial force (k, elements) in the elements of each link, tension positive."""
-        return [self.speed**2 * each for each in self.motion.unit_axial_forces(self.positions)]
+        load = inertia_load(self.positions, *self.rates)
+        return self.motion.axial_forces(self.positions, self.positions.matrices()[1], load)
 
     @cached_property
     def rigid_accelerations(self) -> list[Array]:
         """q̈_r of the elements' own freedoms in the axes of their links, (k, elements, freedoms) a link."""
-        return [self.speed**2 * each for each in rigid_accelerations(self.positions, *self.rates)[0]]
+        return rigid_accelerations(self.positions, *self.rates)[0]
 
     def strain_energy(self) -> Array:
         """½ qᵀ K q (k,) of the links' elastic stiffness, in J."""

@@ -82,8 +82,8 @@ def _element_forces(state: State, member: Member, index: int) -> Array:
     if state.motion.terms == "full":
         turning, centrifugal = member.rotary
         rate, second = (part[:, number, None] for part in state.rates)
-        forces += 2 * state.speed * rate * (qd @ turning.T)
-        forces += state.speed**2 * (second * (q @ turning.T) + rate**2 * (q @ centrifugal.T))
+        forces += 2 * rate * (qd @ turning.T)
+        forces += second * (q @ turning.T) + rate**2 * (q @ centrifugal.T)
     return forces
 
 

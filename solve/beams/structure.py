@@ -175,11 +175,11 @@ class StructureModel(Model):
         return dict(zip((link.name for link in self.links), alone.tolist(), strict=True))
 
     def output_values(
-        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
         if not self.outputs:
             return {}
-        state = State(self.motion, phase, speed, q, qd, qdd)
+        state = State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
         def value(name: str) -> Array:
             kind, link, place = self.observed[name]

@@ -213,12 +213,13 @@ def _explicit(model: Model) -> "casadi.Function":
     symbols = {name: casadi.SX.sym(name, size) for name, size in sizes.items()}  # pyright: ignore[reportAttributeAccessIssue]
     phase, speed, q, qd, u, p = symbols.values()
     a = casadi.SX.sym("a", n)  # pyright: ignore[reportAttributeAccessIssue]
-    (r,) = model.setup.function("residual_varying").call([phase, speed, u[0], q, qd, a, p], True, False)
+    drive = [phase, speed, u[0]]
+    (r,) = model.setup.function("residual_varying").call([*drive, q, qd, a, p], True, False)
     M, rest = casadi.jacobian(r, a), casadi.substitute(r, a, 0)
     qdd = casadi.solve(M, u[1:] - rest)
     values = casadi.SX(0, 1)
     if model.outputs:
-        found = model.setup.function("outputs").call([phase, speed, q, qd, qdd, p], True, False)
+        found = model.setup.function("outputs_varying").call([*drive, q, qd, qdd, p], True, False)
         values = casadi.vertcat(*found)
     rates = casadi.vertcat(speed, u[0], qd, qdd)
     return casadi.Function("explicit", list(symbols.values()), [casadi.cse(rates), casadi.cse(values)])

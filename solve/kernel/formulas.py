@@ -40,6 +40,16 @@ class _Phases(ctypes.Structure):
     )
 
 
+class _States(ctypes.Structure):
+    """`problem` of states.c."""
+
+    _fields_ = (
+        ("phases", ctypes.c_long),
+        ("speed", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("phase", "states", "parameters", "values")),
+    )
+
+
 @lru_cache
 def _library(source: str, sizes: tuple[tuple[str, int], ...], text: str) -> ctypes.CDLL | None:
     """None where there is none; a line of the logger says why."""
@@ -67,6 +77,21 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
     arrays = {name: np.ascontiguousarray(each, dtype=float) for name, each in given.items()}
     problem = _Phases(points=len(speeds), phases=len(phase), **_addresses(arrays))
     library.pointwise(ctypes.byref(problem))
+    return made
+
+
+def at_states(formulas: Formulas, phase: Array, speed: float, states: Array) -> Array | None:
+    """Formulas of phase, speed and a state at phases (k,), a speed and states (3, n, k): (k, outputs); None
+    without compiled code."""
+    sizes = ("N", states.shape[1]), ("OUTPUTS", formulas.outputs), ("PARAMETERS", len(formulas.values))
+    library = _library("states.c", sizes, formulas.text)
+    if library is None:
+        return None
+    made = np.empty((len(phase), formulas.outputs))
+    given = {"phase": phase, "states": states, "parameters": formulas.values, "values": made}
+    arrays = {name: np.ascontiguousarray(each, dtype=float) for name, each in given.items()}
+    problem = _States(phases=len(phase), speed=speed, **_addresses(arrays))
+    library.at_states(ctypes.byref(problem))
     return made
 
 

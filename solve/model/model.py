@@ -27,7 +27,7 @@ from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.model.sketches import stated_lines
 from solve.statistics import Statistics
-from solve.system import SPEED, Dependence, Formulas, Marcher, Matrices, Motion, PeriodicSystem
+from solve.system import SPEED, AtStates, Dependence, Formulas, Marcher, Matrices, Motion, PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
@@ -167,8 +167,8 @@ class Model(PeriodicSystem):
     def nonlinear(self) -> bool:
         return hasattr(self.module, "residual")
 
-    def along(self, motion: Motion) -> PeriodicSystem:
-        return ModelAlong(self, motion) if self.nonlinear else super().along(motion)
+    def along(self, motion: Motion, evaluate: AtStates | None = None) -> PeriodicSystem:
+        return ModelAlong(self, motion, evaluate) if self.nonlinear else super().along(motion)
 
     @property
     def smooth_parameters(self) -> tuple[str, ...]:
@@ -257,15 +257,28 @@ class Model(PeriodicSystem):
         return Sampler(tangent(self.setup.function("residual"), self.setup.p))
 
     @cached_property
+    def tangent_formulas(self) -> Formulas | None:
+        """The same as C text; None where there is none."""
+        return self.setup.formulas("residual", (), tangent)
+
+    @cached_property
     def _outputs(self) -> "casadi.Function":
         return self.setup.function("outputs")
 
+    @cached_property
+    def _outputs_varying(self) -> "casadi.Function":
+        return self.setup.function("outputs_varying")
+
     def output_values(
-        self, phase: Array, speed: float, q: Array, qd: Array, qdd: Array
+        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
         if not self.outputs:
             return {}
-        values = self._outputs(phase[None], speed, q, qd, qdd, self.setup.p)
+        drive, state = (phase[None], np.atleast_2d(speed)), (q, qd, qdd, self.setup.p)
+        if acceleration == 0:
+            values = self._outputs(*drive, *state)
+        else:
+            values = self._outputs_varying(*drive, acceleration, *state)
         columns = values if isinstance(values, tuple) else (values,)
         return {name: value.full()[0] for name, value in zip(self.outputs, columns, strict=True)}
 
@@ -305,9 +318,9 @@ class ModelAlong(Model):
     """A model linearised along a motion, see `PeriodicSystem.along`. The bounds within which the model
     linearised about its desired motion is trusted do not concern it."""
 
-    def __init__(self, model: Model, motion: Motion):
+    def __init__(self, model: Model, motion: Motion, evaluate: AtStates | None = None):
         super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
-        self.model, self.motion = model, motion
+        self.model, self.motion, self._evaluate = model, motion, evaluate
         self.period, self.validity = float(motion.nodes[-1]), {}
         self.speed_unit = model.speed_unit
 
@@ -315,15 +328,19 @@ class ModelAlong(Model):
         return type(self), (self.model, self.motion)
 
     def _along(self, phase: Array, speed: float) -> Matrices:
-        q, v, a = (self.motion(phase, derivative).T for derivative in range(3))
-        speeds = np.full(len(phase), speed)
-        M, C, K, d = parted(self.model.tangent(phase, speeds, q, speed * v, speed**2 * a), self.n)
+        states = np.stack([speed**derivative * self.motion(phase, derivative) for derivative in range(3)])
+        formulas = self.model.tangent_formulas if self._evaluate else None
+        found = self._evaluate(formulas, phase, speed, states) if self._evaluate and formulas else None
+        if found is None:
+            columns = np.swapaxes(states, 1, 2)
+            found = self.model.tangent(phase, np.full(len(phase), speed), *columns)
+        M, C, K, d = parted(found, self.n)
         sampler = self.model._matrices
         # It takes no part in d, where it stands in C q̇ as well as in r.
         return M, C + sampler.damping(phase) if isinstance(sampler, DampedSampler) else C, K, d
 
-    def along(self, motion: Motion) -> PeriodicSystem:
-        return self.model.along(motion)
+    def along(self, motion: Motion, evaluate: AtStates | None = None) -> PeriodicSystem:
+        return self.model.along(motion, evaluate)
 
     def dependence(self, names: Sequence[str]) -> Dependence:
         if self.assembled:

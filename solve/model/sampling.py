@@ -71,20 +71,22 @@ def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] =
     return casadi.Function("folded", [*inputs, values], [casadi.vertcat(*rows)])
 
 
-def tangent(residual: "casadi.Function", parameters: Array) -> "casadi.Function":
-    """∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r of a generated residual at fixed
-    parameters, one after another: a function of its other inputs, of which q, qd and qdd are the last."""
+def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
+    """∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r of a generated residual, one after
+    another: a function of its inputs, of which q, qd and qdd are the last, and of the parameters that are
+    free, if any; the others are fixed."""
     import casadi
 
     names = [name for name in residual.name_in() if name != "p"]
     inputs = [casadi.SX.sym(name, residual.size1_in(name)) for name in names]  # pyright: ignore[reportAttributeAccessIssue]
-    (r,) = folded(residual, parameters).call([*inputs, casadi.SX(0, 1)], True, False)
+    values = casadi.SX.sym("values", len(free))  # pyright: ignore[reportAttributeAccessIssue]
+    (r,) = folded(residual, parameters, free).call([*inputs, values], True, False)
     states = inputs[:-4:-1]
     matrices = [casadi.densify(casadi.jacobian(r, x)) for x in states]
     d = sum((A @ x for A, x in zip(matrices, states, strict=True)), -r)
     rows = [casadi.vec(A.T) for A in matrices]
     entries = casadi.cse(casadi.vertcat(*rows, casadi.densify(d)))
-    return casadi.Function("tangent", inputs, [entries])
+    return casadi.Function("tangent", [*inputs, values] if len(free) else inputs, [entries])
 
 
 def parted(entries: Array, n: int) -> tuple[Array, Array, Array, Array]:

@@ -1,6 +1,6 @@
 """A generated module with the case and the options that were chosen for it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
@@ -87,11 +87,17 @@ class Setup:
         order = list(self.case.parameters)
         return Sampler(folded(self.function(name), self.p, [order.index(each) for each in free]))
 
-    def formulas(self, name: str, varied: Sequence[str]) -> Formulas | None:
-        """A generated function as C, with the parameters that are 0 folded in unless they are `varied`."""
+    def formulas(
+        self,
+        name: str,
+        varied: Sequence[str],
+        made: "Callable[[casadi.Function, Array, Sequence[int]], casadi.Function]" = folded,
+    ) -> Formulas | None:
+        """What is made of a generated function as C, with the parameters that are 0 folded in unless they are
+        `varied`."""
         order = list(self.case.parameters)
         kept = [k for k, each in enumerate(order) if self.p[k] != 0 or each in varied]
-        function = folded(self.function(name), self.p, kept)
+        function = made(self.function(name), self.p, kept)
         text = c_text(function)
         names = tuple(order[k] for k in kept)
         return Formulas(text, function.size1_out(0), names, self.p[kept]) if text else None

@@ -11,7 +11,7 @@ from solve.newton.iteration import Converged, Task, between, iterated
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.progress import stage
-from solve.system import Matrices, Motion, PeriodicSystem
+from solve.system import AtStates, Matrices, Motion, PeriodicSystem
 
 _MOST = 10
 """Corrections of a step of the continuation."""
@@ -28,14 +28,15 @@ class PartlyLoaded(PeriodicSystem):
 
     def __init__(self, system: PeriodicSystem, share: float, rest: Motion):
         super().__init__(system.at, system.coordinates, system.period, system.breaks)
-        self._system, self._share, self._at_rest = system, share, system.along(rest)
+        self._system, self._share, self._rest = system, share, rest
 
-    def along(self, motion: Motion) -> PeriodicSystem:
-        tangent = self._system.along(motion)
+    def along(self, motion: Motion, evaluate: AtStates | None = None) -> PeriodicSystem:
+        # Both alike, so that without load rest is an orbit to the last digit.
+        tangent, still = (self._system.along(each, evaluate) for each in (motion, self._rest))
 
         def matrices(phase: Array, speed: float) -> Matrices:
             M, C, K, d = tangent.at(phase, speed)
-            return M, C, K, d - (1 - self._share) * self._at_rest.at(phase, speed)[3]
+            return M, C, K, d - (1 - self._share) * still.at(phase, speed)[3]
 
         return PeriodicSystem(matrices, tangent.coordinates, tangent.period, tangent.breaks)
 

@@ -74,9 +74,10 @@ class _Turn:
 
     @cached_property
     def _breaks(self) -> tuple[float, ...]:
-        """Where the matrices jump, over s: φ mean = first s + slope s²/2 solved for s."""
+        """Where the matrices jump, over s: φ mean = first s + slope s²/2 solved for s; and 0, since a turn
+        does not begin as it ends."""
         first, last = self._ends
         slope = (last - first) / self._system.period
-        phases = (float(each) % self._system.period for each in self._system.breaks)
+        phases = {0.0, *(float(each) % self._system.period for each in self._system.breaks)}
         ways = (2 * self._mean * phase for phase in phases)
         return tuple(way / (first + math.sqrt(first**2 + slope * way)) if way else 0.0 for way in ways)

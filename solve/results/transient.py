@@ -10,7 +10,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
-from solve.results.plot import MOST_ROWS, axis_label, label_quantity, title_of, titled
+from solve.results.plot import MOST_ROWS, axis_label, label_quantity, shown, title_of, titled
+from solve.results.quantities import measured
 from solve.results.report import (
     RenderableType,
     digits,
@@ -94,12 +95,30 @@ class Transient(Result):
         """Velocities (n, j), by time."""
         return self._joined(1)
 
+    @property
+    def speeds(self) -> Array:
+        """Speeds (j,) in rad/s; they go linearly in time."""
+        return self.ends[0] + np.ptp(self.ends) * np.sign(self.acceleration) * self.time / self.time[-1]
+
+    @property
+    def acceleration(self) -> float:
+        """Of the drive, in rad/s²."""
+        return float((self.ends[-1] ** 2 - self.ends[0] ** 2) / (2 * self.turns * self.system.period))
+
     @cached_property
     def outputs(self) -> Mapping[str, Array]:
-        """Outputs (j,) by name; none where the speed varies, of which they know no acceleration."""
-        if self.ramp:
-            return {}
-        return dict(self.system.output_values(self.phase, self.speed, self.q, self.qd, self._joined(2)))
+        """Outputs (j,) by name."""
+        drive, state = (self.phase, self.speed), (self.q, self.qd, self._joined(2))
+        if not self.ramp:
+            return dict(self.system.output_values(*drive, *state))
+        return dict(self.system.output_values(self.phase, self.speeds, *state, self.acceleration))
+
+    def values(self, name: str) -> Array:
+        """A coordinate or output (j,). Raises UnknownNameError."""
+        self.system.known_quantities([name])
+        if name in self.system.coordinates:
+            return self.q[self.system.coordinates.index(name)]
+        return self.outputs[name]
 
     def _joined(self, derivative: int) -> Array:
         values = self.motions[:, derivative] * (self._mean**derivative)[:, None, None]
@@ -131,13 +150,7 @@ class Transient(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        quantities, concerned = (
-            dict(zip(self.system.coordinates, self.q, strict=True)),
-            self.system.judged_quantities,
-        )
-        if not quantities.keys() >= {*concerned}:
-            quantities |= self.outputs
-        figures = {name: _figures(quantities[name]) for name in concerned if name in quantities}
+        figures = {name: _figures(self.values(name)) for name in self.system.judged_quantities}
         judged = self.system.judged(figures, linear=not self.nonlinear)
         if self.ramp:
             return judged
@@ -171,14 +184,17 @@ class Transient(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        drive: dict[str, Any] = {"speed": self.speed, "period": self.system.period / self.speed}
+        drive: dict[str, Any]
         if self.ramp:
             drive = {"speed": None, "period": None, "speeds": self.ends[[0, -1]], "time": self.time[-1]}
+        else:
+            drive = {"speed": self.speed, "period": self.system.period / self.speed}
         solved = {**drive, "nonlinear": self.nonlinear}
         return {**solved, "turns": self.turns, "reached": self.reached, "rtol": self.rtol}
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """A row a turn: the largest modulus of each coordinate, and the distance to the orbit."""
+        """A row a turn: the largest modulus of each coordinate, and the distance to the orbit. A row an
+        output: its extrema."""
         columns = {"": Column(range(1, self.turns + 1), heading="turn")}
         for name, peaks in zip(self.system.coordinates[:MOST_ROWS], self.peaks.T, strict=False):
             columns[name] = sized(peaks, self.system.units.get(name, ""), "", name, 6)
@@ -189,20 +205,39 @@ class Transient(Result):
         if self.ramp:
             grid = model_heading(self.system, choices)
             grid.add_row("speed", f"{self._ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s")
-            return stacked(grid, made)
+            return stacked(grid, made, *self._output_tables)
         words = f"the orbit is not reached to {self.rtol:g} within {self.turns} turns"
         if self.reached is not None:
             words = f"the orbit is reached to {self.rtol:g} after {self.reached} of {self.turns} turns"
-        return stacked(heading(self.system, self.speed, choices), made, text("\n" + words))
+        above = heading(self.system, self.speed, choices)
+        return stacked(above, made, *self._output_tables, text("\n" + words))
+
+    @property
+    def _output_tables(self) -> list[RenderableType]:
+        if not self.outputs:
+            return []
+        ends = {"max": np.max, "min": np.min}
+        columns = {"": Column(list(self.outputs), heading="output")} | {
+            heading: Column(
+                [
+                    measured(extreme(values), self.system.units.get(name, ""))
+                    for name, values in self.outputs.items()
+                ],
+                heading=heading,
+            )
+            for heading, extreme in ends.items()
+        }
+        made = table_of("Outputs over all turns", columns, left=1)
+        return [made]
 
     @property
     def _ramp_in_words(self) -> str:
         return self.system.speed_unit.span(self.ends[0], self.ends[-1])
 
-    def plot(self) -> Figure:
-        """The coordinates over the turns, the orbit beside; over time and speed where that varies
-        (matplotlib Figure)."""
-        names = self.system.coordinates[:MOST_ROWS]
+    def plot(self, names: Sequence[str] | None = None) -> Figure:
+        """Each name, by default the coordinates, over the turns, the orbit beside; over time and speed where
+        that varies (matplotlib Figure). Raises UnknownNameError."""
+        names = shown(self.system, names)
         turns = self.time if self.ramp else self.phase / self.system.period
         kind = "nonlinear" if self.nonlinear else "linear"
         title = f"{titled(self.system, self.speed)}: {kind} transient"
@@ -210,7 +245,8 @@ class Transient(Result):
             title = f"{title_of(self.system)}, {self._ramp_in_words}: {kind} transient"
         with page(1.1 + 1.5 * len(names) + 0.5 * self.ramp, title) as figure:
             axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-            for place, name, values in zip(axes, names, self.q, strict=False):
+            for place, name in zip(axes, names, strict=True):
+                values = self.values(name)
                 factor = label_quantity(place, self.system, name, values)
                 place.plot(turns, factor * values, color=BLUE, linewidth=0.8)
                 if self.orbit is not None:
@@ -243,8 +279,7 @@ class Transient(Result):
             ("phase", Column(self.phase, "rad", "phase of the drive", axes=_AXIS)),
         ]
         if self.ramp:
-            rising = self.ends[0] + np.diff(self.ends[[0, -1]]) * self.time / self.time[-1]
-            columns.append(("speed", speeds_of(system, rising, axes=_AXIS)))
+            columns.append(("speed", speeds_of(system, self.speeds, axes=_AXIS)))
         for name, values in (*zip(system.coordinates, q, strict=True), *self.outputs.items()):
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
             columns.append((name, Column(values, unit, meaning, axes=_AXIS)))

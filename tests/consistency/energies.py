@@ -98,17 +98,16 @@ def manipulator(state: State, p: Symbols) -> Energies:
 
 @cache
 def driven(energies: Callable[[State, Symbols], Energies], names: tuple[str, ...], n: int) -> ca.Function:
-    """Rows of a mechanism whose first coordinate turns uniformly: inputs as in generated code.
-
-    Outputs: r of the n coordinates, and the torque of the drive.
+    """Rows of a mechanism whose first coordinate is driven: inputs as in generated code where the speed
+    varies. Outputs: r of the n coordinates, and the torque of the drive.
     """
     state, (p, symbols) = State.of(n + 1), parameters(names)
     rows = state.rows(energies(state, symbols))
-    phase, speed = ca.SX.sym("phase"), ca.SX.sym("speed")
-    q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
-    moving = [ca.vertcat(phase, q), ca.vertcat(speed, qd), ca.vertcat(0, qdd)]
+    drive = [ca.SX.sym(name) for name in ("phase", "speed", "acceleration")]
+    motion = [ca.SX.sym(name, n) for name in ("q", "qd", "qdd")]
+    moving = [ca.vertcat(first, rest) for first, rest in zip(drive, motion, strict=True)]
     rows = ca.substitute([rows], [state.z, state.zd, state.zdd], moving)[0]
-    return ca.Function("driven", [phase, speed, q, qd, qdd, p], [rows[1:], rows[0]])
+    return ca.Function("driven", [*drive, *motion, p], [rows[1:], rows[0]])
 
 
 @cache

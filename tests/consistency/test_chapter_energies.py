@@ -18,17 +18,19 @@ def random_states(n: int, seed: int) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("name", ["cam", "manipulator"])
 @settings(max_examples=20, deadline=None)
-@given(data=st.data(), speed=magnitudes(), seed=st.integers(0, 2**32 - 1))
-def test_residual_and_drive_torque_follow_from_the_energies(name, data, speed, seed):
+@given(data=st.data(), speed=magnitudes(), acceleration=magnitudes(), seed=st.integers(0, 2**32 - 1))
+def test_residual_and_drive_torque_follow_from_the_energies(name, data, speed, acceleration, seed):
     module = GENERATED[name]
     names, n = tuple(each for each, *_ in module.PARAMETERS), len(module.COORDINATES)
     phase, *state = random_states(n, seed)
-    inputs = (phase, speed, *state, vector(name, data.draw(parameter_sets(module))))
-    residual, torque = energies.driven(getattr(energies, name), names, n)(*inputs)
-    assert scaled_difference(built(name, "residual")(*inputs).full().T, residual.full().T) < TOLERANCE
-    in_motion = (torque - residual[0, :]).full()  # the row of q1 vanishes on every motion
-    difference = np.abs(built(name, "outputs")(*inputs)[0].full() - in_motion).max()
-    assert difference < TOLERANCE * np.abs(torque.full()).max()
+    state = *state, vector(name, data.draw(parameter_sets(module)))
+    for suffix, drive in (("", (phase, speed)), ("_varying", (phase, speed, acceleration))):
+        given = *drive, *([0.0] if not suffix else []), *state
+        residual, torque = energies.driven(getattr(energies, name), names, n)(*given)
+        found, outputs = (built(name, each + suffix)(*drive, *state) for each in ("residual", "outputs"))
+        assert scaled_difference(found.full().T, residual.full().T) < TOLERANCE
+        in_motion = (torque - residual[0, :]).full()  # the row of q1 vanishes on every motion
+        assert np.abs(outputs[0].full() - in_motion).max() < TOLERANCE * np.abs(torque.full()).max()
 
 
 @pytest.mark.parametrize("load", ["tracking", "constant"])

@@ -80,6 +80,10 @@ def test_every_generated_function_has_named_inputs_and_outputs(name):
         )
         assert (residual.name_in(), residual.name_out()) == (STATE, ["r"])
         assert outputs.name_in() == STATE
+        for constant in (residual, outputs):
+            varying = getattr(module, f"{constant.name()}_varying")(**options)
+            assert varying.name_in() == [*STATE[:2], "acceleration", *STATE[2:]]
+            assert varying.name_out() == constant.name_out()
         assert outputs.name_out() == [row[0] for row in module.OUTPUTS]
         assert [linearised.size_out(i) for i in range(4)] == [(n, n)] * 3 + [(n, 1)]
         assert linearised.size1_in("p") == residual.size1_in("p") == outputs.size1_in("p") == count

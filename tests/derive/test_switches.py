@@ -154,14 +154,15 @@ def test_friction_needs_a_smoothing_velocity():
 
 
 def test_duffings_cubic_spring_is_named():
-    one, q, p = oscillator(k3=("N/m^3", "cubic"), J=("kg m^2", "flywheel"))
-    one.potential += p["k3"] * q**4 / 4
+    one, q, p = oscillator(k3=("N/m^3", "cubic"), W=("J", "weight"), J=("kg m^2", "flywheel"))
+    one.potential += p["k3"] * q**4 / 4 + p["W"]
+    # It moves nothing either, but it loads the drive of a run-up.
     one.kinetic += p["J"] * one.speed**2 / 2
     told = []
     module_text(one, "", "", "one", told.append)
     assert told == [
         "k3 is in the energies but not in the linearised equations; the linear answer ignores it",
-        "J is in the energies but moves nothing: it is in no equation of motion and in no output",
+        "W is in the energies but moves nothing: it is in no equation of motion and in no output",
     ]
 
 

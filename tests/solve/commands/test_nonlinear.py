@@ -58,6 +58,18 @@ def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path
     assert "up to 100 rpm" in command("validity", "cam", *speeds, "--at", "0.02").out
 
 
+def test_a_run_down_to_rest_tells_and_draws_its_outputs(command, tmp_path):
+    line = "transient", "manipulator", "--speeds", "300:0 rpm", "--turns", "2"
+    record = json.loads(command(*line, "--json").out)
+    assert record["speeds"] == pytest.approx([10 * np.pi, 0.0])
+    assert record["outputs"]["drive_torque"]["max"] > 0
+    ran = command(*line, "--show", "drive_torque", "--plot", "down.png", "--save", "down.csv")
+    assert ran.status == 0
+    assert "Outputs over all turns" in ran.out
+    assert (tmp_path / "down.png").is_file()
+    assert "drive_torque (N m)" in (tmp_path / "down.csv").read_text().splitlines()[0]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -70,6 +82,7 @@ def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path
             ("four_bar", "linear by construction"),
         ),
         (("validity", "cam", "--speeds", "100 rpm", "--at", "five"), ("five", "5%")),
+        (("transient", "cam", "--speeds", "0:9 rpm", "--show", "q9"), ("q9", "coordinate or output")),
         (("validity", "cam"), ("no speeds", "--speeds")),
     ],
 )

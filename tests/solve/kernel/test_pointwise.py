@@ -6,6 +6,8 @@ import pytest
 import solve
 from solve.batch.family import SPEED, SystemFamily
 from solve.kernel.engines import COMPILED, NUMPY
+from solve.kernel.formulas import at_states
+from solve.period.curve import Curve
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.kernel.test_widths import LACKING, on_x86
 
@@ -59,3 +61,43 @@ def test_points_that_no_linkage_has_stay_unknown():
         unknown = np.isnan(family.entries(np.array([0.3]), points, engine))
         assert not unknown[0].any()
         assert unknown[1].all()
+
+
+def linearised_along(name, points=21):
+    """Entries along a motion that is far from rest, in compiled lanes and by CasADi."""
+    model = solve.load(name)
+    nodes = np.linspace(0, model.period, 6)
+    noise = np.random.default_rng(4).uniform(-0.1, 0.1, (2, 6, model.n))
+    motion = Curve.quintic(nodes, *noise, np.zeros((5, model.n)), np.ones((5, model.n)))
+    phase, used = np.linspace(0, model.period, points), []
+
+    def spied(*given):
+        used.append(at_states(*given))
+        return used[-1]
+
+    found = [model.along(motion, each).entries(phase, 2.0)[None] for each in (spied, None)]
+    assert used[0] is not None
+    return found
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["cam", "coupler", "gear_pair", "manipulator"])
+def test_every_model_along_a_motion(name):
+    same(*linearised_along(name))
+
+
+@needs_compiler
+@on_x86
+@pytest.mark.parametrize("width", LACKING)
+def test_every_width_along_a_motion(compiled_for, width):
+    compiled_for(*LACKING[width])
+    for points in (1, 9):
+        same(*linearised_along("manipulator", points))
+
+
+def test_without_compiled_code_casadi_evaluates():
+    model = solve.load("cam")
+    rest = solve.periodic(model, 20.0).motion
+    phase = np.linspace(0, model.period, 9)
+    with_none, without = (model.along(rest, each).entries(phase, 20.0) for each in (lambda *_: None, None))
+    np.testing.assert_array_equal(with_none, without)

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.linalg import sqrtm
 
 import solve
@@ -13,7 +14,7 @@ from solve.errors import LinearModelError, TransientError, UnitError, ValueOutOf
 from tests.solve.beams.test_springs import rotor
 from tests.solve.model.test_damping import NUMBERS, chain
 
-CRANK = {"J": 0.2, "m": 8.0, "r": 0.15, "k": 60.0, "c": 0.4}
+CRANK = {"motor": 0.7, "J": 0.2, "m": 8.0, "r": 0.15, "k": 60.0, "c": 0.4}
 
 
 @cache
@@ -21,13 +22,16 @@ def crank():
     """An elastic shaft that drives a disc with a sliding mass: I(φ + q) varies."""
     made = Mechanism("crank", "Shaft, disc and slider")
     q = made.coordinate("q", "rad", "twist")
+    motor = made.parameter("motor", "kg m^2", "motor")
     J, m, r, k, c = made.parameters(
         J=("kg m^2", "disc"), m=("kg", "slider"), r=("m", "stroke"), k=("N m/rad", "shaft"),
         c=("N m s/rad", "shaft"),
     )  # fmt: skip
     angle = made.phase + q
-    made.kinetic = (J * rate(angle) ** 2 + m * rate(r * sin(angle)) ** 2) / 2
+    inertia = motor * made.speed**2 + J * rate(angle) ** 2
+    made.kinetic = (inertia + m * rate(r * sin(angle)) ** 2) / 2
     made.potential, made.dissipation = k * q**2 / 2, c * rate(q) ** 2 / 2
+    made.output("slider", rate(rate(r * sin(angle))), "m/s^2", "acceleration of the slider")
     return made
 
 
@@ -76,6 +80,41 @@ def test_a_run_up_and_a_run_down_of_a_crank(ramp, linear):
     np.testing.assert_allclose(found.qd[0] / sizes[1], truth[1] / sizes[1], rtol=0, atol=atol)
 
 
+@pytest.mark.parametrize("ramp", [(0.0, 25.0), (14.0, 8.0)])
+def test_the_drive_gives_what_energy_and_dissipation_take(ramp):
+    """∫ torque Ω dt = change of energy + ∫ c q̇² dt, the energies written by hand."""
+    found = solve.transient(solve.load(crank(), **CRANK), turns=4, nonlinear=True, speeds=ramp)
+    (q,), (v,), t = found.q, found.qd, found.time
+    speed = drive(t, *ramp, t[-1])[1]
+    theta, turning = found.phase + q, speed + v
+    slider = CRANK["r"] * np.cos(theta) * turning
+    energy = (CRANK["motor"] * speed**2 + CRANK["J"] * turning**2 + CRANK["m"] * slider**2) / 2
+    energy += CRANK["k"] * q**2 / 2
+    power = found.outputs["drive_torque"] * speed - CRANK["c"] * v**2
+    given = CubicSpline(t, power).antiderivative()(t)
+    np.testing.assert_allclose(given, energy - energy[0], rtol=0, atol=2e-6 * np.abs(energy).max())
+    # Of the constant speed's formulas the motor's part is lost.
+    steady = found.system.output_values(found.phase, speed, found.q, found.qd, found._joined(2))
+    lost = found.outputs["drive_torque"] - steady["drive_torque"]
+    np.testing.assert_allclose(lost, CRANK["motor"] * found.acceleration, rtol=1e-9)
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_an_output_has_the_acceleration_of_the_drive(linear):
+    found = solve.transient(solve.load(crank(), **CRANK), turns=3, nonlinear=not linear, speeds=(3.0, 20.0))
+    _, speed, alpha = drive(found.time, 3.0, 20.0, found.time[-1])
+    states = np.stack((found.q[0], found.qd[0]), axis=1)
+    rates = crank_rate(3.0, 20.0, found.time[-1], linear)
+    a = np.array([rates(t, x)[1] for t, x in zip(found.time, states, strict=True)])
+    theta, turning = found.phase + found.q[0], speed + found.qd[0]
+    expected = CRANK["r"] * (np.cos(theta) * (alpha + a) - np.sin(theta) * turning**2)
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(found.outputs["slider"], expected, rtol=0, atol=1e-6 * size)
+    record = found.record()["outputs"]["slider"]
+    assert record["max"] == pytest.approx(found.outputs["slider"].max())
+    np.testing.assert_array_equal(found.to_xarray()["slider"], found.outputs["slider"])
+
+
 @pytest.mark.parametrize("nonlinear", [True, False])
 def test_a_speed_that_hardly_varies_is_constant(nonlinear):
     cam = solve.load("cam")
@@ -100,9 +139,17 @@ def test_beams_take_speed_and_acceleration_of_their_links():
         return [x[2], x[3], ax, (load.imag - 8.0 * x[3] - 2500.0 * x[1]) / mass]
 
     truth = integrated(rate_of, 4, found.time)
-    names = list(model.coordinates)
     for row, name in enumerate(("O_x", "O_y")):
-        error = np.abs(found.q[names.index(name)] - truth[row]).max() / np.abs(truth[row]).max()
+        error = np.abs(found.values(name) - truth[row]).max() / np.abs(truth[row]).max()
+        assert error < 1e-5
+    _, _, ax, ay = np.transpose([rate_of(t, x) for t, x in zip(found.time, truth.T, strict=True)])
+    phi, speed, alpha = drive(found.time, 0.0, 40.0, found.time[-1])
+    direction, own = np.exp(1j * phi), ax + 1j * ay
+    force = mass * own + unbalance * (1j * alpha - speed**2) * direction
+    moment = (0.25 / 3 + 0.4) * 0.5**2 * alpha + unbalance * np.imag(np.conj(direction) * own)
+    for name, expected in (("O_force_x", force.real), ("O_force_y", force.imag), ("O_moment", moment)):
+        # At the first instant nothing is bent yet that could bear the arm.
+        error = np.abs(found.values(name) - expected)[1:].max() / np.abs(expected).max()
         assert error < 1e-5
 
 
@@ -117,11 +164,17 @@ def test_a_field_is_loaded_by_the_acceleration():
     made.potential = beam.integral(EI * beam.curvature**2) / 2
     found = solve.transient(solve.load(made, L=2.0, mu=3.0, EI=50.0), turns=4, speeds="0:20 rad/s")
     alpha = 20.0 / found.time[-1]
+    torque = 3.0 * 2.0**3 / 3 * alpha
     for k in (1, 2, 3):
         omega = (k * np.pi / 2.0) ** 2 * np.sqrt(50.0 / 3.0)
         load = -alpha * 2 * 2.0 * (-1) ** (k + 1) / (k * np.pi)
         expected = load / omega**2 * (1 - np.cos(omega * found.time))
         np.testing.assert_allclose(found.q[k - 1], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+        # What ∫μ x ẅ dx takes.
+        torque += 3.0 * 2.0**2 * (-1) ** (k + 1) / (k * np.pi) * load * np.cos(omega * found.time)
+    np.testing.assert_allclose(
+        found.outputs["drive_torque"], torque, rtol=0, atol=1e-6 * np.abs(torque).max()
+    )
 
 
 def test_jumps_are_met_at_their_times_and_modes_damped():

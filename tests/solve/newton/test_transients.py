@@ -72,8 +72,8 @@ def test_what_leaves_the_bounds_of_the_model_is_warned_of():
     assert not any(text.startswith(trusted) for text in nonlinear.warnings)
     assert any("lifts off" in text for text in nonlinear.warnings)
     run_up = solve.transient(cam, turns=3, speeds="0:600 rpm")
-    assert run_up.outputs == {}
     assert any(text.startswith(trusted) for text in run_up.warnings)
+    assert any("lifts off" in text for text in run_up.warnings)
 
 
 def test_the_cam_from_rest_reaches_its_nonlinear_orbit():
