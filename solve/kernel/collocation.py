@@ -43,17 +43,23 @@ def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
 
 
 def solved(
-    size: Size, weights: Mapping[str, Array], h: Array, jumps: bool, stages: Samples, nodes: Samples | None
+    size: Size,
+    weights: Mapping[str, Array],
+    h: Array,
+    jumps: bool,
+    stages: Samples,
+    nodes: Samples | None,
+    alone: bool = False,
 ) -> Periods:
     """Each point on steps of lengths h (m,), sampled at the stages (m s phases, step by step) and, for orbits
     by a method whose steps do not end at a stage, at their starts (m phases); for orbits by any method at
     their starts and then their ends (2m) where the matrices jump at ends of steps. Raises CompilerError,
     MemoryError.
 
-    The lanes are points, or the segments of one.
+    The lanes are points, or where one is solved `alone` its segments.
     """
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
-    segments = points == 1 and m % width == 0 and stages.own and size.orbit and not jumps
+    segments = alone and m % width == 0 and size.orbit and not jumps
     groups, steps = -(-points // width), m // width if segments else m
     n, N, D = size.n, 2 * size.n, len(weights["powers"])
     Phi, closed = (np.zeros((groups, *shape, width)) for shape in ((N, N), (2, N, N)))

@@ -26,9 +26,9 @@ typedef struct {
     long groups, steps;
     int jumps;                     /* whether the matrices jump at ends of steps */
     int terms;                     /* R */
-    int own;                       /* whether every lane has tables of its own: SEGMENT or LANE */
+    int own;                       /* whether every lane has tables of its own: SEGMENT or LANE, these without coefficients */
     const int *entry;              /* (R), rising: where a term belongs */
-    const double *stages;          /* (steps S, R), LANE: (groups, steps S, R, LANES), SEGMENT: (LANES, steps S, R) */
+    const double *stages;          /* (steps S, R), LANE: (groups, steps S, R, LANES), SEGMENT: (LANES steps S, R) */
     const double *nodes;           /* the same for the starts of the steps instead, with jumps for their starts
                                       and behind these for their ends; not used where STIFF and no jumps */
     const double *h;               /* (steps): their lengths */
@@ -63,16 +63,19 @@ static inline int any(mask m) {
 static void matrices(const problem *p, long group, const double *tables, long phase, long phases, lane *e) {
     const loose *c = (const loose *)(p->coefficients + group * p->terms * LANES);
     int last = -1;
-    if (p->own == SEGMENT) {
-        for (int l = 0; l < LANES; l++) {
-            const double *t = tables + (l * phases + phase) * ENTRIES;
-            for (int r = 0; r < ENTRIES; r++) e[r][l] = t[r];
-        }
-        return;
-    }
     if (p->own == LANE) {
         const loose *t = (const loose *)tables + (group * phases + phase) * p->terms;
         for (int r = 0; r < p->terms; r++) e[p->entry[r]] = t[r];
+        return;
+    }
+    if (p->own == SEGMENT) {
+        for (int r = 0; r < p->terms; r++) {
+            lane term;
+            for (int l = 0; l < LANES; l++) term[l] = tables[(l * phases + phase) * p->terms + r];
+            term *= c[r];
+            e[p->entry[r]] = p->entry[r] == last ? e[p->entry[r]] + term : term;
+            last = p->entry[r];
+        }
         return;
     }
     const double *t = tables + phase * p->terms;

@@ -21,7 +21,7 @@ from solve.methods.method import Discretisation, OneStep, Solutions
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, closed_condition
-from solve.period.points import Points, Tables, affine, matrices
+from solve.period.points import OnePoint, Points, Tables, affine, matrices
 from solve.sizes import SMALL
 
 _MEMORY = 2**25
@@ -256,7 +256,9 @@ class Collocated(OneStep):
         elif with_orbit and not method.stiffly_accurate:
             nodes = _samples(points.tables(grid.nodes[:-1]))
         h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
-        made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes)
+        # One of many takes the lanes of these, so that its numbers do not depend on how they are parted.
+        alone = len(points) == 1 and (stages.own or isinstance(points, OnePoint))
+        made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
         steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
         if not orbit or made.curves is None or made.closed is None:
             return self.sound(points, grid, made.Phi, steps=steps)

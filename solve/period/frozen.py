@@ -97,11 +97,18 @@ class Frozen:
             if len(open_):
                 faster[open_] = (self[open_]._fastest() > rate).any(axis=1)
             return faster
-        faster = ~self._slow(rate)
-        open_ = np.flatnonzero(faster)
+        limits, ratios = (rate, rate**2), self._ratios()
+        # The largest eigenvalue is no less than the mean of all, a part of the trace.
+        traces = [np.abs(np.einsum("iipk->pk", part)).max(axis=1) for part in ratios]
+        faster = (traces[0] > self._n * limits[0]) | (traces[1] > self._n * limits[1])
+        open_ = np.flatnonzero(~faster)
+        if len(open_):
+            parts = (np.abs(part[:, :, open_]) / limit for part, limit in zip(ratios, limits, strict=True))
+            open_ = open_[~np.logical_and(*map(_contracts, parts))]
         if len(open_) > 1:
             stiffest = self[open_]._stiffest()
-            open_ = open_[self[open_]._at(stiffest)._fastest()[:, 0] <= rate]
+            faster[open_] = self[open_]._at(stiffest)._fastest()[:, 0] > rate
+            open_ = open_[~faster[open_]]
         if len(open_):
             faster[open_] = (self[open_]._fastest() > rate).any(axis=1)
         return faster
@@ -148,11 +155,6 @@ class Frozen:
         else:
             stiffness, damping = (np.abs(_eigenvalues(solved(M, part))).max(axis=-1) for part in (K, C))
         return np.maximum(np.sqrt(stiffness), damping)
-
-    def _slow(self, rate: float) -> Array:
-        """Whether the points are sure not to be faster than the rate."""
-        C, K = self._ratios()
-        return _contracts(np.abs(K) / rate**2) & _contracts(np.abs(C) / rate)
 
     def _ratios(self) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), by elimination without exchange, as inertia allows."""
