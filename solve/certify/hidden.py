@@ -79,9 +79,10 @@ def _survivors(modes: Frozen, limit: float, allowed: Array) -> tuple[Array, Arra
     """
     lost, followed = np.ones(len(allowed)), np.zeros(len(allowed), dtype=bool)
     open_ = np.arange(len(allowed))
-    known = modes.eigenvalues(_EVERY[:0])
+    known = None
     for phases in _STAGES:
-        known = np.concatenate((known, modes[open_].eigenvalues(phases)), axis=1)
+        found = modes[open_].eigenvalues(phases)
+        known = found if known is None else np.concatenate((known, found), axis=1)
         before, left, most = lost[open_], surviving(known, modes.period, limit), allowed[open_]
         matters = left**_UNSURE * _FAR > most
         matters_not = left ** (1 / _UNSURE) < _FAR * most

@@ -258,7 +258,8 @@ class Refinement:
         small = radius < UNDERFLOW
         done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
         done = done & (fine.rounding < 1.0)
-        done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
+        if done.any():
+            done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
         leap = done | far(pace, errors, wanted, self.orders)
         last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
         foreseen(STEPS, pace.steps, min(needed_steps(pace, errors, wanted, self.orders), self.most))

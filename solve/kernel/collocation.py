@@ -96,7 +96,7 @@ def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Arra
 
 def _grouped(values: Array, groups: int, width: int) -> Array:
     """(P, …) as (groups, …, width); the last point fills the lanes that are left."""
-    filled = np.concatenate((values, np.repeat(values[-1:], groups * width - len(values), axis=0)))
+    filled = values[np.minimum(np.arange(groups * width), len(values) - 1)]
     return np.ascontiguousarray(np.moveaxis(filled.reshape(groups, width, *values.shape[1:]), 1, -1))
 
 

@@ -52,6 +52,7 @@ def library(size: Size) -> ctypes.CDLL:
     return compiled(_SOURCE, dict(zip(names, map(int, size), strict=True)))
 
 
+@lru_cache
 def lanes(size: Size) -> int:
     """Numbers that a vector register of this machine holds, as the library has it. Raises CompilerError."""
     return ctypes.c_int.in_dll(library(size), "lanes").value

@@ -74,12 +74,12 @@ class Multipliers:
             order = np.argsort(-modulus, axis=-1, kind="stable")
             values, modulus = (np.take_along_axis(part, order, axis=-1) for part in (values, modulus))
         _put_positive_first(values)
-        norm = np.asarray(frobenius(Phi))
+        scaled, unit = _scaled(Phi)
+        norm = np.asarray(unit * _frobenius(scaled))
         # Frobenius' norm bounds that of the balanced matrix, which is asked for only where it decides.
         unsure = modulus[..., -1] <= _LOST * norm
         if unsure.any():
-            scaled, unit = _scaled(Phi[unsure])
-            norm[unsure] = unit * np.linalg.norm(_balanced(scaled), 2, axis=(-2, -1))
+            norm[unsure] = unit[unsure] * _spectral(_balanced(scaled[unsure]))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
         return cls(np.where(kept, values, 0.0), across(np.add, kept.astype(int)), bound)
@@ -156,7 +156,16 @@ def matched(distance: Array) -> tuple[Array, Array]:
 def frobenius(Phi: Array) -> Array:
     """Frobenius' norm (…) of matrices (…, N, N), without overflow."""
     scaled, unit = _scaled(Phi)
-    return unit * np.sqrt(np.square(_by_entry(scaled)).sum(axis=0))
+    return unit * _frobenius(scaled)
+
+
+def _frobenius(matrices: Array) -> Array:
+    return np.sqrt(np.square(_by_entry(matrices)).sum(axis=0))
+
+
+def _spectral(matrices: Array) -> Array:
+    """Spectral norm (…) of matrices (…, N, N)."""
+    return np.linalg.svd(matrices, compute_uv=False)[..., 0]
 
 
 def accumulated(steps: int) -> float:
@@ -185,7 +194,7 @@ def rounding_errors(Phi: Array) -> Array:
         values, right = np.linalg.eig(balanced)
         # Complex for every point alike, whatever its neighbours are.
         right = right.astype(complex)
-        norm = np.linalg.norm(balanced, 2, axis=(-2, -1))
+        norm = _spectral(balanced)
         defective = np.linalg.slogdet(right)[0] == 0
         right = np.where(defective[..., None, None], np.eye(Phi.shape[-1]), right)
         with np.errstate(over="ignore"):
