@@ -92,9 +92,10 @@ def orbit_differences(samples: Array, q: Array, rounding: Array, burdens: Burden
 def _sizes(largest: Array, rounding: Array, burdens: Burdens) -> Array:
     """By which errors of coordinates (P, n) are measured: their `largest` values, unless that is rounding."""
     limit = rounding[:, None]
-    small = np.flatnonzero((largest <= limit * largest.max(axis=1, keepdims=True)).any(axis=1))
-    if not len(small):
+    resting = largest <= limit * largest.max(axis=1, keepdims=True)
+    if not resting.any():
         return largest
+    small = np.flatnonzero(resting.any(axis=1))
     sizes, burden = largest.copy(), burdens(small, largest[small])
     sizes[small] = np.where(largest[small] > limit[small] * burden, largest[small], burden)
     return sizes

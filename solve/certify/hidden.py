@@ -13,8 +13,7 @@ _PHASE_ERROR = 0.1
 """Angle (rad) at the end of a period by which a grid may misplace a mode, if two grids are to tell their
 error: beyond it they may agree by chance."""
 
-_EVERY = np.arange(PHASES)
-_STAGES = _EVERY[::16], _EVERY[8::16], _EVERY[4::8], np.flatnonzero(_EVERY % 4)
+_STAGES = np.s_[::16], np.s_[8::16], np.s_[4::8], np.flatnonzero(np.arange(PHASES) % 4)
 """The phases in the order in which they are asked for, as long as more could change anything."""
 
 _UNSURE, _FAR = 1.2, 1e-3

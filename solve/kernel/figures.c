@@ -73,6 +73,7 @@ static void evaluate(const group *g, lane phase, const lane *x, lane *y) {
 
 /* A phase within the first turn. */
 static inline double turned(const problem *p, double phase) {
+    if (phase >= 0.0 && phase < p->period) return phase;
     const double within = fmod(phase, p->period);
     return within < 0.0 ? within + p->period : within;
 }

@@ -89,7 +89,7 @@ class Curve:
     def n(self) -> int:
         return self.coefficients.shape[-3]
 
-    @property
+    @cached_property
     def finite(self) -> Array:
         with np.errstate(invalid="ignore"):
             return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))

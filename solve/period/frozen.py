@@ -52,9 +52,8 @@ class Frozen:
         """Eigenvalues (P, k, 2n), by the phase, at some of the phases, all by default."""
         if self._n == 1:
             return _quadratic(*self._matrices[:, 0, 0][..., phases])
-        entries = np.moveaxis(self._fields[..., phases], 0, -1)
-        rate = rate_of(*parted(entries, self._n))[..., :-1]
-        return _eigenvalues(rate)
+        entries = self._fields[..., phases].transpose(1, 2, 0)
+        return _eigenvalues(rate_of(*parted(entries, self._n))[..., :-1])
 
     def burdens(self, sizes: Array) -> Array:
         """How far all that acts on a coordinate would move it against its own stiffness (P, n): the others,
@@ -118,7 +117,14 @@ class Frozen:
         is regular beyond where (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v (Perron, Collatz)."""
         if self._n > 1:
             C, K = self._ratios()
-            return _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+            inside = np.zeros(len(self), dtype=bool)
+            # No sum of squares of the 2n eigenvalues is larger than 2n times that of the largest.
+            squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
+            open_ = np.flatnonzero(np.abs(squares).max(axis=1) <= 2 * self._n * reach**2)
+            if len(open_):
+                C, K = C[:, :, open_], K[:, :, open_]
+                inside[open_] = _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+            return inside
         inside = self._surely_within(reach)
         open_ = np.flatnonzero(~inside)
         if len(open_):
@@ -186,9 +192,9 @@ def surviving(eigenvalues: Array, period: float, limit: float) -> Array:
 
 def _eigenvalues(matrices: Array) -> Array:
     """Eigenvalues (…, N); infinite where a matrix is not finite."""
-    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
-    if finite.all():
+    if np.isfinite(matrices).all():
         return np.linalg.eigvals(matrices)
+    finite = np.isfinite(matrices).all(axis=(-2, -1))
     values = np.linalg.eigvals(np.where(finite[..., None, None], matrices, 0.0))
     return np.where(finite[..., None], values, np.inf)
 

@@ -48,11 +48,11 @@ class Grid:
         at_break[0] = jump_at_zero
         return cls(np.append(np.concatenate(parts), period), at_break)
 
-    @property
+    @cached_property
     def steps(self) -> int:
         return len(self.nodes) - 1
 
-    @property
+    @cached_property
     def period(self) -> float:
         return float(self.nodes[-1])
 

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from solve.arrays import Array, across
+from solve.arrays import Array, across, solved
 
 NEGLIGIBLE = 1e-100
 """Modulus below which multipliers count as unresolved: products of so different factors keep no digit."""
@@ -112,9 +112,11 @@ class Multipliers:
             return _pairs_apart(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
         nearest, least = distance.argmin(axis=-1), distance.min(axis=-1)
-        largest = np.asarray(least.max(axis=-1))
+        largest, places = np.asarray(least.max(axis=-1)), np.arange(nearest.shape[-1])
+        if (nearest == places).all():
+            return largest
         # Where two have the same nearest neighbour, and not each that of its own place, pairing takes more.
-        shared = (np.sort(nearest, axis=-1) != np.arange(nearest.shape[-1])).any(axis=-1)
+        shared = (np.sort(nearest, axis=-1) != places).any(axis=-1)
         shared &= (np.abs(self.values - other.values) > least).any(axis=-1)
         for point in zip(*np.nonzero(np.atleast_1d(shared)), strict=True) if shared.any() else ():
             at = point if largest.ndim else ()
@@ -195,11 +197,10 @@ def rounding_errors(Phi: Array) -> Array:
         # Complex for every point alike, whatever its neighbours are.
         right = right.astype(complex)
         norm = _spectral(balanced)
-        defective = np.linalg.slogdet(right)[0] == 0
-        right = np.where(defective[..., None, None], np.eye(Phi.shape[-1]), right)
         with np.errstate(over="ignore"):
-            conditions = np.linalg.norm(np.linalg.inv(right), axis=-1)
-        conditions = np.where(defective[..., None], np.inf, conditions)
+            left = np.linalg.norm(solved(right, np.eye(Phi.shape[-1])), axis=-1)
+        # No left eigenvectors stand beside defective ones.
+        conditions = np.where(np.isnan(left), np.inf, left)
     radius = across(np.maximum, np.abs(values))
     known = unit * radius > NEGLIGIBLE
     scale = np.where(known, radius, 1.0)

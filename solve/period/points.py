@@ -172,7 +172,7 @@ def rate_of(M: Array, C: Array, K: Array, d: Array) -> Array:
     """The same (…, 2n, 2n+1) of matrices (…, n, n) and loads (…, n)."""
     n = d.shape[-1]
     rate = np.zeros((*d.shape[:-1], 2 * n, 2 * n + 1))
-    rate[..., range(n), range(n, 2 * n)] = 1.0
+    rate[..., :n, n : 2 * n] = np.eye(n)
     rate[..., n:, :] = solved(M, np.concatenate((-K, -C, d[..., None]), axis=-1))
     return rate
 
