@@ -220,9 +220,9 @@ class Refinement:
         for position in positions[first > self.most].tolist():
             yield Failed(position, self._out_of_reach(int(self.least[position])))
         positions, first = positions[first <= self.most], first[first <= self.most]
-        for steps in np.unique(first):
+        for steps in sorted(set(first.tolist())):
             these = positions[first == steps]
-            yield from self._on(Pace(rung(int(steps))), _Trail(these, np.full((len(these), 2), np.inf)))
+            yield from self._on(Pace(rung(steps)), _Trail(these, np.full((len(these), 2), np.inf)))
 
     def _out_of_reach(self, least: int) -> StepsError:
         return StepsError(

@@ -116,8 +116,7 @@ class Model(PeriodicSystem):
         if found is None:
             return None
         table, entry, power = found
-        by_the_phase = np.array([2.0, 1.0, 0.0])[np.minimum(entry // self.n**2, 2)]
-        return table, speed ** (power + by_the_phase)[None], entry
+        return table, speed ** power[None], entry
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         sampler = self._matrices
@@ -166,7 +165,7 @@ class Model(PeriodicSystem):
         now, later, beside = np.split(table, 3)
         allowed = PERIODIC * np.abs(now).max(axis=0) + 2 * np.abs(beside - now)
         # Of what is not finite no comparison holds.
-        if power[entry < self.n**2].any() or not (np.abs(later - now) <= allowed).all():
+        if (power[entry < self.n**2] != 2).any() or not (np.abs(later - now) <= allowed).all():
             return False
         M = self.at(self._looks, 1.0)[0]
         with suppress(MatricesError):

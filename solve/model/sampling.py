@@ -114,6 +114,7 @@ class MatrixSampler:
         if self._terms is not None:
             every = np.arange(3 * self.n**2 + self.n)
             self._places = (self._terms.entry[:, None] == every).astype(float)
+            self._powers = self._terms.power + np.maximum(2 - self._terms.entry // self.n**2, 0.0)
 
     def __call__(self, phase: Array, speed: float) -> tuple[Array, Array, Array, Array]:
         return parted(self.entries(phase, np.array([speed]))[0], self.n)
@@ -128,8 +129,8 @@ class MatrixSampler:
 
     def terms(self, phase: Array) -> tuple[Array, Array, Array] | None:
         """The coefficients (m, R) of powers of the speed, and to which entry, rising, and which power each
-        belongs, (R,); None where the entries are no polynomials of the speed."""
-        return None if self._terms is None else (self._table(phase), self._terms.entry, self._terms.power)
+        belongs, (R,), of Ω²M, ΩC, K and d; None where these are no polynomials of the speed."""
+        return None if self._terms is None else (self._table(phase), self._terms.entry, self._powers)
 
     def _table(self, phase: Array) -> Array:
         key = phase.tobytes()
