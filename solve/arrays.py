@@ -17,6 +17,8 @@ def whole(chosen: Array, count: int) -> bool:
     """Whether positions (k,), or a mask, choose all of so many points in their order: nothing to copy."""
     if len(chosen) != count:
         return False
+    if count == 1:
+        return chosen.dtype != bool or bool(chosen[0])
     return bool(chosen.all() if chosen.dtype == bool else (chosen == np.arange(count)).all())
 
 

@@ -39,7 +39,7 @@ _ROUNDING = 64 * _EPS
 _LOOKS = 128
 """Phases of a period at which a load is looked for."""
 
-_PERIODIC = 1e-9
+PERIODIC = 1e-9
 """Relative difference between the matrices at both ends of the period that counts as none."""
 
 
@@ -402,6 +402,11 @@ class PeriodicSystem:
         made[:, self.n**2 : 2 * self.n**2] *= speed
         return made
 
+    def terms(self, phase: Array, speed: float) -> tuple[Array, Array, Array] | None:
+        """What the entries are sums of: terms (k, R), their coefficients (1, R) at this speed, and to which
+        entry each belongs (R,), rising; None where there are the entries alone."""
+        return None
+
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         """The same at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
         entries = np.full((len(speeds), len(phase), 3 * self.n**2 + self.n), np.nan)
@@ -526,8 +531,7 @@ class PeriodicSystem:
         """Which of M, C, K, d differ between phases (k,) and those a period later, and by how much: beyond
         1e-9 of their size, beyond rounding of the whole equation (a load that cancels is zero but for
         that), and beyond what a rounding of the phase makes (within a narrow pulse)."""
-        apart = phase + np.maximum(np.abs(later - phase - self.period), 8 * _EPS * self.period)
-        every = self.in_phase(np.concatenate((phase, later, apart)), speed)
+        every = self.in_phase(self.beside(phase, later), speed)
         first, second, beside = zip(*(np.split(part, 3) for part in every), strict=True)
         inertia = np.abs(np.einsum("kii->ki", first[0])).max(axis=0)
         unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
@@ -536,10 +540,16 @@ class PeriodicSystem:
         found, rates = [], (speed**2, speed, 1.0, 1.0)
         for symbol, scale, rate, *parts in zip("MCKd", scales, rates, first, second, beside, strict=True):
             one, other, near = (part * scale for part in parts)
-            allowed = np.maximum(_PERIODIC * np.abs(one).max(), _ROUNDING * whole) + 2 * np.abs(near - one)
+            allowed = np.maximum(PERIODIC * np.abs(one).max(), _ROUNDING * whole) + 2 * np.abs(near - one)
             if (np.abs(other - one) > allowed).any():
                 found.append((symbol, float(np.abs(parts[1] - parts[0]).max()) / rate))
         return found
+
+    def beside(self, phase: Array, later: Array) -> Array:
+        """Phases (k,), those about a period later, and behind them phases beside the first (3k,), which are
+        apart by what rounding leaves of the period."""
+        apart = phase + np.maximum(np.abs(later - phase - self.period), 8 * _EPS * self.period)
+        return np.concatenate((phase, later, apart))
 
     def _check_inertia(self, M: Array) -> None:
         diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))

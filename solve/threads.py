@@ -27,7 +27,12 @@ def one_thread(coordinates: int) -> Iterator[None]:
         yield
         return
     with _lock:
-        _within.append(None if _within else _libraries().limit(limits=1))
+        limited = bool(_within) or any(each.num_threads != 1 for each in _libraries().lib_controllers)
+        if limited:
+            _within.append(None if _within else _libraries().limit(limits=1))
+    if not limited:
+        yield
+        return
     try:
         yield
     finally:

@@ -9,6 +9,7 @@ import numpy as np
 from solve.arrays import Array, across, whole
 from solve.methods.method import Method, Solutions
 from solve.period.curve import Curve
+from solve.period.grid import Grid
 from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
 from solve.period.points import Points, matrices
 
@@ -30,26 +31,24 @@ Burdens = Callable[[Array, Array], Array]
 
 class Reference:
     """What is known of points from another grid, for the next one to be compared with: multipliers, and
-    samples (P, n, k) of the curves at phases (k,), evenly from 0 on where the grid is smooth."""
+    samples (P, n, k) of the curves, evenly in every step of that grid."""
 
-    def __init__(self, multipliers: Multipliers, phase: Array | None = None, samples: Array | None = None):
-        self.multipliers, self.phase, self.samples = multipliers, phase, samples
+    def __init__(self, multipliers: Multipliers, grid: Grid, samples: Array | None = None):
+        self.multipliers, self.grid, self.samples = multipliers, grid, samples
 
     @classmethod
     def of(cls, solutions: Solutions, onward: int | None = None) -> "Reference":
         """onward: steps of the next grid, where they are known."""
         if solutions.curve is None:
-            return cls(solutions.multipliers)
-        starts, h = solutions.grid.nodes[:-1, None], solutions.grid.h[:, None]
+            return cls(solutions.multipliers, solutions.grid)
         a_step = _samples_a_step(solutions.grid.steps, onward)
-        phase = (starts + h * (np.arange(a_step) / a_step)).ravel()
-        return cls(solutions.multipliers, phase, solutions.curve.sampled(a_step))
+        return cls(solutions.multipliers, solutions.grid, solutions.curve.sampled(a_step))
 
     def __getitem__(self, points: Array) -> "Reference":
         if whole(points, len(self.multipliers.resolved)):
             return self
         samples = None if self.samples is None else self.samples[points]
-        return Reference(self.multipliers[points], self.phase, samples)
+        return Reference(self.multipliers[points], self.grid, samples)
 
     def differences(self, fine: Solutions, burdens: Burdens) -> Array:
         """To the better solutions: of the orbit, per coordinate max|difference|/max|q|, and of the
@@ -60,12 +59,20 @@ class Reference:
         """
         multipliers = self.multipliers.difference(fine.multipliers)
         orbit = np.zeros_like(multipliers)
-        if self.samples is not None and self.phase is not None and fine.curve is not None:
-            a_step, uneven = divmod(len(self.phase), fine.grid.steps)
+        if self.samples is not None and fine.curve is not None:
+            a_step, uneven = divmod(self.samples.shape[-1], fine.grid.steps)
             even = fine.grid.smooth and not uneven
-            q = fine.curve.sampled(a_step) if even else fine.curve(self.phase)
+            q = fine.curve.sampled(a_step) if even else fine.curve(self._phase)
             orbit = orbit_differences(self.samples, q, closing_rounding(fine), burdens).max(axis=1)
         return np.column_stack((orbit, multipliers))
+
+    @property
+    def _phase(self) -> Array:
+        """Of the samples (k,)."""
+        assert self.samples is not None
+        a_step = self.samples.shape[-1] // self.grid.steps
+        fractions = self.grid.h[:, None] * (np.arange(a_step) / a_step)
+        return (self.grid.nodes[:-1, None] + fractions).ravel()
 
 
 def _samples_a_step(steps: int, onward: int | None) -> int:
@@ -85,9 +92,10 @@ def orbit_differences(samples: Array, q: Array, rounding: Array, burdens: Burden
 def _sizes(largest: Array, rounding: Array, burdens: Burdens) -> Array:
     """By which errors of coordinates (P, n) are measured: their `largest` values, unless that is rounding."""
     limit = rounding[:, None]
-    small = np.flatnonzero((largest <= limit * largest.max(axis=1, keepdims=True)).any(axis=1))
-    if not len(small):
+    resting = largest <= limit * largest.max(axis=1, keepdims=True)
+    if not resting.any():
         return largest
+    small = np.flatnonzero(resting.any(axis=1))
     sizes, burden = largest.copy(), burdens(small, largest[small])
     sizes[small] = np.where(largest[small] > limit[small] * burden, largest[small], burden)
     return sizes
@@ -134,8 +142,7 @@ def within_reach(solutions: Solutions, errors: Array, wanted: Array) -> Array:
 
 def closing_rounding(solutions: Solutions) -> Array:
     """Error of the orbit (P,) that rounding leaves in a problem of this condition."""
-    closing = EPS * accumulated(solutions.grid.steps) * np.nan_to_num(solutions.condition)
-    return np.maximum(closing, 64 * EPS)
+    return np.fmax(EPS * accumulated(solutions.grid.steps) * solutions.condition, 64 * EPS)
 
 
 def rounding(solutions: Solutions) -> Array:

@@ -13,8 +13,7 @@ _PHASE_ERROR = 0.1
 """Angle (rad) at the end of a period by which a grid may misplace a mode, if two grids are to tell their
 error: beyond it they may agree by chance."""
 
-_EVERY = np.arange(PHASES)
-_STAGES = _EVERY[::16], _EVERY[8::16], _EVERY[4::8], np.flatnonzero(_EVERY % 4)
+_STAGES = np.s_[::16], np.s_[8::16], np.s_[4::8], np.flatnonzero(np.arange(PHASES) % 4)
 """The phases in the order in which they are asked for, as long as more could change anything."""
 
 _UNSURE, _FAR = 1.2, 1e-3
@@ -79,9 +78,10 @@ def _survivors(modes: Frozen, limit: float, allowed: Array) -> tuple[Array, Arra
     """
     lost, followed = np.ones(len(allowed)), np.zeros(len(allowed), dtype=bool)
     open_ = np.arange(len(allowed))
-    known = modes.eigenvalues(_EVERY[:0])
+    known = None
     for phases in _STAGES:
-        known = np.concatenate((known, modes[open_].eigenvalues(phases)), axis=1)
+        found = modes[open_].eigenvalues(phases)
+        known = found if known is None else np.concatenate((known, found), axis=1)
         before, left, most = lost[open_], surviving(known, modes.period, limit), allowed[open_]
         matters = left**_UNSURE * _FAR > most
         matters_not = left ** (1 / _UNSURE) < _FAR * most

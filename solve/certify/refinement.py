@@ -220,9 +220,9 @@ class Refinement:
         for position in positions[first > self.most].tolist():
             yield Failed(position, self._out_of_reach(int(self.least[position])))
         positions, first = positions[first <= self.most], first[first <= self.most]
-        for steps in np.unique(first):
+        for steps in sorted(set(first.tolist())):
             these = positions[first == steps]
-            yield from self._on(Pace(rung(int(steps))), _Trail(these, np.full((len(these), 2), np.inf)))
+            yield from self._on(Pace(rung(steps)), _Trail(these, np.full((len(these), 2), np.inf)))
 
     def _out_of_reach(self, least: int) -> StepsError:
         return StepsError(
@@ -258,7 +258,8 @@ class Refinement:
         small = radius < UNDERFLOW
         done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
         done = done & (fine.rounding < 1.0)
-        done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
+        if done.any():
+            done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
         leap = done | far(pace, errors, wanted, self.orders)
         last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
         foreseen(STEPS, pace.steps, min(needed_steps(pace, errors, wanted, self.orders), self.most))

@@ -28,12 +28,12 @@ class Samples(NamedTuple):
 
 class Periods(NamedTuple):
     """Monodromy matrices Phi (P, N, N); with orbits, coefficients of the curves (P, n, m, D), lowest power
-    first, and closed (P, 2, N, N), G and H of the closed systems (G + H) x = r; of one point, the maps of
-    the steps (1, m, N, N+1)."""
+    first, and condition numbers (P,) of the linear systems that gave them; of one point, the maps of the
+    steps (1, m, N, N+1)."""
 
     Phi: Array
     curves: Array | None
-    closed: Array | None
+    condition: Array | None
     maps: Array | None
 
 
@@ -43,21 +43,27 @@ def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
 
 
 def solved(
-    size: Size, weights: Mapping[str, Array], h: Array, jumps: bool, stages: Samples, nodes: Samples | None
+    size: Size,
+    weights: Mapping[str, Array],
+    h: Array,
+    jumps: bool,
+    stages: Samples,
+    nodes: Samples | None,
+    alone: bool = False,
 ) -> Periods:
     """Each point on steps of lengths h (m,), sampled at the stages (m s phases, step by step) and, for orbits
     by a method whose steps do not end at a stage, at their starts (m phases); for orbits by any method at
     their starts and then their ends (2m) where the matrices jump at ends of steps. Raises CompilerError,
     MemoryError.
 
-    The lanes are points, or the segments of one.
+    The lanes are points, or where one is solved `alone` its segments.
     """
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
-    segments = points == 1 and m % width == 0 and stages.own and size.orbit and not jumps
+    segments = alone and m % width == 0 and size.orbit and not jumps
     groups, steps = -(-points // width), m // width if segments else m
     n, N, D = size.n, 2 * size.n, len(weights["powers"])
-    Phi, closed = (np.zeros((groups, *shape, width)) for shape in ((N, N), (2, N, N)))
-    curves = np.zeros((groups * width if size.orbit else 0, n, steps, D))
+    Phi, condition = np.empty((groups * width, N, N)), np.empty(groups * width)
+    curves = np.empty((groups * width if size.orbit else 0, n, steps, D))
     arrays = {
         "stages": _laid_out(stages, groups, width, segments),
         "nodes": np.zeros(1) if nodes is None else _laid_out(nodes, groups, width, segments),
@@ -65,20 +71,19 @@ def solved(
         "h": np.ascontiguousarray(h),
         **weights,
         "Phi": Phi,
-        "closed": closed,
+        "condition": condition,
         "curves": curves,
     }
     if points == 1 and size.orbit:
-        arrays["maps"] = np.zeros((width, steps, N, N + 1))
+        arrays["maps"] = np.empty((width, steps, N, N + 1))
     own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
     numbers = {"groups": groups, "steps": steps, "jumps": jumps, "terms": len(stages.entry), "own": own}
     run("segments" if segments else "level", size, arrays, stages.entry, **numbers)
-    Phi = _by_points(Phi, points)
     if not size.orbit:
-        return Periods(Phi, None, None, None)
+        return Periods(Phi[:points], None, None, None)
     maps = arrays["maps"].reshape(-1, m, N, N + 1)[:1] if "maps" in arrays else None
-    curves = np.moveaxis(curves, 0, 1).reshape(1, n, m, D) if segments else curves[:points]
-    return Periods(Phi, curves, _by_points(closed, points), maps)
+    curves = curves.swapaxes(0, 1).reshape(1, n, m, D) if segments else curves[:points]
+    return Periods(Phi[:points], curves, condition[:points], maps)
 
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:
@@ -90,11 +95,5 @@ def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Arra
 
 def _grouped(values: Array, groups: int, width: int) -> Array:
     """(P, …) as (groups, …, width); the last point fills the lanes that are left."""
-    filled = np.concatenate((values, np.repeat(values[-1:], groups * width - len(values), axis=0)))
-    return np.ascontiguousarray(np.moveaxis(filled.reshape(groups, width, *values.shape[1:]), 1, -1))
-
-
-def _by_points(values: Array, points: int) -> Array:
-    """(groups, …, width) as (P, …)."""
-    moved = np.moveaxis(values, -1, 1)
-    return np.ascontiguousarray(moved.reshape(-1, *moved.shape[2:])[:points])
+    filled = values[np.minimum(np.arange(groups * width), len(values) - 1)]
+    return np.ascontiguousarray(filled.reshape(groups, width, -1).swapaxes(1, 2))

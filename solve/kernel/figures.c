@@ -1,4 +1,4 @@
-/* Figures over one turn of curves and of formulas of these, for many points at once, LANES of them side by side.
+/* Figures over one turn of curves and of formulas of these, for many points, LANES phases of one side by side.
 
    The mathematics is that of period/quantities.py. FORMULAS: a file with `void formulas(const lane *const *in,
    lane *out)`, of phase, speed, q, q', q'' by time and parameters; or none, for the curves alone. N: coordinates,
@@ -26,28 +26,26 @@ typedef struct {
     double *figures;               /* (points, wanted, FIGURES): max, min, max_abs, mean, max_phase, min_phase, rms */
 } problem;
 
-/* What the points of a group have: the steps that their curves are loaded of, and numbers. */
+/* What a point has: its curves, from the first step on, and numbers. */
 typedef struct {
-    long at[LANES], step[LANES];
-    lane c[N * D], speed, parameters[PARAMETERS + 1];
-} group;
+    const double *curves;
+    lane speed, parameters[PARAMETERS + 1];
+} point;
 
-static void load(const problem *p, group *g, const long *step) {
-    for (int l = 0; l < LANES; l++) {
-        if (g->step[l] == step[l]) continue;
-        g->step[l] = step[l];
-        for (int i = 0; i < N; i++) {
-            const double *from = p->curves + ((g->at[l] * N + i) * p->steps + step[l]) * D;
-            for (int d = 0; d < D; d++) g->c[i * D + d][l] = from[d];
+/* Powers of theta of coordinates from `first` to `last` in steps. */
+static void load(const problem *p, const point *at, const long *step, int first, int last, lane *c) {
+    for (int i = first; i < last; i++)
+        for (int l = 0; l < LANES; l++) {
+            const double *from = at->curves + (i * p->steps + step[l]) * D;
+            for (int d = 0; d < D; d++) c[i * D + d][l] = from[d];
         }
-    }
 }
 
-/* q, and where formulas need them q' and q'' by time, at theta of the steps that are loaded. */
-static void states(const problem *p, const group *g, lane theta, lane *x) {
+/* Their q, and where formulas need them q' and q'' by time, at theta. */
+static void states(const problem *p, const point *at, const lane *powers, lane theta, int first, int last, lane *x) {
     const double rate = p->steps / p->period;
-    for (int i = 0; i < N; i++) {
-        const lane *c = g->c + i * D;
+    for (int i = first; i < last; i++) {
+        const lane *c = powers + i * D;
         lane q = c[D - 1], v = {0}, a = {0};
         for (int d = D - 2; d >= 0; d--) {
             if (OUTPUTS) {
@@ -58,78 +56,87 @@ static void states(const problem *p, const group *g, lane theta, lane *x) {
         }
         x[i] = q;
         if (OUTPUTS) {
-            x[N + i] = rate * g->speed * v;
-            x[2 * N + i] = 2.0 * rate * rate * g->speed * g->speed * a;
+            x[N + i] = rate * at->speed * v;
+            x[2 * N + i] = 2.0 * rate * rate * at->speed * at->speed * a;
         }
     }
 }
 
-static void evaluate(const group *g, lane phase, const lane *x, lane *y) {
+static void evaluate(const point *at, lane phase, const lane *x, lane *y) {
 #ifdef FORMULAS
-    const lane *const in[] = {&phase, &g->speed, x, x + N, x + 2 * N, g->parameters};
+    const lane *const in[] = {&phase, &at->speed, x, x + N, x + 2 * N, at->parameters};
     formulas(in, y);
 #endif
 }
 
 /* A phase within the first turn. */
 static inline double turned(const problem *p, double phase) {
+    if (phase >= 0.0 && phase < p->period) return phase;
     const double within = fmod(phase, p->period);
     return within < 0.0 ? within + p->period : within;
 }
 
-/* A quantity at phases of any turn, one for each point. */
-static lane value(const problem *p, group *g, int quantity, lane phase) {
-    lane x[3 * N], y[OUTPUTS + 1], theta;
+/* A quantity at phases of any turn. */
+static lane value(const problem *p, const point *at, int quantity, lane phase) {
+    lane c[N * D], x[3 * N], y[OUTPUTS + 1], theta;
+    const int first = quantity < N ? quantity : 0, last = quantity < N ? quantity + 1 : N;
     long step[LANES];
     for (int l = 0; l < LANES; l++) {
         const double place = turned(p, phase[l]) * (p->steps / p->period);
         step[l] = (long)place < p->steps ? (long)place : p->steps - 1;
         theta[l] = place - step[l];
     }
-    load(p, g, step);
-    states(p, g, theta, x);
+    load(p, at, step, first, last, c);
+    states(p, at, c, theta, first, last, x);
     if (quantity < N) return x[quantity];
-    evaluate(g, phase, x, y);
+    evaluate(at, phase, x, y);
     return y[quantity - N];
 }
 
 /* The largest maximum of sign times a quantity next to a sample, and its phase. */
-static void extreme(const problem *p, group *g, int quantity, double sign, lane *centre, lane *highest) {
+static void extreme(const problem *p, const point *at, int quantity, double sign, double *centre, double *highest) {
     double width = p->period / (p->steps * p->samples);
     for (int zoom = 0; zoom < p->zooms; zoom++) {
-        const lane middle = *centre;
-        for (int k = 0; k < p->around; k++) {
-            const lane phase = middle + width * p->parts[k];
-            const lane found = sign * value(p, g, quantity, phase);
-            const mask better = k ? found > *highest : found == found;
-            *highest = k ? chosen(better, found, *highest) : found;
-            *centre = chosen(better, phase, *centre);
+        const double middle = *centre;
+        for (int k = 0; k < p->around; k += LANES) {
+            lane phase;
+            for (int l = 0; l < LANES; l++) phase[l] = middle + width * p->parts[k + l < p->around ? k + l : p->around - 1];
+            const lane found = sign * value(p, at, quantity, phase);
+            for (int l = 0; l < LANES; l++)
+                if (!(k + l) || found[l] > *highest) *highest = found[l], *centre = phase[l];
         }
         width /= 16;
     }
 }
 
-/* Figures of a group's points, room for `wanted` of each: sums, squares, extrema and where they are. */
-static void figures(const problem *p, group *g, lane *room) {
-    const int W = p->wanted;
+/* Sums and squares of the quantities at all samples, and their extrema there, room for `wanted` of each. The lanes
+   are parts of the turn. */
+static void sampled(const problem *p, const point *at, lane *sum, lane *square, lane *high, lane *low, lane *high_at, lane *low_at) {
     const double width = p->period / (p->steps * p->samples);
-    lane *sum = room, *square = sum + W, *high = square + W, *low = high + W, *high_at = low + W, *low_at = high_at + W;
-    lane x[3 * N], y[OUTPUTS + 1];
+    const long length = (p->steps + LANES - 1) / LANES;
     const lane none = {0};
-    memset(room, 0, 6 * W * sizeof(lane));
-    for (long k = 0; k < p->steps; k++) {
+    lane c[N * D], x[3 * N], y[OUTPUTS + 1];
+    for (long k = 0; k < length; k++) {
         long step[LANES];
-        for (int l = 0; l < LANES; l++) step[l] = k;
-        load(p, g, step);
+        lane start;
+        mask within;
+        for (int l = 0; l < LANES; l++) {
+            const long own = l * length + k;
+            within[l] = own < p->steps ? -1 : 0;
+            step[l] = own < p->steps ? own : p->steps - 1;
+            start[l] = own * p->samples;
+        }
+        load(p, at, step, 0, N, c);
         for (long j = 0; j < p->samples; j++) {
-            const lane phase = none + (k * p->samples + j) * width;
-            states(p, g, none + (double)j / p->samples, x);
-            evaluate(g, phase, x, y);
-            for (int w = 0; w < W; w++) {
+            const lane phase = (start + (double)j) * width;
+            states(p, at, c, none + (double)j / p->samples, 0, N, x);
+            evaluate(at, phase, x, y);
+            for (int w = 0; w < p->wanted; w++) {
                 const lane found = p->quantity[w] < N ? x[p->quantity[w]] : y[p->quantity[w] - N];
-                const mask first = none == (k + j ? 1.0 : 0.0), higher = (found > high[w]) | first, lower = (found < low[w]) | first;
-                sum[w] += found;
-                square[w] += found * found;
+                const mask first = none == (k + j ? 1.0 : 0.0);
+                const mask higher = ((found > high[w]) | first) & within, lower = ((found < low[w]) | first) & within;
+                sum[w] += chosen(within, found, none);
+                square[w] += chosen(within, found * found, none);
                 high[w] = chosen(higher, found, high[w]);
                 low[w] = chosen(lower, found, low[w]);
                 high_at[w] = chosen(higher, phase, high_at[w]);
@@ -137,37 +144,48 @@ static void figures(const problem *p, group *g, lane *room) {
             }
         }
     }
-    for (int w = 0; w < W; w++) {
-        extreme(p, g, p->quantity[w], 1.0, high_at + w, high + w);
-        extreme(p, g, p->quantity[w], -1.0, low_at + w, low + w);
-    }
+}
+
+/* The lane with the largest of sign times the values, the first of equal ones, among so many. */
+static int best(lane values, double sign, int among) {
+    int found = 0;
+    for (int l = 1; l < among; l++)
+        if (sign * values[l] > sign * values[found]) found = l;
+    return found;
+}
+
+static double total(lane values) {
+    double sum = 0.0;
+    for (int l = 0; l < LANES; l++) sum += values[l];
+    return sum;
 }
 
 /* All the points; 1 where memory is missing, else 0. */
 int turn(const problem *p) {
     const int W = p->wanted;
     const double count = (double)p->steps * p->samples;
+    const long length = (p->steps + LANES - 1) / LANES;
+    const int parts = (p->steps + length - 1) / length;
     lane *room = aligned_alloc(sizeof(lane), (6 * W + 1) * sizeof(lane));
     if (!room) return 1;
-    for (long start = 0; start < p->points; start += LANES) {
-        group g;
-        for (int l = 0; l < LANES; l++) {
-            g.at[l] = start + l < p->points ? start + l : p->points - 1;
-            g.step[l] = -1;
-            g.speed[l] = p->speeds[g.at[l]];
-            for (int k = 0; k < PARAMETERS; k++) g.parameters[k][l] = p->parameters[g.at[l] * PARAMETERS + k];
+    lane *sum = room, *square = sum + W, *high = square + W, *low = high + W, *high_at = low + W, *low_at = high_at + W;
+    for (long k = 0; k < p->points; k++) {
+        const lane none = {0};
+        point at = {.curves = p->curves + k * N * p->steps * D, .speed = none + p->speeds[k]};
+        for (int i = 0; i < PARAMETERS; i++) at.parameters[i] = none + p->parameters[k * PARAMETERS + i];
+        memset(room, 0, 6 * W * sizeof(lane));
+        sampled(p, &at, sum, square, high, low, high_at, low_at);
+        for (int w = 0; w < W; w++) {
+            const int top = best(high[w], 1.0, parts), bottom = best(low[w], -1.0, parts);
+            double most = high[w][top], least = low[w][bottom], most_at = high_at[w][top], least_at = low_at[w][bottom];
+            extreme(p, &at, p->quantity[w], 1.0, &most_at, &most);
+            extreme(p, &at, p->quantity[w], -1.0, &least_at, &least);
+            const double made[FIGURES] = {
+                most, -least, most > least ? most : least, total(sum[w]) / count,
+                turned(p, most_at), turned(p, least_at), sqrt(total(square[w]) / count),
+            };
+            memcpy(p->figures + (k * W + w) * FIGURES, made, sizeof(made));
         }
-        figures(p, &g, room);
-        for (int l = 0; l < LANES && start + l < p->points; l++)
-            for (int w = 0; w < W; w++) {
-                const double high = room[2 * W + w][l], low = room[3 * W + w][l];
-                const double made[FIGURES] = {
-                    high, -low, high > low ? high : low, room[w][l] / count,
-                    turned(p, room[4 * W + w][l]), turned(p, room[5 * W + w][l]),
-                    sqrt(room[W + w][l] / count),
-                };
-                memcpy(p->figures + ((start + l) * W + w) * FIGURES, made, sizeof(made));
-            }
     }
     free(room);
     return 0;

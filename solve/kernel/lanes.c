@@ -26,16 +26,16 @@ typedef struct {
     long groups, steps;
     int jumps;                     /* whether the matrices jump at ends of steps */
     int terms;                     /* R */
-    int own;                       /* whether every lane has tables of its own: SEGMENT or LANE */
+    int own;                       /* whether every lane has tables of its own: SEGMENT or LANE, these without coefficients */
     const int *entry;              /* (R), rising: where a term belongs */
-    const double *stages;          /* (steps S, R), LANE: (groups, steps S, R, LANES), SEGMENT: (LANES, steps S, R) */
+    const double *stages;          /* (steps S, R), LANE: (groups, steps S, R, LANES), SEGMENT: (LANES steps S, R) */
     const double *nodes;           /* the same for the starts of the steps instead, with jumps for their starts
                                       and behind these for their ends; not used where STIFF and no jumps */
     const double *h;               /* (steps): their lengths */
     const double *coefficients;    /* (groups, R, LANES) */
     const double *A, *A2, *b, *bA, *c, *powers;
-    double *Phi;                   /* (groups, NX, NX, LANES) */
-    double *closed;                /* (groups, 2, NX, NX, LANES): G and H of G x_0 + H x_0 = r */
+    double *Phi;                   /* (groups LANES, NX, NX) */
+    double *condition;             /* (groups LANES): of G + H, measured against (G, H), in G x_0 + H x_0 = r */
     double *curves;                /* (groups LANES, N, steps, D) */
     double *maps;                  /* (groups LANES, steps, NX, W): of the steps; or null */
 } problem;
@@ -63,16 +63,19 @@ static inline int any(mask m) {
 static void matrices(const problem *p, long group, const double *tables, long phase, long phases, lane *e) {
     const loose *c = (const loose *)(p->coefficients + group * p->terms * LANES);
     int last = -1;
-    if (p->own == SEGMENT) {
-        for (int l = 0; l < LANES; l++) {
-            const double *t = tables + (l * phases + phase) * ENTRIES;
-            for (int r = 0; r < ENTRIES; r++) e[r][l] = t[r];
-        }
-        return;
-    }
     if (p->own == LANE) {
         const loose *t = (const loose *)tables + (group * phases + phase) * p->terms;
         for (int r = 0; r < p->terms; r++) e[p->entry[r]] = t[r];
+        return;
+    }
+    if (p->own == SEGMENT) {
+        for (int r = 0; r < p->terms; r++) {
+            lane term;
+            for (int l = 0; l < LANES; l++) term[l] = tables[(l * phases + phase) * p->terms + r];
+            term *= c[r];
+            e[p->entry[r]] = p->entry[r] == last ? e[p->entry[r]] + term : term;
+            last = p->entry[r];
+        }
         return;
     }
     const double *t = tables + phase * p->terms;
@@ -338,16 +341,57 @@ static void between(const lane *saved, const lane *before, const lane *after, la
     }
 }
 
+/* Singular values of so many rows of NX columns, which Jacobi's rotations make orthogonal (M. R. Hestenes,
+   J. SIAM 6 (1958) 51-90); the largest one, or the least. */
+static lane singular_value(lane *z, int count, int largest) {
+    mask open = ~(mask){0};
+    for (int sweep = 0; any(open) && sweep < 30; sweep++) {
+        open = (mask){0};
+        for (int i = 0; i < NX; i++)
+            for (int j = i + 1; j < NX; j++) {
+                lane first = {0}, second = {0}, both = {0};
+                for (int k = 0; k < count; k++) {
+                    const lane x = z[k * NX + i], y = z[k * NX + j];
+                    first += x * x, second += y * y, both += x * y;
+                }
+                const mask off = absolute(both) > 1e-14 * root(first * second);
+                open |= off;
+                if (!any(off)) continue;
+                const lane ratio = (second - first) / (2.0 * both);
+                const lane small = 1.0 / (absolute(ratio) + root(1.0 + ratio * ratio));
+                const mask negative = ratio < 0.0;
+                const lane t = (lane)(((mask)(-small) & negative & off) | ((mask)small & ~negative & off));
+                const lane c = 1.0 / root(1.0 + t * t), s = c * t;
+                for (int k = 0; k < count; k++) {
+                    const lane x = z[k * NX + i], y = z[k * NX + j];
+                    z[k * NX + i] = c * x - s * y;
+                    z[k * NX + j] = s * x + c * y;
+                }
+            }
+    }
+    lane found = {0};
+    for (int i = 0; i < NX; i++) {
+        lane square = {0};
+        for (int k = 0; k < count; k++) square += z[k * NX + i] * z[k * NX + i];
+        found = !i ? square : largest ? larger(found, square) : -larger(-found, -square);
+    }
+    return root(found);
+}
+
 /* The one state of a chain that is closed on itself, (G + H) x = r. */
 static void close_row(const problem *p, long group, const lane *row, lane *z, lane *x) {
     const int columns = NX + 1;                                  /* G + H | r */
-    for (int i = 0; i < NX; i++) {
+    for (int i = 0; i < NX; i++)
+        for (int j = 0; j < NX; j++) z[i * NX + j] = row[i * ROW + j] + row[i * ROW + NX + j];
+    const lane least = singular_value(z, NX, 0);
+    for (int i = 0; i < NX; i++)
         for (int j = 0; j < NX; j++) {
-            const lane g = row[i * ROW + j], h = row[i * ROW + NX + j];
-            z[i * columns + j] = g + h;
-            ((loose *)p->closed)[(group * 2 * NX + i) * NX + j] = g;
-            ((loose *)p->closed)[(group * 2 * NX + NX + i) * NX + j] = h;
+            z[i * NX + j] = row[i * ROW + j];
+            z[(NX + i) * NX + j] = row[i * ROW + NX + j];
         }
+    ((loose *)p->condition)[group] = singular_value(z, 2 * NX, 1) / least;
+    for (int i = 0; i < NX; i++) {
+        for (int j = 0; j < NX; j++) z[i * columns + j] = row[i * ROW + j] + row[i * ROW + NX + j];
         z[i * columns + NX] = row[i * ROW + 2 * NX];
     }
     reflect(z, NX, NX, columns);
@@ -615,7 +659,8 @@ static void advance(const problem *p, long group, room *r) {
 /* Curves from the starts of the blocks. */
 static void write(const problem *p, long group, const room *r) {
     for (int i = 0; i < NX; i++)
-        for (int j = 0; j < NX; j++) ((loose *)p->Phi)[(group * NX + i) * NX + j] = r->sum[i * W + j];
+        for (int j = 0; j < NX; j++)
+            for (int l = 0; l < LANES; l++) p->Phi[((group * LANES + l) * NX + i) * NX + j] = r->sum[i * W + j][l];
     if (!ORBIT) return;
     trace(p, r->length, r->x0, r->stages, r->x, r->a);
     for (long k = 0; k < (STIFF && !p->jumps ? 0 : p->steps); k++) {

@@ -41,7 +41,7 @@ class _Problem(ctypes.Structure):
         ("own", ctypes.c_int),
         *((name, ctypes.c_void_p) for name in ("entry", "stages", "nodes", "h", "coefficients")),
         *((name, ctypes.c_void_p) for name in ("A", "A2", "b", "bA", "c", "powers")),
-        *((name, ctypes.c_void_p) for name in ("Phi", "closed", "curves", "maps")),
+        *((name, ctypes.c_void_p) for name in ("Phi", "condition", "curves", "maps")),
     )
 
 
@@ -86,7 +86,7 @@ def run(
     Raises CompilerError, MemoryError.
     """
     indices = np.ascontiguousarray(np.zeros(1) if entry is None else entry, dtype=np.intc)
-    pointers = {name: part.ctypes.data for name, part in arrays.items()}
+    pointers = {name: part.__array_interface__["data"][0] for name, part in arrays.items()}
     problem = _Problem(entry=indices.ctypes.data, **pointers, **numbers)
     if getattr(library(size), kernel)(ctypes.byref(problem)):
         raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")

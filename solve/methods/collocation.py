@@ -20,8 +20,8 @@ from solve.kernel.library import Size, available
 from solve.methods.method import Discretisation, OneStep, Solutions
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.period_map import Steps, closed_condition
-from solve.period.points import Points, Tables, affine, matrices
+from solve.period.period_map import Steps
+from solve.period.points import OnePoint, Points, Tables, affine, matrices
 from solve.sizes import SMALL
 
 _MEMORY = 2**25
@@ -249,25 +249,25 @@ class Collocated(OneStep):
         size = Size(n, len(method.c), len(method.curve_nodes), method.stiffly_accurate, with_orbit)
         if not available(size):
             return super().solutions(points, grid, orbit)
-        stages = points.tables(grid.stages(np.array(method.c)).ravel())
+        stages = points.tables(grid.stages(method.weights["c"]).ravel())
         nodes = None
         if with_orbit and not grid.smooth:
             nodes = _samples(points.tables(grid.stages(np.array([0.0, 1.0])).T.ravel()))
         elif with_orbit and not method.stiffly_accurate:
             nodes = _samples(points.tables(grid.nodes[:-1]))
         h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
-        made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes)
+        # One of many takes the lanes of these, so that its numbers do not depend on how they are parted.
+        alone = len(points) == 1 and (stages.own or isinstance(points, OnePoint))
+        made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
         steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
-        if not orbit or made.curves is None or made.closed is None:
+        if not orbit or made.curves is None or made.condition is None:
             return self.sound(points, grid, made.Phi, steps=steps)
-        finite = np.asarray(np.isfinite(made.closed).all(axis=(1, 2, 3)))
-        G, H = np.moveaxis(np.where(finite[:, None, None, None], made.closed, 0.0), 1, 0)
-        condition = np.where(finite, closed_condition(G, H), np.inf)
-        curve = Curve(grid.nodes, made.curves)
-        if (np.isfinite(made.Phi).all(axis=(1, 2)) & ~(finite & curve.finite)).any():
+        curve, finite = Curve(grid.nodes, made.curves), np.isfinite(made.condition)
+        lost = ~(finite & curve.finite)
+        if lost.any() and (np.isfinite(made.Phi).all(axis=(1, 2)) & lost).any():
             # Units so far apart that squares overflow in the lanes; NumPy's closing balances them.
             return super().solutions(points, grid, orbit)
-        return self.sound(points, grid, made.Phi, curve, condition, steps)
+        return self.sound(points, grid, made.Phi, curve, made.condition, steps)
 
 
 @cache

@@ -35,6 +35,9 @@ class DampedSampler(MatrixSampler):
         entries[:, :, self.n**2 : 2 * self.n**2] += self.damping(phase).reshape(len(phase), -1)
         return entries
 
+    def terms(self, phase: Array) -> None:
+        return None
+
     def damping(self, phase: Array) -> Array:
         """What is added to C, (m, n, n)."""
         found = damped(super().entries(phase, _STILL)[0], self.n, self._ratios)

@@ -27,7 +27,17 @@ from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.model.sketches import stated_lines
 from solve.statistics import Statistics
-from solve.system import SPEED, AtStates, Dependence, Formulas, Marcher, Matrices, Motion, PeriodicSystem
+from solve.system import (
+    PERIODIC,
+    SPEED,
+    AtStates,
+    Dependence,
+    Formulas,
+    Marcher,
+    Matrices,
+    Motion,
+    PeriodicSystem,
+)
 
 if TYPE_CHECKING:
     import casadi
@@ -112,6 +122,13 @@ class Model(PeriodicSystem):
         # The ordinary way says what is wrong.
         return found if np.isfinite(found).all() else super().entries(phase, speed)
 
+    def terms(self, phase: Array, speed: float) -> tuple[Array, Array, Array] | None:
+        found = self._matrices.terms(phase) if isinstance(self._matrices, MatrixSampler) else None
+        if found is None:
+            return None
+        table, entry, power = found
+        return table, speed ** power[None], entry
+
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         sampler = self._matrices
         if not isinstance(sampler, MatrixSampler):
@@ -124,21 +141,48 @@ class Model(PeriodicSystem):
     def checked(self, speed: float) -> None:
         """Beyond the checks of any system: generated matrices repeat at every phase, and M, which is that
         of a kinetic energy, is positive definite. Raises MatricesError."""
+        if self._sound:
+            return
         super().checked(speed)
-        phase = (np.arange(_LOOKS) + 0.5) * (self.period / _LOOKS)
-        phase = phase[np.abs(phase[:, None] - self.breaks).min(axis=1, initial=np.inf) > 1e-9 * self.period]
+        phase = self._looks
         for symbol, change in self.changes(phase, phase + self.period, speed):
             raise MatricesError(
                 f"{symbol} is not periodic: after the period {self.period:.6g} it has changed by "
                 f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
                 "parameters that count (teeth, orders)"
             )
-        negative = np.linalg.eigvalsh(self.at(phase, speed)[0]).min(axis=1) <= 0
+        negative = _not_positive(self.at(phase, speed)[0])
         if negative.any():
             raise MatricesError(
                 f"M is not positive definite at phase {phase[np.argmax(negative)]:.4g}: some motion there "
                 "has no or negative kinetic energy; look at the masses and the signs in the kinetic energy"
             )
+
+    @cached_property
+    def _looks(self) -> Array:
+        """Phases at which the matrices are looked at, none of them at a jump."""
+        phase = (np.arange(_LOOKS) + 0.5) * (self.period / _LOOKS)
+        return phase[np.abs(phase[:, None] - self.breaks).min(axis=1, initial=np.inf) > 1e-9 * self.period]
+
+    @cached_property
+    def _sound(self) -> bool:
+        """Whether `checked` finds nothing wrong at any speed: the matrices are sums of powers of the speed,
+        each with coefficients that repeat by themselves, and M is the same at all speeds and good."""
+        every = self.beside(self._looks, self._looks + self.period)
+        terms = self._matrices.terms(every) if isinstance(self._matrices, MatrixSampler) else None
+        if terms is None:
+            return False
+        table, entry, power = terms
+        now, later, beside = np.split(table, 3)
+        allowed = PERIODIC * np.abs(now).max(axis=0) + 2 * np.abs(beside - now)
+        # Of what is not finite no comparison holds.
+        if (power[entry < self.n**2] != 2).any() or not (np.abs(later - now) <= allowed).all():
+            return False
+        M = self.at(self._looks, 1.0)[0]
+        with suppress(MatricesError):
+            self._check_inertia(M)
+            return not _not_positive(M).any()
+        return False
 
     def field(self, name: str, position: Array | float) -> Array:
         """Mode functions of a deflection at fractions (k,) of its link's length: (k, n).
@@ -440,6 +484,11 @@ class ModelPoints:
             margins = self._margins(np.tile(phase, len(at)), np.repeat(different[at], len(phase), axis=0))
             hold[at] = (margins > 0).reshape(len(at), -1).all(axis=1)
         return hold[group.ravel()]
+
+
+def _not_positive(M: Array) -> Array:
+    """Which of the matrices (k, n, n) are not positive definite (k,)."""
+    return np.linalg.eigvalsh(M).min(axis=1) <= 0
 
 
 def _by_the_phase(entries: Array, speeds: Array, n: int) -> Array:

@@ -113,6 +113,10 @@ class MatrixSampler:
         inputs, values = ([phase, speed], entries) if self._terms is None else ([phase], self._terms.values)
         self._evaluate = Sampler(casadi.Function("matrices", inputs, [values]))
         self._kept: dict[bytes, Array] = {}
+        if self._terms is not None:
+            every = np.arange(3 * self.n**2 + self.n)
+            self._places = (self._terms.entry[:, None] == every).astype(float)
+            self._powers = self._terms.power + np.maximum(2 - self._terms.entry // self.n**2, 0.0)
 
     def __call__(self, phase: Array, speed: float) -> tuple[Array, Array, Array, Array]:
         return parted(self.entries(phase, np.array([speed]))[0], self.n)
@@ -122,29 +126,30 @@ class MatrixSampler:
         P, m, E = len(speeds), len(phase), 3 * self.n**2 + self.n
         if self._terms is None:
             return self._evaluate(np.tile(phase, P), np.repeat(speeds, m)).reshape(P, m, E)
+        powers = speeds[:, None] ** self._terms.power
+        return self._table(phase) @ (powers[:, :, None] * self._places)
+
+    def terms(self, phase: Array) -> tuple[Array, Array, Array] | None:
+        """The coefficients (m, R) of powers of the speed, and to which entry, rising, and which power each
+        belongs, (R,), of Ω²M, ΩC, K and d; None where these are no polynomials of the speed."""
+        return None if self._terms is None else (self._table(phase), self._terms.entry, self._powers)
+
+    def _table(self, phase: Array) -> Array:
         key = phase.tobytes()
         if key not in self._kept:
             if sum(table.nbytes for table in self._kept.values()) > _MOST_KEPT:
                 self._kept.clear()
-            table = np.zeros((m, self._terms.powers, E))
-            table[:, self._terms.power, self._terms.entry] = self._evaluate(phase)
-            by_power = np.ascontiguousarray(np.moveaxis(table, 1, 0))
-            self._kept[key] = by_power.reshape(self._terms.powers, m * E)
-        powers = speeds[:, None] ** np.arange(self._terms.powers)
-        return (powers @ self._kept[key]).reshape(P, m, E)
+            self._kept[key] = self._evaluate(phase)
+        return self._kept[key]
 
 
 class _Terms(NamedTuple):
-    """Coefficients of powers of the speed, `values` (R): to which entry and which power each belongs."""
+    """Coefficients of powers of the speed, `values` (R): to which entry, rising, and which power each
+    belongs."""
 
     values: "casadi.SX"
     entry: Array
     power: Array
-
-    @property
-    def powers(self) -> int:
-        """Powers from 0 to the highest."""
-        return 1 + int(self.power.max(initial=0))
 
 
 def _powers(entries: "casadi.SX", speed: "casadi.SX") -> _Terms | None:
@@ -160,5 +165,7 @@ def _powers(entries: "casadi.SX", speed: "casadi.SX") -> _Terms | None:
         power += [k] * len(present)
         entries = casadi.densify(casadi.jacobian(entries, speed))
         if entries.is_zero():
-            return _Terms(casadi.vertcat(*parts), np.array(entry, dtype=int), np.array(power, dtype=int))
+            order = np.argsort(entry, kind="stable")
+            values = casadi.vertcat(*parts)[order.tolist()]
+            return _Terms(values, np.array(entry, dtype=int)[order], np.array(power, dtype=int)[order])
     return None

@@ -89,7 +89,7 @@ class Curve:
     def n(self) -> int:
         return self.coefficients.shape[-3]
 
-    @property
+    @cached_property
     def finite(self) -> Array:
         with np.errstate(invalid="ignore"):
             return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
@@ -118,9 +118,8 @@ class Curve:
         return step, _falling(D, derivative) * powers / h[:, None] ** derivative
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
-        D, theta = self.coefficients.shape[-1], np.arange(a_step) / a_step
-        powers = theta ** np.arange(D - derivative)[:, None]
-        values = self.coefficients[..., derivative:] @ (_falling(D, derivative)[derivative:, None] * powers)
+        D = self.coefficients.shape[-1]
+        values = self.coefficients[..., derivative:] @ _weights(D, a_step, derivative)
         if derivative:
             values /= np.diff(self.nodes)[:, None] ** derivative
         return values.reshape(*values.shape[:-2], values.shape[-2] * a_step)
@@ -158,6 +157,13 @@ def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
         value *= theta
         value += factors[power] * pieces[..., power] if derivative else pieces[..., power]
     return value
+
+
+@cache
+def _weights(powers: int, a_step: int, derivative: int) -> Array:
+    """Of the powers of θ from `derivative` on, in its values at `a_step` places evenly from 0 on."""
+    theta = np.arange(a_step) / a_step
+    return _falling(powers, derivative)[derivative:, None] * theta ** np.arange(powers - derivative)[:, None]
 
 
 @cache

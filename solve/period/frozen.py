@@ -52,9 +52,8 @@ class Frozen:
         """Eigenvalues (P, k, 2n), by the phase, at some of the phases, all by default."""
         if self._n == 1:
             return _quadratic(*self._matrices[:, 0, 0][..., phases])
-        entries = np.moveaxis(self._fields[..., phases], 0, -1)
-        rate = rate_of(*parted(entries, self._n))[..., :-1]
-        return _eigenvalues(rate)
+        entries = self._fields[..., phases].transpose(1, 2, 0)
+        return _eigenvalues(rate_of(*parted(entries, self._n))[..., :-1])
 
     def burdens(self, sizes: Array) -> Array:
         """How far all that acts on a coordinate would move it against its own stiffness (P, n): the others,
@@ -97,11 +96,18 @@ class Frozen:
             if len(open_):
                 faster[open_] = (self[open_]._fastest() > rate).any(axis=1)
             return faster
-        faster = ~self._slow(rate)
-        open_ = np.flatnonzero(faster)
+        limits, ratios = (rate, rate**2), self._ratios()
+        # The largest eigenvalue is no less than the mean of all, a part of the trace.
+        traces = [np.abs(np.einsum("iipk->pk", part)).max(axis=1) for part in ratios]
+        faster = (traces[0] > self._n * limits[0]) | (traces[1] > self._n * limits[1])
+        open_ = np.flatnonzero(~faster)
+        if len(open_):
+            parts = (np.abs(part[:, :, open_]) / limit for part, limit in zip(ratios, limits, strict=True))
+            open_ = open_[~np.logical_and(*map(_contracts, parts))]
         if len(open_) > 1:
             stiffest = self[open_]._stiffest()
-            open_ = open_[self[open_]._at(stiffest)._fastest()[:, 0] <= rate]
+            faster[open_] = self[open_]._at(stiffest)._fastest()[:, 0] > rate
+            open_ = open_[~faster[open_]]
         if len(open_):
             faster[open_] = (self[open_]._fastest() > rate).any(axis=1)
         return faster
@@ -111,7 +117,14 @@ class Frozen:
         is regular beyond where (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v (Perron, Collatz)."""
         if self._n > 1:
             C, K = self._ratios()
-            return _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+            inside = np.zeros(len(self), dtype=bool)
+            # No sum of squares of the 2n eigenvalues is larger than 2n times that of the largest.
+            squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
+            open_ = np.flatnonzero(np.abs(squares).max(axis=1) <= 2 * self._n * reach**2)
+            if len(open_):
+                C, K = C[:, :, open_], K[:, :, open_]
+                inside[open_] = _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+            return inside
         inside = self._surely_within(reach)
         open_ = np.flatnonzero(~inside)
         if len(open_):
@@ -149,11 +162,6 @@ class Frozen:
             stiffness, damping = (np.abs(_eigenvalues(solved(M, part))).max(axis=-1) for part in (K, C))
         return np.maximum(np.sqrt(stiffness), damping)
 
-    def _slow(self, rate: float) -> Array:
-        """Whether the points are sure not to be faster than the rate."""
-        C, K = self._ratios()
-        return _contracts(np.abs(K) / rate**2) & _contracts(np.abs(C) / rate)
-
     def _ratios(self) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), by elimination without exchange, as inertia allows."""
         M, C, K = self._matrices
@@ -184,9 +192,9 @@ def surviving(eigenvalues: Array, period: float, limit: float) -> Array:
 
 def _eigenvalues(matrices: Array) -> Array:
     """Eigenvalues (…, N); infinite where a matrix is not finite."""
-    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
-    if finite.all():
+    if np.isfinite(matrices).all():
         return np.linalg.eigvals(matrices)
+    finite = np.isfinite(matrices).all(axis=(-2, -1))
     values = np.linalg.eigvals(np.where(finite[..., None, None], matrices, 0.0))
     return np.where(finite[..., None], values, np.inf)
 

@@ -1,11 +1,14 @@
 """The steps of one turn: nodes on the phase, with every jump of the matrices at the end of a step."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from solve.arrays import Array
+
+_FEW = 4096
+"""Steps up to which grids and their phases are kept."""
 
 _INSIDE = 1e-13
 """How far inside its step, relative to the period, a stage beside a jump is sampled."""
@@ -29,6 +32,10 @@ class Grid:
         Every piece gets more steps when there are twice as many, or a third more (of 6 a piece or more),
         however short it is: two grids alike in a piece would agree there on what neither resolves.
         """
+        return (_kept if steps <= _FEW else cls._made)(steps, period, tuple(breaks))
+
+    @classmethod
+    def _made(cls, steps: int, period: float, breaks: tuple[float, ...]) -> "Grid":
         if not breaks:
             return cls(np.linspace(0.0, period, steps + 1), np.zeros(steps, dtype=bool))
         ends, jump_at_zero = pieces(period, breaks)
@@ -41,11 +48,11 @@ class Grid:
         at_break[0] = jump_at_zero
         return cls(np.append(np.concatenate(parts), period), at_break)
 
-    @property
+    @cached_property
     def steps(self) -> int:
         return len(self.nodes) - 1
 
-    @property
+    @cached_property
     def period(self) -> float:
         return float(self.nodes[-1])
 
@@ -54,7 +61,7 @@ class Grid:
         """Step lengths in phase (m,)."""
         return np.diff(self.nodes)
 
-    @property
+    @cached_property
     def smooth(self) -> bool:
         """Whether the matrices jump nowhere."""
         return not self.at_break.any()
@@ -74,6 +81,20 @@ class Grid:
         Where a step ends at a jump, its end stages lie just inside the step: each step sees the
         matrices of its own side.
         """
+        if self.steps > _FEW:
+            return self._stages(c)
+        key = c.tobytes()
+        if key not in self._phases:
+            self._phases[key] = self._stages(c)
+            self._phases[key].flags.writeable = False
+        return self._phases[key]
+
+    @cached_property
+    def _phases(self) -> dict[bytes, Array]:
+        """Stages that were asked for."""
+        return {}
+
+    def _stages(self, c: Array) -> Array:
         phases = self.nodes[:-1, None] + self.h[:, None] * c
         if self.smooth:
             return phases
@@ -81,6 +102,12 @@ class Grid:
         low = self.nodes[:-1] + inset * self.at_break
         high = self.nodes[1:] - inset * np.roll(self.at_break, -1)
         return np.clip(phases, low[:, None], high[:, None])
+
+
+@lru_cache(maxsize=64)
+def _kept(steps: int, period: float, breaks: tuple[float, ...]) -> Grid:
+    """Grids are met again, from solution to solution."""
+    return Grid._made(steps, period, breaks)
 
 
 def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from solve.arrays import Array, across
+from solve.arrays import Array, across, solved
 
 NEGLIGIBLE = 1e-100
 """Modulus below which multipliers count as unresolved: products of so different factors keep no digit."""
@@ -74,12 +74,12 @@ class Multipliers:
             order = np.argsort(-modulus, axis=-1, kind="stable")
             values, modulus = (np.take_along_axis(part, order, axis=-1) for part in (values, modulus))
         _put_positive_first(values)
-        norm = np.asarray(frobenius(Phi))
+        scaled, unit = _scaled(Phi)
+        norm = np.asarray(unit * _frobenius(scaled))
         # Frobenius' norm bounds that of the balanced matrix, which is asked for only where it decides.
         unsure = modulus[..., -1] <= _LOST * norm
         if unsure.any():
-            scaled, unit = _scaled(Phi[unsure])
-            norm[unsure] = unit * np.linalg.norm(_balanced(scaled), 2, axis=(-2, -1))
+            norm[unsure] = unit[unsure] * _spectral(_balanced(scaled[unsure]))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
         return cls(np.where(kept, values, 0.0), across(np.add, kept.astype(int)), bound)
@@ -112,9 +112,11 @@ class Multipliers:
             return _pairs_apart(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
         nearest, least = distance.argmin(axis=-1), distance.min(axis=-1)
-        largest = np.asarray(least.max(axis=-1))
+        largest, places = np.asarray(least.max(axis=-1)), np.arange(nearest.shape[-1])
+        if (nearest == places).all():
+            return largest
         # Where two have the same nearest neighbour, and not each that of its own place, pairing takes more.
-        shared = (np.sort(nearest, axis=-1) != np.arange(nearest.shape[-1])).any(axis=-1)
+        shared = (np.sort(nearest, axis=-1) != places).any(axis=-1)
         shared &= (np.abs(self.values - other.values) > least).any(axis=-1)
         for point in zip(*np.nonzero(np.atleast_1d(shared)), strict=True) if shared.any() else ():
             at = point if largest.ndim else ()
@@ -156,7 +158,16 @@ def matched(distance: Array) -> tuple[Array, Array]:
 def frobenius(Phi: Array) -> Array:
     """Frobenius' norm (…) of matrices (…, N, N), without overflow."""
     scaled, unit = _scaled(Phi)
-    return unit * np.sqrt(np.square(_by_entry(scaled)).sum(axis=0))
+    return unit * _frobenius(scaled)
+
+
+def _frobenius(matrices: Array) -> Array:
+    return np.sqrt(np.square(_by_entry(matrices)).sum(axis=0))
+
+
+def _spectral(matrices: Array) -> Array:
+    """Spectral norm (…) of matrices (…, N, N)."""
+    return np.linalg.svd(matrices, compute_uv=False)[..., 0]
 
 
 def accumulated(steps: int) -> float:
@@ -185,12 +196,11 @@ def rounding_errors(Phi: Array) -> Array:
         values, right = np.linalg.eig(balanced)
         # Complex for every point alike, whatever its neighbours are.
         right = right.astype(complex)
-        norm = np.linalg.norm(balanced, 2, axis=(-2, -1))
-        defective = np.linalg.slogdet(right)[0] == 0
-        right = np.where(defective[..., None, None], np.eye(Phi.shape[-1]), right)
+        norm = _spectral(balanced)
         with np.errstate(over="ignore"):
-            conditions = np.linalg.norm(np.linalg.inv(right), axis=-1)
-        conditions = np.where(defective[..., None], np.inf, conditions)
+            left = np.linalg.norm(solved(right, np.eye(Phi.shape[-1])), axis=-1)
+        # No left eigenvectors stand beside defective ones.
+        conditions = np.where(np.isnan(left), np.inf, left)
     radius = across(np.maximum, np.abs(values))
     known = unit * radius > NEGLIGIBLE
     scale = np.where(known, radius, 1.0)

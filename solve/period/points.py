@@ -43,6 +43,8 @@ class Tables:
         """All entries as fields over points and phases (3n² + n, P, k)."""
         if self._whole:
             return np.ascontiguousarray(np.moveaxis(self.table, -1, 0))
+        if len(self.coefficients) == 1 and not self.own:
+            return (self._weights @ self.table.T)[:, None]
         made = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
         last = -1
         for term, entry in enumerate(self.entry.tolist()):
@@ -67,7 +69,17 @@ class Tables:
 
     def entries(self) -> Array:
         """The same as (P, k, 3n² + n)."""
-        return self.table if self._whole else np.moveaxis(self.fields(), 0, -1)
+        if self._whole:
+            return self.table
+        if len(self.coefficients) == 1 and not self.own:
+            return (self.table @ self._weights.T)[None]
+        return np.moveaxis(self.fields(), 0, -1)
+
+    @property
+    def _weights(self) -> Array:
+        """Of the terms in the entries of the first point (3n² + n, R)."""
+        every = np.arange(3 * self.n**2 + self.n)
+        return np.where(every[:, None] == self.entry, self.coefficients[0], 0.0)
 
     @property
     def _whole(self) -> bool:
@@ -131,7 +143,10 @@ class OnePoint:
         return self
 
     def tables(self, phase: Array) -> Tables:
-        return Tables.of(self.system.entries(phase, self.speed)[None], self.n)
+        terms = self.system.terms(phase, self.speed)
+        if terms is None:
+            return Tables.of(self.system.entries(phase, self.speed)[None], self.n)
+        return Tables(*terms, self.n)
 
 
 def matrices(points: Points, phase: Array) -> Matrices:
@@ -157,7 +172,7 @@ def rate_of(M: Array, C: Array, K: Array, d: Array) -> Array:
     """The same (…, 2n, 2n+1) of matrices (…, n, n) and loads (…, n)."""
     n = d.shape[-1]
     rate = np.zeros((*d.shape[:-1], 2 * n, 2 * n + 1))
-    rate[..., range(n), range(n, 2 * n)] = 1.0
+    rate[..., :n, n : 2 * n] = np.eye(n)
     rate[..., n:, :] = solved(M, np.concatenate((-K, -C, d[..., None]), axis=-1))
     return rate
 

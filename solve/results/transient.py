@@ -20,6 +20,7 @@ from solve.results.report import (
     sized,
     speeds_of,
     stacked,
+    table,
     table_of,
     text,
 )
@@ -216,18 +217,10 @@ class Transient(Result):
     def _output_tables(self) -> list[RenderableType]:
         if not self.outputs:
             return []
-        ends = {"max": np.max, "min": np.min}
-        columns = {"": Column(list(self.outputs), heading="output")} | {
-            heading: Column(
-                [
-                    measured(extreme(values), self.system.units.get(name, ""))
-                    for name, values in self.outputs.items()
-                ],
-                heading=heading,
-            )
-            for heading, extreme in ends.items()
-        }
-        made = table_of("Outputs over all turns", columns, left=1)
+        made = table("Outputs over all turns", "output", "max", "min")
+        for name, values in self.outputs.items():
+            unit = self.system.units.get(name, "")
+            made.add_row(name, measured(values.max(), unit), measured(values.min(), unit))
         return [made]
 
     @property
