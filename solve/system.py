@@ -75,6 +75,11 @@ class Formulas(NamedTuple):
     values: Array
 
 
+Columns = Callable[[Formulas, Sequence[Array]], Array | None]
+"""What evaluates formulas of inputs (width, k), a column each, in compiled code: (outputs, k); None where it
+cannot."""
+
+
 class ManyPoints(Protocol):
     """A system at many points at once: each has its speed, (P,) in rad/s, and values (P, v) of its own for
     some parameters."""
@@ -126,6 +131,10 @@ class Dependence(Protocol):
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         """Derivatives (k, n, r) of M q″ + C q′ + K q - d, of derivatives by the phase, or of the residual of
         nonlinear equations."""
+        ...
+
+    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+        """Sums (r, c) of these over phases and rows, with weights (k, n, c)."""
         ...
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
@@ -417,8 +426,9 @@ class PeriodicSystem:
         """Names of the parameters by which the equations have derivatives."""
         return ()
 
-    def dependence(self, names: Sequence[str]) -> Dependence:
-        """On parameters, or "speed", by their names. Raises UnknownNameError, NoDerivativeError."""
+    def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
+        """On parameters, or "speed", by their names; compiled: what evaluates formulas, where that is to be
+        used. Raises UnknownNameError, NoDerivativeError."""
         raise NoDerivativeError(
             f"{self.name} has no generated equations that could be differentiated; state it as a mechanism "
             "and derive it"

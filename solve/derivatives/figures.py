@@ -57,6 +57,13 @@ class OrbitOnGrid(Turn):
         return np.stack([self.turn.curve(phase, order).T for order in (2, 1, 0)], axis=1)
 
     @property
+    def loaded(self) -> tuple[Array, float, Array]:
+        """Phases at which loads act, the speed, and the states there, (k,) and (k, 3, n)."""
+        turn = self.turn
+        phases, states = turn.phases[:, turn.loaded], turn.orbit.states[:, turn.loaded]
+        return phases.ravel(), self.speed, states.reshape(-1, 3, turn.point.n)
+
+    @property
     def samples(self) -> int:
         return self.turn.grid.steps * samples_a_step(self.turn.grid.steps)
 
@@ -73,17 +80,18 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """From the derivatives of the whole orbit: for many quantities. residual (m, k, n, r): derivatives of the
-    residual at the phases of the grid."""
+    """From the derivatives of the whole orbit by r quantities θ: for many figures."""
 
     orbit: OrbitOnGrid
     dependence: Dependence
-    residual: Array
+    count: int
 
     @cached_property
     def moved(self) -> Motions:
         """Derivatives of the orbit."""
-        return self.orbit.turn.under(-self.residual)
+        turn = self.orbit.turn
+        found = self.dependence.residual(*self.orbit.loaded)
+        return turn.under(-found.reshape(*turn.d.shape, self.count))
 
     @cached_property
     def _curves(self) -> Curve:
@@ -100,7 +108,7 @@ class Forward:
 
     @cached_property
     def _data(self) -> Array:
-        return self.orbit.turn.data(self.moved).reshape(-1, self.residual.shape[-1])
+        return self.orbit.turn.data(self.moved).reshape(-1, self.count)
 
     def of(self, figures: Sequence[Sums]) -> list[Array]:
         """Derivatives (r,) of figures."""
@@ -115,17 +123,18 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """From one adjoint problem, with a column a sum: for many parameters. residual: as in `Forward`."""
+    """From one adjoint problem, with a column a sum: for many parameters."""
 
     orbit: OrbitOnGrid
     dependence: Dependence
-    residual: Array
+    count: int
 
     def of(self, figures: Sequence[Sums]) -> list[Array]:
         """Derivatives (r,) of figures."""
         direct, of_data = zip(*(_parted(self.orbit, self.dependence, each) for each in figures), strict=True)
-        pulled, r = self.orbit.turn.pulled(np.concatenate(of_data, axis=-1)), self.residual.shape[-1]
-        found = self.residual.reshape(-1, r).T @ pulled.reshape(-1, pulled.shape[-1])
+        pulled = self.orbit.turn.pulled(np.concatenate(of_data, axis=-1))
+        weights = pulled.reshape(-1, *pulled.shape[2:])
+        found = self.dependence.residual_along(*self.orbit.loaded, weights)
         ends = np.cumsum([each.weights.shape[1] for each in figures])
         parts = zip(figures, direct, np.split(found, ends[:-1], axis=1), strict=True)
         return [each.made(held - along) for each, held, along in parts]

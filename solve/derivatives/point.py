@@ -15,6 +15,8 @@ from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Su
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
+from solve.kernel.engines import COMPILED
+from solve.kernel.formulas import columns
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.newton.orbits import nonlinear as nonlinear_orbit
@@ -71,7 +73,7 @@ def sensitivities(
     else:
         orbit = any(each.of_orbit for each in asked)
         solved = (periodic if orbit else floquet)(*given, method, steps, rtol, engine)
-    return of_solution(solved, asked, names, solved.system.dependence(names))
+    return of_solution(solved, asked, names)
 
 
 def quantities_by(
@@ -85,12 +87,10 @@ def quantities_by(
     return asked, names
 
 
-def of_solution(
-    solved: Stability, asked: Sequence[Named], names: Sequence[str], dependence: Dependence
-) -> Sensitivities:
+def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str]) -> Sensitivities:
     """Of a solution that is known, an orbit where quantities need one. Raises ValueOutOfBoundsError for
     methods without stages."""
-    rule, system = solved.certified.method, solved.system
+    rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
     if not isinstance(rule, Collocated):
         raise ValueOutOfBoundsError(
             f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
@@ -105,6 +105,12 @@ def of_solution(
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, solved.notes)
+
+
+def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
+    """On parameters, or "speed", with the engine that solved."""
+    compiled = columns if solved.certified.request.engine == COMPILED else None
+    return solved.system.dependence(names, compiled)
 
 
 def _usual(system: PeriodicSystem) -> list[str]:
@@ -137,29 +143,17 @@ class OnGrid:
 
     @cached_property
     def turn(self) -> TurnOnGrid:
-        system = self.solved.system
+        system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
-        return TurnOnGrid(OnePoint(system, self.solved.speed), self.rule, grid)
+        return TurnOnGrid(OnePoint(system, self.solved.speed), self.rule, grid, engine)
 
     @cached_property
     def orbit(self) -> OrbitOnGrid:
         return OrbitOnGrid(self.solved.system, self.solved.speed, self.turn)
 
     @cached_property
-    def _given(self) -> tuple[OrbitOnGrid, Dependence, Array]:
-        """What derivatives of the orbit follow from."""
-        turn, n = self.turn, self.turn.point.n
-        chosen = np.s_[:, int(turn.closed) :]
-        phases, states = turn.phases[chosen], turn.orbit.states[chosen].reshape(-1, 3, n)
-        found = self.dependence.residual(phases.ravel(), self.solved.speed, states)
-        found = found.reshape(*phases.shape, n, -1)
-        if turn.closed:
-            found = np.concatenate((np.roll(found[:, -1:], 1, axis=0), found), axis=1)
-        return self.orbit, self.dependence, found
-
-    @cached_property
     def forward(self) -> Forward:
-        return Forward(*self._given)
+        return Forward(self.orbit, self.dependence, len(self.names))
 
     @cached_property
     def figures(self) -> Figures:
@@ -199,7 +193,8 @@ class OnGrid:
                 found.append(reason)
         at = [place for place, each in enumerate(found) if isinstance(each, Sums)]
         if at:
-            made = (Adjoint(*self._given) if self.adjoint else self.forward).of([found[k] for k in at])
+            given = self.orbit, self.dependence, len(self.names)
+            made = (Adjoint(*given) if self.adjoint else self.forward).of([found[k] for k in at])
             for place, slopes in zip(at, made, strict=True):
                 found[place] = slopes
         return found

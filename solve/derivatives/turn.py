@@ -11,13 +11,15 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.kernel.engines import COMPILED
+from solve.kernel.systems import solved_together
 from solve.methods.collocation import Collocated
 from solve.methods.method import no_orbit
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import SINGULAR, Steps, periodic_states
 from solve.period.points import OnePoint, matrices
-from solve.sizes import require_size
+from solve.sizes import SMALL, require_size
 
 
 @dataclass(frozen=True)
@@ -33,21 +35,26 @@ class TurnOnGrid:
     """A system at a speed on a grid, by a collocation method.
 
     phases (m, k): of every step its start, its stages, and its end where the last stage is not there already.
-    M, C, K (m, k, n, n) and d (m, k, n) at these, for derivatives by the phase. A (m, 2n, 2n): maps of the
-    steps; B (m, 2n, s n): from loads at their stages to the states at their ends.
+    `loaded` chooses those at which loads act: where every step starts at the last stage of the one before,
+    the stages alone. A (m, 2n, 2n): maps of the steps; B (m, 2n, s n): from loads at their stages to the
+    states at their ends.
     """
 
-    def __init__(self, point: OnePoint, method: Collocated, grid: Grid):
-        """Raises ValueOutOfBoundsError for more than can be held."""
+    def __init__(self, point: OnePoint, method: Collocated, grid: Grid, engine: str):
+        """engine: COMPILED or NUMPY. Raises ValueOutOfBoundsError for more than can be held."""
         self.point, self.grid, self.rule = point, grid, method.collocation
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
-        n, s, (m, k) = point.n, len(self.rule.c), self.phases.shape
+        n, s, m = point.n, len(self.rule.c), grid.steps
         require_size("steps", m, 2 * s * n * (s + 2) * n)
-        sampled = matrices(point, self.phases.ravel())
-        self.M, self.C, self.K, self.d = (part[0].reshape(m, k, *part.shape[2:]) for part in sampled)
-        M, C, K = (part[None, :, self.stages] for part in (self.M, self.C, self.K))
+        self.closed = self.rule.stiffly_accurate and grid.smooth
+        self.loaded = slice(1, None) if self.closed else slice(None)
+        self._stages = slice(int(not self.closed), int(not self.closed) + s)
+        sampled = matrices(point, self.phases[:, self.loaded].ravel())
+        self.M, self.C, self.K, self.d = (part[0].reshape(m, -1, *part.shape[2:]) for part in sampled)
+        M, C, K = (part[None, :, self._stages] for part in (self.M, self.C, self.K))
         unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, m, s, n, s * n))
-        a = self.rule.stage_accelerations(grid.h, M, C, K, unit)
+        together = solved_together if engine == COMPILED and n <= SMALL else solved
+        a = self.rule.stage_accelerations(grid.h, M, C, K, unit, together)
         maps = self.rule.maps(grid.h, a)[0]
         self.A, self.B = maps[..., : 2 * n], maps[..., 2 * n :]
         self._responses = a[0].reshape(m, s * n, -1)
@@ -56,11 +63,6 @@ class TurnOnGrid:
     def stages(self) -> slice:
         """Which of the k phases of a step are its stages."""
         return slice(1, 1 + len(self.rule.c))
-
-    @property
-    def closed(self) -> bool:
-        """Whether every step starts at the last stage of the one before."""
-        return self.rule.stiffly_accurate and self.grid.smooth
 
     @cached_property
     def orbit(self) -> Motions:
@@ -73,16 +75,23 @@ class TurnOnGrid:
         return self.curves(self.orbit)[0]
 
     def under(self, loads: Array) -> Motions:
-        """Periodic solutions under loads (m, k, n, r) at the phases. Raises ResonanceError."""
-        m, k, _, r = loads.shape
-        at_stages = loads[:, self.stages].reshape(m, -1, r)
+        """Periodic solutions under loads (m, l, n, r) at the phases where they act. Raises ResonanceError."""
+        m, _, _, r = loads.shape
+        at_stages = loads[:, self._stages].reshape(m, -1, r)
         x, condition = periodic_states(Steps(self.A, self.B @ at_stages))
         if not condition < 1 / SINGULAR:
             raise no_orbit()
-        parts = [self._at_ends(0, x[:-1], loads), self.stage_states(x[:-1], at_stages)]
-        if k > len(self.rule.c) + 1:
+        states = self.stage_states(x[:-1], at_stages)
+        before = np.roll(states[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
+        parts = [before, states]
+        if self._ends_apart:
             parts.append(self._at_ends(-1, x[1:], loads))
         return Motions(x, np.concatenate(parts, axis=1))
+
+    @property
+    def _ends_apart(self) -> bool:
+        """Whether ends of steps are no stages."""
+        return self.phases.shape[1] > len(self.rule.c) + 1
 
     def stage_states(self, x: Array, loads: Array | None = None) -> Array:
         """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, under
@@ -130,21 +139,24 @@ class TurnOnGrid:
         return (summed @ by_phase.reshape(count, -1)).reshape(m, 2 + k, n, c)
 
     def pulled(self, of_data: Array) -> Array:
-        """The adjoint problem: by how much loads (m, k, n) at the phases of the grid raise sums with weights
-        (m, 2 + k, n, c) of the data, (m, k, n, c). It is the same for any number of loads."""
-        (m, k), (_, _, n, c), h = self.phases.shape, of_data.shape, self.grid.h[:, None, None]
+        """The adjoint problem: by how much loads (m, l, n) at the phases where they act raise sums with
+        weights (m, 2 + k, n, c) of the data, (m, l, n, c). It is the same for any number of loads."""
+        (m, loaded, n), c, h = self.d.shape, of_data.shape[-1], self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
-        accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, k, n, c))
+        accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, loaded, n, c))
+        if self.closed:
+            accelerations[:, -1] += np.roll(accelerations[:, 0], -1, axis=0)
+        else:
+            found[:, 0], before = self._pulled_from_ends(0, accelerations)
+            states += before
         responses = self._responses.swapaxes(1, 2) @ accelerations[:, self.stages].reshape(m, -1, c)
         states += responses[:, : 2 * n]
-        found[:, 0], before = self._pulled_from_ends(0, accelerations)
-        states += before
-        if k > len(self.rule.c) + 1:
+        if self._ends_apart:
             found[:, -1], behind = self._pulled_from_ends(-1, accelerations)
             states += np.roll(behind, 1, axis=0)
         y, _ = periodic_states(Steps(self.A.swapaxes(1, 2)[::-1], states[::-1]))
         at_stages = responses[:, 2 * n :] + self.B.swapaxes(1, 2) @ y[:-1][::-1]
-        found[:, self.stages] = at_stages.reshape(m, -1, n, c)
+        found[:, self._stages] = at_stages.reshape(m, -1, n, c)
         return found
 
     def _pulled_from_ends(self, place: int, accelerations: Array) -> tuple[Array, Array]:

@@ -26,7 +26,7 @@ from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.model.sketches import stated_lines
 from solve.statistics import Statistics
-from solve.system import SPEED, Dependence, Formulas, Marcher, Matrices, Motion, PeriodicSystem
+from solve.system import SPEED, Columns, Dependence, Formulas, Marcher, Matrices, Motion, PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
@@ -194,19 +194,29 @@ class Model(PeriodicSystem):
                 return self.setup.varied(changed, {}).breaks != found
         return True
 
-    def dependence(self, names: Sequence[str]) -> Dependence:
-        return self._dependence(names, False)
+    def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
+        return self._dependence(names, compiled, False)
 
-    def _dependence(self, names: Sequence[str], nonlinear: bool) -> Dependence:
-        from solve.model.dependence import AssembledDependence, GeneratedDependence, GeneratedSlopes
+    def _dependence(self, names: Sequence[str], compiled: Columns | None, nonlinear: bool) -> Dependence:
+        from solve.model.dependence import AssembledDependence, GeneratedDependence
 
         self.require_smooth(names)
         if self.assembled:
             return AssembledDependence(self, names)
-        key = tuple(names), nonlinear
+        if compiled is not None:
+            # One text for the compiler, whatever is asked for.
+            slopes = self._slopes_by((*self.smooth_parameters, SPEED), nonlinear)
+            if slopes.residual.text:
+                return GeneratedDependence(slopes, self.setup, self.n, names, compiled)
+        return GeneratedDependence(self._slopes_by(tuple(names), nonlinear), self.setup, self.n, names)
+
+    def _slopes_by(self, names: tuple[str, ...], nonlinear: bool) -> "GeneratedSlopes":
+        from solve.model.dependence import GeneratedSlopes
+
+        key = names, nonlinear
         if key not in self._slopes:
             self._slopes[key] = GeneratedSlopes(self.setup, self.n, names, nonlinear)
-        return GeneratedDependence(self._slopes[key], self.setup, self.n, len(names))
+        return self._slopes[key]
 
     @property
     def assembled(self) -> bool:
@@ -320,13 +330,13 @@ class ModelAlong(Model):
     def along(self, motion: Motion) -> PeriodicSystem:
         return self.model.along(motion)
 
-    def dependence(self, names: Sequence[str]) -> Dependence:
+    def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
         if self.assembled:
             raise NoDerivativeError(
                 f"{self.name} has damping ratios, whose derivatives are known along its linear orbit alone; "
                 "leave out what asks for nonlinear equations, or state the dissipation"
             )
-        return self.model._dependence(names, nonlinear=True)
+        return self.model._dependence(names, compiled, nonlinear=True)
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

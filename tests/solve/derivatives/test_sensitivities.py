@@ -191,14 +191,9 @@ def test_derivatives_are_those_of_the_grid(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in CASES if name != "four_bar"])
+@pytest.mark.parametrize("name", CASES)
 def test_derivatives_are_those_of_the_grid_by_every_parameter(name):
     check(name, None)
-
-
-@pytest.mark.slow
-def test_derivatives_of_a_structure_are_those_of_the_grid():
-    check("four_bar", ["L2", "A2", "E", "zeta"])
 
 
 def test_multipliers_that_meet_have_no_derivative():
