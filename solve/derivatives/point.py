@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import matched_logarithms
 from solve.certify.pace import Pace, estimated
-from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Sums
+from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Starts, Sums
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
@@ -20,6 +20,7 @@ from solve.kernel.formulas import columns
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.newton.orbits import nonlinear as nonlinear_orbit
+from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.period.points import OnePoint
@@ -139,13 +140,25 @@ class OnGrid:
     dependence: Dependence
     names: Sequence[str]
     adjoint: bool = False
-    starts: dict[tuple[str, float], Array] = field(default_factory=dict)
+    starts: Starts = field(default_factory=dict)
 
     @cached_property
     def turn(self) -> TurnOnGrid:
         system, engine = self.solved.system, self.solved.certified.request.engine
-        grid = Grid.uniform(self.steps, system.period, system.breaks)
-        return TurnOnGrid(OnePoint(system, self.solved.speed), self.rule, grid, engine)
+        grid, point = (
+            Grid.uniform(self.steps, system.period, system.breaks),
+            OnePoint(system, self.solved.speed),
+        )
+        return TurnOnGrid(point, self.rule, grid, engine, self._curve(grid, point, engine))
+
+    def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
+        """The periodic solution on a grid, where it is known already, or quickly found."""
+        solutions = self.solved.certified.solutions
+        if self.steps != self.solved.steps:
+            if engine != COMPILED:
+                return None
+            solutions = self.rule.solutions(point, grid, True, engine)
+        return solutions.curve[0] if isinstance(solutions.curve, Curve) and not solutions.failures else None
 
     @cached_property
     def orbit(self) -> OrbitOnGrid:

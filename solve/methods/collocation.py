@@ -6,7 +6,6 @@ one linear system of order s n a step, with no inverse of M (E. Hairer, G. Wanne
 Differential Equations II, IV.5; the second-order form equals the method on q, q′ exactly).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
@@ -90,19 +89,10 @@ class Collocation:
         powers[2:, 2:] = acceleration / ((k + 1) * (k + 2))[:, None]
         return powers
 
-    def stage_accelerations(
-        self,
-        h: Array,
-        M: Array,
-        C: Array,
-        K: Array,
-        d: Array,
-        solved: Callable[[Array, Array], Array] = solved,
-    ) -> Array:
+    def stage_accelerations(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> Array:
         """Accelerations (P, m, s, n, 2n+r) as affine functions of (q, v) at the step's start and of r loads.
 
-        h (m,); M, C, K (P, m, s, n, n) and d (P, m, s, n, r), or (P, m, s, n) for one load, at the stages;
-        solved: solves linear systems.
+        h (m,); M, C, K (P, m, s, n, n) and d (P, m, s, n, r), or (P, m, s, n) for one load, at the stages.
         """
         P, m, s, n = d.shape[:4]
         a = np.empty((P, m, s * n, 2 * n + d[0, 0, 0, 0].size))

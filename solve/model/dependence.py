@@ -14,11 +14,14 @@ from solve.model.sampling import Sampler
 from solve.model.setup import Setup
 from solve.system import SPEED, Columns, Formulas, PeriodicSystem
 
+_TOGETHER = 1024
+"""Phases whose derivatives are summed at a time: few enough to stay in a processor's cache."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """Derivatives of a generated function: those that are not always 0, with row and column of each; the
-    function of CasADi gives them one after another, of inputs and the parameters (p,)."""
+    """Derivatives of a generated function: those that are not always 0, with row and column of each, row by
+    row; the function of CasADi gives them one after another, of inputs and the parameters (p,)."""
 
     shape: tuple[int, int]
     rows: Array
@@ -52,10 +55,13 @@ class _Slopes:
 
     def along(self, values: Array, weights: Array) -> Array:
         """Sums over k and the rows, with weights (k, rows, c): (columns, c)."""
-        made = np.zeros((self.shape[1], weights.shape[2]))
-        for row in range(self.shape[0]):
-            these = self.rows == row
-            made[self.columns[these]] += values[these] @ weights[:, row]
+        made, ends = (
+            np.zeros((self.shape[1], weights.shape[2])),
+            np.searchsorted(self.rows, range(1, self.shape[0])),
+        )
+        parts = zip(np.split(self.columns, ends), np.split(values, ends), strict=True)
+        for row, (columns, found) in enumerate(parts):
+            made[columns] += found @ weights[:, row]
         return made
 
 
@@ -114,13 +120,12 @@ class GeneratedSlopes:
         *inputs, p = self._symbols
         order = list(self._setup.case.parameters)
         chosen = [inputs[1] if name == SPEED else p[order.index(name)] for name in self.names]
-        slopes = casadi.jacobian(value, casadi.vertcat(*chosen, *states))
-        rows, columns = (np.array(part, dtype=int) for part in slopes.sparsity().get_triplet())
-        if not len(rows):
-            return _Slopes(slopes.shape, rows, columns, None)
-        found = casadi.cse(casadi.vertcat(*slopes.nonzeros()))
+        # CasADi stores by columns; the transposes come by rows.
+        by_rows = casadi.jacobian(value, casadi.vertcat(*chosen, *states)).T
+        columns, rows = (np.array(part, dtype=int) for part in by_rows.sparsity().get_triplet())
+        found = casadi.cse(casadi.vertcat(*by_rows.nonzeros())) if len(rows) else by_rows
         function = casadi.Function("slopes", [*inputs, *further, p], [found])
-        return _Slopes(slopes.shape, rows, columns, function)
+        return _Slopes(by_rows.shape[::-1], rows, columns, function)
 
 
 class GeneratedDependence:
@@ -149,8 +154,14 @@ class GeneratedDependence:
         return np.moveaxis(found[:, self._chosen], -1, 0)
 
     def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        slopes = self._slopes.residual
-        return slopes.along(self._values(slopes, phase, speed, states), weights)[self._chosen]
+        slopes, parts = self._slopes.residual, range(_TOGETHER, len(phase), _TOGETHER)
+        found = sum(
+            slopes.along(self._values(slopes, at, speed, held), along)
+            for at, held, along in zip(
+                *(np.split(each, parts) for each in (phase, states, weights)), strict=True
+            )
+        )
+        return np.asarray(found)[self._chosen]
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         slopes = self._slopes.matrices

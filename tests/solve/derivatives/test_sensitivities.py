@@ -11,6 +11,7 @@ from solve.errors import NoDerivativeError, ResonanceError, UnknownNameError, Va
 from solve.units import speed_in_si
 from tests.derive.modules import module_of
 from tests.solve.derivatives.differences import PARTS, differences
+from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.model.test_damping import NUMBERS as CHAIN
 from tests.solve.model.test_damping import chain
 from tests.solve.newton.mechanisms import model_of
@@ -284,3 +285,17 @@ def test_one_adjoint_gives_what_all_columns_give():
         alone = solve.sensitivities(cam, 60.0, of, name, steps=192)
         for quantity in of:
             assert adjoint[quantity][name] == pytest.approx(alone[quantity][name], rel=1e-10)
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("name", "of"), [("cam", ["q3.max", "rho1"]), ("gear_pair", ["q.rms", "mesh_force.max"])]
+)
+def test_engines_give_the_same(name, of):
+    found = [
+        solve.sensitivities(solve.load(name), 60.0, of, steps=96, method=solve.Gauss(), engine=engine)
+        for engine in ("compiled", "numpy")
+    ]
+    for quantity in of:
+        ours, theirs = (each.found[quantity].derivatives for each in found)
+        assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())
