@@ -426,6 +426,11 @@ class PeriodicSystem:
         """Names of the parameters by which the equations have derivatives."""
         return ()
 
+    def break_slopes(self, names: Sequence[str]) -> Array:
+        """Derivatives (b, r) of the phases of the breaks by parameters, or the speed. Raises
+        UnknownNameError, NoDerivativeError."""
+        return np.zeros((len(self.breaks), len(names)))
+
     def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
         """On parameters, or "speed", by their names; compiled: what evaluates formulas, where that is to be
         used. Raises UnknownNameError, NoDerivativeError."""

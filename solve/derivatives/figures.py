@@ -16,7 +16,7 @@ from solve.derivatives.turn import Motions, TurnOnGrid
 from solve.errors import NoDerivativeError
 from solve.period.curve import Curve
 from solve.period.named import HARMONIC, PHASE, Named
-from solve.period.quantities import enough_samples, samples_a_step
+from solve.period.quantities import enough_samples
 from solve.results.orbit import Turn
 from solve.system import Dependence, PeriodicSystem
 
@@ -45,11 +45,13 @@ Starts = dict[tuple[str, str], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class OrbitOnGrid(Turn):
-    """The orbit of a system on a grid."""
+    """The orbit of a system on a grid, with so many samples in the sums over the period: in proportion to the
+    steps, so that grids differ by what samples leave too."""
 
     system: PeriodicSystem
     speed: float
     turn: TurnOnGrid
+    count: int
 
     def at(self, phase: Array) -> Array:
         return self.turn.curve(phase)
@@ -63,15 +65,15 @@ class OrbitOnGrid(Turn):
         return np.stack([self.turn.curve(phase, order).T for order in (2, 1, 0)], axis=1)
 
     @property
+    def samples(self) -> int:
+        return self.count
+
+    @property
     def loaded(self) -> tuple[Array, float, Array]:
         """Phases at which loads act, the speed, and the states there, (k,) and (k, 3, n)."""
         turn = self.turn
         phases, states = turn.phases[:, turn.loaded], turn.orbit.states[:, turn.loaded]
         return phases.ravel(), self.speed, states.reshape(-1, 3, turn.point.n)
-
-    @property
-    def samples(self) -> int:
-        return self.turn.grid.steps * samples_a_step(self.turn.grid.steps)
 
 
 class Sums(NamedTuple):
@@ -86,18 +88,26 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """From the derivatives of the whole orbit by r quantities θ: for many figures."""
+    """From the derivatives of the whole orbit by r quantities θ: for many figures. nodes (m, r): how far the
+    starts of steps move with θ; where q″ jumps by a, the derivative of q′ jumps by -a times as much."""
 
     orbit: OrbitOnGrid
     dependence: Dependence
-    count: int
+    nodes: Array
+
+    @property
+    def count(self) -> int:
+        return self.nodes.shape[1]
 
     @cached_property
     def moved(self) -> Motions:
         """Derivatives of the orbit."""
         turn = self.orbit.turn
-        found = self.dependence.residual(*self.orbit.loaded)
-        return turn.under(-found.reshape(*turn.d.shape, self.count))
+        found, n = self.dependence.residual(*self.orbit.loaded), turn.point.n
+        jumps = np.zeros((turn.grid.steps, 2 * n, self.count))
+        for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
+            jumps[node, n:] = -turn.jump(node)[:, None] * self.nodes[node]
+        return turn.under(-found.reshape(*turn.d.shape, self.count), jumps)
 
     @cached_property
     def _curves(self) -> Curve:
@@ -129,11 +139,10 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """From one adjoint problem, with a column a sum: for many parameters."""
+    """From one adjoint problem, with a column a sum: for many parameters, none of which moves a jump."""
 
     orbit: OrbitOnGrid
     dependence: Dependence
-    count: int
 
     def of(self, figures: Sequence[Sums]) -> list[Array]:
         """Derivatives (r,) of figures."""

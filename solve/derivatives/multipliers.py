@@ -48,6 +48,12 @@ class MultipliersOnGrid:
         X = turn.stage_states(right[..., None])[..., 0]
         return -y.reshape(*X.shape[:2], 1, n, 1) * X[:, :, :, None]
 
+    def by_node(self, at: int, node: int) -> complex:
+        """The derivative of log ρ of the multiplier at a place by the phase of the start of a step."""
+        right, left = (part[..., at] for part in self._vectors)
+        y, x = left[node - 1].conj(), right[node]
+        return -complex(y @ self._turn.rate_jump(node) @ x) / complex(y @ x)
+
     @cached_property
     def _vectors(self) -> tuple[Array, Array]:
         """Right vectors at the starts of the steps and left ones at their ends, (m, N, N), a column each."""

@@ -24,6 +24,7 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.period.points import OnePoint
+from solve.period.quantities import samples_a_step
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
@@ -35,6 +36,9 @@ _GRIDS = 1, 2, 4
 
 _A_FIGURE = 2
 """Parameters whose columns cost as much as the adjoint problem of a figure."""
+
+_JUMP = 1e-9
+"""Part of an output beyond which it jumps."""
 
 _ROUNDING = 1e-13
 """Part of a derivative that rounding leaves."""
@@ -162,11 +166,19 @@ class OnGrid:
 
     @cached_property
     def orbit(self) -> OrbitOnGrid:
-        return OrbitOnGrid(self.solved.system, self.solved.speed, self.turn)
+        finest = self.solved.steps * samples_a_step(self.solved.steps)
+        samples = finest * self.steps // self.solved.steps
+        return OrbitOnGrid(self.solved.system, self.solved.speed, self.turn, samples)
 
     @cached_property
     def forward(self) -> Forward:
-        return Forward(self.orbit, self.dependence, len(self.names))
+        return Forward(self.orbit, self.dependence, self.nodes)
+
+    @cached_property
+    def nodes(self) -> Array:
+        """How far the starts of steps move with the quantities, (m, r)."""
+        system = self.solved.system
+        return self.turn.at_nodes(system.breaks, system.break_slopes(self.names))
 
     @cached_property
     def figures(self) -> Figures:
@@ -189,12 +201,32 @@ class OnGrid:
             states = turn.orbit.states[:, turn.stages, ..., 0].reshape(states.shape)
             moved = self.forward.moved.states[:, turn.stages].reshape(-1, len(self.names))
         slopes = np.zeros(len(self.names), dtype=complex)
+        for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
+            slopes += found.by_node(int(places[at]), node) * self.nodes[node]
         for unit, part in ((1, np.real(weights)), (1j, np.imag(weights))):
             by, by_states = self.dependence.matrices(phases, self.solved.speed, states, part)
             slopes += unit * by.sum(axis=0)
             if moved is not None:
                 slopes += unit * (by_states.ravel() @ moved)
         return slopes
+
+    def jumps(self, name: str) -> Array:
+        """Whether quantities (r,) move a jump of an output."""
+        system, nodes = self.solved.system, np.flatnonzero(self.nodes.any(axis=1))
+        if name not in system.outputs or not len(nodes):
+            return np.zeros(len(self.names), dtype=bool)
+        starts, ends = (
+            self.turn.orbit.states[at, place, ..., 0] for at, place in ((nodes, 0), (nodes - 1, -1))
+        )
+        phases = [self.turn.phases[at, place] for at, place in ((nodes, 0), (nodes - 1, -1))]
+        speed = self.solved.speed
+        rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
+        values = []
+        for phase, states in zip(phases, (starts, ends), strict=True):
+            a, v, q = np.moveaxis(states * rates, 1, 0)
+            values.append(system.output_values(phase, speed, q.T, v.T, a.T)[name])
+        apart = np.abs(values[0] - values[1]) > _JUMP * np.abs(values).max()
+        return (self.nodes[nodes[apart]] != 0).any(axis=0)
 
     def slopes(self, asked: Sequence[Named]) -> list[Array | NoDerivativeError]:
         """Of each quantity its derivatives (r,), or why it has none."""
@@ -206,10 +238,10 @@ class OnGrid:
                 found.append(reason)
         at = [place for place, each in enumerate(found) if isinstance(each, Sums)]
         if at:
-            given = self.orbit, self.dependence, len(self.names)
-            made = (Adjoint(*given) if self.adjoint else self.forward).of([found[k] for k in at])
-            for place, slopes in zip(at, made, strict=True):
-                found[place] = slopes
+            adjoint = self.adjoint and not self.nodes.any()
+            way = Adjoint(self.orbit, self.dependence) if adjoint else self.forward
+            for place, slopes in zip(at, way.of([found[k] for k in at]), strict=True):
+                found[place] = np.where(self.jumps(asked[place].subject), np.nan, slopes)
         return found
 
     def _of_multiplier(self, asked: Named) -> Array:
@@ -261,9 +293,14 @@ def _estimated(
     order = np.array(rule.curve_order if asked.of_orbit else rule.order)
     errors = estimated(found, before, Pace(solved.steps, 2.0, 2.0), order)
     errors = np.maximum(errors, _ROUNDING * np.abs(fine))
-    kinks = [name for name, slope in zip(finest.names, fine, strict=True) if np.isnan(slope)]
-    reason = (
-        f"{asked.text} has no derivative by {', '.join(kinks)}: several extrema are equally large, and "
-        "change differently"
+    moved = finest.jumps(asked.subject)
+    whys = {
+        "several extrema are equally large, and change differently": np.isnan(fine) & ~moved,
+        f"{asked.subject} jumps where they move, which the sums over its samples do not see": moved,
+    }
+    reason = "; ".join(
+        f"{asked.text} has no derivative by {', '.join(np.array(finest.names)[at])}: {why}"
+        for why, at in whys.items()
+        if at.any()
     )
-    return Sensitivity(value, asked.unit, fine, errors, reason if kinks else "")
+    return Sensitivity(value, asked.unit, fine, errors, reason)

@@ -5,6 +5,7 @@ with the states that the method itself has there: what follows is the derivative
 this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15), not of what it approximates.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,7 +20,7 @@ from solve.methods.method import no_orbit
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import SINGULAR, Steps, periodic_states
-from solve.period.points import OnePoint, parted
+from solve.period.points import OnePoint, parted, rate_of
 from solve.sizes import require_size
 
 
@@ -96,38 +97,60 @@ class TurnOnGrid:
         h, coefficients = self.grid.h[:, None, None], self._known.coefficients.transpose(1, 2, 0)
         data = np.linalg.inv(self.rule.curve_powers) @ coefficients
         x = np.concatenate((data[:, 0], data[:, 1] / h[:, 0]), axis=1)
-        accelerations = data[:, 2:] / h**2
-        return self._motions(np.concatenate((x, x[:1]))[..., None], accelerations[..., None])
+        x, accelerations = np.concatenate((x, x[:1]))[..., None], data[:, 2:, :, None] / h[..., None] ** 2
+        return self._motions(x, x[1:], accelerations)
+
+    def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
+        """Values (b, r) of breaks at the starts of the steps (m, r), where these are breaks."""
+        found, period = np.zeros((self.grid.steps, values.shape[1])), self.grid.period
+        for phase, value in zip(breaks, values, strict=True):
+            apart = np.abs((self.grid.nodes[:-1] - phase + period / 2) % period - period / 2)
+            found[apart.argmin()] = value
+        return found
+
+    def jump(self, node: int) -> Array:
+        """How much q″ (n,) of the periodic solution jumps at the start of a step."""
+        return self.orbit.states[node, 0, 0, :, 0] - self.orbit.states[node - 1, -1, 0, :, 0]
+
+    def rate_jump(self, node: int) -> Array:
+        """How much P (2n, 2n) of x′ = P x + f jumps at the start of a step."""
+        parts = (node, 0), (node - 1, -1)
+        after, before = (rate_of(*(part[at] for part in (self.M, self.C, self.K, self.d))) for at in parts)
+        return (after - before)[:, :-1]
 
     @cached_property
     def curve(self) -> Curve:
         """The continuous curve of the periodic solution."""
         return self.curves(self.orbit)[0] if self._known is None else self._known
 
-    def under(self, loads: Array) -> Motions:
-        """Periodic solutions under loads (m, l, n, r) at the phases where they act. Raises ResonanceError."""
+    def under(self, loads: Array, jumps: Array | None = None) -> Motions:
+        """Periodic solutions under loads (m, l, n, r) at the phases where they act, with jumps (m, 2n, r) of
+        the states at the starts of steps, where the matrices jump. Raises ResonanceError."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
-        x, condition = periodic_states(Steps(self.A, self.B @ at_stages))
+        behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
+        x, condition = periodic_states(Steps(self.A, self.B @ at_stages + behind))
         if not condition < 1 / SINGULAR:
             raise no_orbit()
         a = self._responses[..., : 2 * n] @ x[:-1] + self._responses[..., 2 * n :] @ at_stages
         a = a.reshape(m, -1, n, r)
+        ends = x[1:] - behind
         before = np.roll(a[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
-        behind = [self._at_ends(-1, x[1:], loads)] if self._ends_apart else []
-        return self._motions(x, np.concatenate((before, a, *behind), axis=1))
+        after = [self._at_ends(-1, ends, loads)] if self._ends_apart else []
+        return self._motions(x, ends, np.concatenate((before, a, *after), axis=1))
 
     @property
     def _ends_apart(self) -> bool:
         """Whether ends of steps are no stages."""
         return self.phases.shape[1] > len(self.rule.c) + 1
 
-    def _motions(self, x: Array, a: Array) -> Motions:
-        """Of states x (m+1, 2n, r) at the nodes and accelerations (m, k, n, r)."""
+    def _motions(self, x: Array, ends: Array, a: Array) -> Motions:
+        """Of states x (m+1, 2n, r) at the nodes and (m, 2n, r) at the ends of the steps, and accelerations
+        (m, k, n, r)."""
         m, k, n, r = a.shape
         states = np.empty((m, k, 3, n, r))
         states[:, :, 0], states[:, 0, :0:-1] = a, x[:-1].reshape(m, 2, n, r)
-        states[:, -1, :0:-1] = x[1:].reshape(m, 2, n, r)
+        states[:, -1, :0:-1] = ends.reshape(m, 2, n, r)
         states[:, self.stages] = self._stage_states(x[:-1], a[:, self.stages])
         return Motions(x, states)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from solve.arrays import Array, Plane
+from solve.differences import slope
 from solve.errors import (
     MatricesError,
     NoDerivativeError,
@@ -23,7 +24,7 @@ from solve.model.cases import Case
 from solve.model.damping import DampedSampler, beyond_critical, damped, damped_residual
 from solve.model.generated import model_module, module_of
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
-from solve.model.setup import Setup
+from solve.model.setup import Setup, followed
 from solve.model.sketches import stated_lines
 from solve.statistics import Statistics
 from solve.system import SPEED, Columns, Dependence, Formulas, Marcher, Matrices, Motion, PeriodicSystem
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 _LOOKS = 128
 """Phases of a period at which the matrices are looked at before a solution."""
 
-_NUDGE = 1e-6
+_NUDGE = 1e-2
 """Part of a parameter by which it is changed to see what it moves."""
 
 _TOGETHER = 4096
@@ -58,6 +59,7 @@ class Model(PeriodicSystem):
         self.setup, self.module = setup, module
         self._formulas: dict[tuple[str, ...], Formulas | None] = {}
         self._slopes: dict[tuple[tuple[str, ...], bool], GeneratedSlopes] = {}
+        self._breaks_moved: dict[str, Array | None] = {}
         self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.parameter_sources = setup.case.sources
@@ -175,24 +177,41 @@ class Model(PeriodicSystem):
         return tuple(
             name
             for name, value in self.parameters.items()
-            if name not in whole and (value or not self.assembled) and not self._moves_breaks(name)
+            if name not in whole and (value or not self.assembled) and self._followed(name)
         )
 
     @property
     def moves_breaks(self) -> bool:
         return hasattr(self.module, "breaks")
 
-    def _moves_breaks(self, name: str) -> bool:
-        """Whether the phases of jumps and kinks depend on a parameter."""
+    def _followed(self, name: str) -> bool:
+        """Whether it is known how far jumps and kinks move with a parameter, and what follows from that."""
+        moved = self._break_slopes(name)
+        return moved is not None and not (self.assembled and moved.any())
+
+    def break_slopes(self, names: Sequence[str]) -> Array:
+        self.require_smooth(names)
+        still = np.zeros(len(self.breaks))
+        every = [still if name == SPEED else self._break_slopes(name) for name in names]
+        return np.array([still if each is None else each for each in every]).reshape(len(names), -1).T
+
+    def _break_slopes(self, name: str) -> Array | None:
+        """Derivatives (b,) of the phases of breaks, which are formulas, by a parameter; None where some meet
+        or part."""
         if not self.moves_breaks:
-            return False
-        value, found = self.parameters[name], self.setup.breaks
-        for way in (1, -1):
-            # One of the two may be out of bounds.
-            with suppress(ValueOutOfBoundsError):
-                changed = {name: value + way * _NUDGE * (abs(value) or 1.0)}
-                return self.setup.varied(changed, {}).breaks != found
-        return True
+            return np.zeros(len(self.breaks))
+        if name not in self._breaks_moved:
+            at, p, of = self.parameters[name], self.setup.p, list(self.parameters).index(name)
+
+            def breaks(value: float) -> Array:
+                changed = np.where(np.arange(len(p)) == of, value, p)
+                return followed(np.array(self.breaks), np.array(self.setup.breaks_with(changed)), self.period)
+
+            try:
+                self._breaks_moved[name] = slope(breaks, at, _NUDGE * (abs(at) or 1.0))
+            except ValueOutOfBoundsError:
+                self._breaks_moved[name] = None
+        return self._breaks_moved[name]
 
     def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
         return self._dependence(names, compiled, False)
@@ -236,8 +255,8 @@ class Model(PeriodicSystem):
                 )
             if name not in smooth:
                 raise NoDerivativeError(
-                    f"{name} is a whole number, or moves the phase of a jump: derivatives by it are not "
-                    "calculated; leave it out"
+                    f"{name} is a whole number, or moves a jump that meets another, or a jump beside damping "
+                    "ratios: derivatives by it are not calculated; leave it out"
                 )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:
@@ -313,6 +332,8 @@ class ModelAlong(Model):
     def __init__(self, model: Model, motion: Motion):
         super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
         self.model, self.motion = model, motion
+        turns = np.arange(round(motion.nodes[-1] / model.period)) * model.period
+        self.breaks = tuple((turns[:, None] + np.array(model.breaks)).ravel().tolist())
         self.period, self.validity = float(motion.nodes[-1]), {}
         self.speed_unit = model.speed_unit
 
@@ -329,6 +350,9 @@ class ModelAlong(Model):
 
     def along(self, motion: Motion) -> PeriodicSystem:
         return self.model.along(motion)
+
+    def break_slopes(self, names: Sequence[str]) -> Array:
+        return np.tile(self.model.break_slopes(names), (round(self.period / self.model.period), 1))
 
     def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
         if self.assembled:

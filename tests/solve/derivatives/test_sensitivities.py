@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import solve
-from derive import Mechanism, cos, rate, sign, sin
+from derive import Mechanism, cos, rate, sin
 from solve.errors import NoDerivativeError, ResonanceError, UnknownNameError, ValueOutOfBoundsError
 from solve.units import speed_in_si
 from tests.derive.modules import module_of
@@ -218,27 +218,6 @@ def test_an_extremum_has_a_kink_where_two_are_alike_and_change_differently():
     assert found["q1.max"]["k1"] != 0
     assert "several extrema" in found.warnings[0]
     assert found["q1.rms"]["F"] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_parameter_that_moves_a_jump_is_refused_and_left_out():
-    made = Mechanism("pushed", "An oscillator under a push", energy="1/s^2")
-    (q,) = made.coordinates(q=("1", "displacement"))
-    k, c, f, end = made.parameters(
-        k=("1/s^2", "stiffness"), c=("1/s", "damping"), f=("1/s^2", "push"), end=("rad", "its end")
-    )
-    made.kinetic, made.potential, made.dissipation = rate(q) ** 2 / 2, k * q**2 / 2, c * rate(q) ** 2 / 2
-    made.force(f * (1 + sign(sin(made.phase - end))), along=q)
-    made.decline_drive_torque("an equation without units")
-    pushed = model_of(module_of(made), k=7.0, c=0.5, f=1.0, end=1.0)
-    assert pushed.smooth_parameters == ("k", "c", "f")
-    found = solve.sensitivities(pushed, 2.0, ["q.rms", "q.mean"])
-    assert list(found.by) == ["k", "c", "f", "speed"]
-    assert found["q.mean"]["f"] == pytest.approx(1 / 7.0)
-    for by in ("k", "c", "speed"):
-        (expected,) = differences(pushed, 2.0, by, ["q.rms"], method=solve.Radau(), steps=96, engine="numpy")
-        assert found["q.rms"][by] == pytest.approx(expected.real, rel=1e-8)
-    with pytest.raises(NoDerivativeError, match="moves the phase of a jump"):
-        solve.sensitivities(pushed, 2.0, "q.rms", "end")
 
 
 def test_what_cannot_be_asked_is_said_in_a_line():
