@@ -54,6 +54,7 @@ def sensitivities(
     rtol: float = 1e-8,
     engine: str = "auto",
     nonlinear: bool = False,
+    periods: int | None = None,
 ) -> Sensitivities:
     """Derivatives of quantities of the periodic solution and of its stability at a speed (rad/s, or a text
     with unit), by parameters and the speed.
@@ -62,9 +63,10 @@ def sensitivities(
     "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius. by: names of
     parameters, "speed" among them; by default all by which there are derivatives. method (radau or gauss),
     steps, rtol, engine: as in `periodic`. nonlinear: of the orbit of the nonlinear equations, as
-    `solve.nonlinear` finds it, and of its multipliers. A quantity without a derivative, such as a multiplier
-    that meets another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without
-    generated equations and for whole numbers, and what `periodic` raises.
+    `solve.nonlinear` finds it, over so many periods, and of its multipliers. A quantity without a derivative,
+    such as a multiplier that meets another, is NaN with the reason. Raises UnknownNameError,
+    NoDerivativeError for systems without generated equations and for whole numbers, and what `periodic`
+    raises.
 
     >>> import solve
     >>> found = sensitivities(solve.load("cam"), "600 rpm", of="q3.max_abs", by=["k1", "speed"])
@@ -73,11 +75,16 @@ def sensitivities(
     """
     asked, names = quantities_by(system, of, by)
     given = system, speed
+    settings: dict[str, Any] = {"method": method, "steps": steps, "rtol": rtol, "engine": engine}
+    if periods is not None and not nonlinear:
+        raise ValueOutOfBoundsError(
+            f"periods is {periods!r}, which is of nonlinear orbits; ask for nonlinear ones, or leave it out"
+        )
     if nonlinear:
-        solved = nonlinear_orbit(*given, method=method, steps=steps, rtol=rtol, engine=engine)
+        solved = nonlinear_orbit(*given, periods=1 if periods is None else periods, **settings)
     else:
         orbit = any(each.of_orbit for each in asked)
-        solved = (periodic if orbit else floquet)(*given, method, steps, rtol, engine)
+        solved = (periodic if orbit else floquet)(*given, **settings)
     return of_solution(solved, asked, names)
 
 

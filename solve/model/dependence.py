@@ -1,8 +1,8 @@
 """How the equations and the outputs of a model depend on its parameters and its speed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -186,6 +186,57 @@ class GeneratedDependence:
     def _parted(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
         (found,), count = slopes.whole(values), len(self._slopes.names)
         return found[self._chosen].T, found[count:].T.reshape(-1, 3, self._n)
+
+
+class DampedDependence(GeneratedDependence):
+    """With a modal damping C(φ) q′ beside the generated equations, which is differenced; see
+    `solve.system.Dependence`."""
+
+    def __init__(
+        self,
+        slopes: GeneratedSlopes,
+        setup: Setup,
+        n: int,
+        names: Sequence[str],
+        compiled: Columns | None,
+        damping: Callable[[Mapping[str, float], Array], Array],
+    ):
+        """damping: C (k, n, n) by time at phases (k,) with some parameters changed."""
+        super().__init__(slopes, setup, n, names, compiled)
+        self._damping, self._varied = cache(partial(_by_each, damping, setup, tuple(names))), names
+
+    def residual(self, phase: Array, speed: float, states: Array) -> Array:
+        return super().residual(phase, speed, states) + self._forces(phase, speed, states)
+
+    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+        stated = super().residual_along(phase, speed, states, weights)
+        return stated + np.einsum("knr,knc->rc", self._forces(phase, speed, states), weights)
+
+    def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
+        by, by_states = super().matrices(phase, speed, states, weights)
+        return by + np.einsum("kij,kijr->kr", weights[:, 1], self._slopes_of_damping(phase, speed)), by_states
+
+    def _forces(self, phase: Array, speed: float, states: Array) -> Array:
+        return np.einsum("kijr,kj->kir", self._slopes_of_damping(phase, speed), states[:, 1])
+
+    def _slopes_of_damping(self, phase: Array, speed: float) -> Array:
+        """Of ΩC, (k, n, n, r)."""
+        by_time = np.array([1.0 if name == SPEED else speed for name in self._varied])
+        return by_time * self._damping(phase.tobytes())
+
+
+def _by_each(
+    damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
+) -> Array:
+    """Derivatives of C by parameters, and C itself in the place of the speed: (k, n, n, r)."""
+    phase = np.frombuffer(phases)
+    columns = [
+        damping({}, phase)
+        if name == SPEED
+        else slope(lambda value, name=name: damping({name: value}, phase), setup.case.parameters[name])
+        for name in names
+    ]
+    return np.stack(columns, axis=-1)
 
 
 def _symbol(name: str, size: int) -> Any:

@@ -217,17 +217,25 @@ class Model(PeriodicSystem):
         return self._dependence(names, compiled, False)
 
     def _dependence(self, names: Sequence[str], compiled: Columns | None, nonlinear: bool) -> Dependence:
-        from solve.model.dependence import AssembledDependence, GeneratedDependence
+        from solve.model.dependence import AssembledDependence, DampedDependence, GeneratedDependence
 
         self.require_smooth(names)
-        if self.assembled:
+        damped = isinstance(self._matrices, DampedSampler)
+        if self.assembled and not damped:
             return AssembledDependence(self, names)
-        if compiled is not None:
-            # One text for the compiler, whatever is asked for.
-            slopes = self._slopes_by((*self.smooth_parameters, SPEED), nonlinear)
-            if slopes.residual.text:
-                return GeneratedDependence(slopes, self.setup, self.n, names, compiled)
-        return GeneratedDependence(self._slopes_by(tuple(names), nonlinear), self.setup, self.n, names)
+        # One text for the compiler, whatever is asked for.
+        every = tuple(names) if compiled is None else (*self.smooth_parameters, SPEED)
+        slopes = self._slopes_by(every, nonlinear)
+        if compiled is not None and not slopes.residual.text:
+            slopes, compiled = self._slopes_by(tuple(names), nonlinear), None
+        given = slopes, self.setup, self.n, names, compiled
+        return DampedDependence(*given, self._damping_with) if damped else GeneratedDependence(*given)
+
+    def _damping_with(self, parameters: Mapping[str, float], phase: Array) -> Array:
+        """Modal damping (k, n, n) at phases (k,) with some parameters changed."""
+        sampler = self.varied(parameters)._matrices
+        assert isinstance(sampler, DampedSampler)
+        return sampler.damping(phase)
 
     def _slopes_by(self, names: tuple[str, ...], nonlinear: bool) -> "GeneratedSlopes":
         from solve.model.dependence import GeneratedSlopes
@@ -355,11 +363,6 @@ class ModelAlong(Model):
         return np.tile(self.model.break_slopes(names), (round(self.period / self.model.period), 1))
 
     def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        if self.assembled:
-            raise NoDerivativeError(
-                f"{self.name} has damping ratios, whose derivatives are known along its linear orbit alone; "
-                "leave out what asks for nonlinear equations, or state the dissipation"
-            )
         return self.model._dependence(names, compiled, nonlinear=True)
 
     def varied(
