@@ -76,16 +76,23 @@ def sensitivities(
     asked, names = quantities_by(system, of, by)
     given = system, speed
     settings: dict[str, Any] = {"method": method, "steps": steps, "rtol": rtol, "engine": engine}
-    if periods is not None and not nonlinear:
-        raise ValueOutOfBoundsError(
-            f"periods is {periods!r}, which is of nonlinear orbits; ask for nonlinear ones, or leave it out"
-        )
+    count = periods_of(nonlinear, periods)
     if nonlinear:
-        solved = nonlinear_orbit(*given, periods=1 if periods is None else periods, **settings)
+        solved = nonlinear_orbit(*given, periods=count, **settings)
     else:
         orbit = any(each.of_orbit for each in asked)
         solved = (periodic if orbit else floquet)(*given, **settings)
     return of_solution(solved, asked, names)
+
+
+def periods_of(nonlinear: bool, periods: int | None) -> int:
+    """How many periods an orbit has, 1 by default. Raises ValueOutOfBoundsError for several of a linear
+    one."""
+    if periods is not None and not nonlinear:
+        raise ValueOutOfBoundsError(
+            f"periods is {periods!r}, which is of nonlinear orbits; ask for nonlinear ones, or leave it out"
+        )
+    return 1 if periods is None else periods
 
 
 def quantities_by(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.derivatives.point import quantities_by, sensitivities
+from solve.derivatives.point import periods_of, quantities_by, sensitivities
 from solve.differences import slope
 from solve.errors import NoResultError, SolveError
 from solve.methods.choice import Rule
@@ -55,6 +55,7 @@ def sensitivities_over(
     """`solve.sensitivities` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm").
     Speeds without a solution are NaN with the reason. Raises SolveError subclasses for bad input, and
     NoResultError where no speed has a solution."""
+    periods_of(nonlinear, periods)
     settings = method, steps, rtol, engine, nonlinear, periods
     given, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
     asked = [each.text for each in quantities]
