@@ -139,7 +139,8 @@ class Dependence(Protocol):
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         """Of sums over the entries of M, C and K, the derivatives of the residual by the states, with weights
-        (k, 3, n, n): derivatives by θ (k, r), and by the states (k, 3, n), 0 for linear equations."""
+        (k, 3, n, n): derivatives of their sum by θ (r,), and of each by the states (k, 3, n), 0 for linear
+        equations."""
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
@@ -427,8 +428,7 @@ class PeriodicSystem:
         return ()
 
     def break_slopes(self, names: Sequence[str]) -> Array:
-        """Derivatives (b, r) of the phases of the breaks by parameters, or the speed. Raises
-        UnknownNameError, NoDerivativeError."""
+        """Derivatives (b, r) of the phases of the breaks by parameters of a dependence, or the speed."""
         return np.zeros((len(self.breaks), len(names)))
 
     def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:

@@ -9,7 +9,6 @@ from typing import Any, cast
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.all_multipliers import matched_logarithms
 from solve.certify.pace import Pace, estimated
 from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Starts, Sums
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
@@ -199,27 +198,25 @@ class OnGrid:
         return Figures(self.orbit, self.starts)
 
     @cached_property
-    def _multipliers(self) -> tuple[MultipliersOnGrid, Array]:
-        """With their places by those of the solution's."""
-        found = MultipliersOnGrid(self.turn)
-        known = np.nan_to_num(self.solved.spectrum.logarithms, nan=-np.inf)
-        return found, matched_logarithms(known, found.logarithms)
+    def _multipliers(self) -> MultipliersOnGrid:
+        return MultipliersOnGrid(self.turn, np.nan_to_num(self.solved.spectrum.logarithms, nan=-np.inf))
 
     def logarithm(self, at: int) -> Array:
         """Derivatives (r,) of log ρ of one of the solution's multipliers."""
-        turn, (found, places) = self.turn, self._multipliers
+        turn, found = self.turn, self._multipliers
         n, phases = turn.point.n, turn.phases[:, turn.stages].ravel()
-        weights = found.weights(int(places[at])).reshape(-1, 3, n, n)
+        vectors = found.vectors(at)
+        weights = found.weights(vectors).reshape(-1, 3, n, n)
         states, moved = np.zeros((len(phases), 3, n)), None
         if not self.dependence.linear:
             states = turn.orbit.states[:, turn.stages, ..., 0].reshape(states.shape)
             moved = self.forward.moved.states[:, turn.stages].reshape(-1, len(self.names))
         slopes = np.zeros(len(self.names), dtype=complex)
         for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
-            slopes += found.by_node(int(places[at]), node) * self.nodes[node]
+            slopes += found.by_node(vectors, node) * self.nodes[node]
         for unit, part in ((1, np.real(weights)), (1j, np.imag(weights))):
             by, by_states = self.dependence.matrices(phases, self.solved.speed, states, part)
-            slopes += unit * by.sum(axis=0)
+            slopes += unit * by
             if moved is not None:
                 slopes += unit * (by_states.ravel() @ moved)
         return slopes

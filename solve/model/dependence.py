@@ -1,6 +1,6 @@
 """How the equations and the outputs of a model depend on its parameters and its speed."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from typing import Any
@@ -154,18 +154,22 @@ class GeneratedDependence:
         return np.moveaxis(found[:, self._chosen], -1, 0)
 
     def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        slopes, parts = self._slopes.residual, range(_TOGETHER, len(phase), _TOGETHER)
+        slopes = self._slopes.residual
         found = sum(
             slopes.along(self._values(slopes, at, speed, held), along)
-            for at, held, along in zip(
-                *(np.split(each, parts) for each in (phase, states, weights)), strict=True
-            )
+            for at, held, along in _in_parts(phase, states, weights)
         )
         return np.asarray(found)[self._chosen]
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        slopes = self._slopes.matrices
-        return self._parted(slopes, self._values(slopes, phase, speed, states, weights))
+        slopes, count = self._slopes.matrices, len(self._slopes.names)
+        by, by_states = np.zeros(slopes.shape[1]), [np.zeros((0, 3, self._n))]
+        for at, held, along in _in_parts(phase, states, weights):
+            found = self._values(slopes, at, speed, held, along)
+            by[slopes.columns] += found.sum(axis=1)
+            if not self.linear:
+                by_states.append(slopes.whole(found)[0, count:].T.reshape(-1, 3, self._n))
+        return by[self._chosen], np.zeros_like(states) if self.linear else np.concatenate(by_states)
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
         # Interpreted: formulas of outputs are short, and extrema are few phases.
@@ -214,7 +218,7 @@ class DampedDependence(GeneratedDependence):
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         by, by_states = super().matrices(phase, speed, states, weights)
-        return by + np.einsum("kij,kijr->kr", weights[:, 1], self._slopes_of_damping(phase, speed)), by_states
+        return by + np.einsum("kij,kijr->r", weights[:, 1], self._slopes_of_damping(phase, speed)), by_states
 
     def _forces(self, phase: Array, speed: float, states: Array) -> Array:
         return np.einsum("kijr,kj->kir", self._slopes_of_damping(phase, speed), states[:, 1])
@@ -237,6 +241,12 @@ def _by_each(
         for name in names
     ]
     return np.stack(columns, axis=-1)
+
+
+def _in_parts(*arrays: Array) -> Iterator[tuple[Array, ...]]:
+    """Arrays (k, …) by so many of their rows at a time as stay in a processor's cache."""
+    parts = range(_TOGETHER, len(arrays[0]), _TOGETHER)
+    return zip(*(np.split(each, parts) for each in arrays), strict=True)
 
 
 def _symbol(name: str, size: int) -> Any:
@@ -269,7 +279,7 @@ class AssembledDependence:
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         entries = self._entries(phase, speed)[:, : 3 * self._system.n**2]
-        return np.einsum("ke,ker->kr", weights.reshape(len(phase), -1), entries), np.zeros_like(states)
+        return np.einsum("ke,ker->r", weights.reshape(len(phase), -1), entries), np.zeros_like(states)
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
         raise NotImplementedError

@@ -186,20 +186,21 @@ class Model(PeriodicSystem):
 
     def _followed(self, name: str) -> bool:
         """Whether it is known how far jumps and kinks move with a parameter, and what follows from that."""
+        if not self.moves_breaks:
+            return True
         moved = self._break_slopes(name)
         return moved is not None and not (self.assembled and moved.any())
 
     def break_slopes(self, names: Sequence[str]) -> Array:
-        self.require_smooth(names)
         still = np.zeros(len(self.breaks))
+        if not self.moves_breaks:
+            return np.zeros((len(still), len(names)))
         every = [still if name == SPEED else self._break_slopes(name) for name in names]
         return np.array([still if each is None else each for each in every]).reshape(len(names), -1).T
 
     def _break_slopes(self, name: str) -> Array | None:
         """Derivatives (b,) of the phases of breaks, which are formulas, by a parameter; None where some meet
         or part."""
-        if not self.moves_breaks:
-            return np.zeros(len(self.breaks))
         if name not in self._breaks_moved:
             at, p, of = self.parameters[name], self.setup.p, list(self.parameters).index(name)
 
