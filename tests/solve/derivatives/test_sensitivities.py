@@ -238,6 +238,8 @@ def test_what_cannot_be_asked_is_said_in_a_line():
         solve.sensitivities(random_system(1, 2), 1.0)
     with pytest.raises(ValueOutOfBoundsError, match="take radau, gauss"):
         solve.sensitivities(cam, 60.0, "q3.max", "k1", method="newmark", steps=4000)
+    with pytest.raises(ValueOutOfBoundsError, match="of nonlinear orbits"):
+        solve.sensitivities(cam, 60.0, "q3.max", "k1", periods=2)
     with pytest.raises(ResonanceError):
         solve.sensitivities(model(c=0.0, k=4 * SPEED**2 * M), SPEED)
 
