@@ -76,13 +76,9 @@ class Formulas(NamedTuple):
     values: Array
 
 
-class AtStates(Protocol):
-    """Evaluates formulas of phase, speed and a state."""
-
-    def __call__(self, formulas: Formulas, phase: Array, speed: float, states: Array) -> Array | None:
-        """At phases (k,), a speed in rad/s and states q, q̇, q̈ (3, n, k): (k, outputs); None where it
-        cannot."""
-        ...
+Columns = Callable[[Formulas, Sequence[Array]], Array | None]
+"""What evaluates formulas of inputs (width, k), a column each, in compiled code: (outputs, k); None where it
+cannot."""
 
 
 class ManyPoints(Protocol):
@@ -138,9 +134,14 @@ class Dependence(Protocol):
         nonlinear equations."""
         ...
 
+    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+        """Sums (r, c) of these over phases and rows, with weights (k, n, c)."""
+        ...
+
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         """Of sums over the entries of M, C and K, the derivatives of the residual by the states, with weights
-        (k, 3, n, n): derivatives by θ (k, r), and by the states (k, 3, n), 0 for linear equations."""
+        (k, 3, n, n): derivatives of their sum by θ (r,), and of each by the states (k, 3, n), 0 for linear
+        equations."""
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
@@ -418,12 +419,12 @@ class PeriodicSystem:
                 continue
         return entries
 
-    def along(self, motion: Motion, evaluate: AtStates | None = None) -> "PeriodicSystem":
+    def along(self, motion: Motion, compiled: Columns | None = None) -> "PeriodicSystem":
         """The equations of motion r(φ, Ω, q, q̇, q̈) = 0 linearised along a motion q_k, with its period:
         M = ∂r/∂q̈, C = ∂r/∂q̇, K = ∂r/∂q and d = M q̈_k + C q̇_k + K q_k - r(q_k), so that its periodic
         solution is the next iterate of Newton's method (U. Ascher, R. Mattheij, R. Russell, Numerical
-        Solution of Boundary Value Problems, 2.3.4). evaluate: takes the formulas of these, where there are
-        some. Raises LinearModelError for linear systems."""
+        Solution of Boundary Value Problems, 2.3.4). compiled: what evaluates formulas, where that is to be
+        used. Raises LinearModelError for linear systems."""
         raise LinearModelError(
             f"{self.name} is linear by construction, its orbit is the linear one; leave out what asks for "
             "nonlinear equations"
@@ -434,8 +435,13 @@ class PeriodicSystem:
         """Names of the parameters by which the equations have derivatives."""
         return ()
 
-    def dependence(self, names: Sequence[str]) -> Dependence:
-        """On parameters, or "speed", by their names. Raises UnknownNameError, NoDerivativeError."""
+    def break_slopes(self, names: Sequence[str]) -> Array:
+        """Derivatives (b, r) of the phases of the breaks by parameters of a dependence, or the speed."""
+        return np.zeros((len(self.breaks), len(names)))
+
+    def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
+        """On parameters, or "speed", by their names; compiled: what evaluates formulas, where that is to be
+        used. Raises UnknownNameError, NoDerivativeError."""
         raise NoDerivativeError(
             f"{self.name} has no generated equations that could be differentiated; state it as a mechanism "
             "and derive it"

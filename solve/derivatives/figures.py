@@ -6,7 +6,7 @@ there (envelope theorem).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from solve.derivatives.turn import Motions, TurnOnGrid
 from solve.errors import NoDerivativeError
 from solve.period.curve import Curve
 from solve.period.named import HARMONIC, PHASE, Named
-from solve.period.quantities import enough_samples, samples_a_step
+from solve.period.quantities import enough_samples
 from solve.results.orbit import Turn
 from solve.system import Dependence, PeriodicSystem
 
@@ -37,13 +37,21 @@ _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -
 """Weights of five values whose sums are their first and second derivative, by their distance."""
 
 
+_WAYS = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}
+"""Signs of the values of which the largest is looked for."""
+
+Starts = dict[tuple[str, str], tuple[Array, Array]]
+
+
 @dataclass(frozen=True)
 class OrbitOnGrid(Turn):
-    """The orbit of a system on a grid."""
+    """The orbit of a system on a grid, with so many samples in the sums over the period: in proportion to the
+    steps, so that grids differ by what samples leave too."""
 
     system: PeriodicSystem
     speed: float
     turn: TurnOnGrid
+    count: int
 
     def at(self, phase: Array) -> Array:
         return self.turn.curve(phase)
@@ -58,7 +66,14 @@ class OrbitOnGrid(Turn):
 
     @property
     def samples(self) -> int:
-        return self.turn.grid.steps * samples_a_step(self.turn.grid.steps)
+        return self.count
+
+    @property
+    def loaded(self) -> tuple[Array, float, Array]:
+        """Phases at which loads act, the speed, and the states there, (k,) and (k, 3, n)."""
+        turn = self.turn
+        phases, states = turn.phases[:, turn.loaded], turn.orbit.states[:, turn.loaded]
+        return phases.ravel(), self.speed, states.reshape(-1, 3, turn.point.n)
 
 
 class Sums(NamedTuple):
@@ -73,17 +88,26 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """From the derivatives of the whole orbit: for many quantities. residual (m, k, n, r): derivatives of the
-    residual at the phases of the grid."""
+    """From the derivatives of the whole orbit by r quantities θ: for many figures. nodes (m, r): how far the
+    starts of steps move with θ; where q″ jumps by a, the derivative of q′ jumps by -a times as much."""
 
     orbit: OrbitOnGrid
     dependence: Dependence
-    residual: Array
+    nodes: Array
+
+    @property
+    def count(self) -> int:
+        return self.nodes.shape[1]
 
     @cached_property
     def moved(self) -> Motions:
         """Derivatives of the orbit."""
-        return self.orbit.turn.under(-self.residual)
+        turn = self.orbit.turn
+        found, n = self.dependence.residual(*self.orbit.loaded), turn.point.n
+        jumps = np.zeros((turn.grid.steps, 2 * n, self.count))
+        for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
+            jumps[node, n:] = -turn.jump(node)[:, None] * self.nodes[node]
+        return turn.under(-found.reshape(*turn.d.shape, self.count), jumps)
 
     @cached_property
     def _curves(self) -> Curve:
@@ -100,7 +124,7 @@ class Forward:
 
     @cached_property
     def _data(self) -> Array:
-        return self.orbit.turn.data(self.moved).reshape(-1, self.residual.shape[-1])
+        return self.orbit.turn.data(self.moved).reshape(-1, self.count)
 
     def of(self, figures: Sequence[Sums]) -> list[Array]:
         """Derivatives (r,) of figures."""
@@ -115,17 +139,17 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """From one adjoint problem, with a column a sum: for many parameters. residual: as in `Forward`."""
+    """From one adjoint problem, with a column a sum: for many parameters, none of which moves a jump."""
 
     orbit: OrbitOnGrid
     dependence: Dependence
-    residual: Array
 
     def of(self, figures: Sequence[Sums]) -> list[Array]:
         """Derivatives (r,) of figures."""
         direct, of_data = zip(*(_parted(self.orbit, self.dependence, each) for each in figures), strict=True)
-        pulled, r = self.orbit.turn.pulled(np.concatenate(of_data, axis=-1)), self.residual.shape[-1]
-        found = self.residual.reshape(-1, r).T @ pulled.reshape(-1, pulled.shape[-1])
+        pulled = self.orbit.turn.pulled(np.concatenate(of_data, axis=-1))
+        weights = pulled.reshape(-1, *pulled.shape[2:])
+        found = self.dependence.residual_along(*self.orbit.loaded, weights)
         ends = np.cumsum([each.weights.shape[1] for each in figures])
         parts = zip(figures, direct, np.split(found, ends[:-1], axis=1), strict=True)
         return [each.made(held - along) for each, held, along in parts]
@@ -134,39 +158,43 @@ class Adjoint:
 def _parted(orbit: OrbitOnGrid, dependence: Dependence, figure: Sums) -> tuple[Array, Array]:
     """The derivatives of the sums by θ (r, c) with the orbit held, or 0, and the weights (m, 2 + k, n, c) of
     the data of the orbit's curve."""
-    (name, phase, weights, _), system, direct = figure, orbit.system, np.zeros(())
-    if name in system.coordinates:
-        by_states = np.zeros((len(phase), 3, system.n))
-        by_states[:, 2, system.coordinates.index(name)] = 1.0
-    else:
-        by_parameters, by_states = dependence.output(name, phase, orbit.speed, orbit.states(phase))
-        direct = by_parameters.T @ weights
-    return direct, orbit.turn.of_data(phase, by_states[..., None] * weights[:, None, None])
+    name, phase, weights, _ = figure
+    if name in orbit.system.coordinates:
+        own = np.zeros((len(phase), 3, 1, weights.shape[1]))
+        own[:, 2, 0] = weights
+        found = orbit.turn.of_data(phase, own)
+        of_data = np.zeros((*found.shape[:2], orbit.system.n, found.shape[-1]))
+        of_data[:, :, orbit.system.coordinates.index(name)] = found[:, :, 0]
+        return np.zeros(()), of_data
+    by_parameters, by_states = dependence.output(name, phase, orbit.speed, orbit.states(phase))
+    of_data = orbit.turn.of_data(phase, by_states[..., None] * weights[:, None, None])
+    return by_parameters.T @ weights, of_data
 
 
 class Figures:
-    """Figures of an orbit as sums. starts: phases near which its extrema are, by name and way, where they
-    are known; they are filled in."""
+    """Figures of an orbit as sums. starts: phases near which its extrema are, and their signs, by name and
+    figure, where another grid has told them; they are filled in."""
 
-    def __init__(self, orbit: OrbitOnGrid, starts: dict[tuple[str, float], Array]):
+    def __init__(self, orbit: OrbitOnGrid, starts: Starts):
         self.orbit, self._starts = orbit, starts
+        self._phases = np.arange(orbit.samples) * (orbit.system.period / orbit.samples)
+        self._sampled = cache(lambda name: orbit.signal(name)(self._phases))
 
     def sums(self, asked: Named) -> Sums:
         """Of a figure. Raises NoDerivativeError."""
         name, figure, orbit = asked.subject, asked.figure, self.orbit
-        if figure in ("max", "min", "max_abs"):
+        if figure in _WAYS:
             return self._of_extremum(name, figure)
         if figure.endswith("_phase"):
             raise NoDerivativeError(f"{asked.text}: derivatives of phases of extrema are not calculated")
         if figure in (HARMONIC, PHASE):
             value, sums = self.harmonic(name, asked.number)
             return sums._replace(made=lambda slopes: _of_harmonic(asked, value, sums.made(slopes)))
-        phases = np.arange(orbit.samples) * (orbit.system.period / orbit.samples)
-        weights = np.full(len(phases), 1 / len(phases))
+        weights = np.full(orbit.samples, 1 / orbit.samples)
         if figure == "rms":
-            values = orbit.signal(name)(phases)
+            values = self._sampled(name)
             weights = _over(values * weights, np.sqrt(np.mean(values**2)), asked)
-        return Sums(name, phases, weights[:, None], _first)
+        return Sums(name, self._phases, weights[:, None], _first)
 
     def harmonic(self, name: str, number: int) -> tuple[complex, Sums]:
         """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0."""
@@ -180,15 +208,10 @@ class Figures:
 
     def _of_extremum(self, name: str, figure: str) -> Sums:
         """Of an extremum, whose derivatives are NaN where equally large extrema change differently."""
-        ways = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}[figure]
-        found = [self._highest(name, way) for way in ways]
-        most = max(value for _, value in found)
-        each = [
-            (phases, np.full(len(phases), way))
-            for way, (phases, value) in zip(ways, found, strict=True)
-            if value >= most - _SAME * abs(most)
-        ]
-        phases, signs = (np.concatenate(part) for part in zip(*each, strict=True))
+        phases, signs = self._extrema(name, figure)
+        values = signs * self.orbit.signal(name)(phases)
+        largest = values >= values.max() - _SAME * np.abs(values).max()
+        phases, signs = phases[largest], signs[largest]
         sign = -1.0 if figure == "min" else 1.0
 
         def made(every: Array) -> Array:
@@ -197,21 +220,25 @@ class Figures:
 
         return Sums(name, phases, np.diag(signs), made)
 
-    def _highest(self, name: str, way: float) -> tuple[Array, float]:
-        """Phases (k,) at which way · quantity is largest, and that value. Its derivative is brought to zero
-        there: of values that hardly differ, the largest tells its phase to half of their digits only."""
+    def _extrema(self, name: str, figure: str) -> tuple[Array, Array]:
+        """Phases (k,) of a quantity's extrema that may be the largest, and their signs (k,). Its derivative
+        is brought to zero there: of values that hardly differ, the largest tells its phase to half of their
+        digits only."""
         signal, width = self.orbit.signal(name), self.orbit.system.period / self.orbit.samples
-        if (name, way) not in self._starts:
-            self._starts[name, way] = _tops(way * signal(np.arange(self.orbit.samples) * width)) * width
-        phases = self._starts[name, way]
-        for _ in range(_NEWTON):
+        known = self._starts.get((name, figure))
+        if known is None:
+            values, ways = self._sampled(name), _WAYS[figure]
+            tops = [_tops(way * values) for way in ways]
+            known = np.concatenate(tops) * width, np.repeat(ways, [len(each) for each in tops])
+        phases, signs = known
+        for _ in range(_NEWTON if (name, figure) not in self._starts else 1):
             around = signal((phases[:, None] + _NEAR * width * np.arange(-2, 3)).ravel()).reshape(-1, 5)
             first, second = around @ _FIRST, around @ _SECOND
             with np.errstate(divide="ignore", invalid="ignore"):
                 moved = -_NEAR * first / second
             phases = phases + np.where(np.abs(moved) < 1, moved, 0.0) * width
-        values = way * signal(phases)
-        return phases[values >= values.max() - _SAME * np.abs(values).max()], float(values.max())
+        self._starts.setdefault((name, figure), (phases, signs))
+        return phases, signs
 
 
 def _tops(values: Array) -> Array:

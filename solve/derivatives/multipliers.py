@@ -6,12 +6,16 @@ steps of what is for the differential equation an integral over the turn. Every 
 """
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.certify.all_multipliers import matched_logarithms
 from solve.derivatives.turn import TurnOnGrid
+from solve.period.period_map import Steps, monodromy, states_from
 from solve.period.product_eigenvalues import (
+    Blocks,
     ProductEigenvalues,
     balanced_blocks,
     carried,
@@ -21,37 +25,91 @@ from solve.period.product_eigenvalues import (
 MEET = 1e-6
 """Relative distance of two multipliers up to which neither has a derivative."""
 
+_LEADS = 0.1
+"""Part of the spectral radius above which Φ itself gives a multiplier's vectors."""
+
+_RETURNS = 1e-11
+"""Relative difference up to which a vector is the same after a turn."""
+
+_SMALLEST = 1e-100
+"""Modulus below which numbers may underflow within the turn."""
+
+
+class Vectors(NamedTuple):
+    """Of a multiplier, right (m, N) at the starts of the steps and left (m, N) at their ends, of any size."""
+
+    right: Array
+    left: Array
+
 
 class MultipliersOnGrid:
-    """The multipliers of a system on a grid, and their vectors."""
+    """The multipliers of a system on a grid, and their vectors. known: log ρ (N,) of a finer one."""
 
-    def __init__(self, turn: TurnOnGrid):
-        self._turn = turn
-        self._blocks = balanced_blocks(turn.A[None])
-        self.found: ProductEigenvalues = product_eigenvalues(
-            self._blocks.factors, self._blocks.rounding, vectors=True
-        )
+    def __init__(self, turn: TurnOnGrid, known: Array):
+        self._turn, self._known = turn, known
 
-    @property
-    def logarithms(self) -> Array:
-        """log ρ (N,), falling in modulus."""
-        return self.found.logarithms[0]
+    def vectors(self, at: int) -> Vectors:
+        """Of one of the known multipliers."""
+        return self._leading(complex(np.exp(self._known[at]))) or self._of_product(at)
 
-    def weights(self, at: int) -> Array:
-        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log ρ of
-        the multiplier at a place."""
-        turn, n = self._turn, self._turn.point.n
-        right, left = (part[..., at] for part in self._vectors)
-        left = left.conj()
+    def weights(self, vectors: Vectors) -> Array:
+        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log ρ."""
+        turn, n, right, left = self._turn, self._turn.point.n, vectors.right, vectors.left.conj()
         gained = np.einsum("mi,mij,mj->m", left, turn.A, right)
         y = (left[:, None] @ turn.B)[:, 0] / gained[:, None]
         X = turn.stage_states(right[..., None])[..., 0]
         return -y.reshape(*X.shape[:2], 1, n, 1) * X[:, :, :, None]
 
+    def by_node(self, vectors: Vectors, node: int) -> complex:
+        """The derivative of log ρ by the phase of the start of a step."""
+        y, x = vectors.left[node - 1].conj(), vectors.right[node]
+        return -complex(y @ self._turn.rate_jump(node) @ x) / complex(y @ x)
+
+    def _leading(self, rho: complex) -> Vectors | None:
+        """Those of a multiplier from Φ; None of one that it may not tell to all digits."""
+        values, right, left = self._of_turn
+        at = int(np.abs(values - rho).argmin())
+        A, value, found = self._turn.A, values[at], []
+        if not abs(value) > max(_LEADS * np.abs(values).max(), _SMALLEST):
+            return None
+        backwards = A.swapaxes(1, 2)[::-1], left[:, at], value.conj()
+        for maps, start, factor in ((A, right[:, at], value), backwards):
+            states = states_from(Steps(maps, np.zeros(maps.shape[:2], dtype=complex)), start)
+            apart = np.abs(states[-1] - factor * start) / np.abs(factor)
+            if not (apart <= _RETURNS * np.abs(start).max()).all():
+                return None
+            found.append(states[:-1])
+        return Vectors(found[0], found[1][::-1])
+
     @cached_property
-    def _vectors(self) -> tuple[Array, Array]:
+    def _of_turn(self) -> tuple[Array, Array, Array]:
+        """Multipliers (N,) of Φ with right and left vectors (N, N), a column each."""
+        A = self._turn.A
+        values, right = np.linalg.eig(monodromy(Steps(A, A[..., 0])))
+        return values.astype(complex), right, np.linalg.pinv(right).conj().T
+
+    def _of_product(self, at: int) -> Vectors:
+        right, left = self._every
+        place = int(self._places[at])
+        return Vectors(right[..., place], left[..., place])
+
+    @cached_property
+    def _blocks(self) -> Blocks:
+        return balanced_blocks(self._turn.A[None])
+
+    @cached_property
+    def _found(self) -> ProductEigenvalues:
+        return product_eigenvalues(self._blocks.factors, self._blocks.rounding, vectors=True)
+
+    @cached_property
+    def _places(self) -> Array:
+        """Those of the known multipliers among the ones of this grid."""
+        return matched_logarithms(self._known, self._found.logarithms[0])
+
+    @cached_property
+    def _every(self) -> tuple[Array, Array]:
         """Right vectors at the starts of the steps and left ones at their ends, (m, N, N), a column each."""
-        blocks, found, A = self._blocks, self.found, self._turn.A
+        blocks, found, A = self._blocks, self._found, self._turn.A
         assert found.right is not None
         assert found.left is not None
         units = blocks.units[0][:, None]

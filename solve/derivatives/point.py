@@ -9,18 +9,21 @@ from typing import Any, cast
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.all_multipliers import matched_logarithms
 from solve.certify.pace import Pace, estimated
-from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Sums
+from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Starts, Sums
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
+from solve.kernel.engines import COMPILED
+from solve.kernel.formulas import columns
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.newton.orbits import nonlinear as nonlinear_orbit
+from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.period.points import OnePoint
+from solve.period.quantities import samples_a_step
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
@@ -32,6 +35,9 @@ _GRIDS = 1, 2, 4
 
 _A_FIGURE = 2
 """Parameters whose columns cost as much as the adjoint problem of a figure."""
+
+_JUMP = 1e-9
+"""Part of an output beyond which it jumps."""
 
 _ROUNDING = 1e-13
 """Part of a derivative that rounding leaves."""
@@ -48,6 +54,7 @@ def sensitivities(
     rtol: float = 1e-8,
     engine: str = "auto",
     nonlinear: bool = False,
+    periods: int | None = None,
 ) -> Sensitivities:
     """Derivatives of quantities of the periodic solution and of its stability at a speed (rad/s, or a text
     with unit), by parameters and the speed.
@@ -56,9 +63,10 @@ def sensitivities(
     "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius. by: names of
     parameters, "speed" among them; by default all by which there are derivatives. method (radau or gauss),
     steps, rtol, engine: as in `periodic`. nonlinear: of the orbit of the nonlinear equations, as
-    `solve.nonlinear` finds it, and of its multipliers. A quantity without a derivative, such as a multiplier
-    that meets another, is NaN with the reason. Raises UnknownNameError, NoDerivativeError for systems without
-    generated equations and for whole numbers, and what `periodic` raises.
+    `solve.nonlinear` finds it, over so many periods, and of its multipliers. A quantity without a derivative,
+    such as a multiplier that meets another, is NaN with the reason. Raises UnknownNameError,
+    NoDerivativeError for systems without generated equations and for whole numbers, and what `periodic`
+    raises.
 
     >>> import solve
     >>> found = sensitivities(solve.load("cam"), "600 rpm", of="q3.max_abs", by=["k1", "speed"])
@@ -67,12 +75,24 @@ def sensitivities(
     """
     asked, names = quantities_by(system, of, by)
     given = system, speed
+    settings: dict[str, Any] = {"method": method, "steps": steps, "rtol": rtol, "engine": engine}
+    count = periods_of(nonlinear, periods)
     if nonlinear:
-        solved = nonlinear_orbit(*given, method=method, steps=steps, rtol=rtol, engine=engine)
+        solved = nonlinear_orbit(*given, periods=count, **settings)
     else:
         orbit = any(each.of_orbit for each in asked)
-        solved = (periodic if orbit else floquet)(*given, method, steps, rtol, engine)
-    return of_solution(solved, asked, names, solved.system.dependence(names))
+        solved = (periodic if orbit else floquet)(*given, **settings)
+    return of_solution(solved, asked, names)
+
+
+def periods_of(nonlinear: bool, periods: int | None) -> int:
+    """How many periods an orbit has, 1 by default. Raises ValueOutOfBoundsError for several of a linear
+    one."""
+    if periods is not None and not nonlinear:
+        raise ValueOutOfBoundsError(
+            f"periods is {periods!r}, which is of nonlinear orbits; ask for nonlinear ones, or leave it out"
+        )
+    return 1 if periods is None else periods
 
 
 def quantities_by(
@@ -86,12 +106,10 @@ def quantities_by(
     return asked, names
 
 
-def of_solution(
-    solved: Stability, asked: Sequence[Named], names: Sequence[str], dependence: Dependence
-) -> Sensitivities:
+def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str]) -> Sensitivities:
     """Of a solution that is known, an orbit where quantities need one. Raises ValueOutOfBoundsError for
     methods without stages."""
-    rule, system = solved.certified.method, solved.system
+    rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
     if not isinstance(rule, Collocated):
         raise ValueOutOfBoundsError(
             f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
@@ -106,6 +124,12 @@ def of_solution(
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, solved.notes)
+
+
+def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
+    """On parameters, or "speed", with the engine that solved."""
+    compiled = columns if solved.certified.request.engine == COMPILED else None
+    return solved.system.dependence(names, compiled)
 
 
 def _usual(system: PeriodicSystem) -> list[str]:
@@ -134,61 +158,87 @@ class OnGrid:
     dependence: Dependence
     names: Sequence[str]
     adjoint: bool = False
-    starts: dict[tuple[str, float], Array] = field(default_factory=dict)
+    starts: Starts = field(default_factory=dict)
 
     @cached_property
     def turn(self) -> TurnOnGrid:
-        system = self.solved.system
-        grid = Grid.uniform(self.steps, system.period, system.breaks)
-        return TurnOnGrid(OnePoint(system, self.solved.speed), self.rule, grid)
+        system, engine = self.solved.system, self.solved.certified.request.engine
+        grid, point = (
+            Grid.uniform(self.steps, system.period, system.breaks),
+            OnePoint(system, self.solved.speed),
+        )
+        return TurnOnGrid(point, self.rule, grid, engine, self._curve(grid, point, engine))
+
+    def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
+        """The periodic solution on a grid, where it is known already, or quickly found."""
+        solutions = self.solved.certified.solutions
+        if self.steps != self.solved.steps:
+            if engine != COMPILED:
+                return None
+            solutions = self.rule.solutions(point, grid, True, engine)
+        return solutions.curve[0] if isinstance(solutions.curve, Curve) and not solutions.failures else None
 
     @cached_property
     def orbit(self) -> OrbitOnGrid:
-        return OrbitOnGrid(self.solved.system, self.solved.speed, self.turn)
-
-    @cached_property
-    def _given(self) -> tuple[OrbitOnGrid, Dependence, Array]:
-        """What derivatives of the orbit follow from."""
-        turn, n = self.turn, self.turn.point.n
-        chosen = np.s_[:, int(turn.closed) :]
-        phases, states = turn.phases[chosen], turn.orbit.states[chosen].reshape(-1, 3, n)
-        found = self.dependence.residual(phases.ravel(), self.solved.speed, states)
-        found = found.reshape(*phases.shape, n, -1)
-        if turn.closed:
-            found = np.concatenate((np.roll(found[:, -1:], 1, axis=0), found), axis=1)
-        return self.orbit, self.dependence, found
+        finest = self.solved.steps * samples_a_step(self.solved.steps)
+        samples = finest * self.steps // self.solved.steps
+        return OrbitOnGrid(self.solved.system, self.solved.speed, self.turn, samples)
 
     @cached_property
     def forward(self) -> Forward:
-        return Forward(*self._given)
+        return Forward(self.orbit, self.dependence, self.nodes)
+
+    @cached_property
+    def nodes(self) -> Array:
+        """How far the starts of steps move with the quantities, (m, r)."""
+        system = self.solved.system
+        return self.turn.at_nodes(system.breaks, system.break_slopes(self.names))
 
     @cached_property
     def figures(self) -> Figures:
         return Figures(self.orbit, self.starts)
 
     @cached_property
-    def _multipliers(self) -> tuple[MultipliersOnGrid, Array]:
-        """With their places by those of the solution's."""
-        found = MultipliersOnGrid(self.turn)
-        known = np.nan_to_num(self.solved.spectrum.logarithms, nan=-np.inf)
-        return found, matched_logarithms(known, found.logarithms)
+    def _multipliers(self) -> MultipliersOnGrid:
+        return MultipliersOnGrid(self.turn, np.nan_to_num(self.solved.spectrum.logarithms, nan=-np.inf))
 
     def logarithm(self, at: int) -> Array:
         """Derivatives (r,) of log ρ of one of the solution's multipliers."""
-        turn, (found, places) = self.turn, self._multipliers
+        turn, found = self.turn, self._multipliers
         n, phases = turn.point.n, turn.phases[:, turn.stages].ravel()
-        weights = found.weights(int(places[at])).reshape(-1, 3, n, n)
+        vectors = found.vectors(at)
+        weights = found.weights(vectors).reshape(-1, 3, n, n)
         states, moved = np.zeros((len(phases), 3, n)), None
         if not self.dependence.linear:
             states = turn.orbit.states[:, turn.stages, ..., 0].reshape(states.shape)
             moved = self.forward.moved.states[:, turn.stages].reshape(-1, len(self.names))
         slopes = np.zeros(len(self.names), dtype=complex)
+        for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
+            slopes += found.by_node(vectors, node) * self.nodes[node]
         for unit, part in ((1, np.real(weights)), (1j, np.imag(weights))):
             by, by_states = self.dependence.matrices(phases, self.solved.speed, states, part)
-            slopes += unit * by.sum(axis=0)
+            slopes += unit * by
             if moved is not None:
                 slopes += unit * (by_states.ravel() @ moved)
         return slopes
+
+    def jumps(self, name: str) -> Array:
+        """Whether quantities (r,) move a jump of an output."""
+        system, nodes = self.solved.system, np.flatnonzero(self.nodes.any(axis=1))
+        if name not in system.outputs or not len(nodes):
+            return np.zeros(len(self.names), dtype=bool)
+        starts, ends = (
+            self.turn.orbit.states[at, place, ..., 0] for at, place in ((nodes, 0), (nodes - 1, -1))
+        )
+        phases = [self.turn.phases[at, place] for at, place in ((nodes, 0), (nodes - 1, -1))]
+        speed = self.solved.speed
+        rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
+        values = []
+        for phase, states in zip(phases, (starts, ends), strict=True):
+            a, v, q = np.moveaxis(states * rates, 1, 0)
+            values.append(system.output_values(phase, speed, q.T, v.T, a.T)[name])
+        apart = np.abs(values[0] - values[1]) > _JUMP * np.abs(values).max()
+        return (self.nodes[nodes[apart]] != 0).any(axis=0)
 
     def slopes(self, asked: Sequence[Named]) -> list[Array | NoDerivativeError]:
         """Of each quantity its derivatives (r,), or why it has none."""
@@ -200,9 +250,10 @@ class OnGrid:
                 found.append(reason)
         at = [place for place, each in enumerate(found) if isinstance(each, Sums)]
         if at:
-            made = (Adjoint(*self._given) if self.adjoint else self.forward).of([found[k] for k in at])
-            for place, slopes in zip(at, made, strict=True):
-                found[place] = slopes
+            adjoint = self.adjoint and not self.nodes.any()
+            way = Adjoint(self.orbit, self.dependence) if adjoint else self.forward
+            for place, slopes in zip(at, way.of([found[k] for k in at]), strict=True):
+                found[place] = np.where(self.jumps(asked[place].subject), np.nan, slopes)
         return found
 
     def _of_multiplier(self, asked: Named) -> Array:
@@ -254,9 +305,14 @@ def _estimated(
     order = np.array(rule.curve_order if asked.of_orbit else rule.order)
     errors = estimated(found, before, Pace(solved.steps, 2.0, 2.0), order)
     errors = np.maximum(errors, _ROUNDING * np.abs(fine))
-    kinks = [name for name, slope in zip(finest.names, fine, strict=True) if np.isnan(slope)]
-    reason = (
-        f"{asked.text} has no derivative by {', '.join(kinks)}: several extrema are equally large, and "
-        "change differently"
+    moved = finest.jumps(asked.subject)
+    whys = {
+        "several extrema are equally large, and change differently": np.isnan(fine) & ~moved,
+        f"{asked.subject} jumps where they move, which the sums over its samples do not see": moved,
+    }
+    reason = "; ".join(
+        f"{asked.text} has no derivative by {', '.join(np.array(finest.names)[at])}: {why}"
+        for why, at in whys.items()
+        if at.any()
     )
-    return Sensitivity(value, asked.unit, fine, errors, reason if kinks else "")
+    return Sensitivity(value, asked.unit, fine, errors, reason)

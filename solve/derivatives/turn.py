@@ -5,18 +5,22 @@ with the states that the method itself has there: what follows is the derivative
 this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15), not of what it approximates.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.kernel.engines import COMPILED
+from solve.kernel.responses import responses
 from solve.methods.collocation import Collocated
 from solve.methods.method import no_orbit
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import SINGULAR, Steps, periodic_states
-from solve.period.points import OnePoint, matrices
+from solve.period.points import OnePoint, parted, rate_of
 from solve.sizes import require_size
 
 
@@ -33,75 +37,143 @@ class TurnOnGrid:
     """A system at a speed on a grid, by a collocation method.
 
     phases (m, k): of every step its start, its stages, and its end where the last stage is not there already.
-    M, C, K (m, k, n, n) and d (m, k, n) at these, for derivatives by the phase. A (m, 2n, 2n): maps of the
-    steps; B (m, 2n, s n): from loads at their stages to the states at their ends.
+    `loaded` chooses the l of these at which loads act: where every step starts at the last stage of the one
+    before, the stages alone. M, C, K (m, l, n, n) and d (m, l, n) there, for derivatives by the phase.
     """
 
-    def __init__(self, point: OnePoint, method: Collocated, grid: Grid):
-        """Raises ValueOutOfBoundsError for more than can be held."""
+    def __init__(
+        self, point: OnePoint, method: Collocated, grid: Grid, engine: str, known: Curve | None = None
+    ):
+        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if it is known. Raises
+        ValueOutOfBoundsError for more than can be held."""
         self.point, self.grid, self.rule = point, grid, method.collocation
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
-        n, s, (m, k) = point.n, len(self.rule.c), self.phases.shape
+        n, s, m = point.n, len(self.rule.c), grid.steps
         require_size("steps", m, 2 * s * n * (s + 2) * n)
-        sampled = matrices(point, self.phases.ravel())
-        self.M, self.C, self.K, self.d = (part[0].reshape(m, k, *part.shape[2:]) for part in sampled)
-        M, C, K = (part[None, :, self.stages] for part in (self.M, self.C, self.K))
+        self.closed = self.rule.stiffly_accurate and grid.smooth
+        self.loaded = slice(int(self.closed), None)
+        self._stages = slice(int(not self.closed), int(not self.closed) + s)
+        entries = point.tables(self.phases[:, self.loaded].ravel()).entries().reshape(m, -1, 3 * n**2 + n)
+        self.M, self.C, self.K, self.d = parted(entries, n)
+        compiled = engine == COMPILED
+        made = responses(self.rule.weights, grid.h, entries[:, self._stages], n) if compiled else None
+        self._responses = self._interpreted() if made is None else made
+        self._known = known
+        self._kept: dict[Any, Any] = {}
+
+    def _interpreted(self) -> Array:
+        """Stage accelerations (m, s n, 2n + s n), linear in the states at the starts of the steps and in
+        loads at their stages."""
+        M, C, K = (part[None, :, self._stages] for part in (self.M, self.C, self.K))
+        _, m, s, n, _ = M.shape
         unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, m, s, n, s * n))
-        a = self.rule.stage_accelerations(grid.h, M, C, K, unit)
-        maps = self.rule.maps(grid.h, a)[0]
-        self.A, self.B = maps[..., : 2 * n], maps[..., 2 * n :]
-        self._responses = a[0].reshape(m, s * n, -1)
+        return self.rule.stage_accelerations(self.grid.h, M, C, K, unit)[0].reshape(m, s * n, -1)
+
+    @property
+    def A(self) -> Array:
+        """Maps of the steps (m, 2n, 2n)."""
+        return self._maps[..., : 2 * self.point.n]
+
+    @property
+    def B(self) -> Array:
+        """From loads at the stages of the steps to the states at their ends, (m, 2n, s n)."""
+        return self._maps[..., 2 * self.point.n :]
+
+    @cached_property
+    def _maps(self) -> Array:
+        m, r = self.grid.steps, self._responses.shape[-1]
+        return self.rule.maps(self.grid.h, self._responses.reshape(1, m, -1, self.point.n, r))[0]
 
     @property
     def stages(self) -> slice:
         """Which of the k phases of a step are its stages."""
         return slice(1, 1 + len(self.rule.c))
 
-    @property
-    def closed(self) -> bool:
-        """Whether every step starts at the last stage of the one before."""
-        return self.rule.stiffly_accurate and self.grid.smooth
-
     @cached_property
     def orbit(self) -> Motions:
         """The periodic solution itself, r = 1. Raises ResonanceError."""
-        return self.under(self.d[..., None])
+        if self._known is None:
+            return self.under(self.d[..., None])
+        h, coefficients = self.grid.h[:, None, None], self._known.coefficients.transpose(1, 2, 0)
+        data = np.linalg.inv(self.rule.curve_powers) @ coefficients
+        x = np.concatenate((data[:, 0], data[:, 1] / h[:, 0]), axis=1)
+        x, accelerations = np.concatenate((x, x[:1]))[..., None], data[:, 2:, :, None] / h[..., None] ** 2
+        return self._motions(x, x[1:], accelerations)
+
+    def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
+        """Values (b, r) of breaks at the starts of the steps (m, r), where these are breaks."""
+        found, period = np.zeros((self.grid.steps, values.shape[1])), self.grid.period
+        for phase, value in zip(breaks, values, strict=True):
+            apart = np.abs((self.grid.nodes[:-1] - phase + period / 2) % period - period / 2)
+            found[apart.argmin()] = value
+        return found
+
+    def jump(self, node: int) -> Array:
+        """How much q″ (n,) of the periodic solution jumps at the start of a step."""
+        return self.orbit.states[node, 0, 0, :, 0] - self.orbit.states[node - 1, -1, 0, :, 0]
+
+    def rate_jump(self, node: int) -> Array:
+        """How much P (2n, 2n) of x′ = P x + f jumps at the start of a step."""
+        parts = (node, 0), (node - 1, -1)
+        after, before = (rate_of(*(part[at] for part in (self.M, self.C, self.K, self.d))) for at in parts)
+        return (after - before)[:, :-1]
 
     @cached_property
     def curve(self) -> Curve:
         """The continuous curve of the periodic solution."""
-        return self.curves(self.orbit)[0]
+        return self.curves(self.orbit)[0] if self._known is None else self._known
 
-    def under(self, loads: Array) -> Motions:
-        """Periodic solutions under loads (m, k, n, r) at the phases. Raises ResonanceError."""
-        m, k, _, r = loads.shape
-        at_stages = loads[:, self.stages].reshape(m, -1, r)
-        x, condition = periodic_states(Steps(self.A, self.B @ at_stages))
+    def under(self, loads: Array, jumps: Array | None = None) -> Motions:
+        """Periodic solutions under loads (m, l, n, r) at the phases where they act, with jumps (m, 2n, r) of
+        the states at the starts of steps, where the matrices jump. Raises ResonanceError."""
+        m, _, n, r = loads.shape
+        at_stages = loads[:, self._stages].reshape(m, -1, r)
+        behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
+        x, condition = periodic_states(Steps(self.A, self.B @ at_stages + behind))
         if not condition < 1 / SINGULAR:
             raise no_orbit()
-        parts = [self._at_ends(0, x[:-1], loads), self.stage_states(x[:-1], at_stages)]
-        if k > len(self.rule.c) + 1:
-            parts.append(self._at_ends(-1, x[1:], loads))
-        return Motions(x, np.concatenate(parts, axis=1))
+        a = self._responses[..., : 2 * n] @ x[:-1] + self._responses[..., 2 * n :] @ at_stages
+        a = a.reshape(m, -1, n, r)
+        ends = x[1:] - behind
+        before = np.roll(a[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
+        after = [self._at_ends(-1, ends, loads)] if self._ends_apart else []
+        return self._motions(x, ends, np.concatenate((before, a, *after), axis=1))
 
-    def stage_states(self, x: Array, loads: Array | None = None) -> Array:
-        """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, under
-        loads (m, s n, r)."""
+    @property
+    def _ends_apart(self) -> bool:
+        """Whether ends of steps are no stages."""
+        return self.phases.shape[1] > len(self.rule.c) + 1
+
+    def _motions(self, x: Array, ends: Array, a: Array) -> Motions:
+        """Of states x (m+1, 2n, r) at the nodes and (m, 2n, r) at the ends of the steps, and accelerations
+        (m, k, n, r)."""
+        m, k, n, r = a.shape
+        states = np.empty((m, k, 3, n, r))
+        states[:, :, 0], states[:, 0, :0:-1] = a, x[:-1].reshape(m, 2, n, r)
+        states[:, -1, :0:-1] = ends.reshape(m, 2, n, r)
+        states[:, self.stages] = self._stage_states(x[:-1], a[:, self.stages])
+        return Motions(x, states)
+
+    def stage_states(self, x: Array) -> Array:
+        """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, without
+        loads."""
         m, N, r = x.shape
-        a = self._responses[..., :N] @ x
-        if loads is not None:
-            a += self._responses[..., N:] @ loads
-        a, A = a.reshape(m, -1, N // 2 * r), self.rule.A
+        return self._stage_states(x, (self._responses[..., :N] @ x).reshape(m, -1, N // 2, r))
+
+    def _stage_states(self, x: Array, a: Array) -> Array:
+        """The same with accelerations (m, s, n, r)."""
+        m, s, n, r = a.shape
+        A, a = self.rule.A, a.reshape(m, s, -1)
         h, c = self.grid.h[:, None, None], np.array(self.rule.c)[:, None]
         q, v = x.reshape(m, 2, 1, -1).swapaxes(0, 1)
         states = np.stack((a, v + h * (A @ a), q + h * c * v + h**2 * (A @ A @ a)), axis=2)
-        return states.reshape(m, -1, 3, N // 2, r)
+        return states.reshape(m, s, 3, n, r)
 
     def _at_ends(self, place: int, x: Array, loads: Array) -> Array:
-        """q″, q′, q (m, 1, 3, n, r) of states x (m, 2n, r) at the first or the last of the phases."""
+        """Accelerations (m, 1, n, r) of states x (m, 2n, r) at the first or the last of the phases."""
         q, v = np.split(x, 2, axis=1)
         force = loads[:, place] - self.K[:, place] @ q - self.C[:, place] @ v
-        return np.stack((solved(self.M[:, place], force), v, q), axis=1)[:, None]
+        return solved(self.M[:, place], force)[:, None]
 
     def curves(self, motions: Motions) -> Curve:
         """The continuous curves (r, n, …) of solutions."""
@@ -118,33 +190,49 @@ class TurnOnGrid:
     def of_data(self, phase: Array, weights: Array) -> Array:
         """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve
         at phases (p,)."""
-        from scipy.sparse import csr_array
-
-        (m, k), (count, _, n, c), (step, basis) = self.phases.shape, weights.shape, self.curve.basis(phase)
+        (m, k), (count, _, n, c) = self.phases.shape, weights.shape
         by_phase = np.zeros((count, 2 + k, n * c))
         for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
             if part.any():
-                basis = self.curve.basis(phase, order)[1] if order else basis
-                by_phase += (basis @ self.rule.curve_powers)[:, :, None] * part.reshape(count, 1, -1)
-        summed = csr_array((np.ones(count), (step, np.arange(count))), shape=(m, count))
-        return (summed @ by_phase.reshape(count, -1)).reshape(m, 2 + k, n, c)
+                by_phase += self._by_data(phase, order)[:, :, None] * part.reshape(count, 1, -1)
+        return (self._by_steps(phase) @ by_phase.reshape(count, -1)).reshape(m, 2 + k, n, c)
+
+    def _by_data(self, phase: Array, order: int) -> Array:
+        """What the data of its step count in the curve's derivative at a phase, (p, 2 + k)."""
+        key = phase.tobytes(), order
+        if key not in self._kept:
+            self._kept[key] = self.curve.basis(phase, order)[1] @ self.rule.curve_powers
+        return self._kept[key]
+
+    def _by_steps(self, phase: Array) -> Any:
+        """Sums over the phases in each step: a sparse matrix (m, p)."""
+        from scipy.sparse import csr_array
+
+        key = phase.tobytes()
+        if key not in self._kept:
+            step, shape = self.curve.basis(phase)[0], (self.grid.steps, len(phase))
+            self._kept[key] = csr_array((np.ones(len(phase)), (step, np.arange(len(phase)))), shape=shape)
+        return self._kept[key]
 
     def pulled(self, of_data: Array) -> Array:
-        """The adjoint problem: by how much loads (m, k, n) at the phases of the grid raise sums with weights
-        (m, 2 + k, n, c) of the data, (m, k, n, c). It is the same for any number of loads."""
-        (m, k), (_, _, n, c), h = self.phases.shape, of_data.shape, self.grid.h[:, None, None]
+        """The adjoint problem: by how much loads (m, l, n) at the phases where they act raise sums with
+        weights (m, 2 + k, n, c) of the data, (m, l, n, c). It is the same for any number of loads."""
+        (m, loaded, n), c, h = self.d.shape, of_data.shape[-1], self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
-        accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, k, n, c))
+        accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, loaded, n, c))
+        if self.closed:
+            accelerations[:, -1] += np.roll(accelerations[:, 0], -1, axis=0)
+        else:
+            found[:, 0], before = self._pulled_from_ends(0, accelerations)
+            states += before
         responses = self._responses.swapaxes(1, 2) @ accelerations[:, self.stages].reshape(m, -1, c)
         states += responses[:, : 2 * n]
-        found[:, 0], before = self._pulled_from_ends(0, accelerations)
-        states += before
-        if k > len(self.rule.c) + 1:
+        if self._ends_apart:
             found[:, -1], behind = self._pulled_from_ends(-1, accelerations)
             states += np.roll(behind, 1, axis=0)
         y, _ = periodic_states(Steps(self.A.swapaxes(1, 2)[::-1], states[::-1]))
         at_stages = responses[:, 2 * n :] + self.B.swapaxes(1, 2) @ y[:-1][::-1]
-        found[:, self.stages] = at_stages.reshape(m, -1, n, c)
+        found[:, self._stages] = at_stages.reshape(m, -1, n, c)
         return found
 
     def _pulled_from_ends(self, place: int, accelerations: Array) -> tuple[Array, Array]:

@@ -1,22 +1,18 @@
-"""Formulas of generated models in compiled code: values at phases, and figures over one turn of curves and of
-formulas of these, for many points."""
+"""Formulas of generated models in compiled code: values at phases, figures over one turn of curves and of
+formulas of these, for many points, and values of columns of numbers."""
 
 import ctypes
-import logging
-from collections.abc import Mapping
-from functools import lru_cache
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.kernel.compiler import CompilerError, compiled
-from solve.kernel.library import INSTEAD
+from solve.kernel.library import loaded
 from solve.system import Formulas
 
-_LOGGER = logging.getLogger(__name__)
-_FOLDER = Path(__file__).parent
 _FIGURES = 7
+_WIDEST = 8
+"""Numbers that a vector register holds at most."""
 
 
 class _Turn(ctypes.Structure):
@@ -40,24 +36,13 @@ class _Phases(ctypes.Structure):
     )
 
 
-class _States(ctypes.Structure):
-    """`problem` of states.c."""
+class _Columns(ctypes.Structure):
+    """`problem` of columns.c."""
 
     _fields_ = (
-        ("phases", ctypes.c_long),
-        ("speed", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("phase", "states", "parameters", "values")),
+        ("columns", ctypes.c_long),
+        *((name, ctypes.c_void_p) for name in ("first", "given", "shared", "values")),
     )
-
-
-@lru_cache
-def _library(source: str, sizes: tuple[tuple[str, int], ...], text: str) -> ctypes.CDLL | None:
-    """None where there is none; a line of the logger says why."""
-    try:
-        return compiled(_FOLDER / source, dict(sizes), text)
-    except CompilerError as error:
-        _LOGGER.warning("%s; %s", error, INSTEAD)
-        return None
 
 
 def _addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
@@ -69,7 +54,7 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
     (P, k, outputs); None without compiled code."""
     parameters = np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("OUTPUTS", formulas.outputs), ("PARAMETERS", parameters.shape[1])
-    library = _library("pointwise.c", sizes, formulas.text)
+    library = loaded("pointwise.c", sizes, formulas.text)
     if library is None:
         return None
     made = np.empty((len(speeds), len(phase), formulas.outputs))
@@ -80,19 +65,22 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
     return made
 
 
-def at_states(formulas: Formulas, phase: Array, speed: float, states: Array) -> Array | None:
-    """Formulas of phase, speed and a state at phases (k,), a speed and states (3, n, k): (k, outputs); None
-    without compiled code."""
-    sizes = ("N", states.shape[1]), ("OUTPUTS", formulas.outputs), ("PARAMETERS", len(formulas.values))
-    library = _library("states.c", sizes, formulas.text)
+def columns(formulas: Formulas, inputs: Sequence[Array]) -> Array | None:
+    """Formulas of inputs (width, k), a column each, and of the values (p,) of their parameters: (outputs, k);
+    None without compiled code."""
+    widths, count = [len(each) for each in inputs], inputs[0].shape[-1]
+    rows, shared = sum(widths), np.ascontiguousarray(formulas.values, dtype=float)
+    sizes = ("INPUTS", len(inputs)), ("ROWS", rows), ("SHARED", len(shared)), ("OUTPUTS", formulas.outputs)
+    library = loaded("columns.c", sizes, formulas.text)
     if library is None:
         return None
-    made = np.empty((len(phase), formulas.outputs))
-    given = {"phase": phase, "states": states, "parameters": formulas.values, "values": made}
-    arrays = {name: np.ascontiguousarray(each, dtype=float) for name, each in given.items()}
-    problem = _States(phases=len(phase), speed=speed, **_addresses(arrays))
-    library.at_states(ctypes.byref(problem))
-    return made
+    given = np.empty((rows, -(-count // _WIDEST) * _WIDEST))
+    np.concatenate(inputs, out=given[:, :count])
+    given[:, count:] = given[:, count - 1 : count]
+    first, made = np.cumsum([0, *widths[:-1]], dtype=np.intc), np.empty((formulas.outputs, given.shape[1]))
+    arrays = {"first": first, "given": given, "shared": shared, "values": made}
+    library.columns(ctypes.byref(_Columns(columns=given.shape[1], **_addresses(arrays))))
+    return made[:, :count]
 
 
 def figures(
@@ -116,7 +104,7 @@ def figures(
     parameters = np.zeros((points, 0)) if formulas is None else formulas.values
     text, outputs = ("", 0) if formulas is None else formulas[:2]
     sizes = ("N", n), ("D", D), ("OUTPUTS", outputs), ("PARAMETERS", parameters.shape[1])
-    library = _library("figures.c", sizes, text)
+    library = loaded("figures.c", sizes, text)
     if library is None:
         return None
     made = np.zeros((points, len(wanted), _FIGURES))

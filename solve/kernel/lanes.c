@@ -6,13 +6,12 @@
    points has the lane as its last index. */
 
 #include "lane.h"
+#include "stage.h"
 
 #define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
 #define LANE 1
 #define SEGMENT 2
-#define NX (2 * N)                 /* state: q, dq/dphase */
 #define W (NX + ORBIT)             /* columns of an affine map: the state, and 1 */
-#define ROWS (S * N)
 #define COLS (ROWS + W)
 #define ENTRIES (3 * N * N + N)
 #define D (2 + NODES)              /* powers of theta in a step */
@@ -39,8 +38,6 @@ typedef struct {
     double *curves;                /* (groups LANES, N, steps, D) */
     double *maps;                  /* (groups LANES, steps, NX, W): of the steps; or null */
 } problem;
-
-static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
 
 static inline lane larger(lane a, lane b) {
     mask m = a > b;
@@ -88,23 +85,12 @@ static void matrices(const problem *p, long group, const double *tables, long ph
 
 /* The stage system of one step beside its right sides, rows (ROWS, COLS). */
 static void build(const problem *p, long group, long step, lane *e, lane *rows) {
-    const double h = p->h[step];
+    const lane h = (lane){0} + p->h[step];
     for (int i = 0; i < S; i++) {
         matrices(p, group, p->stages, step * S + i, p->steps * S, e);
         const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
-        for (int a = 0; a < N; a++) {
-            lane *row = rows + (i * N + a) * COLS;
-            for (int j = 0; j < S; j++) {
-                const double damped = h * p->A[i * S + j], stiff = h * h * p->A2[i * S + j];
-                for (int b = 0; b < N; b++) row[j * N + b] = damped * C[a * N + b] + stiff * K[a * N + b];
-            }
-            for (int b = 0; b < N; b++) {
-                row[i * N + b] += M[a * N + b];
-                row[ROWS + b] = -K[a * N + b];
-                row[ROWS + N + b] = -C[a * N + b] - h * p->c[i] * K[a * N + b];
-            }
-            if (ORBIT) row[ROWS + NX] = d[a];
-        }
+        stage_rows(i, h, p->A, p->A2, p->c, M, C, K, rows + i * N * COLS, COLS);
+        for (int a = 0; a < N && ORBIT; a++) rows[(i * N + a) * COLS + ROWS + NX] = d[a];
     }
 }
 

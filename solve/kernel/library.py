@@ -78,6 +78,17 @@ def available(size: Size) -> bool:
     return True
 
 
+@lru_cache
+def loaded(source: str, sizes: tuple[tuple[str, int], ...], formulas: str = "") -> ctypes.CDLL | None:
+    """The library of another C file of this package; None where there is none, and a line of the logger says
+    why."""
+    try:
+        return compiled(_SOURCE.with_name(source), dict(sizes), formulas)
+    except CompilerError as error:
+        _LOGGER.warning("%s; %s", error, INSTEAD)
+        return None
+
+
 def run(
     kernel: str, size: Size, arrays: Mapping[str, Array], entry: Array | None = None, **numbers: float
 ) -> None:
@@ -92,4 +103,4 @@ def run(
         raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
 
 
-__all__ = ["INSTEAD", "CompilerError", "Size", "available", "lanes", "library", "run", "trouble"]
+__all__ = ["INSTEAD", "CompilerError", "Size", "available", "lanes", "library", "loaded", "run", "trouble"]

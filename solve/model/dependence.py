@@ -1,33 +1,68 @@
 """How the equations and the outputs of a model depend on its parameters and its speed."""
 
-from collections.abc import Callable, Sequence
-from functools import cache, cached_property
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property, partial
+from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.differences import slope
+from solve.model.formulas import c_text
 from solve.model.sampling import Sampler
 from solve.model.setup import Setup
-from solve.system import SPEED, PeriodicSystem
+from solve.system import SPEED, Columns, Formulas, PeriodicSystem
+
+_TOGETHER = 1024
+"""Phases whose derivatives are summed at a time: few enough to stay in a processor's cache."""
 
 
-class _Slopes(NamedTuple):
-    """Derivatives of a generated function: those that are not always 0, with row and column of each."""
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """Derivatives of a generated function: those that are not always 0, with row and column of each, row by
+    row; the function of CasADi gives them one after another, of inputs and the parameters (p,)."""
 
     shape: tuple[int, int]
     rows: Array
     columns: Array
-    sampler: Sampler | None
+    function: Any
 
-    def __call__(self, phase: Array, speed: float, *inputs: Array) -> Array:
-        """(k, rows, columns) at phases (k,), other inputs (k, …), and parameters (p,)."""
-        made = np.zeros((len(phase), self.shape[0] * self.shape[1]))
-        if self.sampler is not None:
-            places = self.rows * self.shape[1] + self.columns
-            made[:, places] = self.sampler(phase, np.full(len(phase), speed), *inputs)
-        return made.reshape(-1, *self.shape)
+    @cached_property
+    def text(self) -> str | None:
+        return c_text(self.function) if len(self.rows) else None
+
+    @cached_property
+    def _sampler(self) -> Sampler:
+        return Sampler(self.function, shared=1)
+
+    def values(self, compiled: Columns | None, p: Array, inputs: Sequence[Array]) -> Array:
+        """(len(rows), k) of inputs (k, …) or (k,)."""
+        if not len(self.rows):
+            return np.zeros((0, len(inputs[0])))
+        if compiled is not None and self.text:
+            formulas = Formulas(self.text, len(self.rows), (), p)
+            found = compiled(formulas, [np.atleast_2d(each.T) for each in inputs])
+            if found is not None:
+                return found
+        return self._sampler(*inputs, p).T
+
+    def whole(self, values: Array) -> Array:
+        """Those that are 0 among the others: (rows, columns, k)."""
+        made = np.zeros((self.shape[0] * self.shape[1], values.shape[1]))
+        made[self.rows * self.shape[1] + self.columns] = values
+        return made.reshape(*self.shape, -1)
+
+    def along(self, values: Array, weights: Array) -> Array:
+        """Sums over k and the rows, with weights (k, rows, c): (columns, c)."""
+        made, ends = (
+            np.zeros((self.shape[1], weights.shape[2])),
+            np.searchsorted(self.rows, range(1, self.shape[0])),
+        )
+        parts = zip(np.split(self.columns, ends), np.split(values, ends), strict=True)
+        for row, (columns, found) in enumerate(parts):
+            made[columns] += found @ weights[:, row]
+        return made
 
 
 class GeneratedSlopes:
@@ -37,7 +72,7 @@ class GeneratedSlopes:
     motion."""
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):
-        self._setup, self._n, self._names, self.nonlinear = setup, n, tuple(names), nonlinear
+        self._setup, self._n, self.names, self.nonlinear = setup, n, tuple(names), nonlinear
         self.output = cache(self._output)
 
     @cached_property
@@ -84,14 +119,13 @@ class GeneratedSlopes:
 
         *inputs, p = self._symbols
         order = list(self._setup.case.parameters)
-        chosen = [inputs[1] if name == SPEED else p[order.index(name)] for name in self._names]
-        slopes = casadi.jacobian(value, casadi.vertcat(*chosen, *states))
-        rows, columns = (np.array(part, dtype=int) for part in slopes.sparsity().get_triplet())
-        if not len(rows):
-            return _Slopes(slopes.shape, rows, columns, None)
-        found = casadi.cse(casadi.vertcat(*slopes.nonzeros()))
-        sampler = Sampler(casadi.Function("slopes", [*inputs, *further, p], [found]), shared=1)
-        return _Slopes(slopes.shape, rows, columns, sampler)
+        chosen = [inputs[1] if name == SPEED else p[order.index(name)] for name in self.names]
+        # CasADi stores by columns; the transposes come by rows.
+        by_rows = casadi.jacobian(value, casadi.vertcat(*chosen, *states)).T
+        columns, rows = (np.array(part, dtype=int) for part in by_rows.sparsity().get_triplet())
+        found = casadi.cse(casadi.vertcat(*by_rows.nonzeros())) if len(rows) else by_rows
+        function = casadi.Function("slopes", [*inputs, *further, p], [found])
+        return _Slopes(by_rows.shape[::-1], rows, columns, function)
 
 
 class GeneratedDependence:
@@ -100,27 +134,119 @@ class GeneratedDependence:
 
     parted = True
 
-    def __init__(self, slopes: GeneratedSlopes, setup: Setup, n: int, count: int):
-        """count: how many quantities θ there are."""
-        self._slopes, self._p, self._n, self._count = slopes, setup.p, n, count
+    def __init__(
+        self,
+        slopes: GeneratedSlopes,
+        setup: Setup,
+        n: int,
+        names: Sequence[str],
+        compiled: Columns | None = None,
+    ):
+        """names: of quantities θ, among those of the slopes; compiled: evaluates formulas, where that is
+        wanted."""
+        self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
+        self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
-        return self._slopes.residual(phase, speed, *_parts(states), self._p)
+        slopes = self._slopes.residual
+        found = slopes.whole(self._values(slopes, phase, speed, states))
+        return np.moveaxis(found[:, self._chosen], -1, 0)
+
+    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+        slopes = self._slopes.residual
+        found = sum(
+            slopes.along(self._values(slopes, at, speed, held), along)
+            for at, held, along in _in_parts(phase, states, weights)
+        )
+        return np.asarray(found)[self._chosen]
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        inputs = *_parts(states), weights.reshape(len(phase), -1), self._p
-        return self._parted(self._slopes.matrices(phase, speed, *inputs))
+        slopes, count = self._slopes.matrices, len(self._slopes.names)
+        by, by_states = np.zeros(slopes.shape[1]), [np.zeros((0, 3, self._n))]
+        for at, held, along in _in_parts(phase, states, weights):
+            found = self._values(slopes, at, speed, held, along)
+            by[slopes.columns] += found.sum(axis=1)
+            if not self.linear:
+                by_states.append(slopes.whole(found)[0, count:].T.reshape(-1, 3, self._n))
+        return by[self._chosen], np.zeros_like(states) if self.linear else np.concatenate(by_states)
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        return self._parted(self._slopes.output(name)(phase, speed, *_parts(states), self._p))
+        # Interpreted: formulas of outputs are short, and extrema are few phases.
+        slopes = self._slopes.output(name)
+        return self._parted(slopes, slopes.values(None, self._p, self._inputs(phase, speed, states)))
 
     def output_along(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
         by_parameters, by_states = self.output(name, phase, speed, states)
         return by_parameters + np.einsum("kcn,kcnr->kr", by_states, moved)
 
-    def _parted(self, found: Array) -> tuple[Array, Array]:
-        return found[:, 0, : self._count], found[:, 0, self._count :].reshape(-1, 3, self._n)
+    def _inputs(self, phase: Array, speed: float, states: Array) -> list[Array]:
+        return [phase, np.full(len(phase), speed), *_parts(states)]
+
+    def _values(self, slopes: _Slopes, phase: Array, speed: float, states: Array, *further: Array) -> Array:
+        inputs = self._inputs(phase, speed, states) + [each.reshape(len(phase), -1) for each in further]
+        return slopes.values(self._compiled, self._p, inputs)
+
+    def _parted(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
+        (found,), count = slopes.whole(values), len(self._slopes.names)
+        return found[self._chosen].T, found[count:].T.reshape(-1, 3, self._n)
+
+
+class DampedDependence(GeneratedDependence):
+    """With a modal damping C(φ) q′ beside the generated equations, which is differenced; see
+    `solve.system.Dependence`."""
+
+    def __init__(
+        self,
+        slopes: GeneratedSlopes,
+        setup: Setup,
+        n: int,
+        names: Sequence[str],
+        compiled: Columns | None,
+        damping: Callable[[Mapping[str, float], Array], Array],
+    ):
+        """damping: C (k, n, n) by time at phases (k,) with some parameters changed."""
+        super().__init__(slopes, setup, n, names, compiled)
+        self._damping, self._varied = cache(partial(_by_each, damping, setup, tuple(names))), names
+
+    def residual(self, phase: Array, speed: float, states: Array) -> Array:
+        return super().residual(phase, speed, states) + self._forces(phase, speed, states)
+
+    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+        stated = super().residual_along(phase, speed, states, weights)
+        return stated + np.einsum("knr,knc->rc", self._forces(phase, speed, states), weights)
+
+    def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
+        by, by_states = super().matrices(phase, speed, states, weights)
+        return by + np.einsum("kij,kijr->r", weights[:, 1], self._slopes_of_damping(phase, speed)), by_states
+
+    def _forces(self, phase: Array, speed: float, states: Array) -> Array:
+        return np.einsum("kijr,kj->kir", self._slopes_of_damping(phase, speed), states[:, 1])
+
+    def _slopes_of_damping(self, phase: Array, speed: float) -> Array:
+        """Of ΩC, (k, n, n, r)."""
+        by_time = np.array([1.0 if name == SPEED else speed for name in self._varied])
+        return by_time * self._damping(phase.tobytes())
+
+
+def _by_each(
+    damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
+) -> Array:
+    """Derivatives of C by parameters, and C itself in the place of the speed: (k, n, n, r)."""
+    phase = np.frombuffer(phases)
+    columns = [
+        damping({}, phase)
+        if name == SPEED
+        else slope(lambda value, name=name: damping({name: value}, phase), setup.case.parameters[name])
+        for name in names
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def _in_parts(*arrays: Array) -> Iterator[tuple[Array, ...]]:
+    """Arrays (k, …) by so many of their rows at a time as stay in a processor's cache."""
+    parts = range(_TOGETHER, len(arrays[0]), _TOGETHER)
+    return zip(*(np.split(each, parts) for each in arrays), strict=True)
 
 
 def _symbol(name: str, size: int) -> Any:
@@ -148,9 +274,12 @@ class AssembledDependence:
         by_row = entries[:, : 3 * n**2].reshape(-1, 3, n, n, entries.shape[-1])
         return np.einsum("kcijr,kcj->kir", by_row, states) - entries[:, 3 * n**2 :]
 
+    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+        return np.einsum("knr,knc->rc", self.residual(phase, speed, states), weights)
+
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         entries = self._entries(phase, speed)[:, : 3 * self._system.n**2]
-        return np.einsum("ke,ker->kr", weights.reshape(len(phase), -1), entries), np.zeros_like(states)
+        return np.einsum("ke,ker->r", weights.reshape(len(phase), -1), entries), np.zeros_like(states)
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
         raise NotImplementedError

@@ -12,6 +12,7 @@ import numpy as np
 
 from solve.argument import first_is
 from solve.arrays import Array, Plane
+from solve.differences import slope
 from solve.errors import (
     MatricesError,
     NoDerivativeError,
@@ -24,13 +25,13 @@ from solve.model.cases import Case
 from solve.model.damping import DampedSampler, beyond_critical, damped, damped_residual
 from solve.model.generated import model_module, module_of
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
-from solve.model.setup import Setup
+from solve.model.setup import Setup, followed
 from solve.model.sketches import stated_lines
 from solve.statistics import Statistics
 from solve.system import (
     PERIODIC,
     SPEED,
-    AtStates,
+    Columns,
     Dependence,
     Formulas,
     Marcher,
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 _LOOKS = 128
 """Phases of a period at which the matrices are looked at before a solution."""
 
-_NUDGE = 1e-6
+_NUDGE = 1e-2
 """Part of a parameter by which it is changed to see what it moves."""
 
 _TOGETHER = 4096
@@ -69,6 +70,7 @@ class Model(PeriodicSystem):
         self.setup, self.module = setup, module
         self._formulas: dict[tuple[str, ...], Formulas | None] = {}
         self._slopes: dict[tuple[tuple[str, ...], bool], GeneratedSlopes] = {}
+        self._breaks_moved: dict[str, Array | None] = {}
         self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.parameter_sources = setup.case.sources
@@ -211,8 +213,8 @@ class Model(PeriodicSystem):
     def nonlinear(self) -> bool:
         return hasattr(self.module, "residual")
 
-    def along(self, motion: Motion, evaluate: AtStates | None = None) -> PeriodicSystem:
-        return ModelAlong(self, motion, evaluate) if self.nonlinear else super().along(motion)
+    def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
+        return ModelAlong(self, motion, compiled) if self.nonlinear else super().along(motion)
 
     @property
     def smooth_parameters(self) -> tuple[str, ...]:
@@ -220,38 +222,74 @@ class Model(PeriodicSystem):
         return tuple(
             name
             for name, value in self.parameters.items()
-            if name not in whole and (value or not self.assembled) and not self._moves_breaks(name)
+            if name not in whole and (value or not self.assembled) and self._followed(name)
         )
 
     @property
     def moves_breaks(self) -> bool:
         return hasattr(self.module, "breaks")
 
-    def _moves_breaks(self, name: str) -> bool:
-        """Whether the phases of jumps and kinks depend on a parameter."""
+    def _followed(self, name: str) -> bool:
+        """Whether it is known how far jumps and kinks move with a parameter, and what follows from that."""
         if not self.moves_breaks:
-            return False
-        value, found = self.parameters[name], self.setup.breaks
-        for way in (1, -1):
-            # One of the two may be out of bounds.
-            with suppress(ValueOutOfBoundsError):
-                changed = {name: value + way * _NUDGE * (abs(value) or 1.0)}
-                return self.setup.varied(changed, {}).breaks != found
-        return True
+            return True
+        moved = self._break_slopes(name)
+        return moved is not None and not (self.assembled and moved.any())
 
-    def dependence(self, names: Sequence[str]) -> Dependence:
-        return self._dependence(names, False)
+    def break_slopes(self, names: Sequence[str]) -> Array:
+        still = np.zeros(len(self.breaks))
+        if not self.moves_breaks:
+            return np.zeros((len(still), len(names)))
+        every = [still if name == SPEED else self._break_slopes(name) for name in names]
+        return np.array([still if each is None else each for each in every]).reshape(len(names), -1).T
 
-    def _dependence(self, names: Sequence[str], nonlinear: bool) -> Dependence:
-        from solve.model.dependence import AssembledDependence, GeneratedDependence, GeneratedSlopes
+    def _break_slopes(self, name: str) -> Array | None:
+        """Derivatives (b,) of the phases of breaks, which are formulas, by a parameter; None where some meet
+        or part."""
+        if name not in self._breaks_moved:
+            at, p, of = self.parameters[name], self.setup.p, list(self.parameters).index(name)
+
+            def breaks(value: float) -> Array:
+                changed = np.where(np.arange(len(p)) == of, value, p)
+                return followed(np.array(self.breaks), np.array(self.setup.breaks_with(changed)), self.period)
+
+            try:
+                self._breaks_moved[name] = slope(breaks, at, _NUDGE * (abs(at) or 1.0))
+            except ValueOutOfBoundsError:
+                self._breaks_moved[name] = None
+        return self._breaks_moved[name]
+
+    def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
+        return self._dependence(names, compiled, False)
+
+    def _dependence(self, names: Sequence[str], compiled: Columns | None, nonlinear: bool) -> Dependence:
+        from solve.model.dependence import AssembledDependence, DampedDependence, GeneratedDependence
 
         self.require_smooth(names)
-        if self.assembled:
+        damped = isinstance(self._matrices, DampedSampler)
+        if self.assembled and not damped:
             return AssembledDependence(self, names)
-        key = tuple(names), nonlinear
+        # One text for the compiler, whatever is asked for.
+        every = tuple(names) if compiled is None else (*self.smooth_parameters, SPEED)
+        slopes = self._slopes_by(every, nonlinear)
+        if compiled is not None and not slopes.residual.text:
+            slopes, compiled = self._slopes_by(tuple(names), nonlinear), None
+        given = slopes, self.setup, self.n, names, compiled
+        return DampedDependence(*given, self._damping_with) if damped else GeneratedDependence(*given)
+
+    def _damping_with(self, parameters: Mapping[str, float], phase: Array) -> Array:
+        """Modal damping (k, n, n) at phases (k,) with some parameters changed."""
+        sampler = self.varied(parameters)._matrices
+        assert isinstance(sampler, DampedSampler)
+        return sampler.damping(phase)
+
+    def _slopes_by(self, names: tuple[str, ...], nonlinear: bool) -> "GeneratedSlopes":
+        from solve.model.dependence import GeneratedSlopes
+
+        key = names, nonlinear
         if key not in self._slopes:
             self._slopes[key] = GeneratedSlopes(self.setup, self.n, names, nonlinear)
-        return GeneratedDependence(self._slopes[key], self.setup, self.n, len(names))
+        return self._slopes[key]
 
     @property
     def assembled(self) -> bool:
@@ -271,8 +309,8 @@ class Model(PeriodicSystem):
                 )
             if name not in smooth:
                 raise NoDerivativeError(
-                    f"{name} is a whole number, or moves the phase of a jump: derivatives by it are not "
-                    "calculated; leave it out"
+                    f"{name} is a whole number, or moves a jump that meets another, or a jump beside damping "
+                    "ratios: derivatives by it are not calculated; leave it out"
                 )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:
@@ -362,9 +400,11 @@ class ModelAlong(Model):
     """A model linearised along a motion, see `PeriodicSystem.along`. The bounds within which the model
     linearised about its desired motion is trusted do not concern it."""
 
-    def __init__(self, model: Model, motion: Motion, evaluate: AtStates | None = None):
+    def __init__(self, model: Model, motion: Motion, compiled: Columns | None = None):
         super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
-        self.model, self.motion, self._evaluate = model, motion, evaluate
+        self.model, self.motion, self._compiled = model, motion, compiled
+        turns = np.arange(round(motion.nodes[-1] / model.period)) * model.period
+        self.breaks = tuple((turns[:, None] + np.array(model.breaks)).ravel().tolist())
         self.period, self.validity = float(motion.nodes[-1]), {}
         self.speed_unit = model.speed_unit
 
@@ -372,27 +412,26 @@ class ModelAlong(Model):
         return type(self), (self.model, self.motion)
 
     def _along(self, phase: Array, speed: float) -> Matrices:
-        states = np.stack([speed**derivative * self.motion(phase, derivative) for derivative in range(3)])
-        formulas = self.model.tangent_formulas if self._evaluate else None
-        found = self._evaluate(formulas, phase, speed, states) if self._evaluate and formulas else None
+        speeds = np.full(len(phase), speed)
+        states = [speed**derivative * self.motion(phase, derivative) for derivative in range(3)]
+        formulas, found = self.model.tangent_formulas if self._compiled else None, None
+        if self._compiled and formulas:
+            found = self._compiled(formulas, (phase[None], speeds[None], *states))
         if found is None:
-            columns = np.swapaxes(states, 1, 2)
-            found = self.model.tangent(phase, np.full(len(phase), speed), *columns)
-        M, C, K, d = parted(found, self.n)
+            found = self.model.tangent(phase, speeds, *(state.T for state in states)).T
+        M, C, K, d = parted(found.T, self.n)
         sampler = self.model._matrices
         # It takes no part in d, where it stands in C q̇ as well as in r.
         return M, C + sampler.damping(phase) if isinstance(sampler, DampedSampler) else C, K, d
 
-    def along(self, motion: Motion, evaluate: AtStates | None = None) -> PeriodicSystem:
-        return self.model.along(motion, evaluate)
+    def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
+        return self.model.along(motion, compiled)
 
-    def dependence(self, names: Sequence[str]) -> Dependence:
-        if self.assembled:
-            raise NoDerivativeError(
-                f"{self.name} has damping ratios, whose derivatives are known along its linear orbit alone; "
-                "leave out what asks for nonlinear equations, or state the dissipation"
-            )
-        return self.model._dependence(names, nonlinear=True)
+    def break_slopes(self, names: Sequence[str]) -> Array:
+        return np.tile(self.model.break_slopes(names), (round(self.period / self.model.period), 1))
+
+    def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
+        return self.model._dependence(names, compiled, nonlinear=True)
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

@@ -24,6 +24,10 @@ _PHASES = 720
 """Phases of a period at which conditions on the parameters are looked at."""
 
 
+_ALIKE = 1e-12
+"""Part of the period up to which breaks are one."""
+
+
 @dataclass(frozen=True)
 class Setup:
     """A generated module, a case with a value for every parameter in its own unit, every option's value."""
@@ -128,3 +132,20 @@ class Setup:
                 raise ValueOutOfBoundsError(
                     f"{meaning}: {condition} does not hold for {given}; choose numbers for which it does"
                 )
+
+
+def followed(breaks: Array, moved: Array, period: float) -> Array:
+    """The breaks (b,) where they have moved to (c,), each to the nearest around the period. Raises
+    ValueOutOfBoundsError where some have met or parted."""
+    ends = _different(moved, period)
+    apart = (ends - breaks[:, None] + period / 2) % period - period / 2
+    nearest = np.abs(apart).argmin(axis=1)
+    if not len(set(nearest.tolist())) == len(ends) == len(_different(breaks, period)):
+        raise ValueOutOfBoundsError("jumps meet, or part; change what moves them a little")
+    return breaks + apart[np.arange(len(breaks)), nearest]
+
+
+def _different(breaks: Array, period: float) -> Array:
+    """Those that differ by more than rounding around the period."""
+    phases = np.sort(breaks % period)
+    return phases[np.diff(phases, append=phases[:1] + period) > _ALIKE * period]

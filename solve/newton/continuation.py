@@ -11,7 +11,7 @@ from solve.newton.iteration import Converged, Task, between, iterated
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.progress import stage
-from solve.system import AtStates, Matrices, Motion, PeriodicSystem
+from solve.system import Columns, Matrices, Motion, PeriodicSystem
 
 _MOST = 10
 """Corrections of a step of the continuation."""
@@ -30,9 +30,9 @@ class PartlyLoaded(PeriodicSystem):
         super().__init__(system.at, system.coordinates, system.period, system.breaks)
         self._system, self._share, self._rest = system, share, rest
 
-    def along(self, motion: Motion, evaluate: AtStates | None = None) -> PeriodicSystem:
+    def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         # Both alike, so that without load rest is an orbit to the last digit.
-        tangent, still = (self._system.along(each, evaluate) for each in (motion, self._rest))
+        tangent, still = (self._system.along(each, compiled) for each in (motion, self._rest))
 
         def matrices(phase: Array, speed: float) -> Matrices:
             M, C, K, d = tangent.at(phase, speed)

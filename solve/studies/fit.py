@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.derivatives.point import OnGrid
+from solve.derivatives.point import OnGrid, dependence_of
 from solve.differences import slope
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
@@ -197,7 +197,7 @@ class Problem:
         rule = orbit.certified.method
         if not isinstance(rule, Collocated):
             raise ValueOutOfBoundsError(f"method is {rule.name}; a fit takes radau, gauss, or auto")
-        on = OnGrid(orbit, rule, orbit.steps, model.dependence(self.names), self.names)
+        on = OnGrid(orbit, rule, orbit.steps, dependence_of(orbit, self.names), self.names)
         found = []
         for name, values in data.channels.items():
             if data.orders:

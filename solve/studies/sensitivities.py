@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.argument import first_is
 from solve.arrays import Array
-from solve.derivatives.point import quantities_by, sensitivities
+from solve.derivatives.point import periods_of, quantities_by, sensitivities
 from solve.differences import slope
 from solve.errors import NoResultError, SolveError
 from solve.methods.choice import Rule
@@ -52,10 +52,13 @@ def sensitivities_over(
     rtol: float = 1e-8,
     engine: str = "auto",
     nonlinear: bool = False,
+    periods: int | None = None,
 ) -> SensitivitiesOver:
     """`solve.sensitivities` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm").
     Speeds without a solution are NaN with the reason. Raises SolveError subclasses for bad input, and
     NoResultError where no speed has a solution."""
+    periods_of(nonlinear, periods)
+    settings = method, steps, rtol, engine, nonlinear, periods
     given, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
     asked = [each.text for each in quantities]
     system, omegas = system.shown_in(given[0]), np.array(given)
@@ -66,7 +69,7 @@ def sensitivities_over(
         for at, omega in enumerate(omegas.tolist()):
             with part("speeds"):
                 try:
-                    found = sensitivities(system, omega, asked, names, method, steps, rtol, engine, nonlinear)
+                    found = sensitivities(system, omega, asked, names, *settings)
                 except SolveError as reason:
                     reasons[at] = [f"no result: {reason}"]
                     continue

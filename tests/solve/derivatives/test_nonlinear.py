@@ -1,11 +1,14 @@
 """Derivatives of nonlinear orbits and of their multipliers: central differences, a linear model, and the
 amplitude of a pure wave in closed form."""
 
+from functools import cache, partial
+
 import numpy as np
 import pytest
 
 import solve
-from solve.errors import LinearModelError, NoDerivativeError
+from derive import Mechanism, cos, rate
+from solve.errors import LinearModelError
 from tests.solve.derivatives.differences import differences
 from tests.solve.model.test_damping import NUMBERS, chain
 from tests.solve.newton.mechanisms import duffing, model_of, pendulum
@@ -69,6 +72,62 @@ def test_errors_hold_what_finer_steps_change():
 def test_what_has_none_is_said():
     with pytest.raises(LinearModelError):
         solve.sensitivities(solve.load("four_bar"), 30.0, "rho1", nonlinear=True)
+
+
+def test_damping_ratios_along_an_orbit_of_linear_springs_are_those_of_the_linear_orbit():
     damped = solve.load(chain(), e=0.3, zeta1=0.03, zeta2=0.08, **NUMBERS)
-    with pytest.raises(NoDerivativeError, match="damping ratios"):
-        solve.sensitivities(damped, 3.0, "q1.max", "k", nonlinear=True)
+    of, by = ["q1.max", "q2.harmonic1", "rho1"], ["k", "zeta2", "m", "speed"]
+    linear, nonlinear = (
+        solve.sensitivities(damped, 3.0, of, by, nonlinear=each, steps=96) for each in (False, True)
+    )
+    for quantity in of:
+        assert nonlinear[quantity] == pytest.approx(linear[quantity], rel=1e-8)
+
+
+def test_an_orbit_of_two_periods_that_repeats_after_one_has_its_derivatives():
+    model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.5, f=0.4)
+    of, by = ["q.max", "q.rms", "rho1.abs", "exponent1.re"], ["alpha", "zeta", "speed"]
+    one, two = (
+        solve.sensitivities(model, 2.3, of, by, steps=128 * k, nonlinear=True, periods=k) for k in (1, 2)
+    )
+    radius = one.found["rho1.abs"].value
+    for quantity in of:
+        doubled = 2 * radius if quantity == "rho1.abs" else 1.0
+        for name in by:
+            assert two[quantity][name] == pytest.approx(doubled * one[quantity][name], rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_pendulum_that_swings_with_half_the_frequency():
+    model, of, by = (
+        model_of(pendulum(), c=0.1, b=0.15, g=1.0),
+        ["q.rms", "q.harmonic1", "rho1.abs"],
+        ["b", "c"],
+    )
+    settings = {**GRID, "steps": 512, "periods": 2}
+    found = solve.sensitivities(model, 2.0, of, by, nonlinear=True, **settings)
+    from_here = partial(solve.nonlinear, start=solve.nonlinear(model, 2.0, periods=2))
+    for name in by:
+        expected = differences(model, 2.0, name, of, solved=from_here, parts=(1e-2, 1e-3), **settings)
+        assert [found[each][name] for each in of] == pytest.approx(list(expected), rel=1e-7, abs=1e-10)
+
+
+@cache
+def on_a_cubic_spring():
+    """With a damping ratio."""
+    made = Mechanism("cubic", "A mass on a cubic spring with a damping ratio")
+    (q,) = made.coordinates(q=("m", "displacement"))
+    m, k, a, F = made.parameters(
+        m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"), a=("N/m^3", "its hardening"), F=("N", "load")
+    )
+    made.kinetic = m * rate(q) ** 2 / 2
+    made.potential = k * (1 + cos(made.phase) / 3) * q**2 / 2 + a * q**4 / 4
+    made.damping_ratio = made.parameter("zeta", "1", "damping ratio", ">= 0")
+    made.force(F * cos(made.phase), along=q)
+    return made
+
+
+@pytest.mark.slow
+def test_a_damping_ratio_on_a_cubic_spring():
+    model = solve.load(on_a_cubic_spring(), m=2.0, k=50.0, a=20.0, F=10.0, zeta=0.1)
+    check(model, 7.0, ["q.max", "q.rms", "rho1.abs"], ["m", "k", "a", "zeta", "speed"], 128)

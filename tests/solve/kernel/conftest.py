@@ -2,7 +2,7 @@
 
 import pytest
 
-from solve.kernel import compiler, formulas, library
+from solve.kernel import compiler, library
 
 
 @pytest.fixture
@@ -10,8 +10,8 @@ def nothing_remembered():
     """Of the compilers and libraries of this process, before and after."""
 
     def forget():
-        of_lanes = library.library, library.trouble, library.available
-        for remembered in (compiler.c_compiler, *of_lanes, formulas._library):
+        libraries = library.library, library.trouble, library.available, library.loaded
+        for remembered in (compiler.c_compiler, *libraries):
             remembered.cache_clear()
 
     forget()

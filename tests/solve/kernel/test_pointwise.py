@@ -6,7 +6,7 @@ import pytest
 import solve
 from solve.batch.family import SPEED, SystemFamily
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.kernel.formulas import at_states
+from solve.kernel.formulas import columns
 from solve.period.curve import Curve
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.kernel.test_widths import LACKING, on_x86
@@ -72,7 +72,7 @@ def linearised_along(name, points=21):
     phase, used = np.linspace(0, model.period, points), []
 
     def spied(*given):
-        used.append(at_states(*given))
+        used.append(columns(*given))
         return used[-1]
 
     found = [model.along(motion, each).entries(phase, 2.0)[None] for each in (spied, None)]

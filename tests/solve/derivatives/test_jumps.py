@@ -1,0 +1,95 @@
+"""Derivatives by parameters that move jumps: closed forms, and differences on one grid."""
+
+import math
+
+import numpy as np
+import pytest
+
+import solve
+from derive import Mechanism, rate, sign, sin
+from solve.errors import NoDerivativeError
+from tests.derive.modules import module_of
+from tests.solve.derivatives.differences import differences
+from tests.solve.newton.mechanisms import model_of
+
+NUMBERS = {"k": 7.0, "c": 0.5, "f": 1.0, "begin": 1.0, "second": 0.0, "other": 3.5}
+ON_A_GRID = {"method": solve.Radau(), "steps": 96, "engine": "numpy"}
+
+
+def pushed(**changed):
+    """An oscillator that is pushed over half a turn from `begin` on, and by a second push from `other` on."""
+    made = Mechanism("pushed", "An oscillator under a push", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    k, c, f, begin, second, other = made.parameters(
+        k=("1/s^2", "stiffness"),
+        c=("1/s", "damping"),
+        f=("1/s^2", "push"),
+        begin=("rad", "beginning of the push"),
+        second=("1/s^2", "the other push"),
+        other=("rad", "beginning of the other"),
+    )
+    push = f * (1 + sign(sin(made.phase - begin)))
+    made.kinetic, made.potential, made.dissipation = rate(q) ** 2 / 2, k * q**2 / 2, c * rate(q) ** 2 / 2
+    made.force(push + second * (1 + sign(sin(made.phase - other))), along=q)
+    made.output("spring", k * q, "1/s^2", "force of the spring")
+    made.output("push", push, "1/s^2", "the first push")
+    made.decline_drive_torque("an equation without units")
+    return model_of(module_of(made), **{**NUMBERS, **changed})
+
+
+@pytest.mark.parametrize("nonlinear", [False, True])
+def test_a_push_that_begins_later_moves_the_vibration_as_it_is(nonlinear):
+    of = ["q.rms", "q.max", "spring.harmonic1", "spring.phase1", "q.phase3", "rho1.abs", "exponent1.im"]
+    found = solve.sensitivities(pushed(), 2.0, of, "begin", steps=192, nonlinear=nonlinear)
+    for quantity in of:
+        expected = -float(quantity[-1]) if "phase" in quantity else 0.0
+        (error,) = found.found[quantity].errors
+        assert found[quantity]["begin"] == pytest.approx(expected, abs=min(1e-5, 2 * error + 1e-11)), quantity
+
+
+@pytest.mark.parametrize("method", [solve.Radau(), solve.Gauss()])
+def test_two_pushes_against_differences(method):
+    of, by, model = (
+        ["q.max", "q.min", "q.harmonic1", "spring.max"],
+        ["begin", "other", "k"],
+        pushed(second=0.6),
+    )
+    settings = {**ON_A_GRID, "method": method}
+    found = solve.sensitivities(model, 2.0, of, by, **settings)
+    for name in by:
+        expected = differences(model, 2.0, name, of, **settings)
+        # Sums over samples of q leave a little where q″ jumps between them.
+        assert [found[each][name] for each in of] == pytest.approx(list(expected), rel=1e-6)
+        assert [found[each][name] for each in of if "harmonic" not in each] == pytest.approx(
+            [value for each, value in zip(of, expected, strict=True) if "harmonic" not in each], rel=1e-8
+        )
+
+
+def test_meissners_interval_in_closed_form():
+    model = solve.load("meissner", share=0.3)
+    omega, share, (w1, w2) = math.pi, 0.3, (model.parameters["w1"], model.parameters["w2"])
+    turn, mean = 2 * math.pi / omega, (w1 / w2 + w2 / w1) / 2
+    (s1, c1), (s2, c2) = (
+        (math.sin(w * turn * t), math.cos(w * turn * t)) for w, t in ((w1, share), (w2, 1 - share))
+    )
+    slope = turn * (-w1 * s1 * c2 + w2 * c1 * s2 - mean * (w1 * c1 * s2 - w2 * s1 * c2))
+    found = solve.sensitivities(model, omega, ["rho1.re", "rho1.abs"], "share")
+    assert found.found["rho1.re"].value == pytest.approx(c1 * c2 - mean * s1 * s2, rel=1e-8)
+    assert found["rho1.re"]["share"] == pytest.approx(slope, rel=1e-8)
+    assert found["rho1.abs"]["share"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_output_that_jumps_has_none_and_says_so():
+    found = solve.sensitivities(pushed(), 2.0, ["push.mean", "spring.mean"], ["f", "begin"])
+    assert np.isnan(found["push.mean"]["begin"])
+    assert found["push.mean"]["f"] == pytest.approx(1.0)
+    assert "jumps where they move" in found.warnings[0]
+    assert found["spring.mean"]["f"] == pytest.approx(1.0)
+
+
+def test_jumps_that_meet_are_refused_and_left_out():
+    model = pushed(second=1.0, other=1.0)
+    assert model.smooth_parameters == ("k", "c", "f", "second")
+    assert list(solve.sensitivities(model, 2.0, "q.rms").by) == ["k", "c", "f", "second", "speed"]
+    with pytest.raises(NoDerivativeError, match="moves a jump that meets another"):
+        solve.sensitivities(model, 2.0, "q.rms", "begin")

@@ -1,0 +1,52 @@
+"""Derivatives of generated functions in compiled lanes are those that CasADi interprets."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.kernel.formulas import columns
+from solve.system import SPEED
+from tests.solve.kernel.test_lanes import needs_compiler
+from tests.solve.kernel.test_widths import LACKING, on_x86
+
+MODELS = "cam", "coupler", "gear_pair", "manipulator", "mathieu"
+
+
+def both(name, names, count):
+    model, rng = solve.load(name), np.random.default_rng(2)
+    phase, states = rng.uniform(0, model.period, count), rng.standard_normal((count, 3, model.n))
+    along, entries = (
+        rng.standard_normal((count, model.n, 2)),
+        rng.standard_normal((count, 3, model.n, model.n)),
+    )
+    found = []
+    for compiled in (columns, None):
+        dependence = model.dependence(names, compiled)
+        at = phase, 31.0, states
+        by_entries, _ = dependence.matrices(*at, entries)
+        residual, summed = dependence.residual(*at), dependence.residual_along(*at, along)
+        assert np.allclose(summed, np.einsum("knr,knc->rc", residual, along))
+        found.append((residual, summed, by_entries))
+    return found
+
+
+def same(ours, theirs):
+    for one, other in zip(ours, theirs, strict=True):
+        assert one.shape == other.shape
+        assert np.allclose(one, other, rtol=1e-11, atol=1e-11 * np.abs(other).max())
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", MODELS)
+def test_every_model(name):
+    smooth = solve.load(name).smooth_parameters
+    same(*both(name, [smooth[-1], SPEED, smooth[0]], 13))
+
+
+@needs_compiler
+@on_x86
+@pytest.mark.parametrize("width", LACKING)
+def test_every_width(compiled_for, width):
+    compiled_for(*LACKING[width])
+    for count in (1, 9):
+        same(*both("mathieu", ["delta"], count))

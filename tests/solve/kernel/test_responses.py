@@ -1,0 +1,51 @@
+"""Responses of the stages of steps in compiled lanes are those of LAPACK."""
+
+import numpy as np
+import pytest
+
+from solve.kernel.responses import responses
+from solve.methods.gauss import Gauss
+from solve.methods.radau import Radau
+from tests.solve.kernel.test_lanes import needs_compiler
+from tests.solve.kernel.test_widths import LACKING, on_x86
+
+
+def same(method, n, steps, inertia=1.0):
+    """For random matrices; inertia: of the diagonal of M."""
+    rng, rule = np.random.default_rng(4), method.collocation
+    s, h = len(rule.c), rng.uniform(0.1, 0.3, steps)
+    M, C, K = rng.standard_normal((3, steps, s, n, n))
+    M += inertia * np.eye(n)
+    entries = np.concatenate(
+        [part.reshape(steps, s, -1) for part in (M, C, K, np.ones((steps, s, n)))], axis=2
+    )
+    ours = responses(rule.weights, h, entries, n)
+    unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, steps, s, n, s * n))
+    theirs = rule.stage_accelerations(h, M[None], C[None], K[None], unit)[0].reshape(steps, s * n, -1)
+    size = np.abs(theirs).max(axis=(1, 2), keepdims=True)
+    assert ours is not None
+    assert (np.abs(ours - theirs) <= 1e-12 * size).all()
+
+
+@needs_compiler
+@pytest.mark.parametrize("method", [Radau(), Gauss(), Radau(order=3)], ids=repr)
+@pytest.mark.parametrize(("n", "steps"), [(1, 1), (3, 21), (4, 8)])
+def test_of_any_method_and_size(method, n, steps):
+    same(method, n, steps, inertia=6.0)
+
+
+@needs_compiler
+def test_of_steps_that_exchange_other_rows():
+    same(Radau(order=3), 3, 16, inertia=0.0)
+
+
+@needs_compiler
+@on_x86
+@pytest.mark.parametrize("width", LACKING)
+def test_every_width(compiled_for, width):
+    compiled_for(*LACKING[width])
+    same(Radau(order=3), 2, 11)
+
+
+def test_many_accelerations_are_left_to_lapack():
+    assert responses(Radau().collocation.weights, np.ones(1), np.ones((1, 5, 3 * 20**2 + 20)), 20) is None
