@@ -403,8 +403,8 @@ class PeriodicSystem:
         made[:, self.n**2 : 2 * self.n**2] *= speed
         return made
 
-    def terms(self, phase: Array, speed: float) -> tuple[Array, Array, Array] | None:
-        """What the entries are sums of: terms (k, R), their coefficients (1, R) at this speed, and to which
+    def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
+        """What the entries are sums of: terms (k, R), their coefficients (P, R) at speeds (P,), and to which
         entry each belongs (R,), rising; None where there are the entries alone."""
         return None
 

@@ -87,6 +87,10 @@ class Batch:
         """The points in groups whose matrices jump at the same phases; returns the positions of those without
         a system."""
         family, system, left = self.family, self.family.example, []
+        known = family.at_speeds(points)
+        if known is not None:
+            yield np.arange(len(points)), known
+            return np.zeros(0, dtype=int)
         for breaks, alike in family.by_breaks(points):
             if breaks is None:
                 left.append(alike)

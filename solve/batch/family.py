@@ -11,6 +11,7 @@ from solve.arrays import Array
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
+from solve.period.points import AtSpeeds
 from solve.system import SPEED, Formulas, PeriodicSystem
 
 _KEPT = 8
@@ -53,6 +54,10 @@ class Family:
     def moves_breaks(self) -> bool:
         """Whether the matrices may jump at other phases at other points."""
         return True
+
+    def at_speeds(self, points: Array) -> AtSpeeds | None:
+        """The points (P, v), where they are speeds of one system that says what its entries are sums of."""
+        return None
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
         """Phases of jumps, and the positions (k,) of the points (P, v) that have these; None where there is
@@ -112,6 +117,12 @@ class SystemFamily(Family):
     @property
     def moves_breaks(self) -> bool:
         return bool(self._free) and self.example.moves_breaks
+
+    def at_speeds(self, points: Array) -> AtSpeeds | None:
+        speeds = self.speeds(points)
+        if self._free or self.example.terms(np.zeros(1), speeds[:1]) is None:
+            return None
+        return AtSpeeds(self.example, speeds)
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
         if self.moves_breaks:

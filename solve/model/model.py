@@ -124,12 +124,12 @@ class Model(PeriodicSystem):
         # The ordinary way says what is wrong.
         return found if np.isfinite(found).all() else super().entries(phase, speed)
 
-    def terms(self, phase: Array, speed: float) -> tuple[Array, Array, Array] | None:
+    def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         found = self._matrices.terms(phase) if isinstance(self._matrices, MatrixSampler) else None
         if found is None:
             return None
         table, entry, power = found
-        return table, speed ** power[None], entry
+        return table, speeds[:, None] ** power, entry
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         sampler = self._matrices

@@ -89,8 +89,12 @@ class Curve:
     def n(self) -> int:
         return self.coefficients.shape[-3]
 
-    @cached_property
+    @property
     def finite(self) -> Array:
+        return self._finite
+
+    @cached_property
+    def _finite(self) -> Array:
         with np.errstate(invalid="ignore"):
             return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
 

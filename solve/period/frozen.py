@@ -194,7 +194,7 @@ def _eigenvalues(matrices: Array) -> Array:
     """Eigenvalues (…, N); infinite where a matrix is not finite."""
     if np.isfinite(matrices).all():
         return np.linalg.eigvals(matrices)
-    finite: Array = np.isfinite(matrices).all(axis=(-2, -1))
+    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
     values = np.linalg.eigvals(np.where(finite[..., None, None], matrices, 0.0))
     return np.where(finite[..., None], values, np.inf)
 

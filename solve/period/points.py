@@ -143,9 +143,41 @@ class OnePoint:
         return self
 
     def tables(self, phase: Array) -> Tables:
-        terms = self.system.terms(phase, self.speed)
+        terms = self.system.terms(phase, np.array([self.speed]))
         if terms is None:
             return Tables.of(self.system.entries(phase, self.speed)[None], self.n)
+        return Tables(*terms, self.n)
+
+
+@dataclass(frozen=True)
+class AtSpeeds:
+    """A system whose entries are sums of terms, at speeds (P,) in rad/s."""
+
+    system: PeriodicSystem
+    speeds: Array
+    bytes_a_phase: int = 0
+
+    @property
+    def n(self) -> int:
+        return self.system.n
+
+    @property
+    def period(self) -> float:
+        return self.system.period
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.system.breaks
+
+    def __len__(self) -> int:
+        return len(self.speeds)
+
+    def __getitem__(self, positions: Array) -> "AtSpeeds":
+        return AtSpeeds(self.system, self.speeds[positions])
+
+    def tables(self, phase: Array) -> Tables:
+        terms = self.system.terms(phase, self.speeds)
+        assert terms is not None
         return Tables(*terms, self.n)
 
 

@@ -15,7 +15,7 @@ from tests.benchmarks.timing import REPEATS
 
 ACCURACY = 1e-6
 SPECTRAL_RADIUS = 0.0701120372
-OURS = 4
+OURS = 6
 """Of the contenders, the first ones are this package's own calls."""
 
 Result = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -45,6 +45,12 @@ def certified(engine: str) -> Result:
     return orbit.phase, orbit.q, orbit.multipliers
 
 
+def orbit_alone(engine: str) -> Result:
+    """The same with the multipliers that the monodromy matrix holds, not the small ones from its factors."""
+    orbit = solve.periodic(cam(), peers.SPEED, rtol=ACCURACY, engine=engine)
+    return orbit.phase, orbit.q, orbit.certified.solutions.multipliers.values[0]
+
+
 def one_grid(engine: str) -> Result:
     """The same method on one grid, its error unjudged as the peers' are."""
     grid = Grid.uniform(304, cam().period)
@@ -59,6 +65,8 @@ CONTENDERS = [
     Contender("one grid, Radau, 304 steps: NumPy", lambda: one_grid(NUMPY)),
     Contender("solve.periodic, certified: compiled", lambda: certified(COMPILED)),
     Contender("solve.periodic, certified: NumPy", lambda: certified(NUMPY)),
+    Contender("the orbit alone, certified: compiled", lambda: orbit_alone(COMPILED)),
+    Contender("the orbit alone, certified: NumPy", lambda: orbit_alone(NUMPY)),
     Contender("CasADi mapaccum RK4, 9300 steps", lambda: casadi_peers.mapaccum(9300)),
     Contender("CasADi cvodes, matrix equation", lambda: casadi_peers.cvodes(4e-9)),
     Contender("SciPy DOP853 shooting", lambda: peers.dop853_shooting(2e-7)),
