@@ -4,10 +4,10 @@ from typing import Annotated
 
 from solve.commands.deliver import deliver_animation
 from solve.commands.groups import Accuracy, Flag, Problem, Speed
-from solve.errors import MissingValueError
+from solve.commands.parse import out_file
 from solve.reports.animation import ENDINGS, frame_count
 from solve.reports.animation import animate as made
-from solve.results.save import PICTURES, checked
+from solve.results.save import PICTURES
 
 
 def animate(
@@ -27,9 +27,7 @@ def animate(
     nonlinear: Annotated[bool, Flag("The orbit of the nonlinear equations.")] = False,
 ) -> None:
     """The mechanism in motion, its vibration magnified, as an animation or a picture."""
-    if out is None:
-        raise MissingValueError("no file given; add one, such as --out cam.gif")
-    file = checked(out, ENDINGS, "animation")
+    file = out_file(out, ENDINGS, "animation", "cam.gif")
     frame_count(frames, False, file.suffix.lower() in PICTURES)
     model, rule = problem.loaded(), accuracy.rule
     animation = made(model, speed.speed, scale, frames, show, nonlinear, rule, accuracy.rtol)

@@ -66,7 +66,10 @@ def deliver_page(made: "Report", file: Path) -> None:
         Console(highlight=False).print(sentence, markup=False)
     sys.stdout.flush()
     missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
-    doubts = [f"{said} ({', '.join(map(made.of, parts))})" for said, parts in made.warnings.items()]
+    doubts = []
+    for said, headings in made.warnings.items():
+        orbits = ", ".join(filter(None, map(made.orbit_of, headings)))
+        doubts.append(f"{said} ({orbits})" if orbits else said)
     print_warnings([*missing, *doubts], [file])
 
 

@@ -4,11 +4,10 @@ from typing import Annotated
 
 from solve.commands.deliver import print_warnings
 from solve.commands.groups import Flag, Problem, Speed
-from solve.errors import MissingValueError
+from solve.commands.parse import out_file
 from solve.exports.export import ENDINGS
 from solve.exports.export import export as exported
 from solve.exports.state_space import SAMPLES
-from solve.results.save import checked
 
 
 def export(
@@ -18,8 +17,6 @@ def export(
     samples: Annotated[int, Flag("Phases of a period in a .mat file.", "N")] = SAMPLES,
 ) -> None:
     """The equations for another tool: MATLAB, C, or an FMU."""
-    if out is None:
-        raise MissingValueError("no file given; add one, such as --out cam.mat")
-    checked(out, ENDINGS, "export")
-    made = exported(problem.loaded(), out, speed.speed, samples)
+    file = out_file(out, ENDINGS, "export", "cam.mat")
+    made = exported(problem.loaded(), file, speed.speed, samples)
     print_warnings(made.warnings, made.files)

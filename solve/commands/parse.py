@@ -1,11 +1,13 @@
 """Texts of the command line as values."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
 
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
+from solve.results.save import checked
 from solve.units import evenly, quantity, require_size_of_number
 
 
@@ -95,6 +97,13 @@ def points(flag: str, text: str) -> tuple[str, list[float]]:
     """
     ((name, range_),) = assignments(flag, [text], "NAME=A:B:N").items()
     return name, evenly(range_, f"{flag} {name}")
+
+
+def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) -> Path:
+    """The file of --out, that can be written. Raises MissingValueError, FileError."""
+    if path is None:
+        raise MissingValueError(f"no file given; add one, such as --out {example}")
+    return checked(path, endings, kind)
 
 
 def figure_kept(text: str) -> str:

@@ -77,9 +77,9 @@ class Report:
                 found.setdefault(said, []).append(part.heading)
         return found
 
-    def of(self, heading: str) -> str:
-        """What a warning of the part with this heading is about."""
-        return next(filter(None, (part.orbit for part in self.parts if part.heading == heading)), heading)
+    def orbit_of(self, heading: str) -> str:
+        """Which of the report's orbits the part with this heading shows, where there are two."""
+        return next(part.orbit for part in self.parts if part.heading == heading)
 
     @property
     def missing(self) -> dict[str, str]:
@@ -164,8 +164,9 @@ def _findings(report: Report) -> str:
     verdict = [f'<p class="verdict">{escape(sentence)}</p>' for sentence in report.summary[:1]]
     lines = [*verdict, _list(map(escape, report.summary[1:]), "found")]
     if report.warnings:
+        links = {part.heading: _link(part.heading, part.orbit) for part in report.parts}
         texts = [
-            f"{escape(said)} <small>({', '.join(_link(each, report.of(each)) for each in parts)})</small>"
+            f"{escape(said)} <small>({', '.join(links[each] for each in parts)})</small>"
             for said, parts in report.warnings.items()
         ]
         lines += ["<h3>Warnings</h3>", _list(texts, "warnings")]

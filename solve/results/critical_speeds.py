@@ -262,7 +262,7 @@ class CriticalSpeeds(Result):
         title = f"Critical speeds in {self.system.speed_unit.name}; height: {height}"
         caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
         if any(row.explained[0] == "–" for row in self.rows):
-            caption += "; mode –: no division of a frequency and no combination explains it"
+            caption += "; \nmode –: no division of a frequency and no combination explains it"
         return table_of(title, self.columns, caption=caption)
 
     def _combinations_table(self) -> Table:

@@ -10,7 +10,7 @@ from solve.results.contents import Columns, Contents, model_record, plain, rows_
 from solve.results.lasting import Lasting
 from solve.results.markup import html
 from solve.results.report import RenderableType
-from solve.results.save import checked_data, dataset, save
+from solve.results.save import checked_data, dataset, write_whole, writer
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
@@ -89,7 +89,8 @@ class Result(Lasting):
 
         Raises FileError.
         """
-        save(self, checked_data(path))
+        file = checked_data(path)
+        write_whole(file, writer(self, file))
 
     def to_xarray(self) -> "xarray.Dataset":
         """A variable a column, with `units` and `long_name`; attributes say of which model it is."""

@@ -179,11 +179,6 @@ def checked_data(path: str | Path) -> Path:
     return checked(path, DATA, "data")
 
 
-def save(result: Saved, file: Path) -> None:
-    """Write a result to a checked file. Raises FileError."""
-    write_whole(file, writer(result, file))
-
-
 def writer(result: Saved, file: Path) -> Callable[[BinaryIO], None]:
     """What fills a stream with the result as the file's ending says."""
     return partial(DATA[file.suffix.lower()], result)

@@ -2,6 +2,8 @@
 tables of a case what was fitted to them."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +13,13 @@ from solve.errors import NoResultError, ValueOutOfBoundsError
 from solve.model.model import Model
 from solve.results.orbit import Orbit
 from solve.results.plot import axis_label, label_phases, label_quantity, shades, title_of
-from solve.results.quantities import prefixed
 from solve.results.style import BLACK, GREY, VERMILION, Figure, page
 from solve.system import SPEED, PeriodicSystem
 
 _SAMPLES = 721
 
-_BEHIND = {"color": "#C8C8C8", "linewidth": 5.0, "solid_capstyle": "round"}
+BEHIND = {"color": "#C8C8C8", "linewidth": 5.0, "solid_capstyle": "round"}
+"""Style of a curve that the others approach."""
 
 MOST_CURVES = 12
 """Speeds whose curves one picture can tell apart."""
@@ -58,21 +60,22 @@ def curves_figure(
     phase: Array,
     curves: Mapping[str, Array],
     name: str,
-    title: str,
+    title: str | None,
     reverse: bool = False,
-    behind: str | None = None,
+    styles: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+    about: str = "",
 ) -> Figure:
-    """A coordinate or output at phases (k,) of one period, curves (k,) by their labels; the one of the label
-    `behind` is wide and light, as what the others approach."""
-    with page(3.3, f"{title_of(system)}: {name.replace('_', ' ')} over one turn") as figure:
+    """A coordinate or output at phases (k,) of one period, curves (k,) by their labels, some in styles of
+    their own. about: what is shown, by default the quantity."""
+    shown = about or f"{name.replace('_', ' ')} over one turn"
+    with page(3.3, f"{title_of(system)}: {shown}") as figure:
         axes = figure.subplots()
         factor = label_quantity(axes, system, name, np.array([*curves.values()]))
         axes.axhline(0.0, color=GREY, linewidth=0.7)
-        if behind is not None:
-            axes.plot(np.degrees(phase), curves[behind] * factor, label=behind, **_BEHIND)
-        others = [label for label in curves if label != behind]
-        for label, shade in zip(others, shades(len(others)), strict=True):
-            axes.plot(np.degrees(phase), curves[label] * factor, label=label, **shade)
+        others = [label for label in curves if label not in styles]
+        styled = {**styles, **dict(zip(others, shades(len(others)), strict=True))}
+        for label, values in curves.items():
+            axes.plot(np.degrees(phase), values * factor, label=label, **styled[label])
         label_phases(axes, system.period)
         figure.legend(title=title, loc="outside right center", handlelength=2.4, reverse=reverse)
     return figure
@@ -83,21 +86,13 @@ def contributions_figure(
 ) -> Figure:
     """An output over the turn, and each mode's part of it, at a speed in rad/s; uncoupled: values (k,) of
     the output if modes did not couple."""
-    factor, unit = prefixed(model.units[found.output], float(np.abs(found.total).max()))
-    degrees = np.degrees(found.phase)
-    with page(3.3, f"{title_of(model)}: modes at {model.speed_unit.text(speed)}") as figure:
-        axes = figure.subplots()
-        axes.axhline(0.0, color=GREY, linewidth=0.7)
-        axes.plot(degrees, found.total * factor, color=BLACK, linewidth=2.0, label="all modes")
-        for number, (values, shade) in enumerate(zip(found.values, shades(len(found.values)), strict=True)):
-            axes.plot(degrees, values * factor, label=f"mode {number + 1}", **shade)
-        if uncoupled is not None:
-            axes.plot(degrees, uncoupled * factor, color=VERMILION, label="uncoupled")
-        axes.set_title(model.meanings[found.output], loc="left", color=GREY)
-        label_phases(axes, model.period)
-        axes.set_ylabel(f"{found.output.replace('_', ' ')} ({unit})")
-        figure.legend(loc="outside right center", handlelength=2.4)
-    return figure
+    curves = {"all modes": found.total}
+    curves |= {f"mode {number}": values for number, values in enumerate(found.values, 1)}
+    if uncoupled is not None:
+        curves["uncoupled"] = uncoupled
+    styles = {"all modes": {"color": BLACK, "linewidth": 2.0}, "uncoupled": {"color": VERMILION}}
+    about = f"modes at {model.speed_unit.text(speed)}"
+    return curves_figure(model, found.phase, curves, found.output, None, styles=styles, about=about)
 
 
 def fits_figure(model: Model) -> Figure:

@@ -19,7 +19,7 @@ from solve.results.report import RenderableType, digits, heading, sized, stacked
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
-from solve.results.turn_plot import checked_turn, curves_figure
+from solve.results.turn_plot import BEHIND, checked_turn, curves_figure
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
@@ -111,7 +111,8 @@ class Corrections(Result):
         """The quantity over the turn, a curve a model, the reference wide behind the others."""
         curves = {label: model.values for label, model in self.models.items()}
         name = self.models[REFERENCE].drawn
-        return curves_figure(self.system, self._phase, curves, name, "elements a link", behind=REFERENCE)
+        styles = {REFERENCE: BEHIND}
+        return curves_figure(self.system, self._phase, curves, name, "elements a link", styles=styles)
 
 
 def corrections(
