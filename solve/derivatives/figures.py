@@ -16,7 +16,7 @@ from solve.derivatives.turn import Motions, TurnOnGrid
 from solve.errors import NoDerivativeError
 from solve.period.curve import Curve
 from solve.period.named import HARMONIC, PHASE, Named
-from solve.period.quantities import enough_samples
+from solve.period.quantities import Signal, enough_samples
 from solve.results.orbit import Turn
 from solve.system import Dependence, PeriodicSystem
 
@@ -55,6 +55,13 @@ class OrbitOnGrid(Turn):
 
     def at(self, phase: Array) -> Array:
         return self.turn.curve(phase)
+
+    def signal(self, name: str) -> Signal:
+        if name not in self.system.coordinates:
+            return super().signal(name)
+        row = self.system.coordinates.index(name)
+        alone = self.turn.curve[row : row + 1]
+        return lambda phase: alone(phase)[0]
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
         q, v, a = (self.turn.curve(phase, order) for order in range(3))
