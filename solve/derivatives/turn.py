@@ -8,7 +8,6 @@ this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15)
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -59,7 +58,7 @@ class TurnOnGrid:
         made = responses(self.rule.weights, grid.h, entries[:, self._stages], n) if compiled else None
         self._responses = self._interpreted() if made is None else made
         self._known = known
-        self._kept: dict[Any, Any] = {}
+        self._kept: dict[tuple[bytes, int], tuple[Array, Array]] = {}
 
     def _interpreted(self) -> Array:
         """Stage accelerations (m, s n, 2n + s n), linear in the states at the starts of the steps and in
@@ -191,27 +190,22 @@ class TurnOnGrid:
         """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve
         at phases (p,)."""
         (m, k), (count, _, n, c) = self.phases.shape, weights.shape
-        by_phase = np.zeros((count, 2 + k, n * c))
+        by_phase, step = np.zeros((count, 2 + k, n * c)), self._basis(phase, 0)[0]
         for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
             if part.any():
-                by_phase += self._by_data(phase, order)[:, :, None] * part.reshape(count, 1, -1)
-        return (self._by_steps(phase) @ by_phase.reshape(count, -1)).reshape(m, 2 + k, n, c)
+                by_phase += self._basis(phase, order)[1][:, :, None] * part.reshape(count, 1, -1)
+        made, inside = np.zeros((m, (2 + k) * n * c)), np.argsort(step, kind="stable")
+        firsts = np.flatnonzero(np.diff(step[inside], prepend=-1))
+        made[step[inside[firsts]]] = np.add.reduceat(by_phase.reshape(count, -1)[inside], firsts)
+        return made.reshape(m, 2 + k, n, c)
 
-    def _by_data(self, phase: Array, order: int) -> Array:
-        """What the data of its step count in the curve's derivative at a phase, (p, 2 + k)."""
+    def _basis(self, phase: Array, order: int) -> tuple[Array, Array]:
+        """Steps (p,) in which phases lie, and what the data of these count in the curve's derivative there,
+        (p, 2 + k)."""
         key = phase.tobytes(), order
         if key not in self._kept:
-            self._kept[key] = self.curve.basis(phase, order)[1] @ self.rule.curve_powers
-        return self._kept[key]
-
-    def _by_steps(self, phase: Array) -> Any:
-        """Sums over the phases in each step: a sparse matrix (m, p)."""
-        from scipy.sparse import csr_array
-
-        key = phase.tobytes()
-        if key not in self._kept:
-            step, shape = self.curve.basis(phase)[0], (self.grid.steps, len(phase))
-            self._kept[key] = csr_array((np.ones(len(phase)), (step, np.arange(len(phase)))), shape=shape)
+            step, powers = self.curve.basis(phase, order)
+            self._kept[key] = step, powers @ self.rule.curve_powers
         return self._kept[key]
 
     def pulled(self, of_data: Array) -> Array:
