@@ -8,6 +8,7 @@ this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15)
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ class TurnOnGrid:
         made = responses(self.rule.weights, grid.h, entries[:, self._stages], n) if compiled else None
         self._responses = self._interpreted() if made is None else made
         self._known = known
-        self._kept: dict[tuple[bytes, int], tuple[Array, Array]] = {}
+        self._kept: dict[tuple[bytes, int], tuple[Any, Array]] = {}
 
     def _interpreted(self) -> Array:
         """Stage accelerations (m, s n, 2n + s n), linear in the states at the starts of the steps and in
@@ -190,14 +191,22 @@ class TurnOnGrid:
         """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve
         at phases (p,)."""
         (m, k), (count, _, n, c) = self.phases.shape, weights.shape
-        by_phase, step = np.zeros((count, 2 + k, n * c)), self._basis(phase, 0)[0]
+        by_phase, (inside, firsts) = np.zeros((count, 2 + k, n * c)), self._groups(phase)
         for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
             if part.any():
                 by_phase += self._basis(phase, order)[1][:, :, None] * part.reshape(count, 1, -1)
-        made, inside = np.zeros((m, (2 + k) * n * c)), np.argsort(step, kind="stable")
-        firsts = np.flatnonzero(np.diff(step[inside], prepend=-1))
-        made[step[inside[firsts]]] = np.add.reduceat(by_phase.reshape(count, -1)[inside], firsts)
+        made, step = np.zeros((m, (2 + k) * n * c)), self._basis(phase, 0)[0]
+        made[step[inside][firsts]] = np.add.reduceat(by_phase.reshape(count, -1)[inside], firsts)
         return made.reshape(m, 2 + k, n, c)
+
+    def _groups(self, phase: Array) -> tuple[Any, Array]:
+        """In which order phases lie in one step after another, and where those of each step begin."""
+        key = phase.tobytes(), -1
+        if key not in self._kept:
+            step = self._basis(phase, 0)[0]
+            inside = slice(None) if (np.diff(step) >= 0).all() else np.argsort(step, kind="stable")
+            self._kept[key] = inside, np.flatnonzero(np.diff(step[inside], prepend=-1))
+        return self._kept[key]
 
     def _basis(self, phase: Array, order: int) -> tuple[Array, Array]:
         """Steps (p,) in which phases lie, and what the data of these count in the curve's derivative there,
