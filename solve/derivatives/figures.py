@@ -16,7 +16,7 @@ from solve.derivatives.turn import Motions, TurnOnGrid
 from solve.errors import NoDerivativeError
 from solve.period.curve import Curve
 from solve.period.named import HARMONIC, PHASE, Named
-from solve.period.quantities import enough_samples
+from solve.period.quantities import Signal, enough_samples
 from solve.results.orbit import Turn
 from solve.system import Dependence, PeriodicSystem
 
@@ -55,6 +55,13 @@ class OrbitOnGrid(Turn):
 
     def at(self, phase: Array) -> Array:
         return self.turn.curve(phase)
+
+    def signal(self, name: str) -> Signal:
+        if name not in self.system.coordinates:
+            return super().signal(name)
+        row = self.system.coordinates.index(name)
+        alone = self.turn.curve[row : row + 1]
+        return lambda phase: alone(phase)[0]
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
         q, v, a = (self.turn.curve(phase, order) for order in range(3))
@@ -199,12 +206,14 @@ class Figures:
     def harmonic(self, name: str, number: int) -> tuple[complex, Sums]:
         """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
-        phases = np.arange(count) * (period / count)
+        known = count == self.orbit.samples
+        phases = self._phases if known else np.arange(count) * (period / count)
+        values = self._sampled(name) if known else self.orbit.signal(name)(phases)
         wave = np.exp(-2j * np.pi / period * number * phases) * ((2 if number else 1) / count)
         sums = Sums(
             name, phases, np.stack((wave.real, wave.imag), axis=1), lambda both: both @ np.array([1, 1j])
         )
-        return complex(wave @ self.orbit.signal(name)(phases)), sums
+        return complex(wave @ values), sums
 
     def _of_extremum(self, name: str, figure: str) -> Sums:
         """Of an extremum, whose derivatives are NaN where equally large extrema change differently."""

@@ -59,7 +59,7 @@ class TurnOnGrid:
         made = responses(self.rule.weights, grid.h, entries[:, self._stages], n) if compiled else None
         self._responses = self._interpreted() if made is None else made
         self._known = known
-        self._kept: dict[Any, Any] = {}
+        self._kept: dict[tuple[bytes, int], tuple[Any, Array]] = {}
 
     def _interpreted(self) -> Array:
         """Stage accelerations (m, s n, 2n + s n), linear in the states at the starts of the steps and in
@@ -191,27 +191,30 @@ class TurnOnGrid:
         """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve
         at phases (p,)."""
         (m, k), (count, _, n, c) = self.phases.shape, weights.shape
-        by_phase = np.zeros((count, 2 + k, n * c))
+        by_phase, (inside, firsts) = np.zeros((count, 2 + k, n * c)), self._groups(phase)
         for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
             if part.any():
-                by_phase += self._by_data(phase, order)[:, :, None] * part.reshape(count, 1, -1)
-        return (self._by_steps(phase) @ by_phase.reshape(count, -1)).reshape(m, 2 + k, n, c)
+                by_phase += self._basis(phase, order)[1][:, :, None] * part.reshape(count, 1, -1)
+        made, step = np.zeros((m, (2 + k) * n * c)), self._basis(phase, 0)[0]
+        made[step[inside][firsts]] = np.add.reduceat(by_phase.reshape(count, -1)[inside], firsts)
+        return made.reshape(m, 2 + k, n, c)
 
-    def _by_data(self, phase: Array, order: int) -> Array:
-        """What the data of its step count in the curve's derivative at a phase, (p, 2 + k)."""
-        key = phase.tobytes(), order
+    def _groups(self, phase: Array) -> tuple[Any, Array]:
+        """In which order phases lie in one step after another, and where those of each step begin."""
+        key = phase.tobytes(), -1
         if key not in self._kept:
-            self._kept[key] = self.curve.basis(phase, order)[1] @ self.rule.curve_powers
+            step = self._basis(phase, 0)[0]
+            inside = slice(None) if (np.diff(step) >= 0).all() else np.argsort(step, kind="stable")
+            self._kept[key] = inside, np.flatnonzero(np.diff(step[inside], prepend=-1))
         return self._kept[key]
 
-    def _by_steps(self, phase: Array) -> Any:
-        """Sums over the phases in each step: a sparse matrix (m, p)."""
-        from scipy.sparse import csr_array
-
-        key = phase.tobytes()
+    def _basis(self, phase: Array, order: int) -> tuple[Array, Array]:
+        """Steps (p,) in which phases lie, and what the data of these count in the curve's derivative there,
+        (p, 2 + k)."""
+        key = phase.tobytes(), order
         if key not in self._kept:
-            step, shape = self.curve.basis(phase)[0], (self.grid.steps, len(phase))
-            self._kept[key] = csr_array((np.ones(len(phase)), (step, np.arange(len(phase)))), shape=shape)
+            step, powers = self.curve.basis(phase, order)
+            self._kept[key] = step, powers @ self.rule.curve_powers
         return self._kept[key]
 
     def pulled(self, of_data: Array) -> Array:

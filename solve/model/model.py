@@ -218,6 +218,10 @@ class Model(PeriodicSystem):
 
     @property
     def smooth_parameters(self) -> tuple[str, ...]:
+        return self._smooth
+
+    @cached_property
+    def _smooth(self) -> tuple[str, ...]:
         whole = {name for name, _, _, bound in self.module.PARAMETERS if "integer" in clauses(bound)}
         return tuple(
             name
