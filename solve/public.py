@@ -13,6 +13,7 @@ from solve.methods.radau import Radau
 from solve.methods.runge_kutta import RungeKutta4
 from solve.model.cases import Case
 from solve.model.model import Model
+from solve.newton.branches import branch
 from solve.newton.orbits import nonlinear
 from solve.newton.transients import transient
 from solve.period.quantities import statistics as signal_statistics
@@ -20,6 +21,7 @@ from solve.reports.animation import Animation, animate
 from solve.reports.page import Report
 from solve.reports.report import report
 from solve.results.bands import Band
+from solve.results.branch import Branch
 from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.fit import Fitted
@@ -50,6 +52,7 @@ from solve.system import PeriodicSystem
 __all__ = [
     "Animation",
     "Band",
+    "Branch",
     "Case",
     "Chart",
     "CriticalSpeeds",
@@ -79,6 +82,7 @@ __all__ = [
     "animate",
     "bands",
     "boundaries",
+    "branch",
     "case_numbers",
     "chart",
     "compare",

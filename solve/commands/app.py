@@ -25,6 +25,7 @@ COMMANDS = {
     "transient": "Start-up from any state, until the periodic vibration is reached; run-up to a speed.",
     "sensitivity": "What matters most: derivatives by parameters and the speed, at one speed or at many.",
     "fit": "Parameters of the model from measured vibration, with intervals.",
+    "branch": "Nonlinear orbits over the speed, followed through the speeds where they turn back.",
     "validity": "How far the linear model is off over speed, and up to which speed to trust it.",
     "report": "Everything about a model on one page of HTML.",
     "animate": "The mechanism in motion, its vibration magnified, as an animation or a picture.",

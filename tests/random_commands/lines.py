@@ -23,13 +23,14 @@ CHEAP = {
         ("periodic", "floquet", "sensitivity", "validity", "fit", "transient", "animate"),
         (("--rtol", "1e-3"),),
     ),
-    **dict.fromkeys(("sweep", "bands", "chart", "critical", "report"), (("--rtol", "1e-2"),)),
+    **dict.fromkeys(("sweep", "bands", "branch", "chart", "critical", "report"), (("--rtol", "1e-2"),)),
     "compare": (("--method", "rk4"), ("--steps", "64"), ("--rtol", "1e-2")),
 }
 NEEDED = {
     **dict.fromkeys(("periodic", "floquet", "sensitivity"), (("--speed", "30 rad/s"),)),
     "bands": (("--speeds", "1:1.2:3 rad/s"),),
     "sweep": (("--speeds", "30 40 rad/s"),),
+    "branch": (("--speeds", "30:31 rad/s"), ("--points", "3")),
     "validity": (("--speeds", "30 40 rad/s"),),
     "critical": (("--speeds", "30:31:2 rad/s"),),
     "compare": (("--speed", "1 rad/s"),),

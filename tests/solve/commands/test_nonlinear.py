@@ -58,6 +58,20 @@ def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path
     assert "up to 100 rpm" in command("validity", "cam", *speeds, "--at", "0.02").out
 
 
+def test_a_branch_is_told_drawn_and_kept(command, tmp_path):
+    line = "branch", "cam", "--speeds", "300:302 rpm", "--rtol", "1e-2"
+    record = json.loads(command(*line, "--json").out)
+    assert record["points"][0]["speed"] == pytest.approx(10 * np.pi)
+    assert record["points"][-1]["speed"] == pytest.approx(302 * np.pi / 30)
+    assert record["points"][0]["verdict"] == "asymptotically stable"
+    assert record["turning"] == record["warnings"] == []
+    ran = command(*line, "--plot", "b.png", "--save", "b.npz")
+    assert "The branch goes from 300 rpm to 302 rpm." in ran.out
+    assert max(map(len, ran.out.splitlines())) <= 80
+    assert (tmp_path / "b.png").is_file()
+    assert solve.open(tmp_path / "b.npz").record() == record
+
+
 def test_a_run_down_to_rest_tells_and_draws_its_outputs(command, tmp_path):
     line = "transient", "manipulator", "--speeds", "300:0 rpm", "--turns", "2"
     record = json.loads(command(*line, "--json").out)
@@ -83,6 +97,9 @@ def test_a_run_down_to_rest_tells_and_draws_its_outputs(command, tmp_path):
         ),
         (("validity", "cam", "--speeds", "100 rpm", "--at", "five"), ("five", "5%")),
         (("transient", "cam", "--speeds", "0:9 rpm", "--show", "q9"), ("q9", "coordinate or output")),
+        (("branch", "cam"), ("no speeds", "--speeds")),
+        (("branch", "cam", "--speeds", "300 rpm"), ("300 rpm", "give two")),
+        (("branch", "four_bar", "--speeds", "10:20 rad/s"), ("linear by construction",)),
         (("validity", "cam"), ("no speeds", "--speeds")),
     ],
 )

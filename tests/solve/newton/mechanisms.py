@@ -36,6 +36,26 @@ def duffing():
 
 
 @cache
+def cubic_rotor():
+    """z̈ + c ż + (k + α |z|²) z = f e^{iφ} of z = x + iy: an orbit is z = A e^{iφ}, with
+    (k - Ω² + α |A|² + i c Ω) A = f."""
+    made = Mechanism("cubic_rotor", "Unbalance on a cubic spring", energy="1/s^2")
+    x, y = made.coordinates(x=("1", "across"), y=("1", "up"))
+    c, k, alpha, f = made.parameters(
+        c=("1/s", "damping"),
+        k=("1/s^2", "stiffness"),
+        alpha=("1/s^2", "cubic stiffness"),
+        f=("1/s^2", "load"),
+    )
+    made.kinetic, made.dissipation = (rate(x) ** 2 + rate(y) ** 2) / 2, c * (rate(x) ** 2 + rate(y) ** 2) / 2
+    made.potential = k * (x**2 + y**2) / 2 + alpha * (x**2 + y**2) ** 2 / 4
+    made.force(f * cos(made.phase), along=x)
+    made.force(f * sin(made.phase), along=y)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
 def pendulum():
     """A pendulum whose pivot moves up and down, y = b cos φ: q̈ + c q̇ + (g - b Ω² cos φ) sin q = 0."""
     made = Mechanism("pendulum", "Pendulum on a moving pivot", energy="1/s^2")

@@ -84,6 +84,10 @@ MADE = {
         'k3=1e8:2e8:2 --position "0 deg"',
     ),
     "solve.transient": (lambda: solve.transient(cam(), "100 rpm", 2), '--speed "1.5 Hz" --turns 2'),
+    "solve.branch": (
+        lambda: solve.branch(cam(), "100:110 rpm", points=3, rtol=1e-2),
+        '--speeds "1.5:2 Hz" --points 3 --rtol 1e-2',
+    ),
     "solve.validity": (lambda: solve.validity(cam(), [10.0, 20.0]), '--speeds "10:20:2 rad/s"'),
     "solve.sensitivities": (
         lambda: solve.sensitivities(cam(), "300 rpm", ["q1.max_abs", "rho1"], ["k1", "speed"]),

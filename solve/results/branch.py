@@ -1,0 +1,144 @@
+"""A branch of nonlinear orbits over the speed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby, pairwise
+from typing import Any, ClassVar
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.contents import Column, Columns
+from solve.results.plot import MOST_ROWS, label_quantity, label_speeds, title_of
+from solve.results.quantities import headed, prefixed
+from solve.results.report import RenderableType, digits, model_heading, speeds_of, stacked, table_of, text
+from solve.results.result import Result
+from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
+from solve.system import PeriodicSystem
+
+_MOST_ROWS = 40
+"""Of the table; of more points every k-th is shown."""
+
+_CIRCLE = 1e-9
+STABLE, UNSTABLE, UNDETERMINED = "asymptotically stable", "unstable", "undetermined"
+_SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
+_LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
+
+
+@dataclass(frozen=True)
+class Branch(Result):
+    """Points (P,) along a branch: speeds in rad/s, largest moduli of the coordinates (P, n), spectral radii,
+    errors (P, 2) of the orbits, relative, and of the radii, and whether the branch turns back there; rtol:
+    what was asked of the orbits; ended: why the branch ends within the range of speeds, or an empty text."""
+
+    _rows: ClassVar[str] = "points"
+
+    system: PeriodicSystem
+    speeds: Array
+    peaks: Array
+    radius: Array
+    errors: Array
+    turns: Array
+    rtol: float
+    ended: str
+
+    @property
+    def turning(self) -> Array:
+        """Speeds in rad/s at which the branch turns back, in its order."""
+        return self.speeds[self.turns.astype(bool)]
+
+    @property
+    def verdicts(self) -> list[str]:
+        """Of each point: "asymptotically stable", "unstable", or "undetermined" where the error of the
+        radius leaves it open."""
+        low, high = self.radius - self.errors[:, 1], self.radius + self.errors[:, 1]
+        chosen = np.where(high < 1 - _CIRCLE, STABLE, np.where(low > 1 + _CIRCLE, UNSTABLE, UNDETERMINED))
+        return chosen.tolist()
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What is doubtful about this result, a sentence each."""
+        found, worst = [self.ended] if self.ended else [], float(self.errors[:, 0].max())
+        if worst > self.rtol:
+            found.append(
+                f"orbits are off by up to {worst:.1e} of themselves, beyond the {self.rtol:g} asked for"
+            )
+        return found
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        return {"turning": self.turning, "rtol": self.rtol}
+
+    @property
+    def columns(self) -> Columns:
+        """A row a point."""
+        names, shown = self.system.coordinates, self.system.coordinates[: MOST_ROWS - 1]
+        found = {"speed": speeds_of(self.system, self.speeds, heading="{}", form=".7g")}
+        for name, values in zip(names, self.peaks.T, strict=True):
+            factor, unit = prefixed(self.system.units.get(name, ""), float(values.max()))
+            title = headed(f"max|{name}|", unit) if name in shown else ""
+            given = self.system.units.get(name, ""), f"largest modulus of {name}", title
+            found[f"{name}_max_abs"] = Column(values, *given, digits(".5g", factor))
+        meaning = "error of the orbit, relative, estimated"
+        return {
+            **found,
+            "spectral_radius": Column(self.radius, "1", "spectral radius", "radius", digits(".5g")),
+            "verdict": Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__),
+            "turns": Column(self.turns.astype(float), "1", "1 where the branch turns back"),
+            "error": Column(self.errors[:, 0], "1", meaning),
+            "radius_error": Column(self.errors[:, 1], "1", "error of the spectral radius, estimated"),
+        }
+
+    @property
+    def summary(self) -> str:
+        """Where it goes and turns back."""
+        unit = self.system.speed_unit
+        ends = " to ".join(unit.text(self.speeds[at], ".6g") for at in (0, -1))
+        back = ", ".join(unit.text(each, ".6g") for each in self.turning)
+        return f"The branch goes from {ends}" + (f" and turns back at {back}." if back else ".")
+
+    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+        """A row a point, or every k-th of many."""
+        made = table_of("Orbits along the branch", self.columns, -(-len(self.speeds) // _MOST_ROWS))
+        return stacked(model_heading(self.system, choices), made, text("\n" + self.summary))
+
+    def plot(self) -> Figure:
+        """Largest moduli and the spectral radius over speed, where the branch is unstable dashed (matplotlib
+        Figure)."""
+        names = self.system.coordinates[: MOST_ROWS - 1]
+        title = f"{title_of(self.system)}: branch of nonlinear orbits"
+        with page(1.4 + 1.5 * (len(names) + 1), title) as figure:
+            axes = figure.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]
+            for place, name, values in zip(axes, names, self.peaks.T, strict=False):
+                self._draw(place, label_quantity(place, self.system, name, values, "max_abs") * values)
+            axes[-1].axhline(1.0, color=BLACK, linewidth=0.9)
+            axes[-1].set_yscale("log")
+            axes[-1].set_ylabel("spectral\nradius |ρ|")
+            self._draw(axes[-1], self.radius)
+            label_speeds(axes[-1], self.system, np.sort(self.speeds))
+            axes[0].legend(loc="best")
+            figure.align_ylabels(axes)
+        return figure
+
+    def _draw(self, axes: Axes, values: Array) -> None:
+        """Pieces of one verdict after another, and the turning points."""
+        speeds, back, first = self.system.speed_unit.of(self.speeds), self.turns.astype(bool), 0
+        named: set[str] = set()
+        for verdict, pieces in groupby(self._between):
+            last = first + len([*pieces])
+            color, line = _LINES[verdict]
+            style = {"color": color, "linestyle": line, "label": None if verdict in named else verdict}
+            axes.plot(speeds[first : last + 1], values[first : last + 1], **style)
+            named.add(verdict)
+            first = last
+        if back.any():
+            axes.plot(speeds[back], values[back], "o", color=BLACK, markersize=3.5, label="turns back")
+
+    @property
+    def _between(self) -> list[str]:
+        """Verdicts between one point and the next: open where theirs differ, but for points where the branch
+        turns back, which are on the verge of either."""
+        known = [None if turns else verdict for turns, verdict in zip(self.turns, self.verdicts, strict=True)]
+        both = ({each for each in pair if each is not None} for pair in pairwise(known))
+        return [each.pop() if len(each) == 1 else UNDETERMINED for each in both]

@@ -1,0 +1,107 @@
+"""Branches through the speeds where they turn back, against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.optimize import fsolve
+
+import solve
+from solve.errors import LinearModelError, ValueOutOfBoundsError
+from tests.solve.newton.mechanisms import cubic_rotor, model_of
+
+NUMBERS = {"c": 0.08, "k": 1.0, "alpha": 0.1, "f": 0.2}
+
+
+def balance(speed, amplitude):
+    """f² - |k - Ω² + α a² + i c Ω|² a², and its derivative by a."""
+    c, k, alpha, f = NUMBERS.values()
+    real = k - speed**2 + alpha * amplitude**2
+    square = real**2 + (c * speed) ** 2
+    slope = -2 * square * amplitude - 4 * real * alpha * amplitude**3
+    return f**2 - square * amplitude**2, slope
+
+
+def radius(speed, amplitude):
+    """Spectral radius of η in z = (A + η) e^{iφ}, whose equations have constant coefficients:
+    η̈ + (2iΩ + c) η̇ + (k - Ω² + icΩ + 2α|A|²) η + α A² η* = 0, where A may be real."""
+    c, k, alpha, _ = NUMBERS.values()
+    stiff = k - speed**2 + 2 * alpha * amplitude**2
+    K = np.array([[stiff + alpha * amplitude**2, -c * speed], [c * speed, stiff - alpha * amplitude**2]])
+    C = np.array([[c, -2 * speed], [2 * speed, c]])
+    state = np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -C]])
+    return np.exp(2 * np.pi * np.linalg.eigvals(state).real.max() / speed)
+
+
+@pytest.fixture(scope="module")
+def rotor_branch():
+    return solve.branch(model_of(cubic_rotor(), **NUMBERS), (0.8, 1.6), rtol=1e-5)
+
+
+def test_every_orbit_of_the_branch_is_one(rotor_branch):
+    found = rotor_branch
+    assert found.warnings == []
+    assert found.errors[:, 0].max() < 1e-5
+    assert found.speeds[[0, -1]] == pytest.approx([0.8, 1.6], rel=1e-9)
+    for speed, (x, y), radii in zip(found.speeds, found.peaks, found.radius, strict=True):
+        assert abs(balance(speed, x)[0]) < 4e-5 * NUMBERS["f"] ** 2
+        assert y == pytest.approx(x, rel=1e-5)
+        assert radii == pytest.approx(radius(speed, x), rel=1e-3)
+
+
+def test_it_turns_back_where_the_closed_form_does(rotor_branch):
+    places = np.flatnonzero(rotor_branch.turns)
+    assert len(places) == 2
+    for place in places:
+        near = rotor_branch.speeds[place], rotor_branch.peaks[place, 0]
+        exact = fsolve(lambda at: balance(*at), near, xtol=1e-9)
+        assert near[0] == pytest.approx(exact[0], rel=1e-6)
+    verdicts = np.array(rotor_branch.verdicts)
+    between = slice(places[0] + 1, places[1])
+    assert set(verdicts[between]) == {"unstable"}
+    assert set(verdicts[: places[0]]) == set(verdicts[places[1] + 1 :]) == {"asymptotically stable"}
+
+
+def test_the_same_branch_the_other_way(rotor_branch):
+    back = solve.branch(model_of(cubic_rotor(), **NUMBERS), (1.6, 0.8), rtol=1e-5)
+    np.testing.assert_allclose(back.turning, rotor_branch.turning[::-1], rtol=1e-6)
+    assert back.speeds[-1] == pytest.approx(0.8, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_branch_of_the_cam_turns_back_where_following_by_the_speed_ends():
+    cam = solve.load("cam")
+    found = solve.branch(cam, "420:500 rpm", points=30)
+    assert found.warnings == ["the branch goes on: 30 points are all that were asked for"]
+    first = found.turning[0] * 30 / np.pi
+    assert 435.9 < first < 437.3
+    at = int(np.flatnonzero(found.turns)[0])
+    orbit = solve.nonlinear(cam, float(found.speeds[at - 3]), rtol=1e-6)
+    peaks = [orbit.statistics(name).max_abs for name in cam.coordinates]
+    np.testing.assert_allclose(found.peaks[at - 3], peaks, rtol=3e-3)
+    assert found.radius[at] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_branch_that_is_cut_says_so():
+    model = model_of(cubic_rotor(), **NUMBERS)
+    found = solve.branch(model, "0.8:1.6 rad/s", points=4)
+    assert len(found.speeds) == 4
+    assert found.warnings == ["the branch goes on: 4 points are all that were asked for"]
+    assert not len(found.turning)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"speeds": "0:3 rad/s"}, "two different ones above 0"),
+        ({"speeds": "3:3 rad/s"}, "two different ones above 0"),
+        ({"speeds": "2:3 rad/s", "points": 1}, "points is 1"),
+        ({"speeds": "2:3 rad/s", "rtol": 2.0}, "rtol"),
+    ],
+)
+def test_bad_input_is_refused(given, words):
+    with pytest.raises(ValueOutOfBoundsError, match=words):
+        solve.branch(model_of(cubic_rotor(), **NUMBERS), **given)
+
+
+def test_what_is_linear_has_no_branches():
+    with pytest.raises(LinearModelError, match="linear by construction"):
+        solve.branch(solve.load("four_bar"), "10:20 rad/s")
