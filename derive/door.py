@@ -142,11 +142,20 @@ def _insistent(came: list[object]) -> Iterator[None]:
     if not main or any(each is None or signal.getsignal(each) is not how for each, how in usual.items()):
         yield
         return
+    unraisable = sys.unraisablehook
+
+    def lost(raised: Any) -> None:
+        # One that comes while Python tidies up would be shown with its traceback.
+        if raised.exc_type is not KeyboardInterrupt:
+            unraisable(raised)
+
     try:
         for each in usual:
             signal.signal(each, interrupt)
+        sys.unraisablehook = lost
         yield
     finally:
+        sys.unraisablehook = unraisable
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for each, how in usual.items():
             signal.signal(each, how)

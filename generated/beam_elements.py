@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
+DERIVE_SHA256 = "0dbf00029956dd2394d40a2e2dabdf82849978f3b32e1078c13962fee3f0e671"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b2434a324be85476ee88fa972deec7a502fc3d98836ac44372c48b8dc6846ea3"
+FILE_SHA256 = "085ff4d6a26ccad7560b4e979e95591beb06441121778edb874cb986d1eb6f01"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
+DERIVE_SHA256 = "0dbf00029956dd2394d40a2e2dabdf82849978f3b32e1078c13962fee3f0e671"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "74da0ecb63e3c2ceb16dd4e6f673b6226cb484cbfee99003976be8faaf6ab54d"
+FILE_SHA256 = "2731aeadeba4e22e2d7d8aec49945417749e54a46b555786d2818de580bbd4fb"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

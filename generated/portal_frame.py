@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "7ad53d6caee0e5ff45c7b86fc607e037f97093bb839f7fb874652ab9b6937e2b"
+DERIVE_SHA256 = "0dbf00029956dd2394d40a2e2dabdf82849978f3b32e1078c13962fee3f0e671"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3c400610f5f39a74ee20bc32247fc6bdb6e771385cf264734cc7ede8a209e888"
+FILE_SHA256 = "53f4cb87b6f36c549249d93b5c18ea9b999d3c791b83cace6364b2e51ebabac9"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

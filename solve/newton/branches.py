@@ -21,7 +21,7 @@ from solve.period.points import OnePoint
 from solve.progress import stage
 from solve.results.branch import Branch
 from solve.results.orbit import Orbit
-from solve.system import SPEED, Matrices, Motion, PeriodicSystem
+from solve.system import SPEED, Matrices, Motion, PeriodicSystem, of_system
 from solve.threads import one_thread
 from solve.units import checked_rtol, ramp_in_si
 
@@ -47,6 +47,7 @@ _ROUNDS = 3
 _TOLD = "speed", "peaks", "radius", "errors", "turns"
 
 
+@of_system
 def branch(
     system: PeriodicSystem,
     speeds: str | tuple[float | str, float | str],

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -105,6 +106,27 @@ def test_an_interruption_that_a_library_passes_over_comes_again():
     assert ended(work)[0] == 130
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_interruption_that_is_lost_while_python_tidies_up_comes_again_and_is_not_shown(monkeypatch):
+    class Gone:
+        pass
+
+    def interrupt(_):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1)
+
+    def work(_):
+        held = Gone()
+        watched = weakref.ref(held, interrupt)
+        del held
+        time.sleep(5)
+        return watched
+
+    shown = []
+    monkeypatch.setattr(sys, "unraisablehook", shown.append)
+    assert ended(work) == (130, "", "program: interrupted\n")
+    assert shown == []
 
 
 def test_an_interruption_that_a_library_turns_into_an_error_of_its_own_is_130():
