@@ -25,7 +25,7 @@ from solve.progress import part, stage, steps
 from solve.results.critical_speeds import Combination, Critical, CriticalSpeeds, Maximum
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
-from solve.studies.explained import CLOSE, Explained, allowed_distance, of_multipliers
+from solve.studies.explained import CLOSE, Explained, allowed_distance, frozen_phases, of_multipliers
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
 
@@ -47,7 +47,6 @@ _ASIDE = 0.25
 _SHARE = 0.1
 """Part of the largest rise of an order's power from which on that order explains a maximum."""
 
-_PHASES = 64
 _ROUNDING, _COMPLEX = 1e-12, 1e-6
 """Negative and imaginary parts of squares of frequencies, relative to the largest, that are rounding: of
 double ones half the digits."""
@@ -76,7 +75,7 @@ class MeanFrequencies:
 
     @cached_property
     def _found(self) -> tuple[Array, Array]:
-        phase = (np.arange(_PHASES) + 0.5) * (self.system.period / _PHASES)
+        phase = frozen_phases(self.system)
         means = np.full((len(self.speeds), self.system.n), np.nan)
         imaginary = np.zeros(len(self.speeds), dtype=bool)
         for at, speed in enumerate(self.speeds):

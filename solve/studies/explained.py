@@ -34,6 +34,11 @@ def allowed_distance(order: int) -> float:
     return min(_NEAR, CLOSE * order)
 
 
+def frozen_phases(system: PeriodicSystem) -> Array:
+    """Where in the period matrices are frozen, evenly."""
+    return (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
+
+
 def of_multipliers(
     system: PeriodicSystem, maximum: Maximum, rho: Array, ratios: Array, orders: int
 ) -> Explained:
@@ -71,8 +76,7 @@ def of_multipliers(
 def _mean_decays(system: PeriodicSystem, speed: float) -> Array:
     """Means over the cycle of the rates in 1/s (n,) at which vibrations of the frozen modes die out, in the
     order of their frequencies, to the first order in C."""
-    phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
-    M, C, K, _ = system.at(phase, speed)
+    M, C, K, _ = system.at(frozen_phases(system), speed)
     squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
     # Shapes that are one another's have no inverse.
     damping = np.linalg.pinv(shapes) @ np.linalg.solve(M, C) @ shapes

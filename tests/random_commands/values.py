@@ -269,6 +269,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--over": (*RANGE, "L4=0.5,0.6", "L4=0.5:0.6:2", "m=0.1:0.2:2"),
     "--periods": ("1", "2", "0", "100000000"),
     "--plot": PICTURE,
+    "--points": _COUNT,
     "--position": ("70 deg", "1e300 rad", "1 m"),
     "--positions": _COUNT,
     "--rtol": ("1e-3", "1e-2", "1e-15", "0.5"),

@@ -13,6 +13,7 @@ from solve.kernel.library import trouble
 PAGE = (Path(__file__).parents[2] / "docs" / "walk.md").read_text("utf-8")
 ROOMS = {path.stem for path in Path(solve.__file__).parent.iterdir() if path.is_dir() or path.suffix == ".py"}
 BOTTOM = {
+    "argument",
     "arrays",
     "differences",
     "errors",
