@@ -128,12 +128,13 @@ class Branch(Result):
         for verdict, pieces in groupby(self._between):
             last = first + len([*pieces])
             color, line = _LINES[verdict]
-            style = {"color": color, "linestyle": line, "label": None if verdict in named else verdict}
+            style = {"color": color, "linestyle": line, "marker": ".", "markersize": 4}
+            style["label"] = None if verdict in named else verdict
             axes.plot(speeds[first : last + 1], values[first : last + 1], **style)
             named.add(verdict)
             first = last
         if back.any():
-            axes.plot(speeds[back], values[back], "o", color=BLACK, markersize=3.5, label="turns back")
+            axes.plot(speeds[back], values[back], "o", color=BLACK, markersize=4.5, label="turns back", clip_on=False)
 
     @property
     def _between(self) -> list[str]:
