@@ -20,8 +20,9 @@ from solve.beams.elements import EXACT
 from solve.beams.frozen import exact_frequencies
 from solve.beams.motion import modal_damping
 from solve.beams.structure import StructureModel
+from solve.contracts import Matrices
 from solve.errors import UnknownNameError
-from solve.system import Matrices, PeriodicSystem
+from solve.system import PeriodicSystem
 from solve.trigonometric import interpolated
 
 LOADS = ("consistent", "nodal")

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Formulas
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.points import AtSpeeds
-from solve.system import SPEED, Formulas, PeriodicSystem
+from solve.system import SPEED, PeriodicSystem
 
 _KEPT = 8
 """Systems that are kept, one for each of the latest values of the parameters."""

@@ -12,9 +12,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.assembly import Beams, Positions
+from solve.contracts import ModeShape
 from solve.errors import StructureError
 from solve.model.modes import at_rest, lowest_frequencies, modes
-from solve.system import ModeShape
 
 
 def lowest(positions: Positions, count: int) -> Array:

@@ -13,13 +13,13 @@ from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frozen import lowest, shapes
 from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
+from solve.contracts import DrawnLink, Matrices, ModeShape
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.damping import beyond_critical
 from solve.model.model import Model
 from solve.model.sampling import Sampler
 from solve.model.setup import Setup
 from solve.model.sketches import SAMPLES, stated_lines
-from solve.system import DrawnLink, Matrices, ModeShape
 
 if TYPE_CHECKING:
     import casadi

@@ -4,12 +4,13 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.estimates import closing_rounding, orbit_differences
+from solve.contracts import Motion
 from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns
 from solve.methods.method import Method, Solutions
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
-from solve.system import Motion, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _COMPARED = 4
 """Phases a step at which a correction is measured."""

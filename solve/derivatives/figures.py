@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Dependence
 from solve.derivatives.turn import Motions, TurnOnGrid
 from solve.errors import NoDerivativeError
 from solve.period.curve import Curve
 from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import Signal, enough_samples
 from solve.results.orbit import Turn
-from solve.system import Dependence, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _SAME, _ALIKE = 1e-9, 1e-6
 """Relative difference of two extrema up to which either may be the largest, and of their derivatives up to

@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.pace import Pace, estimated
+from solve.contracts import Dependence
 from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Starts, Sums
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
@@ -27,7 +28,7 @@ from solve.period.quantities import samples_a_step
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
-from solve.system import SPEED, Dependence, PeriodicSystem, of_system
+from solve.system import SPEED, PeriodicSystem, of_system
 from solve.threads import one_thread
 
 _GRIDS = 1, 2, 4

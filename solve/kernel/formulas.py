@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Formulas
 from solve.kernel.library import loaded
-from solve.system import Formulas
 
 _FIGURES = 7
 _WIDEST = 8

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import driven
 from solve.errors import TransientError
 from solve.model.sampling import folded
-from solve.system import driven
 
 if TYPE_CHECKING:
     import casadi

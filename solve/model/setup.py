@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Formulas
 from solve.errors import ValueOutOfBoundsError
 from solve.model.bounds import checked_parameters, measured
 from solve.model.cases import Case
 from solve.model.formulas import c_text
 from solve.model.options import checked_options
 from solve.model.sampling import Sampler, folded
-from solve.system import Formulas
 
 if TYPE_CHECKING:
     import casadi

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Matrices, Motion
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import COMPILED, chosen_engine
 from solve.kernel.formulas import columns
@@ -21,7 +22,7 @@ from solve.period.points import OnePoint
 from solve.progress import stage
 from solve.results.branch import Branch
 from solve.results.orbit import Orbit
-from solve.system import SPEED, Matrices, Motion, PeriodicSystem, of_system
+from solve.system import SPEED, PeriodicSystem, of_system
 from solve.threads import one_thread
 from solve.units import checked_rtol, ramp_in_si
 

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Columns, Matrices, Motion
 from solve.errors import NoOrbitError
 from solve.newton.iteration import Converged, Task, between, iterated
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.progress import stage
-from solve.system import Columns, Matrices, Motion, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _MOST = 10
 """Corrections of a step of the continuation."""

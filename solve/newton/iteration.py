@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import corrected, correction
+from solve.contracts import Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.methods.collocation import Collocated
 from solve.methods.method import Method, Solutions, one_by_one
@@ -17,7 +18,7 @@ from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, Points
 from solve.progress import stage
-from solve.system import Motion, PeriodicSystem
+from solve.system import PeriodicSystem
 from solve.threads import one_thread
 
 _MOST = 40

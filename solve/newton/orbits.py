@@ -9,6 +9,7 @@ import numpy as np
 from solve.certify.all_multipliers import Spectrum, refined
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
+from solve.contracts import Motion
 from solve.errors import NoOrbitError, ResonanceError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
@@ -23,7 +24,7 @@ from solve.progress import steps
 from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.single import request
-from solve.system import Motion, PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
 
 _STEPS = 64, 128

@@ -6,12 +6,13 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Matrices, driven
 from solve.errors import TransientError
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
-from solve.system import Matrices, PeriodicSystem, driven
+from solve.system import PeriodicSystem
 
 _FIRST, _MOST = 64, 2**14
 """Steps a turn at first, and beyond which the motion is not followed."""

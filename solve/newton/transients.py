@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.contracts import Marcher
 from solve.errors import FileError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.ramps import RampMarcher
@@ -15,7 +16,7 @@ from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.system import Marcher, PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
 
 REST, ORBIT = "rest", "orbit"

@@ -10,7 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from solve.arrays import Array, solved
-from solve.system import Matrices, PeriodicSystem
+from solve.contracts import Matrices
+from solve.system import PeriodicSystem
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,15 @@ class Branch(Result):
             named.add(verdict)
             first = last
         if back.any():
-            axes.plot(speeds[back], values[back], "o", color=BLACK, markersize=4.5, label="turns back", clip_on=False)
+            axes.plot(
+                speeds[back],
+                values[back],
+                "o",
+                color=BLACK,
+                markersize=4.5,
+                label="turns back",
+                clip_on=False,
+            )
 
     @property
     def _between(self) -> list[str]:

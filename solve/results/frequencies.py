@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import ModeShape
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, Contents, model_record, plain
 from solve.results.frequencies_plot import shapes_figure, turn_figure, variation_figure
@@ -17,7 +18,7 @@ from solve.results.quantities import fixed, headed
 from solve.results.report import RenderableType, Table, model_heading, stacked, table
 from solve.results.result import Result
 from solve.results.style import Figure
-from solve.system import ModeShape, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _MOST_ROWS = 40
 """Rows of a table; of more positions or values every k-th is shown."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import DrawnLink, ModeShape
 from solve.results.plot import axis_label, title_of
 from solve.results.style import (
     BLACK,
@@ -23,7 +24,7 @@ from solve.results.style import (
     Figure,
     page,
 )
-from solve.system import DrawnLink, ModeShape, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 

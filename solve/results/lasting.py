@@ -10,12 +10,13 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import DrawnLink, Matrices, ModeShape
 from solve.errors import FileError, ReopenedError
 from solve.period.curve import Curve, FourierCurve
 from solve.period.floquet_modes import FloquetMode
 from solve.period.named import Named
 from solve.statistics import Statistics
-from solve.system import DrawnLink, Matrices, ModeShape, PeriodicSystem
+from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit
 
 FORMAT = 1

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import driven
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
 from solve.results.plot import MOST_ROWS, axis_label, label_quantity, shown, title_of, titled
@@ -27,7 +28,7 @@ from solve.results.report import (
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.statistics import Statistics
-from solve.system import SPEED, PeriodicSystem, driven
+from solve.system import SPEED, PeriodicSystem
 
 _AXIS = ("phase",)
 _MOST_TURNS = 40

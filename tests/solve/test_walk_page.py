@@ -15,6 +15,7 @@ ROOMS = {path.stem for path in Path(solve.__file__).parent.iterdir() if path.is_
 BOTTOM = {
     "argument",
     "arrays",
+    "contracts",
     "differences",
     "errors",
     "progress",

@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import solve
+from solve.contracts import Formulas
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.model.formulas import c_text
 from solve.model.sampling import Sampler
 from solve.period.curve import Curve
 from solve.period.quantities import FIGURES, Quantities
-from solve.system import Formulas
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.kernel.test_widths import LACKING, on_x86
 
