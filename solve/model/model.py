@@ -317,7 +317,14 @@ class Model(PeriodicSystem):
 
     def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
         still = np.zeros((3, len(phase), self.n))
-        M, C, K, d = parted(self._varying(phase, speed, np.full(len(phase), acceleration), *still), self.n)
+        return self.with_damping(
+            phase, self._varying(phase, speed, np.full(len(phase), acceleration), *still)
+        )
+
+    def with_damping(self, phase: Array, entries: Array) -> Matrices:
+        """M, C, K and d of entries (k, 3n² + n) by rows at phases (k,), with the damping of ratios in C. It
+        takes no part in d along a motion, where it stands in C q̇ as well as in the residual."""
+        M, C, K, d = parted(entries, self.n)
         sampler = self._matrices
         return M, C + sampler.damping(phase) if isinstance(sampler, DampedSampler) else C, K, d
 
@@ -411,10 +418,7 @@ class ModelAlong(Model):
             found = self._compiled(formulas, (phase[None], speeds[None], *states))
         if found is None:
             found = self.model.tangent(phase, speeds, *(state.T for state in states)).T
-        M, C, K, d = parted(found.T, self.n)
-        sampler = self.model._matrices
-        # It takes no part in d, where it stands in C q̇ as well as in r.
-        return M, C + sampler.damping(phase) if isinstance(sampler, DampedSampler) else C, K, d
+        return self.model.with_damping(phase, found.T)
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         return self.model.along(motion, compiled)
