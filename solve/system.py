@@ -198,7 +198,9 @@ class PeriodicSystem:
 
         Raises MatricesError where the function gives something else, or NaN or infinite entries.
         """
-        M, C, K, d = _real(self._matrices(phase, speed), "matrices")
+        # A function of the user may change its argument in place.
+        given = phase if phase.flags.writeable else phase.copy()
+        M, C, K, d = _real(self._matrices(given, speed), "matrices")
         for symbol, part in zip("MCKd", (M, C, K, d), strict=True):
             if not np.isfinite(part).all():
                 first = int(np.argmin(np.isfinite(part).reshape(len(part), -1).all(axis=1)))

@@ -198,7 +198,7 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
             raise UnitError(usage)
         given = [f"{end} {unit}" if float(end) else 0.0 for end in ends]
     else:
-        given = [*speeds]
+        given = [*speeds] if isinstance(speeds, Iterable) else []
     if len(given) != 2 or not any(given):
         raise UnitError(usage)
     first, last = (speed_in_si(each) if each else 0.0 for each in given)

@@ -1,6 +1,7 @@
 """Generated functions at many phases, without a Python call a phase."""
 
 import math
+import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,8 +23,8 @@ _MOST_KEPT = 2**24
 
 
 class Sampler:
-    """A CasADi function of columns that writes into NumPy memory, many columns a call. One sampler serves
-    one thread. shared: the last so many inputs are the same for all columns."""
+    """A CasADi function of columns that writes into NumPy memory, many columns a call, one call after
+    another. shared: the last so many inputs are the same for all columns."""
 
     def __init__(self, function: "casadi.Function", shared: int = 0):
         self._own = function.n_in() - shared
@@ -35,6 +36,7 @@ class Sampler:
         rows = [1 if i in alike else _CHUNK for i in range(function.n_in())]
         self._inputs = [np.zeros((count, function.size1_in(i))) for i, count in enumerate(rows)]
         self._result = np.zeros((_CHUNK, function.size1_out(0)))
+        self._alone = threading.Lock()
         for index, memory in enumerate(self._inputs):
             self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
@@ -44,15 +46,16 @@ class Sampler:
         (columns,)."""
         count = len(inputs[0])
         columns = [each.reshape(count, -1) if each.size else each for each in inputs[: self._own]]
-        for memory, given in zip(self._inputs[self._own :], inputs[self._own :], strict=True):
-            memory[0] = given
         results = np.empty((count, self._result.shape[1]))
-        for start in range(0, count, _CHUNK):
-            stop = min(start + _CHUNK, count)
-            for memory, given in zip(self._inputs[: self._own], columns, strict=True):
-                memory[: stop - start] = given[start:stop]
-            self._evaluate()
-            results[start:stop] = self._result[: stop - start]
+        with self._alone:
+            for memory, given in zip(self._inputs[self._own :], inputs[self._own :], strict=True):
+                memory[0] = given
+            for start in range(0, count, _CHUNK):
+                stop = min(start + _CHUNK, count)
+                for memory, given in zip(self._inputs[: self._own], columns, strict=True):
+                    memory[: stop - start] = given[start:stop]
+                self._evaluate()
+                results[start:stop] = self._result[: stop - start]
         return results
 
 
@@ -136,11 +139,12 @@ class MatrixSampler:
 
     def _table(self, phase: Array) -> Array:
         key = phase.tobytes()
-        if key not in self._kept:
-            if sum(table.nbytes for table in self._kept.values()) > _MOST_KEPT:
+        table = self._kept.get(key)
+        if table is None:
+            if sum(each.nbytes for each in [*self._kept.values()]) > _MOST_KEPT:
                 self._kept.clear()
-            self._kept[key] = self._evaluate(phase)
-        return self._kept[key]
+            table = self._kept[key] = self._evaluate(phase)
+        return table
 
 
 class _Terms(NamedTuple):

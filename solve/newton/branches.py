@@ -45,6 +45,12 @@ _FINEST = 2**12
 _ROUNDS = 3
 """Steps to a speed where the branch turns back."""
 
+_STRAIGHT = 0.85
+"""Cosine of the angles between a step and the directions at its ends below which it is too long."""
+
+_REST = 1e-12
+"""Part of the largest modulus of all coordinates below which one counts as at rest."""
+
 _TOLD = "speed", "peaks", "radius", "errors", "turns"
 
 
@@ -73,13 +79,13 @@ def branch(
         )
     if not (isinstance(points, int | np.integer) and points >= 2):
         raise ValueOutOfBoundsError(f"points is {points!r}; allowed: whole numbers of at least 2")
-    rtol, (used, _) = checked_rtol(rtol), chosen_engine(engine)
+    rtol, (used, notes) = checked_rtol(rtol), chosen_engine(engine)
     orbit = nonlinear(system, first, start, rtol=rtol, engine=engine)
     task = Task(system.shown_in(first), float(first), 1, Radau(), used, rtol)
     with one_thread(system.n), stage("points", points) as count:
         found, ended = _Follower(task, float(last)).followed(orbit, int(points), count.add)
     told = (np.array([getattr(each, name) for each in found]) for name in _TOLD)
-    return Branch(task.system, *told, rtol=rtol, ended=ended)
+    return Branch(task.system, *told, rtol=rtol, ended=ended, notes=notes)
 
 
 @dataclass(frozen=True)
@@ -110,6 +116,10 @@ class _Point:
     radius: float
     errors: Array
     turns: bool = False
+
+    @property
+    def sizes(self) -> Array:
+        return _sizes(self.peaks)
 
 
 class _BySpeed(PeriodicSystem):
@@ -151,13 +161,14 @@ class _Follower:
             found.append(after)
             growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
             length = min(growth * length, _LARGEST)
-        return found[:most], f"the branch goes on: {most} points are all that were asked for"
+        return found[:most], f"the branch goes on beyond the {most} points asked for; ask for more"
 
     def _step(self, before: _Point, length: float) -> tuple[_Point, float, int]:
         """The next point, the length of the step that led to it, and its corrections."""
         while length > _LEAST:
             try:
                 after, corrections = self._reached(before, before.direction, length)
+                self._require_the_same_branch(before, after)
                 return after, length, corrections
             except SolveError:
                 length /= 2
@@ -165,17 +176,30 @@ class _Follower:
             f"the branch cannot be followed beyond the orbit at {self.task.in_words(before.speed)}"
         )
 
+    def _require_the_same_branch(self, before: _Point, after: _Point) -> None:
+        """Raise NoOrbitError where a step bends so much that it may have left the branch, or passed over two
+        places where it turns back."""
+        chord = after.place.on(before.grid).plus(-1.0, before.place)
+        ends = before.direction, after.direction.on(before.grid)
+        long = math.sqrt(self._inner(chord, chord, before.sizes))
+        for end in ends:
+            along = self._inner(chord, end, before.sizes)
+            if along < _STRAIGHT * long * math.sqrt(self._inner(end, end, before.sizes)):
+                raise NoOrbitError("the step bends too much")
+        if max(end.speed * chord.speed for end in ends) < 0:
+            raise NoOrbitError("the step passes over two places where the branch turns back")
+
     def _reached(self, before: _Point, way: _Place, length: float) -> tuple[_Point, int]:
         """The point at a length from another along a way, and its corrections. Raises SolveError subclasses
         where the iteration does not lead there."""
-        square = self._inner(way, way, before.peaks)
+        square = self._inner(way, way, before.sizes)
         place, grid = before.place.plus(length / square, way), before.grid
         for corrections in range(1, _MOST + 1):
             if place.speed <= 0:
                 break
-            after, _, _ = self._corrected(place, before.place, way, length, before.peaks, grid)
+            after, _, _ = self._corrected(place, before.place, way, length, before.sizes, grid)
             change = after.plus(-1.0, place)
-            size, place = math.sqrt(self._inner(change, change, before.peaks)), after
+            size, place = math.sqrt(self._inner(change, change, before.sizes)), after
             if size < _CONVERGED:
                 return self._point(place, before.direction, grid), corrections
             if not size < _LOST:
@@ -197,8 +221,8 @@ class _Follower:
         for _ in range(_ROUNDS):
             direction = before.direction
             way = after.place.on(before.grid).plus(-1.0, before.place)
-            length = self._inner(way, direction, before.peaks)
-            slope = self._inner(after.direction.on(before.grid), direction, before.peaks)
+            length = self._inner(way, direction, before.sizes)
+            slope = self._inner(after.direction.on(before.grid), direction, before.sizes)
             if not (length > 0 and slope > 0):
                 break
             slopes = before.direction.speed, after.direction.speed / slope
@@ -245,18 +269,16 @@ class _Follower:
     def _point(self, place: _Place, towards: _Place, grid: Grid) -> _Point:
         """The point of a place that solves the equations on a grid, its direction towards another's side."""
         while True:
-            sizes = _peaks(place)
+            sizes = _sizes(_peaks(place))
             _, slope, solutions = self._corrected(place, place, self._speed_alone(grid), 0.0, sizes, grid)
             side = math.copysign(1.0, self._inner(slope, towards.on(grid), sizes))
             direction = _scaled(slope, side / math.sqrt(self._inner(slope, slope, sizes)))
             fine = Grid.uniform(2 * grid.steps, grid.period, self.task.system.breaks)
             there, way = place.on(fine), direction.on(fine)
             better, _, judged = self._corrected(there, there, way, 0.0, sizes, fine)
-            peaks, radii = (
-                _peaks(better),
-                [each.multipliers.spectral_radius[0] for each in (solutions, judged)],
-            )
-            off = np.abs(better.plus(-1.0, there).curve.sampled(_SAMPLES)).max(axis=1) / peaks
+            radii = [each.multipliers.spectral_radius[0] for each in (solutions, judged)]
+            peaks, change = _peaks(better), better.plus(-1.0, there)
+            off = _peaks(change) / _sizes(peaks)
             error = max(float(off.max()), abs(better.speed / place.speed - 1))
             if error <= self.task.rtol or 2 * fine.steps > _FINEST:
                 break
@@ -266,9 +288,14 @@ class _Follower:
 
 
 def _peaks(place: _Place) -> Array:
-    """Largest moduli (n,) of an orbit; those of a coordinate that rests are the largest of all."""
-    found = np.abs(place.curve.sampled(_SAMPLES)).max(axis=1)
-    return np.where(found > 0, found, found.max() or 1.0)
+    """Largest moduli (n,) of an orbit."""
+    return np.abs(place.curve.sampled(_SAMPLES)).max(axis=1)
+
+
+def _sizes(peaks: Array) -> Array:
+    """What changes of coordinates (n,) are measured in: the largest of all for those that rest."""
+    largest = peaks.max() or 1.0
+    return np.where(peaks > _REST * largest, peaks, largest)
 
 
 def _scaled(place: _Place, part: float) -> _Place:

@@ -1,6 +1,7 @@
 """The periodic solution of nonlinear equations of motion, certified as the linear one is."""
 
 import math
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -137,6 +138,11 @@ class _Search:
     def iterated(self, start: Orbit | Motion | None) -> Converged:
         """From a motion, by default rest, on the first of the grids on which the iteration converges."""
         motion = start.motion if isinstance(start, Orbit) else start
+        if motion is not None and not hasattr(motion, "nodes"):
+            raise ValueOutOfBoundsError(
+                f"start is {reprlib.repr(start)}; allowed: an orbit or the motion of one; leave it out "
+                "to begin with the linear orbit"
+            )
         self._check_period(motion)
         for grid in self.grids[:-1]:
             try:

@@ -30,7 +30,8 @@ _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY,
 class Branch(Result):
     """Points (P,) along a branch: speeds in rad/s, largest moduli of the coordinates (P, n), spectral radii,
     errors (P, 2) of the orbits, relative, and of the radii, and whether the branch turns back there; rtol:
-    what was asked of the orbits; ended: why the branch ends within the range of speeds, or an empty text."""
+    what was asked of the orbits; ended: why the branch ends within the range of speeds, or an empty text;
+    notes: what the engine has to say."""
 
     _rows: ClassVar[str] = "points"
 
@@ -42,6 +43,7 @@ class Branch(Result):
     turns: Array
     rtol: float
     ended: str
+    notes: Sequence[str] = ()
 
     @property
     def turning(self) -> Array:
@@ -59,7 +61,7 @@ class Branch(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        found, worst = [self.ended] if self.ended else [], float(self.errors[:, 0].max())
+        found, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
         if worst > self.rtol:
             found.append(
                 f"orbits are off by up to {worst:.1e} of themselves, beyond the {self.rtol:g} asked for"

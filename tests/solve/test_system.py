@@ -258,3 +258,16 @@ def test_what_is_not_periodic_is_refused_however_small_its_part():
 
     with pytest.raises(MatricesError, match=r"C is not periodic: between phase 0 and 6\.28319"):
         PeriodicSystem(aperiodic, ["q"]).checked(1.0)
+
+
+def test_a_function_may_change_the_phases_that_it_is_given():
+    def matrices(phase, speed):
+        phase %= 2 * np.pi
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
+
+    def left_alone(phase, speed):
+        return matrices(phase.copy(), speed)
+
+    changed, same = (periodic(PeriodicSystem(each, ["q"]), 1.0) for each in (matrices, left_alone))
+    np.testing.assert_array_equal(changed.q, same.q)

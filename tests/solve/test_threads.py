@@ -1,4 +1,7 @@
-"""BLAS works in one thread where matrices are small, and in as many as before everywhere else."""
+"""BLAS works in one thread where matrices are small, and in as many as before everywhere else; threads
+may share a model."""
+
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -63,3 +66,13 @@ def test_a_failure_gives_them_back():
     with pytest.raises(solve.SolveError):
         solve.periodic(resonant, 1.0)
     assert threads() == {2}
+
+
+def test_threads_share_a_model():
+    """Generated functions write into memory of their own."""
+    model, speeds = solve.load("cam"), np.linspace(20.0, 90.0, 24).tolist()
+    alone = [solve.periodic(solve.load("cam"), speed, rtol=1e-4).q for speed in speeds]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda speed: solve.periodic(model, speed, rtol=1e-4).q, speeds))
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one, other)

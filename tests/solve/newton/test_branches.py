@@ -6,7 +6,7 @@ from scipy.optimize import fsolve
 
 import solve
 from solve.errors import LinearModelError, ValueOutOfBoundsError
-from tests.solve.newton.mechanisms import cubic_rotor, model_of
+from tests.solve.newton.mechanisms import cubic_rotor, duffing, model_of
 
 NUMBERS = {"c": 0.08, "k": 1.0, "alpha": 0.1, "f": 0.2}
 
@@ -84,7 +84,7 @@ def test_a_branch_that_is_cut_says_so():
     model = model_of(cubic_rotor(), **NUMBERS)
     found = solve.branch(model, "0.8:1.6 rad/s", points=4)
     assert len(found.speeds) == 4
-    assert found.warnings == ["the branch goes on: 4 points are all that were asked for"]
+    assert found.warnings == ["the branch goes on beyond the 4 points asked for; ask for more"]
     assert not len(found.turning)
 
 
@@ -95,11 +95,30 @@ def test_a_branch_that_is_cut_says_so():
         ({"speeds": "3:3 rad/s"}, "two different ones above 0"),
         ({"speeds": "2:3 rad/s", "points": 1}, "points is 1"),
         ({"speeds": "2:3 rad/s", "rtol": 2.0}, "rtol"),
+        ({"speeds": "2:3 rad/s", "start": "rest"}, "start is 'rest'; allowed: an orbit"),
     ],
 )
 def test_bad_input_is_refused(given, words):
     with pytest.raises(ValueOutOfBoundsError, match=words):
         solve.branch(model_of(cubic_rotor(), **NUMBERS), **given)
+
+
+@pytest.mark.parametrize("numbers", [{"zeta": 0.005, "f": 0.3}, {"zeta": 0.01, "f": 1.0}])
+def test_sharp_resonances_are_passed_in_both_ways(numbers):
+    """A third of the speed of resonance: two folds that lie within a fiftieth of the range."""
+    model = model_of(duffing(), k=1.0, alpha=1.0, **numbers)
+    up, down = (solve.branch(model, speeds, points=100) for speeds in ((0.3, 1.0), (1.0, 0.3)))
+    assert len(up.turning) == 2
+    assert up.speeds[-1] == pytest.approx(1.0)
+    assert down.speeds[-1] == pytest.approx(0.3)
+    np.testing.assert_allclose(down.turning[::-1], up.turning, rtol=1e-6)
+    assert not up.warnings
+    assert not down.warnings
+
+
+def test_a_coordinate_at_rest_stays_at_rest():
+    found = solve.branch(solve.load("mathieu"), "1:2 rad/s", points=3)
+    assert not found.peaks.any()
 
 
 def test_what_is_linear_has_no_branches():
