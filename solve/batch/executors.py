@@ -42,11 +42,14 @@ def cluster(address: str) -> Iterator[Executor]:
     answers, MissingLibraryError."""
     try:
         from distributed import Client
+        from distributed.comm.addressing import get_address_host
     except ImportError:
         raise MissingLibraryError(
             "a scheduler needs dask.distributed; install it with: pip install parametric-vibration[cluster]"
         ) from None
     try:
+        # A client that is refused its address would end with a traceback of its own.
+        get_address_host(address)
         client: Any = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise WorkersError(

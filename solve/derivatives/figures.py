@@ -185,12 +185,12 @@ class Figures:
 
     def __init__(self, orbit: OrbitOnGrid, starts: Starts):
         self.orbit, self._starts = orbit, starts
-        self._phases = np.arange(orbit.samples) * (orbit.system.period / orbit.samples)
+        self._phases, self._weights = self._quadrature(orbit.samples)
         self._sampled = cache(lambda name: orbit.signal(name)(self._phases))
 
     def sums(self, asked: Named) -> Sums:
         """Of a figure. Raises NoDerivativeError."""
-        name, figure, orbit = asked.subject, asked.figure, self.orbit
+        name, figure = asked.subject, asked.figure
         if figure in _WAYS:
             return self._of_extremum(name, figure)
         if figure.endswith("_phase"):
@@ -198,23 +198,31 @@ class Figures:
         if figure in (HARMONIC, PHASE):
             value, sums = self.harmonic(name, asked.number)
             return sums._replace(made=lambda slopes: _of_harmonic(asked, value, sums.made(slopes)))
-        weights = np.full(orbit.samples, 1 / orbit.samples)
+        weights = self._weights
         if figure == "rms":
             values = self._sampled(name)
-            weights = _over(values * weights, np.sqrt(np.mean(values**2)), asked)
+            weights = _over(values * weights, float(np.sqrt(values**2 @ weights)), asked)
         return Sums(name, self._phases, weights[:, None], _first)
 
     def harmonic(self, name: str, number: int) -> tuple[complex, Sums]:
         """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
         known = count == self.orbit.samples
-        phases = self._phases if known else np.arange(count) * (period / count)
+        phases, weights = (self._phases, self._weights) if known else self._quadrature(count)
         values = self._sampled(name) if known else self.orbit.signal(name)(phases)
-        wave = np.exp(-2j * np.pi / period * number * phases) * ((2 if number else 1) / count)
-        sums = Sums(
-            name, phases, np.stack((wave.real, wave.imag), axis=1), lambda both: both @ np.array([1, 1j])
-        )
-        return complex(wave @ values), sums
+        wave = np.exp(-2j * np.pi / period * number * phases) * ((2 if number else 1) * weights)
+        both = np.stack((np.real(wave), np.imag(wave)), axis=1)
+        return complex(wave @ values), Sums(name, phases, both, lambda slopes: slopes @ np.array([1, 1j]))
+
+    def _quadrature(self, count: int) -> tuple[Array, Array]:
+        """Phases and weights (k,) of a mean over the period from so many samples or more: evenly, which is
+        exact but for orders beyond them, or Gauss's within each step, where jumps leave kinks between."""
+        period, nodes = self.orbit.system.period, self.orbit.turn.grid.nodes
+        if not self.orbit.system.breaks:
+            return np.arange(count) * (period / count), np.full(count, 1 / count)
+        places, weights = np.polynomial.legendre.leggauss(-(-count // (len(nodes) - 1)))
+        width = np.diff(nodes)[:, None]
+        return (nodes[:-1, None] + width * (places + 1) / 2).ravel(), (width * weights / 2 / period).ravel()
 
     def _of_extremum(self, name: str, figure: str) -> Sums:
         """Of an extremum, whose derivatives are NaN where equally large extrema change differently."""
@@ -239,7 +247,7 @@ class Figures:
         if known is None:
             values, ways = self._sampled(name), _WAYS[figure]
             tops = [_tops(way * values) for way in ways]
-            known = np.concatenate(tops) * width, np.repeat(ways, [len(each) for each in tops])
+            known = self._phases[np.concatenate(tops)], np.repeat(ways, [len(each) for each in tops])
         phases, signs = known
         for _ in range(_NEWTON if (name, figure) not in self._starts else 1):
             around = signal((phases[:, None] + _NEAR * width * np.arange(-2, 3)).ravel()).reshape(-1, 5)
