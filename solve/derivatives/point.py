@@ -25,6 +25,7 @@ from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.period.points import OnePoint
 from solve.period.quantities import samples_a_step
+from solve.results.nonlinear import NonlinearOrbit
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
@@ -124,7 +125,8 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
         found = {each.text: _estimated(each, found, grids[0], rule) for each, found in pairs}
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
-    return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, solved.notes)
+    notes = [*solved.notes, *(solved.doubts if isinstance(solved, NonlinearOrbit) else [])]
+    return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, notes)
 
 
 def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:

@@ -70,7 +70,12 @@ class NonlinearOrbit(Orbit):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        found = list(super().warnings)
+        return [*super().warnings, *self.doubts]
+
+    @cached_property
+    def doubts(self) -> list[str]:
+        """Whether this is the orbit that was asked for, a sentence each where it may not be."""
+        found = []
         if self.periods > 1 and self._repeats:
             found.append(
                 f"the orbit repeats after each of its {self.periods} periods: it is one of period T; another "

@@ -91,6 +91,8 @@ def test_an_orbit_of_two_periods_that_repeats_after_one_has_its_derivatives():
         solve.sensitivities(model, 2.3, of, by, steps=128 * k, nonlinear=True, periods=k) for k in (1, 2)
     )
     radius = one.found["rho1.abs"].value
+    assert not any("repeats" in each for each in one.notes)
+    assert any("repeats after each of its 2 periods" in each for each in two.notes)
     for quantity in of:
         doubled = 2 * radius if quantity == "rho1.abs" else 1.0
         for name in by:
