@@ -5,8 +5,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.estimates import closing_rounding, orbit_differences
 from solve.contracts import Motion
-from solve.kernel.engines import COMPILED
-from solve.kernel.formulas import columns
+from solve.kernel.formulas import columns_by
 from solve.methods.method import Method, Solutions
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
@@ -21,7 +20,7 @@ def corrected(
 ) -> Solutions:
     """The next iterate after a motion, on a grid over the motion's period: what solves the system linearised
     along the motion. Raises SolveError where that has no solution, LinearModelError for linear systems."""
-    along = system.along(motion, columns if engine == COMPILED else None)
+    along = system.along(motion, columns_by(engine))
     found = method.solutions(OnePoint(along, speed), grid, True, engine)
     for reason in found.failures.values():
         raise reason

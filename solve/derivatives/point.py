@@ -16,7 +16,7 @@ from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.kernel.engines import COMPILED
-from solve.kernel.formulas import columns
+from solve.kernel.formulas import columns_by
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.newton.orbits import nonlinear as nonlinear_orbit
@@ -131,8 +131,7 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
 
 def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
     """On parameters, or "speed", with the engine that solved."""
-    compiled = columns if solved.certified.request.engine == COMPILED else None
-    return solved.system.dependence(names, compiled)
+    return solved.system.dependence(names, columns_by(solved.certified.request.engine))
 
 
 def _usual(system: PeriodicSystem) -> list[str]:

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.contracts import Formulas
+from solve.contracts import Columns, Formulas
+from solve.kernel.engines import COMPILED
 from solve.kernel.library import loaded
 
 _FIGURES = 7
@@ -81,6 +82,11 @@ def columns(formulas: Formulas, inputs: Sequence[Array]) -> Array | None:
     arrays = {"first": first, "given": given, "shared": shared, "values": made}
     library.columns(ctypes.byref(_Columns(columns=given.shape[1], **_addresses(arrays))))
     return made[:, :count]
+
+
+def columns_by(engine: str) -> Columns | None:
+    """What an engine evaluates formulas of columns with; None for NumPy."""
+    return columns if engine == COMPILED else None
 
 
 def figures(

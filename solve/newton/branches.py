@@ -10,8 +10,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Matrices, Motion
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
-from solve.kernel.engines import COMPILED, chosen_engine
-from solve.kernel.formulas import columns
+from solve.kernel.engines import chosen_engine
+from solve.kernel.formulas import columns_by
 from solve.methods.method import Solutions
 from solve.methods.radau import Radau
 from solve.newton.iteration import Task, on, summed
@@ -253,7 +253,7 @@ class _Follower:
         """The next iterate after a place at a length from another along a way, the derivative of both curve
         and speed by the speed, and the solutions that gave the iterate. Raises SolveError."""
         task = self.task
-        along = task.system.along(place.curve, columns if task.engine == COMPILED else None)
+        along = task.system.along(place.curve, columns_by(task.engine))
         next_one, by_speed = (
             task.method.solutions(OnePoint(each, place.speed), grid, True, task.engine)
             for each in (along, _BySpeed(along, place.curve))
