@@ -86,13 +86,16 @@ class Batch:
     def _side_by_side(self, points: Array) -> Generator[tuple[Array, Points], None, Array]:
         """The points in groups whose matrices jump at the same phases; returns the positions of those without
         a system."""
-        family, system, left = self.family, self.family.example, []
+        family, system, every = self.family, self.family.example, np.arange(len(points))
         known = family.at_speeds(points)
         if known is not None:
-            yield np.arange(len(points)), known
+            yield every, known
             return np.zeros(0, dtype=int)
-        for breaks, alike in family.by_breaks(points):
-            if breaks is None:
+        sound = family.sound(points)
+        left = [every[~sound]]
+        for breaks, group in family.by_breaks(points):
+            alike = group[sound[group]]
+            if breaks is None or not len(alike):
                 left.append(alike)
                 continue
             if family.moves_breaks and len(alike) < _LEAST_GROUP:
@@ -104,7 +107,7 @@ class Batch:
                 shared = Separation(family, region, system.period, system.n, self.request.engine, breaks)
                 self._separation = shared
             yield from self._shared(shared, points, alike)
-        return np.sort(np.concatenate(left)) if left else np.zeros(0, dtype=int)
+        return np.sort(np.concatenate(left))
 
     def _alone(self, points: Array, at: int) -> Points | Failed:
         try:

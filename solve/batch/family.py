@@ -56,6 +56,18 @@ class Family:
         """Whether the matrices may jump at other phases at other points."""
         return True
 
+    def sound(self, points: Array) -> Array:
+        """Whether the system of each point (P, v) has periodic matrices and an M that can be inverted."""
+        return np.array([self._checked(point) for point in points], dtype=bool)
+
+    def _checked(self, point: Array) -> bool:
+        try:
+            system, speed = self.system(point)
+            system.checked(speed)
+        except SolveError:
+            return False
+        return True
+
     def at_speeds(self, points: Array) -> AtSpeeds | None:
         """The points (P, v), where they are speeds of one system that says what its entries are sums of."""
         return None
@@ -118,6 +130,10 @@ class SystemFamily(Family):
     @property
     def moves_breaks(self) -> bool:
         return bool(self._free) and self.example.moves_breaks
+
+    def sound(self, points: Array) -> Array:
+        """As of any family; generated models are checked once, with their first point."""
+        return super().sound(points) if self._together is None else np.ones(len(points), dtype=bool)
 
     def at_speeds(self, points: Array) -> AtSpeeds | None:
         speeds = self.speeds(points)

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import solve
-from solve.errors import NoResultError, ValueOutOfBoundsError
+from solve.errors import MatricesError, NoResultError, ValueOutOfBoundsError
 from tests.solve import systems
 
 LOW, HIGH = 1.3, 2.6
@@ -140,3 +140,39 @@ def test_critical_speeds_say_how_many_failed():
     assert not good.notes
     found = solve.critical_speeds(broken(4.0, 1.9, 2.1), np.linspace(1.2, 3.0, 20))
     assert any("speeds give no result" in note for note in found.notes)
+
+
+def faulty(fault):
+    """A damped oscillator, except at the speed 2 rad/s."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 2, 2))
+        mass = np.diag([1.0, 0.0 if fault == "singular" and speed == 2.0 else 1.0]) * one
+        drift = phase if fault == "not periodic" and speed == 2.0 else 0 * phase
+        stiffness = (9.0 + np.cos(phase) + drift)[:, None, None] * np.eye(2)
+        return mass, 0.3 * np.eye(2) * one, stiffness, np.cos(phase)[:, None] * np.ones(2)
+
+    return systems.system(matrices, 2)
+
+
+@pytest.mark.parametrize("fault", ["singular", "not periodic"])
+def test_a_sweep_refuses_a_speed_as_a_single_solve_does(fault):
+    system = faulty(fault)
+    with pytest.raises(MatricesError) as refused:
+        solve.periodic(system, 2.0)
+    found = solve.sweep(system, [1.0, 1.5, 2.0, 2.5, 3.0])
+    assert {point.speed: point.error for point in found.points if point.error} == {2.0: str(refused.value)}
+
+
+def test_a_chart_over_parameters_refuses_a_point_as_a_single_solve_does():
+    def built(mass, stiffness):
+        def matrices(phase, speed):
+            one = np.ones((len(phase), 1, 1))
+            return mass * one, 0.3 * one, (stiffness + np.cos(phase))[:, None, None], 0 * one[:, 0]
+
+        return systems.system(matrices, 1)
+
+    with pytest.raises(MatricesError) as refused:
+        solve.floquet(built(0.0, 9.0), 1.0)
+    found = solve.chart(built, {"mass": [0.0, 0.5, 1.0]}, {"stiffness": [4.0, 9.0]}, 1.0)
+    assert found.failures == {(row, 0): str(refused.value) for row in (0, 1)}
