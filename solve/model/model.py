@@ -411,14 +411,26 @@ class ModelAlong(Model):
         return type(self), (self.model, self.motion)
 
     def _along(self, phase: Array, speed: float) -> Matrices:
-        speeds = np.full(len(phase), speed)
-        states = [speed**derivative * self.motion(phase, derivative) for derivative in range(3)]
+        return self.model.with_damping(phase, self._tangent(phase, speed).T)
+
+    def _tangent(self, phase: Array, speed: float) -> Array:
+        """M, C, K by rows and d (3n² + n, k) at phases (k,), but for the damping of ratios."""
+        speeds, of = np.full(len(phase), speed), getattr(self.motion, "states", None)
+        motions = of(phase) if of else [self.motion(phase, derivative) for derivative in range(3)]
+        states = [speed**derivative * part for derivative, part in enumerate(motions)]
         formulas, found = self.model.tangent_formulas if self._compiled else None, None
         if self._compiled and formulas:
             found = self._compiled(formulas, (phase[None], speeds[None], *states))
         if found is None:
             found = self.model.tangent(phase, speeds, *(state.T for state in states)).T
-        return self.model.with_damping(phase, found.T)
+        return found
+
+    def entries(self, phase: Array, speed: float) -> Array:
+        if self.model.assembled:
+            return super().entries(phase, speed)
+        made = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
+        # The ordinary way says what is wrong.
+        return made if np.isfinite(made).all() else super().entries(phase, speed)
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         return self.model.along(motion, compiled)

@@ -119,17 +119,16 @@ def _iterated(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
 
 def between(one: Curve, other: Curve, part: float) -> Curve:
     """The curve that lies a part of the way from one to the other, or beyond; both on the same nodes."""
-    return summed(one, part, summed(other, -1.0, one))
+    return other if part == 1 else summed(one, part, summed(other, -1.0, one))
 
 
 def summed(one: Curve, part: float, other: Curve) -> Curve:
     """One curve and a part of another, both on the same nodes."""
     powers = max(each.coefficients.shape[-1] for each in (one, other))
-    first, second = (
-        np.pad(each.coefficients, ((0, 0), (0, 0), (0, powers - each.coefficients.shape[-1])))
-        for each in (one, other)
-    )
-    return Curve(one.nodes, first + part * second)
+    made = np.zeros((*one.coefficients.shape[:-1], powers))
+    made[..., : one.coefficients.shape[-1]] = one.coefficients
+    made[..., : other.coefficients.shape[-1]] += part * other.coefficients
+    return Curve(one.nodes, made)
 
 
 def on(grid: Grid, motion: Motion) -> Curve:
