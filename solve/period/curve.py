@@ -95,6 +95,11 @@ class Curve:
     def n(self) -> int:
         return self.coefficients.shape[-3]
 
+    @cached_property
+    def h(self) -> Array:
+        """Lengths of the steps (m,)."""
+        return np.diff(self.nodes)
+
     @property
     def finite(self) -> Array:
         return self._finite
@@ -120,7 +125,7 @@ class Curve:
 
     def states(self, phase: Array, derivatives: Sequence[int] = (0, 1, 2)) -> list[Array]:
         """q and derivatives of it by the phase, at phases (k,) of any turn: (…, n, k) each."""
-        phase, h = np.asarray(phase, dtype=float), np.diff(self.nodes)
+        phase, h = np.asarray(phase, dtype=float), self.h
         theta = self._fractions(phase, h)
         if theta is not None:
             shape = *self.coefficients.shape[:-2], phase.size
@@ -143,12 +148,12 @@ class Curve:
     def basis(self, phase: Array, derivative: int = 0) -> tuple[Array, Array]:
         """Steps (k,) in which phases lie, and the derivatives there of the powers of θ (k, degree+1)."""
         step, theta = self._places(np.asarray(phase, dtype=float))
-        D, h = self.coefficients.shape[-1], np.diff(self.nodes)[step]
+        D, h = self.coefficients.shape[-1], self.h[step]
         powers = theta[:, None] ** np.maximum(np.arange(D) - derivative, 0)
         return step, _falling(D, derivative) * powers / h[:, None] ** derivative
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
-        values = self._within(np.arange(a_step) / a_step, np.diff(self.nodes), derivative)
+        values = self._within(np.arange(a_step) / a_step, self.h, derivative)
         return values.reshape(*values.shape[:-2], values.shape[-2] * a_step)
 
     def _within(self, theta: Array, h: Array, derivative: int) -> Array:
@@ -166,7 +171,7 @@ class Curve:
         curves = np.arange(math.prod(step.shape[:-1])).reshape(*step.shape[:-1], 1)
         pieces = np.take(self.coefficients.reshape(-1, D), m * curves + step, axis=0)
         value = _horner(pieces, theta, derivative)
-        return value / np.diff(self.nodes)[step] ** derivative if derivative else value
+        return value / self.h[step] ** derivative if derivative else value
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
         """Step and fraction of it that phases of any turn lie in."""
@@ -182,7 +187,7 @@ class Curve:
 
     @cached_property
     def _uniform(self) -> bool:
-        return bool(np.ptp(np.diff(self.nodes)) <= 1e-12 * self.nodes[-1])
+        return bool(np.ptp(self.h) <= 1e-12 * self.nodes[-1])
 
 
 def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
