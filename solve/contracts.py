@@ -127,7 +127,8 @@ def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]
 
 
 class Motion(Protocol):
-    """A motion over phases from 0 to the last of its nodes (m+1,), where it repeats."""
+    """A motion over phases from 0 to the last of its nodes (m+1,), where it repeats. One that has `states`,
+    q, q′, q″ (n, k) each at phases (k,), is asked for these at once."""
 
     @property
     def nodes(self) -> Array: ...

@@ -227,8 +227,9 @@ class PeriodicSystem:
         none."""
         return None
 
-    def warnings(self, speed: float) -> list[str]:
-        """About the equations themselves at a speed (rad/s), whatever their solution."""
+    def warnings(self, speed: float, linear: bool = True) -> list[str]:
+        """About the equations themselves at a speed (rad/s), whatever their solution. linear: whether it is
+        the linearised equations that are solved."""
         return list(self.equation_warnings)
 
     @property

@@ -63,16 +63,22 @@ class ShownUnit(NamedTuple):
         return f"{self.of(value):{form}} {self.name}".removesuffix(" 1").rstrip()
 
     def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
-        """Two numbers in SI units with this unit.
+        """Two numbers in SI units with this unit, with more digits where they would look alike.
 
-        >>> RPM.span(math.pi, 2 * math.pi)
-        '30 to 60 rpm'
+        >>> RPM.span(math.pi, 2 * math.pi), RPM.span(math.pi, 1.00001 * math.pi)
+        ('30 to 60 rpm', '30 to 30.0003 rpm')
         """
+        if self.text(low, form) == self.text(high, form):
+            form = ".10g"
         return f"{self.of(low):{form}} {word} {self.text(high, form)}"
 
 
 USUAL = tuple(ShownUnit(*each) for each in _RAD_PER_S.items())
 RPM, RAD_PER_S, _ = USUAL
+
+
+_ALIKE = 1e-9
+"""Difference of two speeds, by the larger, below which they are no range."""
 
 
 class GivenSpeed(float):
@@ -185,7 +191,8 @@ def speeds_in_si(text: str) -> list[GivenSpeed]:
 
 def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     """First and last speed in rad/s of a ramp, from "A:B unit" or from two numbers in rad/s or texts with
-    unit; one of them may be 0. Raises UnitError, ValueOutOfBoundsError.
+    unit; one of them may be 0, and they differ by more than 1e-9 of themselves. Raises UnitError,
+    ValueOutOfBoundsError.
 
     >>> ramp_in_si("0:60 rad/s"), ramp_in_si((0, "60 rad/s"))
     ((0.0, 60.0), (0.0, 60.0))
@@ -193,6 +200,8 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     usage = f"speeds are {speeds!r}; give two, such as '0:600 rpm', not both 0"
     if isinstance(speeds, str):
         *numbers, unit = _apart(speeds).split() or [""]
+        if not numbers and all(map(_is_number, unit.split(":"))):
+            raise UnitError(f"speeds are {speeds!r}; they have no unit, write them like '{unit} rpm'")
         ends = numbers[0].split(":") if len(numbers) == 1 else []
         if not all(map(_is_number, ends)):
             raise UnitError(usage)
@@ -202,6 +211,10 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     if len(given) != 2 or not any(given):
         raise UnitError(usage)
     first, last = (speed_in_si(each) if each else 0.0 for each in given)
+    if abs(last - first) <= _ALIKE * max(first, last):
+        raise ValueOutOfBoundsError(
+            f"speeds are {speeds!r}; give two different ones, such as '300:600 rpm', or a single speed"
+        )
     return first, last
 
 

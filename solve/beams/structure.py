@@ -193,7 +193,7 @@ class StructureModel(Model):
         """What each output is: its kind, and the link and the fraction of its length where it is taken."""
         return dict(zip(self.outputs, self.module.OBSERVED, strict=True))
 
-    def warnings(self, speed: float) -> list[str]:
+    def warnings(self, speed: float, linear: bool = True) -> list[str]:
         if not self.module.MOVES:
             return []
         warnings, ratio = [], self.beams.properties.damping_ratio

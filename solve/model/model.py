@@ -69,7 +69,7 @@ class Model(PeriodicSystem):
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         self.fits = setup.case.fits
         fitted = (fit.sentence for fit in self.fits.values())
-        self.equation_warnings = (*getattr(module, "NONLINEAR", ()), *fitted)
+        self.equation_warnings = (*self.left_out, *fitted)
         self.units = {name: unit for name, unit, _ in (*coordinates, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*coordinates, *module.OUTPUTS)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
@@ -192,10 +192,16 @@ class Model(PeriodicSystem):
     def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
         return stated_lines(self.setup, phase, speed, q) or super().sketched(phase, speed, q)
 
-    def warnings(self, speed: float) -> list[str]:
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the linearised equations do not know of the nonlinear ones, a sentence each."""
+        return getattr(self.module, "NONLINEAR", ())
+
+    def warnings(self, speed: float, linear: bool = True) -> list[str]:
         ratios = self.setup.ratios
         too_large = [] if ratios is None or ratios.max() <= 1 else [beyond_critical(ratios.max())]
-        return [*super().warnings(speed), *too_large]
+        every = [*super().warnings(speed), *too_large]
+        return every if linear else [text for text in every if text not in self.left_out]
 
     @property
     def nonlinear(self) -> bool:
@@ -396,8 +402,12 @@ of_model = first_is(Model, such_as="solve.load('cam')")
 
 
 class ModelAlong(Model):
-    """A model linearised along a motion, see `PeriodicSystem.along`. The bounds within which the model
-    linearised about its desired motion is trusted do not concern it."""
+    """A model linearised along a motion, see `PeriodicSystem.along`. Neither the bounds within which the
+    model linearised about its desired motion is trusted concern it, nor what that leaves out."""
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        return ()
 
     def __init__(self, model: Model, motion: Motion, compiled: Columns | None = None):
         super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
@@ -411,14 +421,26 @@ class ModelAlong(Model):
         return type(self), (self.model, self.motion)
 
     def _along(self, phase: Array, speed: float) -> Matrices:
-        speeds = np.full(len(phase), speed)
-        states = [speed**derivative * self.motion(phase, derivative) for derivative in range(3)]
+        return self.model.with_damping(phase, self._tangent(phase, speed).T)
+
+    def _tangent(self, phase: Array, speed: float) -> Array:
+        """M, C, K by rows and d (3n² + n, k) at phases (k,), but for the damping of ratios."""
+        speeds, of = np.full(len(phase), speed), getattr(self.motion, "states", None)
+        motions = of(phase) if of else [self.motion(phase, derivative) for derivative in range(3)]
+        states = [speed**derivative * part for derivative, part in enumerate(motions)]
         formulas, found = self.model.tangent_formulas if self._compiled else None, None
         if self._compiled and formulas:
             found = self._compiled(formulas, (phase[None], speeds[None], *states))
         if found is None:
             found = self.model.tangent(phase, speeds, *(state.T for state in states)).T
-        return self.model.with_damping(phase, found.T)
+        return found
+
+    def entries(self, phase: Array, speed: float) -> Array:
+        if self.model.assembled:
+            return super().entries(phase, speed)
+        made = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
+        # The ordinary way says what is wrong.
+        return made if np.isfinite(made).all() else super().entries(phase, speed)
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         return self.model.along(motion, compiled)

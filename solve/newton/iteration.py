@@ -119,17 +119,16 @@ def _iterated(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
 
 def between(one: Curve, other: Curve, part: float) -> Curve:
     """The curve that lies a part of the way from one to the other, or beyond; both on the same nodes."""
-    return summed(one, part, summed(other, -1.0, one))
+    return other if part == 1 else summed(one, part, summed(other, -1.0, one))
 
 
 def summed(one: Curve, part: float, other: Curve) -> Curve:
     """One curve and a part of another, both on the same nodes."""
     powers = max(each.coefficients.shape[-1] for each in (one, other))
-    first, second = (
-        np.pad(each.coefficients, ((0, 0), (0, 0), (0, powers - each.coefficients.shape[-1])))
-        for each in (one, other)
-    )
-    return Curve(one.nodes, first + part * second)
+    made = np.zeros((*one.coefficients.shape[:-1], powers))
+    made[..., : one.coefficients.shape[-1]] = one.coefficients
+    made[..., : other.coefficients.shape[-1]] += part * other.coefficients
+    return Curve(one.nodes, made)
 
 
 def on(grid: Grid, motion: Motion) -> Curve:
@@ -148,11 +147,12 @@ def _corrected(task: Task, curve: Curve, grid: Grid) -> tuple[Solutions, float]:
 
 class Newton(Method):
     """The converged iteration on each grid as a method of one point, for `certified` to compare grids: each
-    starts from the last curve of the finest."""
+    starts from the last curve of the finest. found: the iteration on the first grid, where it has converged
+    by the task's own method."""
 
-    def __init__(self, task: Task, start: Motion, steps: int = 0):
+    def __init__(self, task: Task, start: Motion, steps: int = 0, found: Converged | None = None):
         method = task.method
-        self.task, self.start, self.first, self.finest = task, start, steps, steps
+        self.task, self.start, self.first, self.finest, self.found = task, start, steps, steps, found
         # The curve enters the next linearisation, whose solution is no more exact than it.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
@@ -171,8 +171,10 @@ class Newton(Method):
         return one_by_one(points, lambda _: self._converged(grid))
 
     def _converged(self, grid: Grid) -> Solutions:
+        found = self.found
         try:
-            found = iterated(self.task, self.start, grid)
+            if found is None or not np.array_equal(found.solutions.grid.nodes, grid.nodes):
+                found = iterated(self.task, self.start, grid)
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
                 raise StepsError(str(reason)) from None

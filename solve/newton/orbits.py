@@ -165,7 +165,7 @@ class _Search:
         """The orbit on grids that agree, from that on one grid."""
         task, start, first = self.task, found.curve, found.solutions.grid.steps
         asked = request(self.steps, task.rtol, task.engine, True)
-        newton = Newton(task, start, first)
+        newton = Newton(task, start, first, found)
         asked = replace(asked, witness=Newton(replace(task, method=Radau()), start, first))
         (result,) = certified(newton.point(), newton, asked)
         if isinstance(result, Failed):

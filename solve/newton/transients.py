@@ -1,20 +1,21 @@
 """The motion in time from a state, and how soon it reaches the periodic one."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from solve.arrays import Array, solved
+from solve.arrays import Array
 from solve.contracts import Marcher
 from solve.errors import FileError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.newton.orbits import nonlinear as nonlinear_orbit
-from solve.newton.ramps import RampMarcher
+from solve.newton.stepping import StepMarcher
 from solve.period.curve import Curve
 from solve.progress import stage
 from solve.results.orbit import Orbit
-from solve.results.transient import Transient
+from solve.results.transient import BETWEEN, Transient, between_states
 from solve.single import periodic
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
@@ -22,8 +23,11 @@ from solve.units import checked_rtol, ramp_in_si, speed_in_si
 REST, ORBIT = "rest", "orbit"
 TURNS = "turns"
 
-_COUNT = 256
-"""States a period where an integrator is asked for them."""
+_COUNT, _MOST_STATES = 256, 2**14
+"""States a turn at first, and at most."""
+
+_NUMBERS = 2**26
+"""That a motion may have."""
 
 _FINER = 1e-4
 """Tolerance of the motion by that with which it is compared."""
@@ -48,9 +52,10 @@ def transient(
     linearly in time from one of two speeds to the other ("0:600 rpm"), from the phase 0 on.
 
     start: "rest", "orbit" (the linear one), q and q̇ (n,) by time, or a file .npz of an orbit or of a
-    transient, which goes on from its end. The linear motion goes by the certified maps of the steps, the
-    nonlinear one by CVODES. rtol: relative to the largest of each coordinate, within which the orbit counts
-    as reached. Raises TransientError where the motion cannot be followed, LinearModelError for nonlinear
+    transient, which goes on from its end. The linear motion goes by steps of Radau's method, doubled until
+    they agree, the nonlinear one by CVODES; both with so many states a turn that curves through them tell
+    the extrema. rtol: relative to the largest of each coordinate, within which the orbit counts as reached.
+    Raises TransientError where the motion cannot be followed, LinearModelError for nonlinear
     motions of linear systems, FileError, and other SolveError subclasses for bad input.
     """
     if (speed is None) == (speeds is None):
@@ -66,11 +71,10 @@ def transient(
     omega, finer = speed_in_si(speed), max(_FINER * rtol, _FINEST)
     system = system.shown_in(omega)
     linear = periodic(system, omega, rtol=min(1e-6, finer), engine=engine)
-    march = _marcher(system, linear, finer) if nonlinear else StepMarcher.of(linear)
-    ends = np.full(turns + 1, omega)
-    motion = _marched(march, _state(given, system, linear), ends, system.period)
-    orbit = _settled(system, omega, motion[-1], march.nodes, engine) if nonlinear else linear
-    return Transient(system, ends, march.nodes, motion, orbit, rtol, nonlinear)
+    ends, follow = np.full(turns + 1, omega), _Follow(system, linear, nonlinear, rtol)
+    nodes, motion, off = follow.followed(_state(given, system, linear), ends)
+    orbit = _settled(system, omega, motion[-1], nodes, engine) if nonlinear else linear
+    return Transient(system, ends, nodes, motion, off, orbit, rtol, nonlinear)
 
 
 def _run_up(
@@ -87,14 +91,55 @@ def _run_up(
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
     if start == ORBIT and ramp[0] == 0:
         raise ValueOutOfBoundsError("a drive at rest has no orbit to start from; start from rest")
-    linear = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
-    finer = max(_FINER * rtol, _FINEST)
-    if nonlinear:
-        march = _marcher(system, periodic(system, max(ramp), rtol=1e-6, engine=engine), finer)
-    else:
-        march = RampMarcher(system, _COUNT, finer)
-    motion = _marched(march, _state(start, system, linear), ends, system.period)
-    return Transient(system, ends, march.nodes, motion, None, rtol, nonlinear)
+    first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
+    fastest = periodic(system, max(ramp), rtol=1e-6, engine=engine) if nonlinear else None
+    follow = _Follow(system, fastest, nonlinear, rtol)
+    return Transient(
+        system, ends, *follow.followed(_state(start, system, first), ends), None, rtol, nonlinear
+    )
+
+
+@dataclass(frozen=True)
+class _Follow:
+    """A motion of a system, linear or not, to an accuracy by which it can be compared to rtol; orbit: a
+    linear one that tells the sizes of the coordinates."""
+
+    system: PeriodicSystem
+    orbit: Orbit | None
+    nonlinear: bool
+    rtol: float
+
+    def followed(self, state: Array, ends: Array) -> tuple[Array, Array, float]:
+        """Nodes (k,), motions as `_marched` gives them, and how far what lies between the states of a turn is
+        off: so many states that this matters little, if memory allows."""
+        count, numbers = _COUNT, 3 * self.system.n * (len(ends) - 1)
+        found = None
+        while True:
+            march = self._marcher(count)
+            try:
+                motion = _marched(march, state, ends, self.system.period)
+            except TransientError:
+                if found is None:
+                    raise
+                # So many states meet vibrations that no steps follow; the result says what it knows of these.
+                return found
+            off = float(between_states(march.nodes, motion, bool(self.system.breaks)).max())
+            most = max(count, min(_MOST_STATES, 2 ** int(math.log2(_NUMBERS / numbers))))
+            found = march.nodes, motion, off
+            if off <= BETWEEN * self.rtol or count == most:
+                return found
+            # What is missed falls with the fourth power at least.
+            more = 2 ** math.ceil(max(1.0, math.log2(off / (BETWEEN * self.rtol)) / 4))
+            count = min(count * more, most)
+
+    def _marcher(self, count: int) -> Marcher:
+        sizes, finer = np.zeros(self.system.n), max(_FINER * self.rtol, _FINEST)
+        if self.orbit is not None:
+            sizes = np.abs(self.orbit.q).max(axis=1)
+        if not self.nonlinear:
+            return StepMarcher(self.system, sizes, count, finer)
+        self.system.along(Curve(np.array([0.0, self.system.period]), np.zeros((self.system.n, 1, 1))))
+        return self.system.marcher(np.where(sizes > 0, sizes, sizes.max() or 1.0), count, finer)
 
 
 def _marched(march: Marcher, state: Array, ends: Array, period: float) -> Array:
@@ -108,35 +153,6 @@ def _marched(march: Marcher, state: Array, ends: Array, period: float) -> Array:
             state = parts[-1][:2, :, -1].ravel() * scale
             count.add()
     return np.stack(parts)
-
-
-@dataclass(frozen=True)
-class StepMarcher:
-    """The affine maps A (m, 2n, 2n), b (m, 2n) of the steps of a linear orbit, one after another, at its
-    speed."""
-
-    system: PeriodicSystem
-    nodes: Array
-    A: Array
-    b: Array
-
-    @classmethod
-    def of(cls, orbit: Orbit) -> "StepMarcher":
-        """Raises TransientError for a method without maps."""
-        steps = orbit.certified.solutions.steps
-        if steps is None:
-            raise TransientError(f"{orbit.method} has no maps of steps to go on with; use radau or gauss")
-        return cls(orbit.system, orbit.phase, steps.A[0], steps.b[0])
-
-    def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        states = np.empty((len(self.nodes), len(state)))
-        states[0] = state
-        for k, (A, b) in enumerate(zip(self.A, self.b, strict=True)):
-            states[k + 1] = A @ states[k] + b
-        M, C, K, d = self.system.in_phase(self.nodes, speed)
-        q, v = np.split(states, 2, axis=1)
-        a = solved(M, (d - np.einsum("kij,kj->ki", C, v) - np.einsum("kij,kj->ki", K, q))[..., None])
-        return np.stack((q.T, v.T, a[..., 0].T))
 
 
 def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
@@ -171,13 +187,6 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
             f"{', '.join(system.coordinates)}"
         )
     return q, qd
-
-
-def _marcher(system: PeriodicSystem, linear: Orbit, rtol: float) -> Marcher:
-    """Of the nonlinear equations. Raises LinearModelError for linear systems."""
-    system.along(linear.motion)
-    sizes = np.abs(linear.q).max(axis=1)
-    return system.marcher(np.where(sizes > 0, sizes, sizes.max() or 1.0), _COUNT, rtol)
 
 
 def _settled(system: PeriodicSystem, speed: float, motion: Array, nodes: Array, engine: str) -> Orbit | None:

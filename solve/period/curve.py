@@ -4,6 +4,7 @@ Arrays may have a leading axis of points, here `…`, each with a curve of its o
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, Protocol, Self
@@ -26,6 +27,11 @@ _QUINTIC = np.linalg.inv(
         dtype=float,
     )
 )
+
+
+_ALIKE = 4e-13
+"""Difference of fractions of a step, by the number of steps, that counts as none: what phases beside a jump
+are moved by, and rounding."""
 
 
 class PeriodicCurve(Protocol):
@@ -89,6 +95,11 @@ class Curve:
     def n(self) -> int:
         return self.coefficients.shape[-3]
 
+    @cached_property
+    def h(self) -> Array:
+        """Lengths of the steps (m,)."""
+        return np.diff(self.nodes)
+
     @property
     def finite(self) -> Array:
         return self._finite
@@ -110,23 +121,49 @@ class Curve:
         return Curve(self.nodes, self.coefficients[points])
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        step, theta = self._places(np.asarray(phase, dtype=float))
-        value = _horner(np.take(self.coefficients, step, axis=-2), theta, derivative)
-        return value / np.diff(self.nodes)[step] ** derivative if derivative else value
+        return self.states(phase, (derivative,))[0]
+
+    def states(self, phase: Array, derivatives: Sequence[int] = (0, 1, 2)) -> list[Array]:
+        """q and derivatives of it by the phase, at phases (k,) of any turn: (…, n, k) each."""
+        phase, h = np.asarray(phase, dtype=float), self.h
+        theta = self._fractions(phase, h)
+        if theta is not None:
+            shape = *self.coefficients.shape[:-2], phase.size
+            return [self._within(theta, h, each).reshape(shape) for each in derivatives]
+        step, theta = self._places(phase)
+        pieces, h = np.take(self.coefficients, step, axis=-2), h[step]
+        return [_horner(pieces, theta, each) / h**each for each in derivatives]
+
+    def _fractions(self, phase: Array, h: Array) -> Array | None:
+        """The fractions (s,) of every step at which phases lie, step by step, as stages do; None where they
+        lie otherwise."""
+        m = len(h)
+        if phase.ndim != 1 or not phase.size or phase.size % m:
+            return None
+        theta = (phase.reshape(m, -1) - self.nodes[:-1, None]) / h[:, None]
+        same = theta[m // 2]
+        alike = np.abs(theta - same).max() <= _ALIKE * m and np.abs(2 * same - 1).max() <= 1 + _ALIKE * m
+        return same if alike else None
 
     def basis(self, phase: Array, derivative: int = 0) -> tuple[Array, Array]:
         """Steps (k,) in which phases lie, and the derivatives there of the powers of θ (k, degree+1)."""
         step, theta = self._places(np.asarray(phase, dtype=float))
-        D, h = self.coefficients.shape[-1], np.diff(self.nodes)[step]
+        D, h = self.coefficients.shape[-1], self.h[step]
         powers = theta[:, None] ** np.maximum(np.arange(D) - derivative, 0)
         return step, _falling(D, derivative) * powers / h[:, None] ** derivative
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
-        D = self.coefficients.shape[-1]
-        values = self.coefficients[..., derivative:] @ _weights(D, a_step, derivative)
-        if derivative:
-            values /= np.diff(self.nodes)[:, None] ** derivative
+        values = self._within(np.arange(a_step) / a_step, self.h, derivative)
         return values.reshape(*values.shape[:-2], values.shape[-2] * a_step)
+
+    def _within(self, theta: Array, h: Array, derivative: int) -> Array:
+        """Values (…, n, m, s) at the fractions (s,) of every step of lengths h (m,)."""
+        D = self.coefficients.shape[-1]
+        powers = theta ** np.arange(max(D - derivative, 0))[:, None]
+        values = self.coefficients[..., derivative:] @ (_falling(D, derivative)[derivative:, None] * powers)
+        if derivative:
+            values /= h[:, None] ** derivative
+        return values
 
     def each(self, phase: Array, derivative: int = 0) -> Array:
         step, theta = self._places(phase)
@@ -134,7 +171,7 @@ class Curve:
         curves = np.arange(math.prod(step.shape[:-1])).reshape(*step.shape[:-1], 1)
         pieces = np.take(self.coefficients.reshape(-1, D), m * curves + step, axis=0)
         value = _horner(pieces, theta, derivative)
-        return value / np.diff(self.nodes)[step] ** derivative if derivative else value
+        return value / self.h[step] ** derivative if derivative else value
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
         """Step and fraction of it that phases of any turn lie in."""
@@ -150,7 +187,7 @@ class Curve:
 
     @cached_property
     def _uniform(self) -> bool:
-        return bool(np.ptp(np.diff(self.nodes)) <= 1e-12 * self.nodes[-1])
+        return bool(np.ptp(self.h) <= 1e-12 * self.nodes[-1])
 
 
 def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
@@ -161,13 +198,6 @@ def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
         value *= theta
         value += factors[power] * pieces[..., power] if derivative else pieces[..., power]
     return value
-
-
-@cache
-def _weights(powers: int, a_step: int, derivative: int) -> Array:
-    """Of the powers of θ from `derivative` on, in its values at `a_step` places evenly from 0 on."""
-    theta = np.arange(a_step) / a_step
-    return _falling(powers, derivative)[derivative:, None] * theta ** np.arange(powers - derivative)[:, None]
 
 
 @cache

@@ -21,8 +21,12 @@ _MOST_ROWS = 40
 """Of the table; of more points every k-th is shown."""
 
 _CIRCLE = 1e-9
+_NARROW = 1e-3
+"""Range of the speeds, by the largest, below which seven digits hardly tell them apart."""
+
 STABLE, UNSTABLE, UNDETERMINED = "asymptotically stable", "unstable", "undetermined"
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
+_YES = {True: "yes", False: ""}
 _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
 
 
@@ -62,6 +66,7 @@ class Branch(Result):
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
         found, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
+        found += self.system.warnings(float(self.speeds.max()), linear=False)
         if worst > self.rtol:
             found.append(
                 f"orbits are off by up to {worst:.1e} of themselves, beyond the {self.rtol:g} asked for"
@@ -73,10 +78,15 @@ class Branch(Result):
         return {"turning": self.turning, "rtol": self.rtol}
 
     @property
+    def _digits(self) -> str:
+        """Of speeds that lie close together, enough to tell them apart."""
+        return ".7g" if np.ptp(self.speeds) > _NARROW * self.speeds.max() else ".10g"
+
+    @property
     def columns(self) -> Columns:
         """A row a point."""
         names, shown = self.system.coordinates, self.system.coordinates[: MOST_ROWS - 1]
-        found = {"speed": speeds_of(self.system, self.speeds, heading="{}", form=".7g")}
+        found = {"speed": speeds_of(self.system, self.speeds, heading="{}", form=self._digits)}
         for name, values in zip(names, self.peaks.T, strict=True):
             factor, unit = prefixed(self.system.units.get(name, ""), float(values.max()))
             title = headed(f"max|{name}|", unit) if name in shown else ""
@@ -87,7 +97,9 @@ class Branch(Result):
             **found,
             "spectral_radius": Column(self.radius, "1", "spectral radius", "radius", digits(".5g")),
             "verdict": Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__),
-            "turns": Column(self.turns.astype(float), "1", "1 where the branch turns back"),
+            "turns": Column(
+                self.turns.astype(bool), "", "whether the branch turns back", "turns", _YES.__getitem__
+            ),
             "error": Column(self.errors[:, 0], "1", meaning),
             "radius_error": Column(self.errors[:, 1], "1", "error of the spectral radius, estimated"),
         }
@@ -96,7 +108,7 @@ class Branch(Result):
     def summary(self) -> str:
         """Where it goes and turns back."""
         unit = self.system.speed_unit
-        ends = " to ".join(unit.text(self.speeds[at], ".6g") for at in (0, -1))
+        ends = unit.span(self.speeds[0], self.speeds[-1])
         back = ", ".join(unit.text(each, ".6g") for each in self.turning)
         return f"The branch goes from {ends}" + (f" and turns back at {back}." if back else ".")
 

@@ -2,13 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import driven
+from solve.period.curve import Curve
+from solve.period.quantities import Quantities
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
 from solve.results.plot import MOST_ROWS, axis_label, label_quantity, shown, title_of, titled
@@ -31,6 +33,15 @@ from solve.statistics import Statistics
 from solve.system import SPEED, PeriodicSystem
 
 _AXIS = ("phase",)
+_AT_ONCE = 2**19
+"""States and outputs at them of turns whose figures are found at once."""
+
+_FEWEST = 256
+"""States a turn at least."""
+
+BETWEEN = 0.1
+"""What may be missed between the states, as a part of the tolerance."""
+
 _MOST_TURNS = 40
 """Rows of the table; of more turns every k-th is shown."""
 
@@ -39,16 +50,18 @@ _MOST_TURNS = 40
 class Transient(Result):
     """Motions (turns, 3, n, k): q, dq/ds, d²q/ds² over the turns at nodes s (k,), time times the mean speed
     of the turn (the phase where the speed is constant), both ends included; ends: speeds (turns + 1,) in
-    rad/s at the ends of the turns. orbit: what it is compared with, None where there is none; rtol: to
-    which that counts as reached.
+    rad/s at the ends of the turns. between: how far, relative to the largest of each coordinate and its
+    rates, a curve through the states may be off between them. orbit: what it is compared
+    with, None where there is none; rtol: to which that counts as reached.
     """
 
-    _calculated: ClassVar[tuple[str, ...]] = (*Result._calculated, "outputs")
+    _calculated: ClassVar[tuple[str, ...]] = (*Result._calculated, "outputs", "_figures")
 
     system: PeriodicSystem
     ends: Array
     nodes: Array
     motions: Array
+    between: float
     orbit: Orbit | None
     rtol: float
     nonlinear: bool
@@ -128,13 +141,65 @@ class Transient(Result):
         return np.concatenate((turns, values[-1][:, -1:]), axis=-1)
 
     @cached_property
+    def _figures(self) -> Array:
+        """Of coordinates and, behind them, outputs over each turn (turns, n + o, 7), the fields of
+        `Statistics`, of the curves through the states."""
+        system, made = self.system, np.empty((self.turns, self.system.n + len(self.system.outputs), 7))
+        apart = [[name] for name in system.outputs] if system.outputs_apart else [[*system.outputs]]
+        strides = self._strides
+        for stride in np.unique(strides):
+            nodes, chosen = self.nodes[::stride], np.flatnonzero(strides == stride)
+            numbers = len(chosen) * len(nodes) * made.shape[1]
+            for some in np.array_split(chosen, min(len(chosen), 1 + numbers // _AT_ONCE)):
+                curve, found = _curves(nodes, self.motions[some][..., ::stride]), []
+                for names in apart:
+                    outputs = partial(self._outputs_within, some, names) if names else None
+                    figures = Quantities(curve, self._mean[some], outputs).figures()
+                    found.append(figures[:, system.n :] if found else figures)
+                made[some] = np.concatenate(found, axis=1)
+        return made
+
+    @property
+    def _strides(self) -> Array:
+        """Of each turn (turns,): every so many states tell enough of what lies between them."""
+        strides, stride = np.ones(self.turns, dtype=int), 2
+        while stride * _FEWEST <= len(self.nodes) - 1:
+            off = between_states(self.nodes[::stride], self.motions[..., ::stride], bool(self.system.breaks))
+            strides[(off <= BETWEEN * self.rtol) & (strides == stride // 2)] = stride
+            stride *= 2
+        return strides
+
+    def _outputs_within(
+        self, turns: Array, names: Sequence[str], s: Array, q: Array, qd: Array, qdd: Array
+    ) -> Array:
+        """Outputs (P, o, k) within turns (P,), at s (P, k) and states (P, n, k), derivatives by time."""
+        first, last = self.ends[turns, None], self.ends[turns + 1, None]
+        phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
+        states = (np.moveaxis(part, 1, 0).reshape(self.system.n, -1) for part in (q, qd, qdd))
+        speeds, acceleration = (speed.ravel(), self.acceleration) if self.ramp else (self.speed, 0.0)
+        found = self.system.output_values(phase.ravel(), speeds, *states, acceleration=acceleration)
+        return np.stack([found[name].reshape(s.shape) for name in names], axis=1)
+
+    @cached_property
+    def extremes(self) -> Mapping[str, Statistics]:
+        """Largest, smallest value and largest modulus of each coordinate and output over all turns; the other
+        figures are NaN."""
+        figures = np.moveaxis(self._figures, -1, 0)
+        unknown = [np.nan] * (len(Statistics._fields) - 3)
+        names = *self.system.coordinates, *self.system.outputs
+        return {
+            name: Statistics(*map(float, row), *unknown)
+            for name, *row in zip(names, figures[0].max(0), figures[1].min(0), figures[2].max(0), strict=True)
+        }
+
+    @property
     def peaks(self) -> Array:
-        """max|q| of each turn (turns, n), at the nodes."""
-        return np.abs(self.motions[:, 0]).max(axis=-1)
+        """max|q| of each turn (turns, n)."""
+        return self._figures[:, : self.system.n, 2]
 
     @cached_property
     def distances(self) -> Array:
-        """max|difference|/max|q| of each turn (turns, n) to the orbit; NaN without one."""
+        """max|difference|/max|q| of each turn (turns, n) to the orbit, at the nodes; NaN without one."""
         if self.orbit is None:
             return np.full_like(self.peaks, np.nan)
         q = self.orbit.at(self.nodes)
@@ -152,8 +217,14 @@ class Transient(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        figures = {name: _figures(self.values(name)) for name in self.system.judged_quantities}
-        judged = self.system.judged(figures, linear=not self.nonlinear)
+        figures = {name: self.extremes[name] for name in self.system.judged_quantities}
+        linear = not self.nonlinear
+        judged = [*self.system.judged(figures, linear), *self.system.warnings(self.speed, linear)]
+        if not self.between <= BETWEEN * self.rtol:
+            judged.append(
+                f"{len(self.nodes) - 1} states a turn tell what lies between them, and extrema, to "
+                f"{self.between:.1e} of their size only: the vibrations are fast; give fewer turns"
+            )
         if self.ramp:
             return judged
         if self.orbit is None:
@@ -171,18 +242,18 @@ class Transient(Result):
         """Of `solve transient --json`: figures of every coordinate and output over all turns, of a coordinate
         also its largest modulus in each of them, and its distance to the orbit."""
         coordinates = {
-            name: {**self._record(name, values), "peaks": peaks, "distances": distances}
-            for name, values, peaks, distances in zip(
-                self.system.coordinates, self.q, self.peaks.T, self.distances.T, strict=True
+            name: {**self._record(name), "peaks": peaks, "distances": distances}
+            for name, peaks, distances in zip(
+                self.system.coordinates, self.peaks.T, self.distances.T, strict=True
             )
         }
-        outputs = {name: self._record(name, values) for name, values in self.outputs.items()}
+        outputs = {name: self._record(name) for name in self.outputs}
         return {**super().record(), "coordinates": plain(coordinates), "outputs": plain(outputs)}
 
-    def _record(self, name: str, values: Array) -> dict[str, Any]:
-        found = _figures(values)
+    def _record(self, name: str) -> dict[str, Any]:
+        found = self.extremes[name]
         extremes = {"max": found.max, "min": found.min, "max_abs": found.max_abs}
-        return {"unit": self.system.units.get(name, ""), **extremes, "end": values[-1]}
+        return {"unit": self.system.units.get(name, ""), **extremes, "end": self.values(name)[-1]}
 
     @property
     def whole(self) -> dict[str, Any]:
@@ -192,7 +263,13 @@ class Transient(Result):
         else:
             drive = {"speed": self.speed, "period": self.system.period / self.speed}
         solved = {**drive, "nonlinear": self.nonlinear}
-        return {**solved, "turns": self.turns, "reached": self.reached, "rtol": self.rtol}
+        return {
+            **solved,
+            "turns": self.turns,
+            "reached": self.reached,
+            "rtol": self.rtol,
+            "between": self.between,
+        }
 
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
         """A row a turn: the largest modulus of each coordinate, and the distance to the orbit. A row an
@@ -219,9 +296,9 @@ class Transient(Result):
         if not self.outputs:
             return []
         made = table("Outputs over all turns", "output", "max", "min")
-        for name, values in self.outputs.items():
-            unit = self.system.units.get(name, "")
-            made.add_row(name, measured(values.max(), unit), measured(values.min(), unit))
+        for name in self.outputs:
+            unit, found = self.system.units.get(name, ""), self.extremes[name]
+            made.add_row(name, measured(found.max, unit), measured(found.min, unit))
         return [made]
 
     @property
@@ -283,8 +360,22 @@ class Transient(Result):
         return Contents(dict(columns), {}, self.metadata, arrays)
 
 
-def _figures(values: Array) -> Statistics:
-    """Of values (j,) at the nodes, whose phases mean nothing over many turns."""
-    size = np.abs(values)
-    mean, rms = float(values.mean()), float(np.sqrt(np.square(values).mean()))
-    return Statistics(float(values.max()), float(values.min()), float(size.max()), mean, np.nan, np.nan, rms)
+def _curves(nodes: Array, motions: Array) -> Curve:
+    """Through motions (turns, 3, n, k) at nodes (k,), a curve a turn."""
+    q, v, a = np.moveaxis(motions, 1, 0).swapaxes(-1, -2)
+    return Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
+
+
+def between_states(nodes: Array, motions: Array, jumps: bool) -> Array:
+    """Error (turns,) between the states of the curves through motions (turns, 3, n, k), relative to the
+    largest of each coordinate and its rates: what curves through every other state miss at those between,
+    which falls with the sixth, fifth and fourth power of the steps. A tenth of that counts for second
+    derivatives. Where the equations jump it falls with the second power, and second derivatives are not told.
+    """
+    coarse, off = _curves(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
+    for order in range(2 if jumps else 3):
+        size = np.abs(motions[:, order]).max(axis=(0, 2), initial=0.0)[:, None]
+        missed = np.abs(coarse(nodes[1::2], order) - motions[:, order, :, 1::2])
+        part = (missed / np.where(size > 0, size, 1.0)).max(axis=(1, 2)) / 2 ** (2 if jumps else 6 - order)
+        off = np.maximum(off, part / 10 if order == 2 else part)
+    return off

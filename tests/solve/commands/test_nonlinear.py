@@ -66,7 +66,7 @@ def test_a_branch_is_told_drawn_and_kept(command, tmp_path):
     assert record["points"][0]["verdict"] == "asymptotically stable"
     assert record["turning"] == record["warnings"] == []
     ran = command(*line, "--plot", "b.png", "--save", "b.npz")
-    assert "The branch goes from 300 rpm to 302 rpm." in ran.out
+    assert "The branch goes from 300 to 302 rpm." in ran.out
     assert max(map(len, ran.out.splitlines())) <= 80
     assert (tmp_path / "b.png").is_file()
     assert solve.open(tmp_path / "b.npz").record() == record

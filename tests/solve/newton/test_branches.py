@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import fsolve
 
 import solve
-from solve.errors import LinearModelError, ValueOutOfBoundsError
+from solve.errors import LinearModelError, UnitError, ValueOutOfBoundsError
 from tests.solve.newton.mechanisms import cubic_rotor, duffing, model_of
 
 NUMBERS = {"c": 0.08, "k": 1.0, "alpha": 0.1, "f": 0.2}
@@ -92,14 +92,16 @@ def test_a_branch_that_is_cut_says_so():
     ("given", "words"),
     [
         ({"speeds": "0:3 rad/s"}, "two different ones above 0"),
-        ({"speeds": "3:3 rad/s"}, "two different ones above 0"),
+        ({"speeds": "3:3 rad/s"}, "two different ones, such as"),
+        ({"speeds": "3:3.000000001 rad/s"}, "two different ones, such as"),
+        ({"speeds": "2:3"}, "no unit, write them like '2:3 rpm'"),
         ({"speeds": "2:3 rad/s", "points": 1}, "points is 1"),
         ({"speeds": "2:3 rad/s", "rtol": 2.0}, "rtol"),
         ({"speeds": "2:3 rad/s", "start": "rest"}, "start is 'rest'; allowed: an orbit"),
     ],
 )
 def test_bad_input_is_refused(given, words):
-    with pytest.raises(ValueOutOfBoundsError, match=words):
+    with pytest.raises((UnitError, ValueOutOfBoundsError), match=words):
         solve.branch(model_of(cubic_rotor(), **NUMBERS), **given)
 
 

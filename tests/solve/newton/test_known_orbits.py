@@ -41,6 +41,15 @@ def test_fifty_known_orbits_are_found_from_near_them_within_their_estimates(seed
     check(seed)
 
 
+@pytest.mark.slow
+def test_without_a_start_no_other_than_the_known_orbits_are_found():
+    for seed in range(50):
+        model, orbit = known_system(seed)
+        found = solve.nonlinear(model, 1.0)
+        assert found.found_by in ("linear orbit", "load", "transient")
+        assert relative_error(found.at(PHASE), orbit(PHASE)) <= 10 * found.error_estimate.orbit
+
+
 def test_the_methods_agree():
     model, orbit = known_system(0)
     for method in ("radau", "gauss"):

@@ -149,3 +149,17 @@ def test_every_multiplier_of_a_strongly_damped_oscillator():
     assert orbit.multiplier_errors.max() < 1e-8
     product = np.log(np.abs(orbit.multipliers)).sum()
     assert product == pytest.approx(-2 * 9.0 * 2 * np.pi / speed, rel=1e-9)
+
+
+def test_what_the_linear_equations_leave_out_is_said_of_linear_results_alone():
+    model, left = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.4), "the linear answer ignores it"
+    nonlinear = solve.nonlinear(model, 1.6)
+    results = (
+        (True, solve.periodic(model, 1.6)),
+        (True, solve.transient(model, 1.6, 2)),
+        (False, nonlinear),
+        (False, solve.transient(model, 1.6, 2, nonlinear=True)),
+        (False, solve.branch(model, "1.6:1.61 rad/s", nonlinear, points=2)),
+    )
+    for linear, found in results:
+        assert any(left in text for text in found.warnings) == linear

@@ -111,7 +111,8 @@ def test_an_output_has_the_acceleration_of_the_drive(linear):
     size = np.abs(expected).max()
     np.testing.assert_allclose(found.outputs["slider"], expected, rtol=0, atol=1e-6 * size)
     record = found.record()["outputs"]["slider"]
-    assert record["max"] == pytest.approx(found.outputs["slider"].max())
+    between = CubicSpline(found.time, found.outputs["slider"])(np.linspace(0, found.time[-1], 10**5))
+    assert record["max"] == pytest.approx(between.max(), rel=1e-5)
     np.testing.assert_array_equal(found.to_xarray()["slider"], found.outputs["slider"])
 
 
@@ -120,7 +121,7 @@ def test_a_speed_that_hardly_varies_is_constant(nonlinear):
     cam = solve.load("cam")
     ends = [
         solve.transient(cam, turns=2, nonlinear=nonlinear, **given).motions[-1, 0, :, -1]
-        for given in ({"speed": 31.0}, {"speeds": (31.0, 31.0 * (1 + 1e-10))})
+        for given in ({"speed": 31.0}, {"speeds": (31.0, 31.0 * (1 + 1e-8))})
     ]
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-5)
 

@@ -1,4 +1,5 @@
-"""The linear motion of a system whose drive changes its speed, turn by turn, by steps of Radau's method."""
+"""The linear motion of a system, whether its drive keeps its speed or not, turn by turn, by steps of Radau's
+method."""
 
 import math
 from functools import cached_property
@@ -18,18 +19,25 @@ _FIRST, _MOST = 64, 2**14
 """Steps a turn at first, and beyond which the motion is not followed."""
 
 
-class RampMarcher:
-    """Turn after turn with `count` states a turn, evenly in time; the steps are doubled until both agree to
-    rtol of the largest that each coordinate has reached."""
+_KEPT = 2**17
+"""Entries of matrices of a turn up to which its maps are kept for the next."""
 
-    def __init__(self, system: PeriodicSystem, count: int, rtol: float):
+
+class StepMarcher:
+    """Turn after turn with `count` states a turn, evenly in time; the steps are doubled until both agree to
+    rtol of the largest that each coordinate has reached, from `sizes` (n,) on."""
+
+    def __init__(self, system: PeriodicSystem, sizes: Array, count: int, rtol: float):
         self.nodes = np.linspace(0.0, system.period, count + 1)
         self._system, self._rtol, self._steps = system, rtol, _FIRST
-        self._largest = np.zeros(system.n)
+        self._largest, self._turn = sizes, _Turn(system, 0.0, 0.0)
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         """See `Marcher`. Raises TransientError where steps do not agree."""
-        turn = _Turn(self._system, speed, speed if last is None else last)
+        ends = speed, speed if last is None else last
+        if self._turn.ends != ends:
+            self._turn = _Turn(self._system, *ends)
+        turn = self._turn
         found = turn.motion(state, self._steps, self.nodes)
         while self._steps < _MOST:
             coarse, found = found, turn.motion(state, 2 * self._steps, self.nodes)
@@ -41,7 +49,7 @@ class RampMarcher:
             self._steps *= 2
         raise TransientError(
             f"the transient cannot be followed beyond phase {start:.6g} with {_MOST} steps a turn: its "
-            "vibration is too fast for the speed there; give fewer turns, or a faster start"
+            "vibration is too fast for the speed there; start on the orbit, or give fewer turns"
         )
 
 
@@ -49,12 +57,14 @@ class _Turn:
     """A turn while the speed goes from the first to the last (rad/s), over s, time times the mean speed."""
 
     def __init__(self, system: PeriodicSystem, first: float, last: float):
-        self._system, self._ends = system, (first, last)
-        self._mean = (first + last) / 2
+        self._system, self.ends = system, (first, last)
+        self._mean, self._made = (first + last) / 2, dict[int, Discretisation]()
 
     def motion(self, state: Array, steps: int, nodes: Array) -> Array:
         """q, v, a (3, n, k) at nodes (k,) by so many steps from the state (2n,)."""
-        made = self._discretised(steps)
+        made = self._made.get(steps) or self._discretised(steps)
+        if steps * self._system.n**2 <= _KEPT:
+            self._made[steps] = made
         x = np.empty((len(made.steps.A[0]) + 1, len(state)))
         x[0] = state
         for k, (A, b) in enumerate(zip(made.steps.A[0], made.steps.b[0], strict=True)):
@@ -66,18 +76,22 @@ class _Turn:
 
     def _discretised(self, steps: int) -> Discretisation:
         grid = Grid.uniform(steps, self._system.period, self._breaks)
+        if self.ends[0] == self.ends[1]:
+            return Radau().discretise(OnePoint(self._system, self._mean), grid)
         in_time = PeriodicSystem(self._matrices, self._system.coordinates, self._system.period, self._breaks)
         return Radau().discretise(OnePoint(in_time, self._mean), grid)
 
     def _matrices(self, s: Array, _: float) -> Matrices:
-        phase, speed, acceleration = driven(s, *self._ends, self._system.period)
+        phase, speed, acceleration = driven(s, *self.ends, self._system.period)
         return self._system.varying(phase, speed, acceleration)
 
     @cached_property
     def _breaks(self) -> tuple[float, ...]:
         """Where the matrices jump, over s: φ mean = first s + slope s²/2 solved for s; and 0, since a turn
         does not begin as it ends."""
-        first, last = self._ends
+        first, last = self.ends
+        if first == last:
+            return 0.0, *self._system.breaks
         slope = (last - first) / self._system.period
         phases = {0.0, *(float(each) % self._system.period for each in self._system.breaks)}
         ways = (2 * self._mean * phase for phase in phases)
