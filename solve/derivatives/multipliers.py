@@ -13,7 +13,6 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import matched_logarithms
 from solve.derivatives.turn import TurnOnGrid
-from solve.period.period_map import Steps, monodromy, states_from
 from solve.period.product_eigenvalues import (
     Blocks,
     ProductEigenvalues,
@@ -56,7 +55,7 @@ class MultipliersOnGrid:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log ρ."""
         turn, n, right, left = self._turn, self._turn.point.n, vectors.right, vectors.left.conj()
         gained = np.einsum("mi,mij,mj->m", left, turn.A, right)
-        y = (left[:, None] @ turn.B)[:, 0] / gained[:, None]
+        y = turn.pulled_ends(np.stack((left.real, left.imag), axis=-1)) @ [1, 1j] / gained[:, None]
         X = turn.stage_states(right[..., None])[..., 0]
         return -y.reshape(*X.shape[:2], 1, n, 1) * X[:, :, :, None]
 
@@ -69,12 +68,12 @@ class MultipliersOnGrid:
         """Those of a multiplier from Φ; None of one that it may not tell to all digits."""
         values, right, left = self._of_turn
         at = int(np.abs(values - rho).argmin())
-        A, value, found = self._turn.A, values[at], []
+        value, found = values[at], []
         if not abs(value) > max(_LEADS * np.abs(values).max(), _SMALLEST):
             return None
-        backwards = A.swapaxes(1, 2)[::-1], left[:, at], value.conj()
-        for maps, start, factor in ((A, right[:, at], value), backwards):
-            states = states_from(Steps(maps, np.zeros(maps.shape[:2], dtype=complex)), start)
+        ways = (False, right[:, at], value), (True, left[:, at], value.conj())
+        for backwards, start, factor in ways:
+            states = self._turn.followed(start[:, None], backwards)[..., 0]
             apart = np.abs(states[-1] - factor * start) / np.abs(factor)
             if not (apart <= _RETURNS * np.abs(start).max()).all():
                 return None
@@ -84,8 +83,7 @@ class MultipliersOnGrid:
     @cached_property
     def _of_turn(self) -> tuple[Array, Array, Array]:
         """Multipliers (N,) of Φ with right and left vectors (N, N), a column each."""
-        A = self._turn.A
-        values, right = np.linalg.eig(monodromy(Steps(A, A[..., 0])))
+        values, right = np.linalg.eig(self._turn.followed(np.eye(self._turn.A.shape[-1]))[-1])
         return values.astype(complex), right, np.linalg.pinv(right).conj().T
 
     def _of_product(self, at: int) -> Vectors:

@@ -13,13 +13,10 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array, solved
-from solve.kernel.engines import COMPILED
-from solve.kernel.responses import responses
+from solve.derivatives.stages import closed, followed, stages
 from solve.methods.collocation import Collocated
-from solve.methods.method import no_orbit
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.period_map import SINGULAR, Steps, periodic_states
 from solve.period.points import OnePoint, parted, rate_of
 from solve.sizes import require_size
 
@@ -55,34 +52,37 @@ class TurnOnGrid:
         self._stages = slice(int(not self.closed), int(not self.closed) + s)
         entries = point.tables(self.phases[:, self.loaded].ravel()).entries().reshape(m, -1, 3 * n**2 + n)
         self.M, self.C, self.K, self.d = parted(entries, n)
-        compiled = engine == COMPILED
-        made = responses(self.rule.weights, grid.h, entries[:, self._stages], n) if compiled else None
-        self._responses = self._interpreted() if made is None else made
-        self._known = known
+        self._engine, self._known = engine, known
+        self._systems = stages(self.rule, grid.h, entries[:, self._stages], n, engine)
+        # Of stage accelerations, h² and h times, in q and q′ at the ends of the steps.
+        self._gains = np.stack((self.rule.b @ self.rule.A, self.rule.b))
+        self._rates = np.stack((grid.h**2, grid.h), axis=1)[:, :, None]
         self._kept: dict[tuple[bytes, int], tuple[Any, Array]] = {}
-
-    def _interpreted(self) -> Array:
-        """Stage accelerations (m, s n, 2n + s n), linear in the states at the starts of the steps and in
-        loads at their stages."""
-        M, C, K = (part[None, :, self._stages] for part in (self.M, self.C, self.K))
-        _, m, s, n, _ = M.shape
-        unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, m, s, n, s * n))
-        return self.rule.stage_accelerations(self.grid.h, M, C, K, unit)[0].reshape(m, s * n, -1)
 
     @property
     def A(self) -> Array:
         """Maps of the steps (m, 2n, 2n)."""
-        return self._maps[..., : 2 * self.point.n]
+        return self._systems.maps
 
-    @property
-    def B(self) -> Array:
-        """From loads at the stages of the steps to the states at their ends, (m, 2n, s n)."""
-        return self._maps[..., 2 * self.point.n :]
+    def followed(self, start: Array, backwards: bool = False) -> Array:
+        """States (m+1, 2n, r), without loads, from the first (2n, r) on; of the transposed maps backwards."""
+        A = self.A.swapaxes(1, 2)[::-1] if backwards else self.A
+        return followed(A, start, self._engine)
 
-    @cached_property
-    def _maps(self) -> Array:
-        m, r = self.grid.steps, self._responses.shape[-1]
-        return self.rule.maps(self.grid.h, self._responses.reshape(1, m, -1, self.point.n, r))[0]
+    def _gained(self, a: Array) -> Array:
+        """What accelerations at the stages (m, s n, r) add to the states at the ends (m, 2n, r)."""
+        m, _, r = a.shape
+        return (self._rates * (self._gains @ a.reshape(m, len(self.rule.c), -1))).reshape(m, -1, r)
+
+    def _gained_by(self, y: Array) -> Array:
+        """The transpose of this: of weights (m, 2n, c) of states at the ends those of the accelerations."""
+        m, N, c = y.shape
+        return (self._gains.T @ (self._rates * y.reshape(m, 2, -1))).reshape(m, -1, c)
+
+    def pulled_ends(self, weights: Array) -> Array:
+        """By how much loads at the stages (m, s n) of each step raise sums with weights (m, 2n, c) of the
+        state at its end: (m, s n, c)."""
+        return self._systems.pulled(self._gained_by(weights))
 
     @property
     def stages(self) -> slice:
@@ -129,10 +129,9 @@ class TurnOnGrid:
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
-        x, condition = periodic_states(Steps(self.A, self.B @ at_stages + behind))
-        if not condition < 1 / SINGULAR:
-            raise no_orbit()
-        a = self._responses[..., : 2 * n] @ x[:-1] + self._responses[..., 2 * n :] @ at_stages
+        forced = self._systems.solved(at_stages)
+        x = closed(self.A, self._gained(forced) + behind, self._engine)
+        a = self._systems.by_state @ x[:-1] + forced
         a = a.reshape(m, -1, n, r)
         ends = x[1:] - behind
         before = np.roll(a[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
@@ -158,7 +157,7 @@ class TurnOnGrid:
         """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, without
         loads."""
         m, N, r = x.shape
-        return self._stage_states(x, (self._responses[..., :N] @ x).reshape(m, -1, N // 2, r))
+        return self._stage_states(x, (self._systems.by_state @ x).reshape(m, -1, N // 2, r))
 
     def _stage_states(self, x: Array, a: Array) -> Array:
         """The same with accelerations (m, s, n, r)."""
@@ -228,13 +227,13 @@ class TurnOnGrid:
         else:
             found[:, 0], before = self._pulled_from_ends(0, accelerations)
             states += before
-        responses = self._responses.swapaxes(1, 2) @ accelerations[:, self.stages].reshape(m, -1, c)
-        states += responses[:, : 2 * n]
+        at_stages = accelerations[:, self.stages].reshape(m, -1, c)
+        states += self._systems.by_state.swapaxes(1, 2) @ at_stages
         if self._ends_apart:
             found[:, -1], behind = self._pulled_from_ends(-1, accelerations)
             states += np.roll(behind, 1, axis=0)
-        y, _ = periodic_states(Steps(self.A.swapaxes(1, 2)[::-1], states[::-1]))
-        at_stages = responses[:, 2 * n :] + self.B.swapaxes(1, 2) @ y[:-1][::-1]
+        y = closed(self.A.swapaxes(1, 2)[::-1], states[::-1], self._engine)
+        at_stages = self._systems.pulled(at_stages + self._gained_by(y[:-1][::-1]))
         found[:, self._stages] = at_stages.reshape(m, -1, n, c)
         return found
 
