@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.all_multipliers import matched_logarithms
+from solve.certify.all_multipliers import Spectrum, matched_logarithms
 from solve.derivatives.turn import TurnOnGrid
 from solve.period.product_eigenvalues import (
     Blocks,
@@ -42,14 +42,16 @@ class Vectors(NamedTuple):
 
 
 class MultipliersOnGrid:
-    """The multipliers of a system on a grid, and their vectors. known: log ρ (N,) of a finer one."""
+    """The multipliers of a system on a grid, and their vectors. known: those of a finer one."""
 
-    def __init__(self, turn: TurnOnGrid, known: Array):
-        self._turn, self._known = turn, known
+    def __init__(self, turn: TurnOnGrid, known: Spectrum):
+        self._turn, self._spectrum = turn, known
 
     def vectors(self, at: int) -> Vectors:
         """Of one of the known multipliers."""
-        return self._leading(complex(np.exp(self._known[at]))) or self._of_product(at)
+        leading = self._spectrum.leading
+        rho = complex(leading[at] if at < len(leading) else np.exp(self._known[at]))
+        return self._leading(rho) or self._of_product(at)
 
     def weights(self, vectors: Vectors) -> Array:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log ρ."""
@@ -90,6 +92,11 @@ class MultipliersOnGrid:
         right, left = self._every
         place = int(self._places[at])
         return Vectors(right[..., place], left[..., place])
+
+    @property
+    def _known(self) -> Array:
+        """log ρ (N,)."""
+        return np.nan_to_num(self._spectrum.logarithms, nan=-np.inf)
 
     @cached_property
     def _blocks(self) -> Blocks:

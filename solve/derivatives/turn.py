@@ -76,7 +76,7 @@ class TurnOnGrid:
 
     def _gained_by(self, y: Array) -> Array:
         """The transpose of this: of weights (m, 2n, c) of states at the ends those of the accelerations."""
-        m, N, c = y.shape
+        m, _, c = y.shape
         return (self._gains.T @ (self._rates * y.reshape(m, 2, -1))).reshape(m, -1, c)
 
     def pulled_ends(self, weights: Array) -> Array:
@@ -94,11 +94,26 @@ class TurnOnGrid:
         """The periodic solution itself, r = 1. Raises ResonanceError."""
         if self._known is None:
             return self.under(self.d[..., None])
-        h, coefficients = self.grid.h[:, None, None], self._known.coefficients.transpose(1, 2, 0)
-        data = np.linalg.inv(self.rule.curve_powers) @ coefficients
-        x = np.concatenate((data[:, 0], data[:, 1] / h[:, 0]), axis=1)
-        x, accelerations = np.concatenate((x, x[:1]))[..., None], data[:, 2:, :, None] / h[..., None] ** 2
-        return self._motions(x, x[1:], accelerations)
+        (m, k), n = self.phases.shape, self.point.n
+        pieces = self._known.coefficients.swapaxes(0, 1).reshape(m * n, -1)
+        states = (pieces @ self._of_powers.T).reshape(m, n, k, 3).transpose(0, 2, 3, 1)
+        states = states / self.grid.h[:, None, None, None] ** np.array([2, 1, 0])[:, None]
+        x = states[:, 0, :0:-1].reshape(m, -1)
+        return Motions(np.concatenate((x, x[:1]))[..., None], states[..., None])
+
+    @cached_property
+    def _of_powers(self) -> Array:
+        """From the powers of θ in a step to h² q″, h q′ and q at its phases, (3 k, D): at the stages what the
+        method has there, which the curve meets to its order."""
+        rule, k = self.rule, self.phases.shape[1]
+        data = np.linalg.inv(rule.curve_powers)
+        a, made = data[2:], np.empty((k, 3, len(data)))
+        A = np.concatenate((np.zeros_like(rule.b)[None], rule.A, rule.b[None]))[:k]
+        at = np.array([0.0, *rule.c, 1.0])[:k, None]
+        made[:, 0], made[:, 1] = a, data[1] + A @ a[self.stages]
+        squares = np.concatenate((np.zeros_like(rule.b)[None], rule.A @ rule.A, (rule.b @ rule.A)[None]))[:k]
+        made[:, 2] = data[0] + at * data[1] + squares @ a[self.stages]
+        return made.reshape(3 * k, -1)
 
     def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
         """Values (b, r) of breaks at the starts of the steps (m, r), where these are breaks."""
