@@ -227,8 +227,11 @@ class OnGrid:
 
     def jumps(self, name: str) -> Array:
         """Whether quantities (r,) move a jump of an output."""
-        system, nodes = self.solved.system, np.flatnonzero(self.nodes.any(axis=1))
-        if name not in system.outputs or not len(nodes):
+        system = self.solved.system
+        if name not in system.outputs or not system.breaks:
+            return np.zeros(len(self.names), dtype=bool)
+        nodes = np.flatnonzero(self.nodes.any(axis=1))
+        if not len(nodes):
             return np.zeros(len(self.names), dtype=bool)
         starts, ends = (
             self.turn.orbit.states[at, place, ..., 0] for at, place in ((nodes, 0), (nodes - 1, -1))
@@ -246,6 +249,9 @@ class OnGrid:
     def slopes(self, asked: Sequence[Named]) -> list[Array | NoDerivativeError]:
         """Of each quantity its derivatives (r,), or why it has none."""
         found: list[Any] = []
+        of_orbit = [each for each in asked if each.of_orbit]
+        if of_orbit:
+            self.figures.settle(of_orbit)
         for each in asked:
             try:
                 found.append(self.figures.sums(each) if each.of_orbit else self._of_multiplier(each))

@@ -204,14 +204,28 @@ class TurnOnGrid:
     def of_data(self, phase: Array, weights: Array) -> Array:
         """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve
         at phases (p,)."""
-        (m, k), (count, _, n, c) = self.phases.shape, weights.shape
-        by_phase, (inside, firsts) = np.zeros((count, 2 + k, n * c)), self._groups(phase)
+        k, (count, _, n, c) = self.phases.shape[1], weights.shape
+        by_phase = np.zeros((count, 2 + k, n * c))
         for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
             if part.any():
                 by_phase += self._basis(phase, order)[1][:, :, None] * part.reshape(count, 1, -1)
-        made, step = np.zeros((m, (2 + k) * n * c)), self._basis(phase, 0)[0]
-        made[step[inside][firsts]] = np.add.reduceat(by_phase.reshape(count, -1)[inside], firsts)
-        return made.reshape(m, 2 + k, n, c)
+        return self._in_steps(phase, by_phase).reshape(-1, 2 + k, n, c)
+
+    def of_values(self, phase: Array, weights: Array) -> Array:
+        """The same (m, 2 + k, c) of values of one coordinate, with weights (p, c)."""
+        return self._in_steps(phase, self._basis(phase, 0)[1][:, :, None] * weights[:, None])
+
+    def of_even_values(self, fractions: Array, weights: Array) -> Array:
+        """The same at fractions (a,) of every step, with weights (m a, c)."""
+        powers = fractions[:, None] ** np.arange(len(self.rule.curve_powers)) @ self.rule.curve_powers
+        return powers.T @ weights.reshape(self.grid.steps, len(fractions), -1)
+
+    def _in_steps(self, phase: Array, values: Array) -> Array:
+        """Sums (m, …) over the phases (p,) of each step of values (p, …)."""
+        (inside, firsts), step = self._groups(phase), self._basis(phase, 0)[0]
+        made = np.zeros((self.grid.steps, *values.shape[1:]))
+        made[step[inside][firsts]] = np.add.reduceat(values[inside], firsts)
+        return made
 
     def _groups(self, phase: Array) -> tuple[Any, Array]:
         """In which order phases lie in one step after another, and where those of each step begin."""
