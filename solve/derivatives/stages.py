@@ -8,12 +8,13 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.kernel import chain
+from solve.kernel.collocation import Samples
 from solve.kernel.engines import COMPILED
 from solve.kernel.stages import factorised
 from solve.methods.collocation import Collocation
 from solve.methods.method import no_orbit
 from solve.period.period_map import SINGULAR, Steps, periodic_states, states_from
-from solve.period.points import parted
+from solve.period.points import Tables, parted
 
 
 class Stages(Protocol):
@@ -52,10 +53,16 @@ class InvertedStages:
         return self._inverse.swapaxes(1, 2) @ weights
 
 
-def stages(rule: Collocation, h: Array, entries: Array, n: int, engine: str) -> Stages:
-    """Of steps of lengths h (m,), from entries (m, s, 3n² + n) at their stages. Raises MemoryError."""
-    made = factorised(rule.weights, h, entries, n) if engine == COMPILED else None
-    return InvertedStages(rule, h, entries, n) if made is None else made
+def stages(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> Stages:
+    """Of steps of lengths h (m,), from tables at as many phases in each, of which those `at` are the stages.
+    Raises MemoryError."""
+    if engine == COMPILED:
+        samples = Samples(tables.table, tables.coefficients, tables.entry)
+        made = factorised(rule.weights, h, samples, at, tables.n)
+        if made is not None:
+            return made
+    entries = tables.entries().reshape(len(h), -1, 3 * tables.n**2 + tables.n)
+    return InvertedStages(rule, h, entries[:, at], tables.n)
 
 
 def closed(A: Array, b: Array, engine: str) -> Array:

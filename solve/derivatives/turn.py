@@ -7,14 +7,15 @@ this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15)
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.contracts import Matrices
 from solve.derivatives.stages import closed, followed, stages
-from solve.methods.collocation import Collocated
+from solve.methods.collocation import Collocated, Collocation
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, parted, rate_of
@@ -50,14 +51,34 @@ class TurnOnGrid:
         self.closed = self.rule.stiffly_accurate and grid.smooth
         self.loaded = slice(int(self.closed), None)
         self._stages = slice(int(not self.closed), int(not self.closed) + s)
-        entries = point.tables(self.phases[:, self.loaded].ravel()).entries().reshape(m, -1, 3 * n**2 + n)
-        self.M, self.C, self.K, self.d = parted(entries, n)
+        self._tables = point.tables(self.phases[:, self.loaded].ravel())
         self._engine, self._known = engine, known
-        self._systems = stages(self.rule, grid.h, entries[:, self._stages], n, engine)
+        self._systems = stages(self.rule, grid.h, self._tables, self._stages, engine)
         # Of stage accelerations, h² and h times, in q and q′ at the ends of the steps.
         self._gains = np.stack((self.rule.b @ self.rule.A, self.rule.b))
         self._rates = np.stack((grid.h**2, grid.h), axis=1)[:, :, None]
         self._kept: dict[tuple[bytes, int], tuple[Any, Array]] = {}
+
+    @cached_property
+    def _matrices(self) -> Matrices:
+        entries = self._tables.entries()
+        return parted(entries.reshape(self.grid.steps, -1, entries.shape[-1]), self.point.n)
+
+    @property
+    def M(self) -> Array:
+        return self._matrices[0]
+
+    @property
+    def C(self) -> Array:
+        return self._matrices[1]
+
+    @property
+    def K(self) -> Array:
+        return self._matrices[2]
+
+    @property
+    def d(self) -> Array:
+        return self._matrices[3]
 
     @property
     def A(self) -> Array:
@@ -96,24 +117,10 @@ class TurnOnGrid:
             return self.under(self.d[..., None])
         (m, k), n = self.phases.shape, self.point.n
         pieces = self._known.coefficients.swapaxes(0, 1).reshape(m * n, -1)
-        states = (pieces @ self._of_powers.T).reshape(m, n, k, 3).transpose(0, 2, 3, 1)
+        states = (pieces @ _of_powers(self.rule, k).T).reshape(m, n, k, 3).transpose(0, 2, 3, 1)
         states = states / self.grid.h[:, None, None, None] ** np.array([2, 1, 0])[:, None]
         x = states[:, 0, :0:-1].reshape(m, -1)
         return Motions(np.concatenate((x, x[:1]))[..., None], states[..., None])
-
-    @cached_property
-    def _of_powers(self) -> Array:
-        """From the powers of θ in a step to h² q″, h q′ and q at its phases, (3 k, D): at the stages what the
-        method has there, which the curve meets to its order."""
-        rule, k = self.rule, self.phases.shape[1]
-        data = np.linalg.inv(rule.curve_powers)
-        a, made = data[2:], np.empty((k, 3, len(data)))
-        A = np.concatenate((np.zeros_like(rule.b)[None], rule.A, rule.b[None]))[:k]
-        at = np.array([0.0, *rule.c, 1.0])[:k, None]
-        made[:, 0], made[:, 1] = a, data[1] + A @ a[self.stages]
-        squares = np.concatenate((np.zeros_like(rule.b)[None], rule.A @ rule.A, (rule.b @ rule.A)[None]))[:k]
-        made[:, 2] = data[0] + at * data[1] + squares @ a[self.stages]
-        return made.reshape(3 * k, -1)
 
     def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
         """Values (b, r) of breaks at the starts of the steps (m, r), where these are breaks."""
@@ -248,7 +255,8 @@ class TurnOnGrid:
     def pulled(self, of_data: Array) -> Array:
         """The adjoint problem: by how much loads (m, l, n) at the phases where they act raise sums with
         weights (m, 2 + k, n, c) of the data, (m, l, n, c). It is the same for any number of loads."""
-        (m, loaded, n), c, h = self.d.shape, of_data.shape[-1], self.grid.h[:, None, None]
+        m, _, n, c = of_data.shape
+        loaded, h = self.phases[:, self.loaded].shape[1], self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
         accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, loaded, n, c))
         if self.closed:
@@ -272,3 +280,18 @@ class TurnOnGrid:
         M, C, K = (part[:, place].swapaxes(1, 2) for part in (self.M, self.C, self.K))
         load = solved(M, accelerations[:, place])
         return load, -np.concatenate((K @ load, C @ load), axis=1)
+
+
+@cache
+def _of_powers(rule: Collocation, k: int) -> Array:
+    """From the powers of θ in a step to h² q″, h q′ and q at its k phases, (3 k, D): at the stages what the
+    method has there, which the curve meets to its order."""
+    data = np.linalg.inv(rule.curve_powers)
+    a, made, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
+    at_stages = a[1 : 1 + len(rule.c)]
+    v = np.concatenate((zero, rule.A, rule.b[None]))[:k]
+    q = np.concatenate((zero, rule.A @ rule.A, (rule.b @ rule.A)[None]))[:k]
+    theta = np.array([0.0, *rule.c, 1.0])[:k, None]
+    made[:, 0], made[:, 1] = a, data[1] + v @ at_stages
+    made[:, 2] = data[0] + theta * data[1] + q @ at_stages
+    return made.reshape(3 * k, -1)

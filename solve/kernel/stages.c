@@ -12,7 +12,10 @@
 typedef struct {
     long steps, columns;
     const double *h;               /* (steps): their lengths */
-    const double *entries;         /* (steps, S, ENTRIES): Omega^2 M, Omega C, K by rows and d at the stages */
+    long terms, between;           /* R, and how many terms lie between the first ones of two steps */
+    const int *entry;              /* (R), rising: which of Omega^2 M, Omega C, K by rows and d a term belongs to */
+    const double *table;           /* (steps, S, R): terms at the stages */
+    const double *coefficients;    /* (R) */
     const double *A, *A2, *b, *bA, *c;
     double *factors;               /* (groups of LANES steps, ROWS, ROWS, LANES): L below the diagonal, U with inverse pivots */
     long long *order;              /* (groups, ROWS, LANES): with which row each was exchanged */
@@ -34,7 +37,9 @@ static mask exchange(lane rows[ROWS][COLS], int k) {
         largest = chosen(larger, a, largest);
         best = (best & ~larger) | (((mask){0} + i) & larger);
     }
-    for (int i = k + 1; i < ROWS; i++) {
+    long long other = 0;
+    for (int l = 0; l < LANES; l++) other |= best[l] ^ k;
+    for (int i = k + 1; other && i < ROWS; i++) {
         const mask this = best == i;
         long long any = 0;
         for (int l = 0; l < LANES; l++) any |= this[l];
@@ -88,14 +93,20 @@ int factorised(const problem *p) {
     lane e[ENTRIES], map[NX][NX], (*rows)[COLS] = aligned_alloc(sizeof(lane), sizeof(lane[ROWS][COLS]));
     mask order[ROWS];
     if (!rows) return 0;
+    memset(e, 0, sizeof(e));
     for (long group = 0; group * LANES < p->steps; group++) {
         const long start = group * LANES, left = p->steps - start, filled = left < LANES ? left : LANES;
         lane h;
         for (int l = 0; l < LANES; l++) h[l] = p->h[start + (l < filled ? l : filled - 1)];
         for (int i = 0; i < S; i++) {
-            for (int l = 0; l < LANES; l++) {
-                const double *from = p->entries + ((start + (l < filled ? l : filled - 1)) * S + i) * ENTRIES;
-                for (int k = 0; k < ENTRIES; k++) e[k][l] = from[k];
+            const double *from[LANES];
+            for (int l = 0; l < LANES; l++)
+                from[l] = p->table + (start + (l < filled ? l : filled - 1)) * p->between + i * p->terms;
+            for (long r = 0, last = -1; r < p->terms; last = p->entry[r++]) {
+                lane term;
+                for (int l = 0; l < LANES; l++) term[l] = from[l][r];
+                term *= p->coefficients[r];
+                e[p->entry[r]] = p->entry[r] == last ? e[p->entry[r]] + term : term;
             }
             stage_rows(i, h, p->A, p->A2, p->c, e, e + N * N, e + 2 * N * N, rows[i * N], COLS);
         }
@@ -118,7 +129,9 @@ int factorised(const problem *p) {
 }
 
 static void swap(lane *x, const long long *order, int k) {
-    for (int l = 0; l < LANES; l++) {
+    long long other = 0;
+    for (int l = 0; l < LANES; l++) other |= order[k * LANES + l] ^ k;
+    for (int l = 0; other && l < LANES; l++) {
         const long long i = order[k * LANES + l];
         const double t = x[k][l];
         x[k][l] = x[i][l];

@@ -1,4 +1,4 @@
-"""Closed chains in compiled code are those of NumPy, where solutions grow and where units are far apart too."""
+"""Closed chains in compiled code are those of NumPy, also where solutions grow or units are far apart."""
 
 import numpy as np
 import pytest

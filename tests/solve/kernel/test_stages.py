@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solve.derivatives.stages import InvertedStages
+from solve.kernel.collocation import Samples
 from solve.kernel.stages import factorised
 from solve.methods.gauss import Gauss
 from solve.methods.radau import Radau
@@ -20,7 +21,10 @@ def same(method, n, steps, inertia=1.0):
     entries = np.concatenate(
         [part.reshape(steps, s, -1) for part in (M, C, K, np.ones((steps, s, n)))], axis=2
     )
-    ours, theirs = factorised(rule.weights, h, entries, n), InvertedStages(rule, h, entries, n)
+    samples = Samples(
+        entries.reshape(1, steps * s, -1), np.ones((1, entries.shape[2])), np.arange(entries.shape[2])
+    )
+    ours, theirs = factorised(rule.weights, h, samples, slice(None), n), InvertedStages(rule, h, entries, n)
     assert ours is not None
     unit = np.broadcast_to(np.eye(s * n), (steps, s * n, s * n))
     for one, other in (
@@ -54,4 +58,5 @@ def test_every_width(compiled_for, width):
 
 
 def test_many_accelerations_are_left_to_lapack():
-    assert factorised(Radau().collocation.weights, np.ones(1), np.ones((1, 5, 3 * 20**2 + 20)), 20) is None
+    samples = Samples(np.ones((5, 1)), np.ones((1, 1)), np.zeros(1))
+    assert factorised(Radau().collocation.weights, np.ones(1), samples, slice(None), 20) is None
