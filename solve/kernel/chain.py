@@ -21,8 +21,9 @@ class _Chain(ctypes.Structure):
 
 def closed(A: Array, b: Array) -> tuple[Array, float] | None:
     """States x (m+1, N, r) of x_{k+1} = A_k x_k + b_k, x_m = x_0, with maps A (m, N, N) and loads
-    b (m, N, r), and the condition number of the closed system, as `solve.period.period_map.periodic_states` has them; None
-    without compiled code, or where numbers overflow."""
+    b (m, N, r), and the condition number of the closed system, both as
+    `solve.period.period_map.periodic_states` has them; None without compiled code, or where numbers
+    overflow."""
     m, N, r = b.shape
     x, condition = np.empty((m + 1, N, r)), np.empty(1)
     A, b = np.ascontiguousarray(A), np.ascontiguousarray(b)
