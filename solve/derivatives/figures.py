@@ -188,7 +188,9 @@ def _parted(orbit: OrbitOnGrid, dependence: Dependence, figures: Sequence[Sums])
         fractions = group[0][0].fractions
         if fractions is None:
             phase = np.concatenate([each.phase for each, _ in group])
-            made = turn.of_values(phase, weights[0] if len(weights) == 1 else block_diagonal(*weights))
+            made = turn.of_values(
+                phase, np.asarray(weights[0] if len(weights) == 1 else block_diagonal(*weights))
+            )
         else:
             made = turn.of_even_values(fractions, np.concatenate(weights, axis=1))
         last = 0

@@ -57,7 +57,7 @@ class MultipliersOnGrid:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log ρ."""
         turn, n, right, left = self._turn, self._turn.point.n, vectors.right, vectors.left.conj()
         gained = np.einsum("mi,mij,mj->m", left, turn.A, right)
-        y = turn.pulled_ends(np.stack((left.real, left.imag), axis=-1)) @ [1, 1j] / gained[:, None]
+        y = turn.pulled_ends(np.stack((np.real(left), np.imag(left)), axis=-1)) @ [1, 1j] / gained[:, None]
         X = turn.stage_states(right[..., None])[..., 0]
         return -y.reshape(*X.shape[:2], 1, n, 1) * X[:, :, :, None]
 

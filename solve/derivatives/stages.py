@@ -1,7 +1,6 @@
 """The steps of a turn by collocation, their stage systems solved once for any loads, and the chain that they
 make, in compiled code or in NumPy."""
 
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -20,11 +19,8 @@ from solve.period.points import Tables, parted
 class Stages(Protocol):
     """See `solve.kernel.stages.FactorisedStages`."""
 
-    @property
-    def by_state(self) -> Array: ...
-
-    @property
-    def maps(self) -> Array: ...
+    by_state: Array
+    maps: Array
 
     def solved(self, loads: Array) -> Array: ...
 
@@ -40,11 +36,7 @@ class InvertedStages:
         unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, m, s, n, s * n))
         responses = rule.stage_accelerations(h, M, C, K, unit)[0]
         self.by_state, self._inverse = np.split(responses.reshape(m, s * n, -1), [2 * n], axis=-1)
-        self._rule, self._h, self._own = rule, h, responses[None, ..., : 2 * n]
-
-    @cached_property
-    def maps(self) -> Array:
-        return self._rule.maps(self._h, self._own)[0]
+        self.maps = rule.maps(h, responses[None, ..., : 2 * n])[0]
 
     def solved(self, loads: Array) -> Array:
         return self._inverse @ loads

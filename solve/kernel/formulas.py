@@ -83,16 +83,16 @@ def columns(
     given = np.empty((rows, -(-count // _WIDEST) * _WIDEST))
     np.concatenate(inputs, out=given[:, :count])
     given[:, count:] = given[:, count - 1 : count]
-    first, width = np.cumsum([0, *widths[:-1]], dtype=np.intc), given.shape[1]
+    first, width = np.cumsum([0, *widths[:-1]], dtype=np.intc), given.shape[-1]
     made = np.empty((formulas.outputs, width if along is None else along[1].shape[1]))
     arrays = {"first": first, "given": given, "shared": shared, "values": made}
     if along is None:
         library.columns(ctypes.byref(_Columns(columns=width, **_addresses(arrays))))
         return made[:, :count]
-    row, weights = np.ascontiguousarray(along[0], dtype=np.intc), np.zeros((*along[1].shape[:2], width))
+    weights = np.zeros((*along[1].shape[:2], width))
     weights[..., :count] = along[1]
-    arrays |= {"row": row, "weights": weights}
-    problem = _Columns(columns=width, sums=weights.shape[1], **_addresses(arrays))
+    arrays |= {"row": np.ascontiguousarray(along[0], dtype=np.intc), "weights": weights}
+    problem = _Columns(columns=width, sums=made.shape[-1], **_addresses(arrays))
     return made if library.sums(ctypes.byref(problem)) else None
 
 
