@@ -85,6 +85,13 @@ class Spectrum:
         return self._known[1]
 
     @property
+    def leading(self) -> Array:
+        """The largest multipliers (k,), of which the monodromy matrix tells that they meet none of the
+        others; none where all were asked for."""
+        known = 2 * self.certified.absolute[0] < _NO_DIGIT * np.abs(self._eigenvalues)
+        return self._eigenvalues[known & (self.refined is None)]
+
+    @property
     def unresolved(self) -> int:
         """How many have no digit."""
         return int(np.isnan(self.errors).sum())

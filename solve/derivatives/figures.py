@@ -6,10 +6,11 @@ there (envelope theorem).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag as block_diagonal
 
 from solve.arrays import Array
 from solve.contracts import Dependence
@@ -86,12 +87,13 @@ class OrbitOnGrid(Turn):
 
 class Sums(NamedTuple):
     """A figure whose derivatives are made of those (r, c) of sums over weights (k, c) times the values of a
-    coordinate or output at phases (k,)."""
+    coordinate or output at phases (k,). fractions: of every step at which these are, if they are the same."""
 
     name: str
     phase: Array
     weights: Array
     made: Callable[[Array], Array]
+    fractions: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,19 +132,17 @@ class Forward:
         moved = np.stack([self._curves(phase, order) for order in (2, 1, 0)]).transpose(3, 0, 2, 1)
         return self.dependence.output_along(name, phase, self.orbit.speed, self.orbit.states(phase), moved).T
 
-    @cached_property
-    def _data(self) -> Array:
-        return self.orbit.turn.data(self.moved).reshape(-1, self.count)
-
     def of(self, figures: Sequence[Sums]) -> list[Array]:
         """Derivatives (r,) of figures."""
-        return [each.made(self._of(each)) for each in figures]
-
-    def _of(self, figure: Sums) -> Array:
-        if figure.name in self.orbit.system.outputs and not self.dependence.parted:
-            return self.signal(figure.name, figure.phase) @ figure.weights
-        direct, of_data = _parted(self.orbit, self.dependence, figure)
-        return direct + self._data.T @ of_data.reshape(len(self._data), -1)
+        own = [each.name in self.orbit.system.outputs and not self.dependence.parted for each in figures]
+        rest = [each for each, alone in zip(figures, own, strict=True) if not alone]
+        data = self.orbit.turn.data(self.moved).reshape(-1, self.count)
+        direct, of_data = _parted(self.orbit, self.dependence, rest)
+        parts = iter(_split(direct + data.T @ of_data.reshape(len(data), -1), rest))
+        return [
+            each.made(self.signal(each.name, each.phase) @ each.weights if alone else next(parts))
+            for each, alone in zip(figures, own, strict=True)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,29 +154,63 @@ class Adjoint:
 
     def of(self, figures: Sequence[Sums]) -> list[Array]:
         """Derivatives (r,) of figures."""
-        direct, of_data = zip(*(_parted(self.orbit, self.dependence, each) for each in figures), strict=True)
-        pulled = self.orbit.turn.pulled(np.concatenate(of_data, axis=-1))
+        direct, of_data = _parted(self.orbit, self.dependence, figures)
+        pulled = self.orbit.turn.pulled(of_data)
         weights = pulled.reshape(-1, *pulled.shape[2:])
-        found = self.dependence.residual_along(*self.orbit.loaded, weights)
-        ends = np.cumsum([each.weights.shape[1] for each in figures])
-        parts = zip(figures, direct, np.split(found, ends[:-1], axis=1), strict=True)
-        return [each.made(held - along) for each, held, along in parts]
+        found = direct - self.dependence.residual_along(*self.orbit.loaded, weights)
+        return [each.made(part) for each, part in zip(figures, _split(found, figures), strict=True)]
 
 
-def _parted(orbit: OrbitOnGrid, dependence: Dependence, figure: Sums) -> tuple[Array, Array]:
-    """The derivatives of the sums by θ (r, c) with the orbit held, or 0, and the weights (m, 2 + k, n, c) of
+def _split(sums: Array, figures: Sequence[Sums]) -> list[Array]:
+    """Those (r, c) of each figure, of all sums (r, …)."""
+    return np.split(sums, np.cumsum([each.weights.shape[1] for each in figures])[:-1], axis=1)
+
+
+def _parted(orbit: OrbitOnGrid, dependence: Dependence, figures: Sequence[Sums]) -> tuple[Array, Array]:
+    """The derivatives of all sums by θ (r, c) with the orbit held, or 0, and the weights (m, 2 + k, n, c) of
     the data of the orbit's curve."""
-    name, phase, weights, _ = figure
-    if name in orbit.system.coordinates:
-        own = np.zeros((len(phase), 3, 1, weights.shape[1]))
-        own[:, 2, 0] = weights
-        found = orbit.turn.of_data(phase, own)
-        of_data = np.zeros((*found.shape[:2], orbit.system.n, found.shape[-1]))
-        of_data[:, :, orbit.system.coordinates.index(name)] = found[:, :, 0]
+    turn, ends = orbit.turn, np.cumsum([0, *(each.weights.shape[1] for each in figures)])
+    (m, k), n = turn.phases.shape, orbit.system.n
+    of_data, direct = np.zeros((m, 2 + k, n, ends[-1])), {}
+    alone: dict[int, list[tuple[Sums, slice]]] = {}
+    for each, start, end in zip(figures, ends, ends[1:], strict=False):
+        columns = slice(int(start), int(end))
+        if each.name not in orbit.system.coordinates:
+            by, by_states = dependence.output(each.name, each.phase, orbit.speed, orbit.states(each.phase))
+            weights = by_states[..., None] * each.weights[:, None, None]
+            of_data[..., columns] = turn.of_data(each.phase, weights)
+            direct[columns.start, columns.stop] = by.T @ each.weights
+            continue
+        # Those with the same samples, and all extrema, go together.
+        alone.setdefault(0 if each.fractions is None else id(each.fractions), []).append((each, columns))
+    for group in alone.values():
+        weights = [each.weights for each, _ in group]
+        fractions = group[0][0].fractions
+        if fractions is None:
+            phase = np.concatenate([each.phase for each, _ in group])
+            made = turn.of_values(
+                phase, np.asarray(weights[0] if len(weights) == 1 else block_diagonal(*weights))
+            )
+        else:
+            made = turn.of_even_values(fractions, np.concatenate(weights, axis=1))
+        last = 0
+        for each, columns in group:
+            first, last = last, last + each.weights.shape[1]
+            of_data[:, :, orbit.system.coordinates.index(each.name), columns] = made[..., first:last]
+    if not direct:
         return np.zeros(()), of_data
-    by_parameters, by_states = dependence.output(name, phase, orbit.speed, orbit.states(phase))
-    of_data = orbit.turn.of_data(phase, by_states[..., None] * weights[:, None, None])
-    return by_parameters.T @ weights, of_data
+    by_parameters = np.zeros((len(next(iter(direct.values()))), ends[-1]))
+    for (start, end), values in direct.items():
+        by_parameters[:, start:end] = values
+    return by_parameters, of_data
+
+
+class _Even(NamedTuple):
+    """Phases (k,) at the same fractions of every step, and their weights (k,) in a mean over the period."""
+
+    phases: Array
+    weights: Array
+    fractions: Array
 
 
 class Figures:
@@ -185,49 +219,109 @@ class Figures:
 
     def __init__(self, orbit: OrbitOnGrid, starts: Starts):
         self.orbit, self._starts = orbit, starts
-        self._phases, self._weights = self._quadrature(orbit.samples)
-        self._sampled = cache(lambda name: orbit.signal(name)(self._phases))
+        self._even = self._quadrature(orbit.samples)
+        self._sampled = cache(partial(self._of_even, self._even))
+        self._settled: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
 
     def sums(self, asked: Named) -> Sums:
         """Of a figure. Raises NoDerivativeError."""
         name, figure = asked.subject, asked.figure
         if figure in _WAYS:
-            return self._of_extremum(name, figure)
+            return self._of_extremum(asked)
         if figure.endswith("_phase"):
             raise NoDerivativeError(f"{asked.text}: derivatives of phases of extrema are not calculated")
         if figure in (HARMONIC, PHASE):
             value, sums = self.harmonic(name, asked.number)
             return sums._replace(made=lambda slopes: _of_harmonic(asked, value, sums.made(slopes)))
-        weights = self._weights
+        phases, weights, fractions = self._even
         if figure == "rms":
             values = self._sampled(name)
             weights = _over(values * weights, float(np.sqrt(values**2 @ weights)), asked)
-        return Sums(name, self._phases, weights[:, None], _first)
+        return Sums(name, phases, weights[:, None], _first, fractions)
 
     def harmonic(self, name: str, number: int) -> tuple[complex, Sums]:
         """Complex amplitude A exp(iψ) of an order of a coordinate or output, the mean for order 0."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
         known = count == self.orbit.samples
-        phases, weights = (self._phases, self._weights) if known else self._quadrature(count)
-        values = self._sampled(name) if known else self.orbit.signal(name)(phases)
+        even = self._even if known else self._quadrature(count)
+        values = self._sampled(name) if known else self._of_even(even, name)
+        phases, weights, fractions = even
         wave = np.exp(-2j * np.pi / period * number * phases) * ((2 if number else 1) * weights)
         both = np.stack((np.real(wave), np.imag(wave)), axis=1)
-        return complex(wave @ values), Sums(name, phases, both, lambda slopes: slopes @ np.array([1, 1j]))
+        return complex(wave @ values), Sums(name, phases, both, _complex, fractions)
 
-    def _quadrature(self, count: int) -> tuple[Array, Array]:
-        """Phases and weights (k,) of a mean over the period from so many samples or more: evenly, which is
-        exact but for orders beyond them, or Gauss's within each step, where jumps leave kinks between."""
+    def _of_even(self, even: _Even, name: str) -> Array:
+        """Values (k,) of a coordinate or output."""
+        if name not in self.orbit.system.coordinates:
+            return self.orbit.signal(name)(even.phases)
+        row = self.orbit.system.coordinates.index(name)
+        coefficients = self.orbit.turn.curve.coefficients[row]
+        return (coefficients @ even.fractions ** np.arange(coefficients.shape[-1])[:, None]).ravel()
+
+    def _quadrature(self, count: int) -> _Even:
+        """For means over the period from so many samples or more: evenly, which is exact but for orders
+        beyond them, or by Gauss's rule within each step, where jumps leave kinks between."""
         period, nodes = self.orbit.system.period, self.orbit.turn.grid.nodes
-        if not self.orbit.system.breaks:
-            return np.arange(count) * (period / count), np.full(count, 1 / count)
-        places, weights = np.polynomial.legendre.leggauss(-(-count // (len(nodes) - 1)))
+        a_step = -(-count // (len(nodes) - 1))
+        if self.orbit.system.breaks:
+            places, weights = np.polynomial.legendre.leggauss(a_step)
+            fractions, weights = (places + 1) / 2, weights / 2
+        else:
+            fractions, weights = np.arange(a_step) / a_step, np.full(a_step, 1 / a_step)
         width = np.diff(nodes)[:, None]
-        return (nodes[:-1, None] + width * (places + 1) / 2).ravel(), (width * weights / 2 / period).ravel()
+        return _Even(
+            (nodes[:-1, None] + width * fractions).ravel(), (width * weights / period).ravel(), fractions
+        )
 
-    def _of_extremum(self, name: str, figure: str) -> Sums:
-        """Of an extremum, whose derivatives are NaN where equally large extrema change differently."""
-        phases, signs = self._extrema(name, figure)
-        values = signs * self.orbit.signal(name)(phases)
+    def settle(self, asked: Sequence[Named]) -> None:
+        """Find the extrema that are asked for, all together."""
+        wanted = dict.fromkeys((each.subject, each.figure) for each in asked if each.figure in _WAYS)
+        pairs = [pair for pair in wanted if pair not in self._settled]
+        if not pairs:
+            return
+        known = [self._starts.get(pair) or self._promising(*pair) for pair in pairs]
+        counts = [len(phases) for phases, _ in known]
+        names = np.repeat([name for name, _ in pairs], counts)
+        phases, signs = (np.concatenate(part) for part in zip(*known, strict=True))
+        width = self.orbit.system.period / self.orbit.samples
+        for _ in range(1 if pairs[0] in self._starts else _NEWTON):
+            around = self._each(names, phases[:, None] + _NEAR * width * np.arange(-2, 3))
+            first, second = around @ _FIRST, around @ _SECOND
+            with np.errstate(divide="ignore", invalid="ignore"):
+                moved = -_NEAR * first / second
+            phases = phases + np.where(np.abs(moved) < 1, moved, 0.0) * width
+        values = signs * self._each(names, phases[:, None])[:, 0]
+        parts = (np.split(part, np.cumsum(counts)[:-1]) for part in (phases, signs, values))
+        for pair, found in zip(pairs, zip(*parts, strict=True), strict=True):
+            self._settled[pair] = found
+            self._starts.setdefault(pair, found[:2])
+
+    def _each(self, names: Array, phases: Array) -> Array:
+        """Values (k, j) of quantities (k,) at phases (k, j) of each."""
+        made, coordinates = np.empty(phases.shape), self.orbit.system.coordinates
+        every = self.orbit.turn.curve(phases.ravel()).reshape(-1, *phases.shape)
+        for name in dict.fromkeys(names.tolist()):
+            at = names == name
+            if name in coordinates:
+                made[at] = every[coordinates.index(name), at]
+            else:
+                made[at] = self.orbit.signal(name)(phases[at].ravel()).reshape(-1, phases.shape[1])
+        return made
+
+    def _promising(self, name: str, figure: str) -> tuple[Array, Array]:
+        """Phases (k,) of samples about which the extremum may be, and signs (k,) of the values there."""
+        values, ways = self._sampled(name), _WAYS[figure]
+        tops = [_tops(way * values) for way in ways]
+        return self._even.phases[np.concatenate(tops)], np.repeat(ways, [len(each) for each in tops])
+
+    def _of_extremum(self, asked: Named) -> Sums:
+        """Of an extremum, whose derivatives are NaN where equally large extrema change differently. Its
+        phase is where the derivative by it is zero: of values that hardly differ, the largest tells its phase
+        to half of their digits only."""
+        name, figure = asked.subject, asked.figure
+        if (name, figure) not in self._settled:
+            self.settle([asked])
+        phases, signs, values = self._settled[name, figure]
         largest = values >= values.max() - _SAME * np.abs(values).max()
         phases, signs = phases[largest], signs[largest]
         sign = -1.0 if figure == "min" else 1.0
@@ -238,32 +332,16 @@ class Figures:
 
         return Sums(name, phases, np.diag(signs), made)
 
-    def _extrema(self, name: str, figure: str) -> tuple[Array, Array]:
-        """Phases (k,) of a quantity's extrema that may be the largest, and their signs (k,). Its derivative
-        is brought to zero there: of values that hardly differ, the largest tells its phase to half of their
-        digits only."""
-        signal, width = self.orbit.signal(name), self.orbit.system.period / self.orbit.samples
-        known = self._starts.get((name, figure))
-        if known is None:
-            values, ways = self._sampled(name), _WAYS[figure]
-            tops = [_tops(way * values) for way in ways]
-            known = self._phases[np.concatenate(tops)], np.repeat(ways, [len(each) for each in tops])
-        phases, signs = known
-        for _ in range(_NEWTON if (name, figure) not in self._starts else 1):
-            around = signal((phases[:, None] + _NEAR * width * np.arange(-2, 3)).ravel()).reshape(-1, 5)
-            first, second = around @ _FIRST, around @ _SECOND
-            with np.errstate(divide="ignore", invalid="ignore"):
-                moved = -_NEAR * first / second
-            phases = phases + np.where(np.abs(moved) < 1, moved, 0.0) * width
-        self._starts.setdefault((name, figure), (phases, signs))
-        return phases, signs
-
 
 def _tops(values: Array) -> Array:
     """Places (k,) of maxima that may be the largest between samples."""
     level = values.max() - _PROMISING * np.ptp(values)
     tops = (values >= level) & (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
     return np.flatnonzero(tops if tops.any() else values == values.max())[:_MOST]
+
+
+def _complex(slopes: Array) -> Array:
+    return slopes @ np.array([1, 1j])
 
 
 def _first(slopes: Array) -> Array:

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.all_multipliers import matched_logarithms
+from solve.certify.all_multipliers import Spectrum, matched_logarithms
 from solve.derivatives.turn import TurnOnGrid
-from solve.period.period_map import Steps, monodromy, states_from
 from solve.period.product_eigenvalues import (
     Blocks,
     ProductEigenvalues,
@@ -43,20 +42,22 @@ class Vectors(NamedTuple):
 
 
 class MultipliersOnGrid:
-    """The multipliers of a system on a grid, and their vectors. known: log ρ (N,) of a finer one."""
+    """The multipliers of a system on a grid, and their vectors. known: those of a finer one."""
 
-    def __init__(self, turn: TurnOnGrid, known: Array):
-        self._turn, self._known = turn, known
+    def __init__(self, turn: TurnOnGrid, known: Spectrum):
+        self._turn, self._spectrum = turn, known
 
     def vectors(self, at: int) -> Vectors:
         """Of one of the known multipliers."""
-        return self._leading(complex(np.exp(self._known[at]))) or self._of_product(at)
+        leading = self._spectrum.leading
+        rho = complex(leading[at] if at < len(leading) else np.exp(self._known[at]))
+        return self._leading(rho) or self._of_product(at)
 
     def weights(self, vectors: Vectors) -> Array:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log ρ."""
         turn, n, right, left = self._turn, self._turn.point.n, vectors.right, vectors.left.conj()
         gained = np.einsum("mi,mij,mj->m", left, turn.A, right)
-        y = (left[:, None] @ turn.B)[:, 0] / gained[:, None]
+        y = turn.pulled_ends(np.stack((np.real(left), np.imag(left)), axis=-1)) @ [1, 1j] / gained[:, None]
         X = turn.stage_states(right[..., None])[..., 0]
         return -y.reshape(*X.shape[:2], 1, n, 1) * X[:, :, :, None]
 
@@ -69,12 +70,12 @@ class MultipliersOnGrid:
         """Those of a multiplier from Φ; None of one that it may not tell to all digits."""
         values, right, left = self._of_turn
         at = int(np.abs(values - rho).argmin())
-        A, value, found = self._turn.A, values[at], []
+        value, found = values[at], []
         if not abs(value) > max(_LEADS * np.abs(values).max(), _SMALLEST):
             return None
-        backwards = A.swapaxes(1, 2)[::-1], left[:, at], value.conj()
-        for maps, start, factor in ((A, right[:, at], value), backwards):
-            states = states_from(Steps(maps, np.zeros(maps.shape[:2], dtype=complex)), start)
+        ways = (False, right[:, at], value), (True, left[:, at], value.conj())
+        for backwards, start, factor in ways:
+            states = self._turn.followed(start[:, None], backwards)[..., 0]
             apart = np.abs(states[-1] - factor * start) / np.abs(factor)
             if not (apart <= _RETURNS * np.abs(start).max()).all():
                 return None
@@ -84,14 +85,18 @@ class MultipliersOnGrid:
     @cached_property
     def _of_turn(self) -> tuple[Array, Array, Array]:
         """Multipliers (N,) of Φ with right and left vectors (N, N), a column each."""
-        A = self._turn.A
-        values, right = np.linalg.eig(monodromy(Steps(A, A[..., 0])))
+        values, right = np.linalg.eig(self._turn.followed(np.eye(self._turn.A.shape[-1]))[-1])
         return values.astype(complex), right, np.linalg.pinv(right).conj().T
 
     def _of_product(self, at: int) -> Vectors:
         right, left = self._every
         place = int(self._places[at])
         return Vectors(right[..., place], left[..., place])
+
+    @property
+    def _known(self) -> Array:
+        """log ρ (N,)."""
+        return np.nan_to_num(self._spectrum.logarithms, nan=-np.inf)
 
     @cached_property
     def _blocks(self) -> Blocks:

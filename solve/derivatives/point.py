@@ -202,10 +202,10 @@ class OnGrid:
 
     @cached_property
     def _multipliers(self) -> MultipliersOnGrid:
-        return MultipliersOnGrid(self.turn, np.nan_to_num(self.solved.spectrum.logarithms, nan=-np.inf))
+        return MultipliersOnGrid(self.turn, self.solved.spectrum)
 
-    def logarithm(self, at: int) -> Array:
-        """Derivatives (r,) of log ρ of one of the solution's multipliers."""
+    def logarithm(self, at: int, modulus: bool) -> Array:
+        """Derivatives (r,) of log ρ of one of the solution's multipliers, or of log |ρ|."""
         turn, found = self.turn, self._multipliers
         n, phases = turn.point.n, turn.phases[:, turn.stages].ravel()
         vectors = found.vectors(at)
@@ -217,7 +217,8 @@ class OnGrid:
         slopes = np.zeros(len(self.names), dtype=complex)
         for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
             slopes += found.by_node(vectors, node) * self.nodes[node]
-        for unit, part in ((1, np.real(weights)), (1j, np.imag(weights))):
+        parts = [(1, np.real(weights))] if modulus else [(1, np.real(weights)), (1j, np.imag(weights))]
+        for unit, part in parts:
             by, by_states = self.dependence.matrices(phases, self.solved.speed, states, part)
             slopes += unit * by
             if moved is not None:
@@ -226,8 +227,11 @@ class OnGrid:
 
     def jumps(self, name: str) -> Array:
         """Whether quantities (r,) move a jump of an output."""
-        system, nodes = self.solved.system, np.flatnonzero(self.nodes.any(axis=1))
-        if name not in system.outputs or not len(nodes):
+        system = self.solved.system
+        if name not in system.outputs or not system.breaks:
+            return np.zeros(len(self.names), dtype=bool)
+        nodes = np.flatnonzero(self.nodes.any(axis=1))
+        if not len(nodes):
             return np.zeros(len(self.names), dtype=bool)
         starts, ends = (
             self.turn.orbit.states[at, place, ..., 0] for at, place in ((nodes, 0), (nodes - 1, -1))
@@ -245,6 +249,9 @@ class OnGrid:
     def slopes(self, asked: Sequence[Named]) -> list[Array | NoDerivativeError]:
         """Of each quantity its derivatives (r,), or why it has none."""
         found: list[Any] = []
+        of_orbit = [each for each in asked if each.of_orbit]
+        if of_orbit:
+            self.figures.settle(of_orbit)
         for each in asked:
             try:
                 found.append(self.figures.sums(each) if each.of_orbit else self._of_multiplier(each))
@@ -262,21 +269,29 @@ class OnGrid:
         """Derivatives (r,) of a quantity of a multiplier. Raises NoDerivativeError."""
         at = max(asked.number, 1) - 1
         _require_alone(self.solved, at, asked)
-        slopes, rho = self.logarithm(at), complex(self.solved.multipliers[at])
+        modulus = asked.subject == RADIUS or asked.figure == "abs"
+        slopes, rho = self.logarithm(at, modulus), complex(_every(self.solved, at)[at])
         if asked.subject == EXPONENT:
             # λ = log ρ Ω / P, P the period in phase.
             logarithm = self.solved.spectrum.logarithms[at] / self.solved.speed
             along = np.array([name == SPEED for name in self.names])
             return asked.part((slopes + logarithm * along) / self.solved.period)
-        if asked.subject == RADIUS or asked.figure == "abs":
+        if modulus:
             return abs(rho) * np.real(slopes)
         return asked.part(rho * slopes)
 
 
+def _every(solved: Stability, at: int) -> Array:
+    """Multipliers, all of them unless the largest are enough."""
+    leading = solved.spectrum.leading
+    return leading if at < len(leading) else solved.multipliers
+
+
 def _require_alone(solved: Stability, at: int, asked: Named) -> None:
     """Raise NoDerivativeError for a multiplier that is not known, or meets another."""
-    rho, every = complex(solved.multipliers[at]), solved.multipliers
-    if not solved.multiplier_errors[at] < 1:
+    every = _every(solved, at)
+    rho = complex(every[at])
+    if at >= len(solved.spectrum.leading) and not solved.multiplier_errors[at] < 1:
         raise NoDerivativeError(f"{asked.text} has no digit on {solved.steps} steps, and so no derivative")
     distance = np.delete(np.abs(every - rho), at)
     if distance.min(initial=np.inf) <= MEET * abs(rho):

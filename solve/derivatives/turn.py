@@ -7,19 +7,17 @@ this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15)
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array, solved
-from solve.kernel.engines import COMPILED
-from solve.kernel.responses import responses
-from solve.methods.collocation import Collocated
-from solve.methods.method import no_orbit
+from solve.contracts import Matrices
+from solve.derivatives.stages import closed, followed, stages
+from solve.methods.collocation import Collocated, Collocation
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.period_map import SINGULAR, Steps, periodic_states
 from solve.period.points import OnePoint, parted, rate_of
 from solve.sizes import require_size
 
@@ -53,36 +51,59 @@ class TurnOnGrid:
         self.closed = self.rule.stiffly_accurate and grid.smooth
         self.loaded = slice(int(self.closed), None)
         self._stages = slice(int(not self.closed), int(not self.closed) + s)
-        entries = point.tables(self.phases[:, self.loaded].ravel()).entries().reshape(m, -1, 3 * n**2 + n)
-        self.M, self.C, self.K, self.d = parted(entries, n)
-        compiled = engine == COMPILED
-        made = responses(self.rule.weights, grid.h, entries[:, self._stages], n) if compiled else None
-        self._responses = self._interpreted() if made is None else made
-        self._known = known
+        self._tables = point.tables(self.phases[:, self.loaded].ravel())
+        self._engine, self._known = engine, known
+        self._systems = stages(self.rule, grid.h, self._tables, self._stages, engine)
+        # Of stage accelerations, h² and h times, in q and q′ at the ends of the steps.
+        self._gains = np.stack((self.rule.b @ self.rule.A, self.rule.b))
+        self._rates = np.stack((grid.h**2, grid.h), axis=1)[:, :, None]
         self._kept: dict[tuple[bytes, int], tuple[Any, Array]] = {}
 
-    def _interpreted(self) -> Array:
-        """Stage accelerations (m, s n, 2n + s n), linear in the states at the starts of the steps and in
-        loads at their stages."""
-        M, C, K = (part[None, :, self._stages] for part in (self.M, self.C, self.K))
-        _, m, s, n, _ = M.shape
-        unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, m, s, n, s * n))
-        return self.rule.stage_accelerations(self.grid.h, M, C, K, unit)[0].reshape(m, s * n, -1)
+    @cached_property
+    def _matrices(self) -> Matrices:
+        entries = self._tables.entries()
+        return parted(entries.reshape(self.grid.steps, -1, entries.shape[-1]), self.point.n)
+
+    @property
+    def M(self) -> Array:
+        return self._matrices[0]
+
+    @property
+    def C(self) -> Array:
+        return self._matrices[1]
+
+    @property
+    def K(self) -> Array:
+        return self._matrices[2]
+
+    @property
+    def d(self) -> Array:
+        return self._matrices[3]
 
     @property
     def A(self) -> Array:
         """Maps of the steps (m, 2n, 2n)."""
-        return self._maps[..., : 2 * self.point.n]
+        return self._systems.maps
 
-    @property
-    def B(self) -> Array:
-        """From loads at the stages of the steps to the states at their ends, (m, 2n, s n)."""
-        return self._maps[..., 2 * self.point.n :]
+    def followed(self, start: Array, backwards: bool = False) -> Array:
+        """States (m+1, 2n, r), without loads, from the first (2n, r) on; of the transposed maps backwards."""
+        A = self.A.swapaxes(1, 2)[::-1] if backwards else self.A
+        return followed(A, start, self._engine)
 
-    @cached_property
-    def _maps(self) -> Array:
-        m, r = self.grid.steps, self._responses.shape[-1]
-        return self.rule.maps(self.grid.h, self._responses.reshape(1, m, -1, self.point.n, r))[0]
+    def _gained(self, a: Array) -> Array:
+        """What accelerations at the stages (m, s n, r) add to the states at the ends (m, 2n, r)."""
+        m, _, r = a.shape
+        return (self._rates * (self._gains @ a.reshape(m, len(self.rule.c), -1))).reshape(m, -1, r)
+
+    def _gained_by(self, y: Array) -> Array:
+        """The transpose of this: of weights (m, 2n, c) of states at the ends those of the accelerations."""
+        m, _, c = y.shape
+        return (self._gains.T @ (self._rates * y.reshape(m, 2, -1))).reshape(m, -1, c)
+
+    def pulled_ends(self, weights: Array) -> Array:
+        """By how much loads at the stages (m, s n) of each step raise sums with weights (m, 2n, c) of the
+        state at its end: (m, s n, c)."""
+        return self._systems.pulled(self._gained_by(weights))
 
     @property
     def stages(self) -> slice:
@@ -94,11 +115,12 @@ class TurnOnGrid:
         """The periodic solution itself, r = 1. Raises ResonanceError."""
         if self._known is None:
             return self.under(self.d[..., None])
-        h, coefficients = self.grid.h[:, None, None], self._known.coefficients.transpose(1, 2, 0)
-        data = np.linalg.inv(self.rule.curve_powers) @ coefficients
-        x = np.concatenate((data[:, 0], data[:, 1] / h[:, 0]), axis=1)
-        x, accelerations = np.concatenate((x, x[:1]))[..., None], data[:, 2:, :, None] / h[..., None] ** 2
-        return self._motions(x, x[1:], accelerations)
+        (m, k), n = self.phases.shape, self.point.n
+        pieces = self._known.coefficients.swapaxes(0, 1).reshape(m * n, -1)
+        states = (pieces @ _of_powers(self.rule, k).T).reshape(m, n, k, 3).transpose(0, 2, 3, 1)
+        states = states / self.grid.h[:, None, None, None] ** np.array([2, 1, 0])[:, None]
+        x = states[:, 0, :0:-1].reshape(m, -1)
+        return Motions(np.concatenate((x, x[:1]))[..., None], states[..., None])
 
     def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
         """Values (b, r) of breaks at the starts of the steps (m, r), where these are breaks."""
@@ -129,10 +151,9 @@ class TurnOnGrid:
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
-        x, condition = periodic_states(Steps(self.A, self.B @ at_stages + behind))
-        if not condition < 1 / SINGULAR:
-            raise no_orbit()
-        a = self._responses[..., : 2 * n] @ x[:-1] + self._responses[..., 2 * n :] @ at_stages
+        forced = self._systems.solved(at_stages)
+        x = closed(self.A, self._gained(forced) + behind, self._engine)
+        a = self._systems.by_state @ x[:-1] + forced
         a = a.reshape(m, -1, n, r)
         ends = x[1:] - behind
         before = np.roll(a[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
@@ -158,7 +179,7 @@ class TurnOnGrid:
         """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, without
         loads."""
         m, N, r = x.shape
-        return self._stage_states(x, (self._responses[..., :N] @ x).reshape(m, -1, N // 2, r))
+        return self._stage_states(x, (self._systems.by_state @ x).reshape(m, -1, N // 2, r))
 
     def _stage_states(self, x: Array, a: Array) -> Array:
         """The same with accelerations (m, s, n, r)."""
@@ -190,14 +211,28 @@ class TurnOnGrid:
     def of_data(self, phase: Array, weights: Array) -> Array:
         """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve
         at phases (p,)."""
-        (m, k), (count, _, n, c) = self.phases.shape, weights.shape
-        by_phase, (inside, firsts) = np.zeros((count, 2 + k, n * c)), self._groups(phase)
+        k, (count, _, n, c) = self.phases.shape[1], weights.shape
+        by_phase = np.zeros((count, 2 + k, n * c))
         for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
             if part.any():
                 by_phase += self._basis(phase, order)[1][:, :, None] * part.reshape(count, 1, -1)
-        made, step = np.zeros((m, (2 + k) * n * c)), self._basis(phase, 0)[0]
-        made[step[inside][firsts]] = np.add.reduceat(by_phase.reshape(count, -1)[inside], firsts)
-        return made.reshape(m, 2 + k, n, c)
+        return self._in_steps(phase, by_phase).reshape(-1, 2 + k, n, c)
+
+    def of_values(self, phase: Array, weights: Array) -> Array:
+        """The same (m, 2 + k, c) of values of one coordinate, with weights (p, c)."""
+        return self._in_steps(phase, self._basis(phase, 0)[1][:, :, None] * weights[:, None])
+
+    def of_even_values(self, fractions: Array, weights: Array) -> Array:
+        """The same at fractions (a,) of every step, with weights (m a, c)."""
+        powers = fractions[:, None] ** np.arange(len(self.rule.curve_powers)) @ self.rule.curve_powers
+        return powers.T @ weights.reshape(self.grid.steps, len(fractions), -1)
+
+    def _in_steps(self, phase: Array, values: Array) -> Array:
+        """Sums (m, …) over the phases (p,) of each step of values (p, …)."""
+        (inside, firsts), step = self._groups(phase), self._basis(phase, 0)[0]
+        made = np.zeros((self.grid.steps, *values.shape[1:]))
+        made[step[inside][firsts]] = np.add.reduceat(values[inside], firsts)
+        return made
 
     def _groups(self, phase: Array) -> tuple[Any, Array]:
         """In which order phases lie in one step after another, and where those of each step begin."""
@@ -220,7 +255,8 @@ class TurnOnGrid:
     def pulled(self, of_data: Array) -> Array:
         """The adjoint problem: by how much loads (m, l, n) at the phases where they act raise sums with
         weights (m, 2 + k, n, c) of the data, (m, l, n, c). It is the same for any number of loads."""
-        (m, loaded, n), c, h = self.d.shape, of_data.shape[-1], self.grid.h[:, None, None]
+        m, _, n, c = of_data.shape
+        loaded, h = self.phases[:, self.loaded].shape[1], self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
         accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, loaded, n, c))
         if self.closed:
@@ -228,13 +264,13 @@ class TurnOnGrid:
         else:
             found[:, 0], before = self._pulled_from_ends(0, accelerations)
             states += before
-        responses = self._responses.swapaxes(1, 2) @ accelerations[:, self.stages].reshape(m, -1, c)
-        states += responses[:, : 2 * n]
+        at_stages = accelerations[:, self.stages].reshape(m, -1, c)
+        states += self._systems.by_state.swapaxes(1, 2) @ at_stages
         if self._ends_apart:
             found[:, -1], behind = self._pulled_from_ends(-1, accelerations)
             states += np.roll(behind, 1, axis=0)
-        y, _ = periodic_states(Steps(self.A.swapaxes(1, 2)[::-1], states[::-1]))
-        at_stages = responses[:, 2 * n :] + self.B.swapaxes(1, 2) @ y[:-1][::-1]
+        y = closed(self.A.swapaxes(1, 2)[::-1], states[::-1], self._engine)
+        at_stages = self._systems.pulled(at_stages + self._gained_by(y[:-1][::-1]))
         found[:, self._stages] = at_stages.reshape(m, -1, n, c)
         return found
 
@@ -244,3 +280,18 @@ class TurnOnGrid:
         M, C, K = (part[:, place].swapaxes(1, 2) for part in (self.M, self.C, self.K))
         load = solved(M, accelerations[:, place])
         return load, -np.concatenate((K @ load, C @ load), axis=1)
+
+
+@cache
+def _of_powers(rule: Collocation, k: int) -> Array:
+    """From the powers of θ in a step to h² q″, h q′ and q at its k phases, (3 k, D): at the stages what the
+    method has there, which the curve meets to its order."""
+    data = np.linalg.inv(rule.curve_powers)
+    a, made, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
+    at_stages = a[1 : 1 + len(rule.c)]
+    v = np.concatenate((zero, rule.A, rule.b[None]))[:k]
+    q = np.concatenate((zero, rule.A @ rule.A, (rule.b @ rule.A)[None]))[:k]
+    theta = np.array([0.0, *rule.c, 1.0])[:k, None]
+    made[:, 0], made[:, 1] = a, data[1] + v @ at_stages
+    made[:, 2] = data[0] + theta * data[1] + q @ at_stages
+    return made.reshape(3 * k, -1)

@@ -12,10 +12,15 @@ typedef struct {
     const int *first;              /* (INPUTS): the rows at which the inputs begin */
     const double *given;           /* (ROWS, columns) */
     const double *shared;          /* (SHARED) */
-    double *values;                /* (OUTPUTS, columns) */
+    double *values;                /* (OUTPUTS, columns); of sums (OUTPUTS, sums) */
+    long sums;                     /* weights of each row of numbers */
+    const int *row;                /* (OUTPUTS): the row of weights of each output */
+    const double *weights;         /* (rows, sums, columns) */
 } problem;
 
-void columns(const problem *p) {
+/* One after another, groups of columns: their outputs, which `take` stores or adds up. */
+static inline __attribute__((always_inline)) void
+each(const problem *p, lane *kept, void (*take)(const problem *, long, const lane *, lane *)) {
     const lane none = {0};
     lane rows[ROWS], shared[SHARED + 1], out[OUTPUTS];
     const lane *in[INPUTS + 1];
@@ -25,6 +30,35 @@ void columns(const problem *p) {
     for (long at = 0; at < p->columns; at += LANES) {
         for (int k = 0; k < ROWS; k++) rows[k] = *(const loose *)(p->given + k * p->columns + at);
         formulas(in, out);
-        for (int k = 0; k < OUTPUTS; k++) *(loose *)(p->values + k * p->columns + at) = out[k];
+        take(p, at, out, kept);
     }
+}
+
+static void store(const problem *p, long at, const lane *out, lane *kept) {
+    (void)kept;
+    for (int k = 0; k < OUTPUTS; k++) *(loose *)(p->values + k * p->columns + at) = out[k];
+}
+
+static void add(const problem *p, long at, const lane *out, lane *kept) {
+    for (int k = 0; k < OUTPUTS; k++) {
+        const double *weights = p->weights + p->row[k] * p->sums * p->columns + at;
+        for (long j = 0; j < p->sums; j++) kept[k * p->sums + j] += out[k] * *(const loose *)(weights + j * p->columns);
+    }
+}
+
+void columns(const problem *p) { each(p, 0, store); }
+
+/* 1 where there is memory. */
+int sums(const problem *p) {
+    const size_t size = OUTPUTS * p->sums * sizeof(lane);
+    lane *kept = aligned_alloc(sizeof(lane), size);
+    if (!kept) return 0;
+    memset(kept, 0, size);
+    each(p, kept, add);
+    for (long k = 0; k < OUTPUTS * p->sums; k++) {
+        p->values[k] = 0.0;
+        for (int l = 0; l < LANES; l++) p->values[k] += kept[k][l];
+    }
+    free(kept);
+    return 1;
 }

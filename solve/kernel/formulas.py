@@ -43,6 +43,8 @@ class _Columns(ctypes.Structure):
     _fields_ = (
         ("columns", ctypes.c_long),
         *((name, ctypes.c_void_p) for name in ("first", "given", "shared", "values")),
+        ("sums", ctypes.c_long),
+        *((name, ctypes.c_void_p) for name in ("row", "weights")),
     )
 
 
@@ -66,9 +68,12 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
     return made
 
 
-def columns(formulas: Formulas, inputs: Sequence[Array]) -> Array | None:
+def columns(
+    formulas: Formulas, inputs: Sequence[Array], along: tuple[Array, Array] | None = None
+) -> Array | None:
     """Formulas of inputs (width, k), a column each, and of the values (p,) of their parameters: (outputs, k);
-    None without compiled code."""
+    None without compiled code. along: of each output its row of weights (outputs,), and weights
+    (rows, c, k), with which it is summed: (outputs, c)."""
     widths, count = [len(each) for each in inputs], inputs[0].shape[-1]
     rows, shared = sum(widths), np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("INPUTS", len(inputs)), ("ROWS", rows), ("SHARED", len(shared)), ("OUTPUTS", formulas.outputs)
@@ -78,10 +83,17 @@ def columns(formulas: Formulas, inputs: Sequence[Array]) -> Array | None:
     given = np.empty((rows, -(-count // _WIDEST) * _WIDEST))
     np.concatenate(inputs, out=given[:, :count])
     given[:, count:] = given[:, count - 1 : count]
-    first, made = np.cumsum([0, *widths[:-1]], dtype=np.intc), np.empty((formulas.outputs, given.shape[1]))
+    first, width = np.cumsum([0, *widths[:-1]], dtype=np.intc), given.shape[-1]
+    made = np.empty((formulas.outputs, width if along is None else along[1].shape[1]))
     arrays = {"first": first, "given": given, "shared": shared, "values": made}
-    library.columns(ctypes.byref(_Columns(columns=given.shape[1], **_addresses(arrays))))
-    return made[:, :count]
+    if along is None:
+        library.columns(ctypes.byref(_Columns(columns=width, **_addresses(arrays))))
+        return made[:, :count]
+    weights = np.zeros((*along[1].shape[:2], width))
+    weights[..., :count] = along[1]
+    arrays |= {"row": np.ascontiguousarray(along[0], dtype=np.intc), "weights": weights}
+    problem = _Columns(columns=width, sums=made.shape[-1], **_addresses(arrays))
+    return made if library.sums(ctypes.byref(problem)) else None
 
 
 def columns_by(engine: str) -> Columns | None:

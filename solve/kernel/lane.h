@@ -18,6 +18,8 @@ typedef long long mask __attribute__((vector_size(8 * LANES)));
 
 const int lanes = LANES;
 
+static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
+
 /* What formulas are written with: x where the mask holds and else 0, and functions of numbers. */
 static inline lane where(mask m, lane x) { return (lane)((mask)x & m); }
 

@@ -8,18 +8,17 @@
 #include "lane.h"
 #include "stage.h"
 
-#define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
 #define LANE 1
 #define SEGMENT 2
 #define W (NX + ORBIT)             /* columns of an affine map: the state, and 1 */
 #define COLS (ROWS + W)
 #define ENTRIES (3 * N * N + N)
 #define D (2 + NODES)              /* powers of theta in a step */
-#define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
-#define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
 #define PANEL 4                    /* columns eliminated before the rest is updated */
 #define TILE 6                     /* columns of a product that are summed at once */
 #define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
+
+#include "chain.h"
 
 typedef struct {
     long groups, steps;
@@ -38,23 +37,6 @@ typedef struct {
     double *curves;                /* (groups LANES, N, steps, D) */
     double *maps;                  /* (groups LANES, steps, NX, W): of the steps; or null */
 } problem;
-
-static inline lane larger(lane a, lane b) {
-    mask m = a > b;
-    return (lane)(((mask)a & m) | ((mask)b & ~m));
-}
-
-static inline lane root(lane x) {
-    lane r;
-    for (int l = 0; l < LANES; l++) r[l] = sqrt(x[l]);
-    return r;
-}
-
-static inline int any(mask m) {
-    long long found = 0;
-    for (int l = 0; l < LANES; l++) found |= m[l];
-    return found != 0;
-}
 
 /* Omega^2 M, Omega C, K by rows and d at one phase. */
 static void matrices(const problem *p, long group, const double *tables, long phase, long phases, lane *e) {
@@ -272,226 +254,19 @@ static void identity(lane *map) {
     for (int i = 0; i < NX; i++) map[i * W + i] += 1.0;
 }
 
-/* Householder's reflections of rows (count, columns) that make the first `width` columns triangular. */
-static void reflect(lane *z, int count, int width, int columns) {
-    for (int k = 0; k < width; k++) {
-        lane square = {0};
-        for (int i = k; i < count; i++) square += z[i * columns + k] * z[i * columns + k];
-        const lane head = z[k * columns + k];
-        const lane norm = root(square);
-        const mask negative = head < 0.0;
-        const lane diagonal = (lane)((mask)norm ^ (((mask)(-norm) ^ (mask)norm) & ~negative));
-        const lane first = head - diagonal;                      /* never cancels */
-        const lane product = norm * absolute(first);             /* half of |v|^2 */
-        const mask nothing = product == 0.0;
-        const lane factor = (lane)((mask)(1.0 / product) & ~nothing);
-        z[k * columns + k] = first;
-        for (int j = k + 1; j < columns; j++) {
-            lane dot = {0};
-            for (int i = k; i < count; i++) dot += z[i * columns + k] * z[i * columns + j];
-            dot *= factor;
-            for (int i = k; i < count; i++) z[i * columns + j] -= dot * z[i * columns + k];
-        }
-        z[k * columns + k] = diagonal;
-    }
-}
-
-/* Join two rows G x_a + H x_b = r and G' x_b + H' x_c = r' by eliminating x_b: `saved` keeps what gives
-   x_b from x_a and x_c, `to` becomes a row of x_a and x_c. Rows are G | H | r, (NX, ROW). */
-static void join(const lane *first, const lane *second, lane *z, lane *saved, lane *to) {
-    memset(z, 0, 2 * NX * CYCLIC * sizeof(lane));
-    for (int i = 0; i < NX; i++) {
-        lane *top = z + i * CYCLIC, *bottom = z + (NX + i) * CYCLIC;
-        for (int j = 0; j < NX; j++) {
-            top[j] = first[i * ROW + NX + j];
-            top[NX + j] = first[i * ROW + j];
-            bottom[j] = second[i * ROW + j];
-            bottom[2 * NX + j] = second[i * ROW + NX + j];
-        }
-        top[3 * NX] = first[i * ROW + 2 * NX];
-        bottom[3 * NX] = second[i * ROW + 2 * NX];
-    }
-    reflect(z, 2 * NX, NX, CYCLIC);
-    memcpy(saved, z, NX * CYCLIC * sizeof(lane));
-    for (int i = 0; i < NX; i++) memcpy(to + i * ROW, z + (NX + i) * CYCLIC + NX, ROW * sizeof(lane));
-}
-
-/* The state between two others that a joined row left behind. */
-static void between(const lane *saved, const lane *before, const lane *after, lane *x) {
-    for (int i = NX - 1; i >= 0; i--) {
-        const lane *row = saved + i * CYCLIC;
-        lane s = row[3 * NX];
-        for (int j = 0; j < NX; j++) s -= row[NX + j] * before[j] + row[2 * NX + j] * after[j];
-        for (int j = i + 1; j < NX; j++) s -= row[j] * x[j];
-        x[i] = s / row[i];
-    }
-}
-
-/* Singular values of so many rows of NX columns, which Jacobi's rotations make orthogonal (M. R. Hestenes,
-   J. SIAM 6 (1958) 51-90); the largest one, or the least. */
-static lane singular_value(lane *z, int count, int largest) {
-    mask open = ~(mask){0};
-    for (int sweep = 0; any(open) && sweep < 30; sweep++) {
-        open = (mask){0};
-        for (int i = 0; i < NX; i++)
-            for (int j = i + 1; j < NX; j++) {
-                lane first = {0}, second = {0}, both = {0};
-                for (int k = 0; k < count; k++) {
-                    const lane x = z[k * NX + i], y = z[k * NX + j];
-                    first += x * x, second += y * y, both += x * y;
-                }
-                const mask off = absolute(both) > 1e-14 * root(first * second);
-                open |= off;
-                if (!any(off)) continue;
-                const lane ratio = (second - first) / (2.0 * both);
-                const lane small = 1.0 / (absolute(ratio) + root(1.0 + ratio * ratio));
-                const mask negative = ratio < 0.0;
-                const lane t = (lane)(((mask)(-small) & negative & off) | ((mask)small & ~negative & off));
-                const lane c = 1.0 / root(1.0 + t * t), s = c * t;
-                for (int k = 0; k < count; k++) {
-                    const lane x = z[k * NX + i], y = z[k * NX + j];
-                    z[k * NX + i] = c * x - s * y;
-                    z[k * NX + j] = s * x + c * y;
-                }
-            }
-    }
-    lane found = {0};
-    for (int i = 0; i < NX; i++) {
-        lane square = {0};
-        for (int k = 0; k < count; k++) square += z[k * NX + i] * z[k * NX + i];
-        found = !i ? square : largest ? larger(found, square) : -larger(-found, -square);
-    }
-    return root(found);
-}
-
-/* The one state of a chain that is closed on itself, (G + H) x = r. */
-static void close_row(const problem *p, long group, const lane *row, lane *z, lane *x) {
-    const int columns = NX + 1;                                  /* G + H | r */
-    for (int i = 0; i < NX; i++)
-        for (int j = 0; j < NX; j++) z[i * NX + j] = row[i * ROW + j] + row[i * ROW + NX + j];
-    const lane least = singular_value(z, NX, 0);
-    for (int i = 0; i < NX; i++)
-        for (int j = 0; j < NX; j++) {
-            z[i * NX + j] = row[i * ROW + j];
-            z[(NX + i) * NX + j] = row[i * ROW + NX + j];
-        }
-    ((loose *)p->condition)[group] = singular_value(z, 2 * NX, 1) / least;
-    for (int i = 0; i < NX; i++) {
-        for (int j = 0; j < NX; j++) z[i * columns + j] = row[i * ROW + j] + row[i * ROW + NX + j];
-        z[i * columns + NX] = row[i * ROW + 2 * NX];
-    }
-    reflect(z, NX, NX, columns);
-    for (int i = NX - 1; i >= 0; i--) {
-        lane s = z[i * columns + NX];
-        for (int k = i + 1; k < NX; k++) s -= z[i * columns + k] * x[k];
-        x[i] = s / z[i * columns + i];
-    }
-}
-
-/* Powers of 2 by which columns are multiplied and rows divided so that their norms are alike (LAPACK's
-   dgebal without permutations). */
-static void scale_alike(double size[NX][NX], double *unit) {
-    int again = 1;
-    for (int i = 0; i < NX; i++) unit[i] = 1.0;
-    for (int sweep = 0; again && sweep < 100; sweep++) {
-        again = 0;
-        for (int i = 0; i < NX; i++) {
-            double column = 0.0, row = 0.0, factor = 1.0;
-            for (int j = 0; j < NX; j++) column += size[j][i] * size[j][i], row += size[i][j] * size[i][j];
-            column = sqrt(column), row = sqrt(row);
-            if (!(column > 0.0 && row > 0.0 && isfinite(column + row))) continue;
-            const double before = column + row;
-            for (; column < row / 2; column *= 2, row /= 2) factor *= 2;
-            for (; column / 2 >= row; column /= 2, row *= 2) factor /= 2;
-            if (column + row >= 0.95 * before) continue;
-            again = 1;
-            unit[i] *= factor;
-            for (int j = 0; j < NX; j++) size[j][i] *= factor, size[i][j] /= factor;
-        }
-    }
-}
-
-/* Units (NX) of the states, powers of 2, in which the maps of the blocks are balanced: of each point by
-   itself, and common to the segments of one. */
-static void balance(const problem *p, long blocks, const lane *maps, lane *unit) {
-    lane total = {0}, part[NX][NX];
-    double size[NX][NX], own[NX];
-    for (int i = 0; i < NX; i++)
-        for (int j = 0; j < NX; j++) {
-            part[i][j] = (lane){0};
-            for (long k = 0; k < blocks; k++) part[i][j] += absolute(maps[(k * NX + i) * W + j]);
-            total += part[i][j];
-        }
-    for (int l = 0; l < LANES; l++) {
-        for (int i = 0; i < NX; i++)
-            for (int j = 0; j < NX; j++) {
-                size[i][j] = 0.0;
-                for (int m = p->own == SEGMENT ? 0 : l; m < (p->own == SEGMENT ? LANES : l + 1); m++)
-                    size[i][j] += total[m] > 0.0 ? part[i][j][m] / total[m] : 0.0;
-            }
-        scale_alike(size, own);
-        for (int i = 0; i < NX; i++) unit[i][l] = own[i];
-    }
-}
-
-/* Rows G x_k + H x_{k+1} = r of so many blocks, in balanced units, from their affine maps. */
-static void rows_of(long blocks, const lane *maps, const lane *unit, lane *rows) {
-    for (long k = 0; k < blocks; k++)
-        for (int i = 0; i < NX; i++) {
-            lane *row = rows + (k * NX + i) * ROW;
-            for (int j = 0; j < NX; j++) row[j] = maps[(k * NX + i) * W + j] * (unit[j] / unit[i]);
-            memset(row + NX, 0, NX * sizeof(lane));
-            row[NX + i] -= 1.0;
-            row[2 * NX] = -maps[(k * NX + i) * W + NX] / unit[i];
-        }
-}
-
-/* Join neighbouring rows until one is left: a row of the first state and of the last. */
-static void reduce(long count, lane *rows, lane *z, lane *saved) {
-    for (; count > 1; count = (count + 1) / 2) {
-        for (long k = 0; k + 1 < count; k += 2) {
-            join(rows + k * NX * ROW, rows + (k + 1) * NX * ROW, z, saved, rows + k / 2 * NX * ROW);
-            saved += NX * CYCLIC;
-        }
-        if (count % 2) memcpy(rows + count / 2 * NX * ROW, rows + (count - 1) * NX * ROW, NX * ROW * sizeof(lane));
-    }
-}
-
-/* The states between x_0 and the end, which `reduce` has eliminated. */
-static void expand(long count, const lane *saved, lane *x, const lane *end) {
-    if (count < 2) return;
-    const long pairs = count / 2, starts = (count + 1) / 2;
-    expand(starts, saved + pairs * NX * CYCLIC, x, end);
-    for (long k = starts - 1; k > 0; k--) memcpy(x + 2 * k * NX, x + k * NX, NX * sizeof(lane));
-    for (long k = 0; k < pairs; k++)
-        between(saved + k * NX * CYCLIC, x + 2 * k * NX, 2 * k + 2 < count ? x + (2 * k + 2) * NX : end, x + (2 * k + 1) * NX);
-}
-
-/* Starts x (blocks, NX) of the blocks of a closed chain. */
-static void close_chain(const problem *p, long group, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
-    lane unit[NX];
-    balance(p, blocks, maps, unit);
-    rows_of(blocks, maps, unit, rows);
-    reduce(blocks, rows, z, saved);
-    close_row(p, group, rows, z, x);
-    expand(blocks, saved, x, x);
-    for (long k = 0; k < blocks; k++)
-        for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
-}
-
 /* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
-static void close_segments(const problem *p, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
+static lane close_segments(long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
     static const lane none = {0};
     lane unit[NX];
     lane *whole = rows + blocks * NX * ROW, *kept = saved + blocks * NX * CYCLIC;
     lane starts[LANES * NX], ends[NX];
-    balance(p, blocks, maps, unit);
+    balance(1, blocks, maps, unit);
     rows_of(blocks, maps, unit, rows);
     reduce(blocks, rows, z, saved);
     for (int l = 0; l < LANES; l++)
         for (int i = 0; i < NX * ROW; i++) whole[l * NX * ROW + i] = none + rows[i][l];
     reduce(LANES, whole, z, kept);
-    close_row(p, 0, whole, z, starts);
+    const lane condition = close_row(whole, z, starts);
     expand(LANES, kept, starts, starts);
     for (int i = 0; i < NX; i++)
         for (int l = 0; l < LANES; l++) {
@@ -501,6 +276,7 @@ static void close_segments(const problem *p, long blocks, const lane *maps, lane
     expand(blocks, saved, x, ends);
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
+    return condition;
 }
 
 /* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
@@ -663,7 +439,7 @@ int level(const problem *p) {
     if (open_room(p, BLOCKS, &r)) return 1;
     for (long group = 0; group < p->groups; group++) {
         advance(p, group, &r);
-        if (ORBIT) close_chain(p, group, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
+        if (ORBIT) ((loose *)p->condition)[group] = close_chain(r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
         write(p, group, &r);
     }
     free(r.memory);
@@ -683,7 +459,7 @@ int segments(const problem *p) {
         }
     identity(r.sum);
     for (int l = 0; l < LANES; l++) append(&r, whole + l * NX * W);
-    if (ORBIT) close_segments(p, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
+    if (ORBIT) *(loose *)p->condition = close_segments(r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
     write(p, 0, &r);
     free(r.memory);
     return 0;

@@ -3,8 +3,6 @@
 #define NX (2 * N)                 /* state: q, dq/dphase */
 #define ROWS (S * N)
 
-static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
-
 /* The N rows of stage i, `width` numbers each: what multiplies the accelerations, and behind these what the
    state at the start of the step gives. M, C, K: at the stage. */
 static inline void stage_rows(int i, lane h, const double *A, const double *A2, const double *c, const lane *M, const lane *C, const lane *K, lane *rows, int width) {

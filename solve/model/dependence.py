@@ -41,12 +41,17 @@ class _Slopes:
         """(len(rows), k) of inputs (k, …) or (k,)."""
         if not len(self.rows):
             return np.zeros((0, len(inputs[0])))
-        if compiled is not None and self.text:
-            formulas = Formulas(self.text, len(self.rows), (), p)
-            found = compiled(formulas, [np.atleast_2d(each.T) for each in inputs])
-            if found is not None:
-                return found
-        return self._sampler(*inputs, p).T
+        found = self._by(compiled, p, inputs)
+        return self._sampler(*inputs, p).T if found is None else found
+
+    def _by(
+        self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array | None = None
+    ) -> Array | None:
+        if compiled is None or not self.text:
+            return None
+        columns = [np.atleast_2d(each.T) for each in inputs]
+        along = None if weights is None else (self.rows, weights.transpose(1, 2, 0))
+        return compiled(Formulas(self.text, len(self.rows), (), p), columns, along)
 
     def whole(self, values: Array) -> Array:
         """Those that are 0 among the others: (rows, columns, k)."""
@@ -54,15 +59,19 @@ class _Slopes:
         made[self.rows * self.shape[1] + self.columns] = values
         return made.reshape(*self.shape, -1)
 
-    def along(self, values: Array, weights: Array) -> Array:
+    def along(self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array) -> Array:
         """Sums over k and the rows, with weights (k, rows, c): (columns, c)."""
-        made, ends = (
-            np.zeros((self.shape[1], weights.shape[2])),
-            np.searchsorted(self.rows, range(1, self.shape[0])),
-        )
-        parts = zip(np.split(self.columns, ends), np.split(values, ends), strict=True)
-        for row, (columns, found) in enumerate(parts):
-            made[columns] += found @ weights[:, row]
+        made = np.zeros((self.shape[1], weights.shape[2]))
+        found = self._by(compiled, p, inputs, weights) if len(self.rows) else None
+        if found is not None:
+            np.add.at(made, self.columns, found)
+            return made
+        ends = np.searchsorted(self.rows, range(1, self.shape[0]))
+        for *given, along in _in_parts(*inputs, weights):
+            values = self.values(None, p, given)
+            parts = zip(np.split(self.columns, ends), np.split(values, ends), strict=True)
+            for row, (columns, found) in enumerate(parts):
+                made[columns] += found @ along[:, row]
         return made
 
 
@@ -151,26 +160,24 @@ class GeneratedDependence:
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         slopes = self._slopes.residual
-        found = slopes.whole(self._values(slopes, phase, speed, states))
+        found = slopes.whole(slopes.values(self._compiled, self._p, self._inputs(phase, speed, states)))
         return np.moveaxis(found[:, self._chosen], -1, 0)
 
     def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        slopes = self._slopes.residual
-        found = sum(
-            slopes.along(self._values(slopes, at, speed, held), along)
-            for at, held, along in _in_parts(phase, states, weights)
-        )
-        return np.asarray(found)[self._chosen]
+        inputs = self._inputs(phase, speed, states)
+        return self._slopes.residual.along(self._compiled, self._p, inputs, weights)[self._chosen]
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        slopes, count = self._slopes.matrices, len(self._slopes.names)
-        by, by_states = np.zeros(slopes.shape[1]), [np.zeros((0, 3, self._n))]
-        for at, held, along in _in_parts(phase, states, weights):
-            found = self._values(slopes, at, speed, held, along)
-            by[slopes.columns] += found.sum(axis=1)
-            if not self.linear:
-                by_states.append(slopes.whole(found)[0, count:].T.reshape(-1, 3, self._n))
-        return by[self._chosen], np.zeros_like(states) if self.linear else np.concatenate(by_states)
+        slopes, count, inputs = (
+            self._slopes.matrices,
+            len(self._slopes.names),
+            [*self._inputs(phase, speed, states), weights.reshape(len(phase), -1)],
+        )
+        if self.linear:
+            found = slopes.along(self._compiled, self._p, inputs, np.ones((len(phase), 1, 1)))
+            return found[self._chosen, 0], np.zeros_like(states)
+        found = slopes.whole(slopes.values(self._compiled, self._p, inputs))[0]
+        return found[self._chosen].sum(axis=1), found[count:].T.reshape(-1, 3, self._n)
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
         # Interpreted: formulas of outputs are short, and extrema are few phases.
@@ -183,10 +190,6 @@ class GeneratedDependence:
 
     def _inputs(self, phase: Array, speed: float, states: Array) -> list[Array]:
         return [phase, np.full(len(phase), speed), *_parts(states)]
-
-    def _values(self, slopes: _Slopes, phase: Array, speed: float, states: Array, *further: Array) -> Array:
-        inputs = self._inputs(phase, speed, states) + [each.reshape(len(phase), -1) for each in further]
-        return slopes.values(self._compiled, self._p, inputs)
 
     def _parted(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
         (found,), count = slopes.whole(values), len(self._slopes.names)

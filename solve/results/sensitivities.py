@@ -153,7 +153,7 @@ class Sensitivities(Result):
             at = list(self.by).index(name)
             cells = (
                 _number(found.derivatives[at], 7),
-                f"{found.errors[at]:.0e}",
+                f"{found.errors[at]:.0e}" if math.isfinite(found.errors[at]) else "–",
                 _number(elasticities[name], 4),
             )
             made.add_row(name, f"{self.by[name]:.6g}", self._unit_of(name), *cells)

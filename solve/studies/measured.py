@@ -43,18 +43,20 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     angles too, "q3_phase (deg)". Or first "mode (1)", then "frequency (Hz)", and where it matters
     "position (deg)".
 
-    A column "speed (rpm)" tells several speeds apart; else all is of the speed (rad/s) given. The phase
-    beside the time, as in files of orbits, is not read. Raises CaseFileError, UnitError, UnknownNameError,
-    MissingValueError.
+    A column "speed (rpm)", anywhere, tells several speeds apart; else all is of the speed (rad/s) given. The
+    phase beside the time, as in files of orbits, is not read. Raises CaseFileError, UnitError,
+    UnknownNameError, MissingValueError, ValueOutOfBoundsError.
     """
     read = record(file)
     names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in read.titles]
     if len(set(names)) < len(names):
         raise CaseFileError(f"data: {read.path.name} has two columns of one name; give each its own")
-    require_name(f"first column of {read.path.name}", names[0], AXES)
-    places = [place for place, name in enumerate(names) if place == 0 or name not in AXES]
-    columns = {names[place]: _column(read, names, system, place) for place in places}
-    axis, at = names[0], columns.pop(names[0])
+    first = next((place for place, name in enumerate(names) if name != _SPEED), 0)
+    axis = names[first]
+    require_name(f"first column of {read.path.name}", axis, AXES)
+    places = [place for place, name in enumerate(names) if place == first or name not in AXES]
+    columns = {names[place]: _column(read, names, system, axis, place) for place in places}
+    at = columns.pop(axis)
     if axis == "mode":
         return _frequencies(read, at, columns, system)
     if _SPEED not in columns and speed is None:
@@ -65,6 +67,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     channels = _channels(columns, axis == "order")
     if not channels or not len(at):
         raise CaseFileError(f"data: {read.path.name} has no coordinate or output, or no rows; give both")
+    _require_sound(read.path.name, axis, at, speeds, channels)
     given, found = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed, []
     unit = getattr(given, "unit", None)
     for omega in dict.fromkeys(speeds.tolist()):
@@ -73,6 +76,20 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
         own = {name: values[rows_of] for name, values in channels.items()}
         found.append(Measured(GivenSpeed(omega, unit), axis == "order", here, own))
     return found
+
+
+def _require_sound(file: str, axis: str, at: Array, speeds: Array, channels: Mapping[str, Array]) -> None:
+    """Raise ValueOutOfBoundsError for orders, speeds or channels that cannot be."""
+    if axis == "order" and not ((at == np.round(at)) & (at >= 0)).all():
+        other = at[(at != np.round(at)) | (at < 0)][0]
+        raise ValueOutOfBoundsError(
+            f"data: {file} has the order {other:g}; allowed: whole numbers from 0 on, counted per period"
+        )
+    if not (speeds > 0).all():
+        raise ValueOutOfBoundsError(f"data: {file} has a speed of {speeds.min():g} rad/s; allowed: above 0")
+    nothing = [name for name, values in channels.items() if not values.any()]
+    if nothing:
+        raise ValueOutOfBoundsError(f"data: {file} has nothing but zeros for {nothing[0]}; leave it out")
 
 
 def _frequencies(
@@ -98,17 +115,17 @@ def _frequencies(
     ]
 
 
-def _column(read: Record, names: list[str], system: PeriodicSystem, place: int) -> Array:
+def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, place: int) -> Array:
     """A column (k,) in SI units."""
     name = names[place]
-    of_modes = {FREQUENCY: "rad/s", _POSITION: "rad"} if names[0] == "mode" else {}
-    if place == 0:
+    of_modes = {FREQUENCY: "rad/s", _POSITION: "rad"} if axis == "mode" else {}
+    if name == axis:
         unit = AXES[name]
     elif name in of_modes:
         unit = of_modes[name]
     elif name == _SPEED:
         unit = "rad/s"
-    elif names[0] == "order" and name.endswith(_PHASE):
+    elif axis == "order" and name.endswith(_PHASE):
         unit = "rad"
     else:
         (name,) = system.known_quantities([name])

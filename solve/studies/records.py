@@ -43,9 +43,15 @@ def record(file: str | Path) -> Record:
     path = Path(file)
     ending = path.suffix.lower()
     if ending not in ENDINGS:
-        raise CaseFileError(f"data: '{path.name}' ends in '{ending}'; allowed: {', '.join(ENDINGS)}")
+        raise CaseFileError(f"data: '{path.name or path}' ends in '{ending}'; allowed: {', '.join(ENDINGS)}")
     if ending == ".csv":
         titles, *rows = cells_of("data", path)
+        long = next((row for row in rows if any(row[len(titles) :])), None)
+        if long is not None:
+            raise CaseFileError(
+                f"data: {path.name} has more values than columns in the row '{', '.join(long)[:60]}'; give "
+                "one a column, with a decimal point"
+            )
         return Record(path, titles, None, rows)
     try:
         require_size(f"bytes in '{path}'", path.stat().st_size, 1)
@@ -59,8 +65,12 @@ def record(file: str | Path) -> Record:
 def _matlab(path: Path) -> Record:
     """Of vectors of one length, and a struct `units` with the unit of each; a number holds for all rows."""
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
-    found = loadmat(str(path), squeeze_me=True, struct_as_record=False, appendmat=False)
+    try:
+        found = loadmat(str(path), squeeze_me=True, struct_as_record=False, appendmat=False)
+    except MatReadError:
+        raise ValueError from None
     units: Any = found.get("units")
     vectors = {
         name: np.atleast_1d(value).astype(float)

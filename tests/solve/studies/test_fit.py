@@ -129,8 +129,12 @@ def test_files_of_matlab_and_universal_files_are_read(tmp_path):
 
 
 def test_files_that_cannot_be_read_are_refused_in_a_line(tmp_path, monkeypatch):
-    for name in ("q.mat", "q.uff"):
-        (tmp_path / name).write_bytes(b"no such file\n    58\n" * 9)
+    for name, content in (
+        ("q.mat", b"no such file\n    58\n" * 9),
+        ("q.uff", b"no such file\n"),
+        ("q.mat", b"x"),
+    ):
+        (tmp_path / name).write_bytes(content)
         with pytest.raises(CaseFileError, match="data: ") as refused:
             solve.fit(model(), tmp_path / name, ["k"], speed=SPEED)
         assert "\n" not in str(refused.value)
@@ -234,8 +238,41 @@ def test_a_file_of_an_orbit_is_read_as_it_is(tmp_path):
     ],
 )
 def test_bad_input_is_said_in_a_line(file, header, free, bounds, error, words):
+    rows = [row[: header.count(",") + 1] for row in curve()[:50]]
     with pytest.raises(error, match=words.replace("(", r"\(").replace(")", r"\)")):
-        solve.fit(model(), file(curve()[:50], header), free, bounds)
+        solve.fit(model(), file(rows, header), free, bounds)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (["order (1),q (1)", "1.5,2", "2,3"], "the order 1.5"),
+        (["order (1),q (1)", "-1,2", "2,3"], "the order -1"),
+        (["speed (rpm),phase (deg),q (1)", "-60,0,2", "-60,9,3"], "above 0"),
+        (["phase (deg),q (1)", "0,0", "90,0"], "nothing but zeros for q"),
+        (["phase (deg),q (1)", "0,1,5", "90,2,5"], "more values than columns in the row '0, 1, 5'"),
+        (["phase (deg),q (1)", "0,nan"], "'nan' in the row '0, nan'"),
+        (["phase (deg),q (1)"], "or no rows"),
+        ([""], "is empty"),
+    ],
+)
+def test_a_file_that_cannot_be_of_a_measurement_is_refused_in_a_line(tmp_path, rows, words):
+    (tmp_path / "q.csv").write_text("\n".join(rows), encoding="utf-8")
+    with pytest.raises((CaseFileError, ValueOutOfBoundsError)) as refused:
+        solve.fit(model(), tmp_path / "q.csv", ["k"], speed=SPEED)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_column_of_speeds_may_stand_first(file, tmp_path):
+    rows, header = curve(), "phase (rad),speed (rad/s),q (1)"
+    usual = solve.fit(model(), file(rows, header), ["k", "c"])
+    turned = [f"{speed},{phase},{q}" for phase, speed, q in rows]
+    (tmp_path / "first.csv").write_text("\n".join(["speed (rad/s),phase (rad),q (1)", *turned]))
+    first = solve.fit(model(), tmp_path / "first.csv", ["k", "c"])
+    assert {name: each.value for name, each in first.parameters.items()} == {
+        name: each.value for name, each in usual.parameters.items()
+    }
 
 
 def test_the_command_gives_record_picture_and_case(tmp_path, monkeypatch, capsys):

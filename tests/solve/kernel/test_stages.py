@@ -1,9 +1,11 @@
-"""Responses of the stages of steps in compiled lanes are those of LAPACK."""
+"""Stage systems in compiled lanes are solved as LAPACK solves them."""
 
 import numpy as np
 import pytest
 
-from solve.kernel.responses import responses
+from solve.derivatives.stages import InvertedStages
+from solve.kernel.collocation import Samples
+from solve.kernel.stages import factorised
 from solve.methods.gauss import Gauss
 from solve.methods.radau import Radau
 from tests.solve.kernel.test_lanes import needs_compiler
@@ -19,12 +21,20 @@ def same(method, n, steps, inertia=1.0):
     entries = np.concatenate(
         [part.reshape(steps, s, -1) for part in (M, C, K, np.ones((steps, s, n)))], axis=2
     )
-    ours = responses(rule.weights, h, entries, n)
-    unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, steps, s, n, s * n))
-    theirs = rule.stage_accelerations(h, M[None], C[None], K[None], unit)[0].reshape(steps, s * n, -1)
-    size = np.abs(theirs).max(axis=(1, 2), keepdims=True)
+    samples = Samples(
+        entries.reshape(1, steps * s, -1), np.ones((1, entries.shape[2])), np.arange(entries.shape[2])
+    )
+    ours, theirs = factorised(rule.weights, h, samples, slice(None), n), InvertedStages(rule, h, entries, n)
     assert ours is not None
-    assert (np.abs(ours - theirs) <= 1e-12 * size).all()
+    unit = np.broadcast_to(np.eye(s * n), (steps, s * n, s * n))
+    for one, other in (
+        (ours.by_state, theirs.by_state),
+        (ours.maps, theirs.maps),
+        (ours.solved(unit), theirs.solved(unit)),
+        (ours.pulled(unit), theirs.pulled(unit)),
+    ):
+        size = np.abs(other).max(axis=(1, 2), keepdims=True)
+        assert (np.abs(one - other) <= 1e-12 * size).all()
 
 
 @needs_compiler
@@ -48,4 +58,5 @@ def test_every_width(compiled_for, width):
 
 
 def test_many_accelerations_are_left_to_lapack():
-    assert responses(Radau().collocation.weights, np.ones(1), np.ones((1, 5, 3 * 20**2 + 20)), 20) is None
+    samples = Samples(np.ones((5, 1)), np.ones((1, 1)), np.zeros(1))
+    assert factorised(Radau().collocation.weights, np.ones(1), samples, slice(None), 20) is None

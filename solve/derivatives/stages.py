@@ -1,0 +1,75 @@
+"""The steps of a turn by collocation, their stage systems solved once for any loads, and the chain that they
+make, in compiled code or in NumPy."""
+
+from typing import Protocol
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.kernel import chain
+from solve.kernel.collocation import Samples
+from solve.kernel.engines import COMPILED
+from solve.kernel.stages import factorised
+from solve.methods.collocation import Collocation
+from solve.methods.method import no_orbit
+from solve.period.period_map import SINGULAR, Steps, periodic_states, states_from
+from solve.period.points import Tables, parted
+
+
+class Stages(Protocol):
+    """See `solve.kernel.stages.FactorisedStages`."""
+
+    by_state: Array
+    maps: Array
+
+    def solved(self, loads: Array) -> Array: ...
+
+    def pulled(self, weights: Array) -> Array: ...
+
+
+class InvertedStages:
+    """The same from the inverse stage systems, (m, s n, s n)."""
+
+    def __init__(self, rule: Collocation, h: Array, entries: Array, n: int):
+        m, s, _ = entries.shape
+        M, C, K, _ = (part[None] for part in parted(entries, n))
+        unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, m, s, n, s * n))
+        responses = rule.stage_accelerations(h, M, C, K, unit)[0]
+        self.by_state, self._inverse = np.split(responses.reshape(m, s * n, -1), [2 * n], axis=-1)
+        self.maps = rule.maps(h, responses[None, ..., : 2 * n])[0]
+
+    def solved(self, loads: Array) -> Array:
+        return self._inverse @ loads
+
+    def pulled(self, weights: Array) -> Array:
+        return self._inverse.swapaxes(1, 2) @ weights
+
+
+def stages(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> Stages:
+    """Of steps of lengths h (m,), from tables at as many phases in each, of which those `at` are the stages.
+    Raises MemoryError."""
+    if engine == COMPILED:
+        samples = Samples(tables.table, tables.coefficients, tables.entry)
+        made = factorised(rule.weights, h, samples, at, tables.n)
+        if made is not None:
+            return made
+    entries = tables.entries().reshape(len(h), -1, 3 * tables.n**2 + tables.n)
+    return InvertedStages(rule, h, entries[:, at], tables.n)
+
+
+def closed(A: Array, b: Array, engine: str) -> Array:
+    """States x (m+1, N, r) of x_{k+1} = A_k x_k + b_k that close. Raises ResonanceError."""
+    made = chain.closed(A, b) if engine == COMPILED else None
+    x, condition = periodic_states(Steps(A, b)) if made is None else made
+    if not condition < 1 / SINGULAR:
+        raise no_orbit()
+    return x
+
+
+def followed(A: Array, start: Array, engine: str) -> Array:
+    """States x (m+1, N, r) of x_{k+1} = A_k x_k from the first (N, r)."""
+    made = chain.followed(A, start) if engine == COMPILED else None
+    if made is not None:
+        return made
+    A = np.broadcast_to(A, (start.shape[-1], *A.shape))
+    return np.moveaxis(states_from(Steps(A, np.zeros(A.shape[:-1], dtype=start.dtype)), start.T), 0, -1)

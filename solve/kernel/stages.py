@@ -1,0 +1,92 @@
+"""The stage systems of the steps of one turn by collocation in compiled code."""
+
+import ctypes
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.kernel.collocation import Samples
+from solve.kernel.library import loaded
+
+_MOST_ROWS = 64
+"""Accelerations in a step beyond which LAPACK is as quick."""
+
+_WIDEST = 8
+"""Numbers that a vector register holds at most."""
+
+_NUMBERS = "A", "A2", "b", "bA", "c"
+
+
+class _Steps(ctypes.Structure):
+    """`problem` of stages.c."""
+
+    _fields_ = (
+        ("steps", ctypes.c_long),
+        ("columns", ctypes.c_long),
+        ("h", ctypes.c_void_p),
+        ("terms", ctypes.c_long),
+        ("between", ctypes.c_long),
+        *((name, ctypes.c_void_p) for name in ("entry", "table", "coefficients", *_NUMBERS)),
+        *((name, ctypes.c_void_p) for name in ("factors", "order", "by_state", "maps", "given", "found")),
+    )
+
+
+class FactorisedStages:
+    """Stage systems of m steps, factorised.
+
+    by_state (m, s n, 2n): the accelerations at the stages, by q and q′ at the starts of the steps; maps
+    (m, 2n, 2n): of these to the ends, without loads.
+    """
+
+    def __init__(
+        self, library: Any, weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
+    ):
+        """Raises MemoryError."""
+        m, rows = len(h), len(weights["c"]) * n
+        self._library = library
+        self.by_state, self.maps = np.empty((m, rows, 2 * n)), np.empty((m, 2 * n, 2 * n))
+        table = np.ascontiguousarray(samples.table).reshape(m, -1, len(samples.entry))
+        given = {"h": h, "coefficients": samples.coefficients, **{name: weights[name] for name in _NUMBERS}}
+        self._arrays = {name: np.ascontiguousarray(each, dtype=float) for name, each in given.items()}
+        self._arrays |= {
+            "table": table[:, stages],
+            "entry": np.ascontiguousarray(samples.entry, dtype=np.intc),
+            "factors": np.empty((m + _WIDEST, rows, rows)),
+            "order": np.empty((m + _WIDEST, rows), dtype=np.int64),
+            "by_state": self.by_state,
+            "maps": self.maps,
+        }
+        addresses = {name: each.ctypes.data for name, each in self._arrays.items()}
+        sizes = {"steps": m, "terms": table.shape[2], "between": table.shape[1] * table.shape[2]}
+        self._problem = _Steps(**sizes, **addresses)
+        if not library.factorised(ctypes.byref(self._problem)):
+            raise MemoryError(f"no memory for stage systems of {n} coordinates")
+
+    def solved(self, loads: Array) -> Array:
+        """Accelerations at the stages under loads there, both (m, s n, r), from rest."""
+        return self._called(self._library.solved, loads)
+
+    def pulled(self, weights: Array) -> Array:
+        """By how much loads at the stages raise sums with weights of the accelerations there, both
+        (m, s n, r)."""
+        return self._called(self._library.pulled, weights)
+
+    def _called(self, solve: Any, given: Array) -> Array:
+        given = np.ascontiguousarray(given, dtype=float)
+        found, problem = np.empty(given.shape), _Steps.from_buffer_copy(self._problem)
+        problem.columns, problem.given, problem.found = given.shape[-1], given.ctypes.data, found.ctypes.data
+        solve(ctypes.byref(problem))
+        return found
+
+
+def factorised(
+    weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
+) -> FactorisedStages | None:
+    """Of steps of lengths h (m,), sampled for one point at as many phases in each (m k phases), of which so
+    many are its stages. weights: the numbers of the method. None without compiled code. Raises
+    MemoryError."""
+    s = len(weights["c"])
+    library = loaded("stages.c", (("N", n), ("S", s))) if s * n <= _MOST_ROWS else None
+    return None if library is None else FactorisedStages(library, weights, h, samples, stages, n)

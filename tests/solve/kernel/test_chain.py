@@ -1,0 +1,60 @@
+"""Closed chains in compiled code are those of NumPy, also where solutions grow or units are far apart."""
+
+import numpy as np
+import pytest
+
+from solve.kernel.chain import closed, followed
+from solve.period.period_map import Steps, periodic_states, states_from
+from tests.solve.kernel.test_lanes import needs_compiler
+from tests.solve.kernel.test_widths import LACKING, on_x86
+
+
+def same(N, m, r, growth, unit=1.0):
+    """A turn of m random maps, of which solutions grow so many times a step; unit: of the last state."""
+    rng, units = np.random.default_rng(m), np.append(np.ones(N - 1), unit)
+    A = np.eye(N) + rng.standard_normal((m, N, N)) * 0.3
+    A[:, 0] *= growth
+    A, b = A * units[:, None] / units, rng.standard_normal((m, N, r)) * units[:, None]
+    found, (theirs, _) = closed(A, b), periodic_states(Steps(A, b))
+    assert found is not None
+    ours, condition = found
+    size = np.abs(theirs).max(axis=(0, 2))
+    assert (np.abs(ours - theirs).max(axis=(0, 2)) <= 1e-11 * size).all()
+    apart = np.abs(A @ ours[:-1] + b - ours[1:]).max(axis=(0, 2))
+    assert (apart <= 1e-12 * np.abs(A @ ours[:-1]).max(axis=(0, 2))).all()
+    assert np.isfinite(condition)
+
+
+@needs_compiler
+@pytest.mark.parametrize(("N", "m", "r"), [(2, 1, 1), (2, 40, 3), (6, 96, 1), (6, 33, 27), (8, 768, 9)])
+def test_any_number_of_steps_and_right_sides(N, m, r):
+    same(N, m, r, growth=0.7)
+
+
+@needs_compiler
+def test_solutions_that_grow_and_units_that_are_far_apart():
+    same(4, 64, 2, growth=3.0)
+    same(4, 64, 2, growth=0.7, unit=1e9)
+
+
+@needs_compiler
+@on_x86
+@pytest.mark.parametrize("width", LACKING)
+def test_every_width(compiled_for, width):
+    compiled_for(*LACKING[width])
+    same(4, 50, 5, growth=0.7)
+
+
+@needs_compiler
+def test_a_chain_that_cannot_close():
+    found = closed(np.broadcast_to(np.eye(2), (8, 2, 2)), np.ones((8, 2, 1)))
+    assert found is None or not found[1] < 1e14
+
+
+@needs_compiler
+def test_states_from_a_first_one():
+    rng = np.random.default_rng(3)
+    A, start = rng.standard_normal((20, 4, 4)) / 2, rng.standard_normal(4) + 1j * rng.standard_normal(4)
+    ours, theirs = followed(A, start[:, None]), states_from(Steps(A, np.zeros((20, 4), dtype=complex)), start)
+    assert ours is not None
+    assert np.allclose(ours[..., 0], theirs, rtol=1e-12, atol=1e-13 * np.abs(theirs).max())
