@@ -1,22 +1,8 @@
 """The command `solve`: periodic vibration, stability and studies of a model."""
 
-from collections.abc import Sequence
+from solve.commands.app import SOLVE
 
-from solve.commands.door import enter
-from solve.errors import SolveError
-
-
-def main() -> None:
-    """Entry point of the console command."""
-    enter("solve", _run, SolveError)
-
-
-def _run(arguments: Sequence[str]) -> int | None:
-    # Loaded within: an interruption may come while Python still reads the packages.
-    from solve.commands.app import called
-
-    return called(arguments)
-
+main = SOLVE.main
 
 if __name__ == "__main__":
     main()

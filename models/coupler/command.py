@@ -3,10 +3,13 @@
 import sys
 from typing import Annotated
 
+import solve
+from models.coupler.picture import checked_magnification, checked_positions, coupler_figure
 from solve.commands.groups import Flag, Numbers, Results, Speed
+from solve.results.style import save_figure
 
 
-def picture(
+def command(
     plot: Annotated[str, Flag("The picture: .png, .pdf or .svg.", "FILE")],
     numbers: Numbers,
     speed: Speed,
@@ -19,11 +22,6 @@ def picture(
     (file, _) = Results(plot=plot).files()
     model = numbers.of("coupler")
     omega = speed.omega(model)
-
-    import solve
-    from models.coupler.picture import checked_magnification, checked_positions, coupler_figure
-    from solve.results.style import save_figure
-
     checked_positions(positions)
     if magnification is not None:
         checked_magnification(magnification)

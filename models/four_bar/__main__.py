@@ -1,25 +1,21 @@
 """The commands of the four-bar linkage: `python -m models.four_bar COMMAND`."""
 
-from collections.abc import Callable, Sequence
+from solve.commands.app import Program
 
-from solve.commands.program import Program
-
-
-def _listed() -> Sequence[Callable[..., None]]:
-    from models.four_bar.commands.corrected import corrected
-    from models.four_bar.commands.curve import curve
-    from models.four_bar.commands.design import design
-    from models.four_bar.commands.elements import elements
-    from models.four_bar.commands.linkage import linkage
-    from models.four_bar.commands.modes import modes
-    from models.four_bar.commands.study import study
-
-    return linkage, elements, study, corrected, modes, curve, design
-
-
+_LISTED = {
+    "linkage": "Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces.",
+    "elements": "Natural frequencies over a turn by several kinds of elements, beside the exact ones.",
+    "study": "Stress, deflection or energy over speed for several lengths, dampings, numbers of elements, …",
+    "corrected": "One element a link corrected by dynamic stiffness, beside more elements, over one turn.",
+    "modes": "What the modes of each position give to a deflection or stress over one turn.",
+    "curve": "The curve of a point of the coupler beside that of the rigid linkage.",
+    "design": "Design for high speed: limiting critical speeds, quiet bands, "
+    "run-up with a moving ground pivot.",
+}
 PROGRAM = Program(
     "python -m models.four_bar",
-    _listed,
+    "models.four_bar.commands",
+    _LISTED,
     "The four-bar linkage of the thesis.",
     'linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
 )

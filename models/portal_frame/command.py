@@ -3,12 +3,16 @@
 import sys
 from typing import Annotated
 
+from models.portal_frame.determinant import determinants, determinants_figure
+from solve.beams.structure import StructureModel
 from solve.commands.groups import Flag, Numbers, Results
+from solve.errors import ValueOutOfBoundsError
+from solve.results.style import save_figure
 
 _MOST = 1200.0
 
 
-def determinant(
+def command(
     plot: Annotated[str, Flag("The picture: .png, .pdf or .svg.", "FILE")],
     numbers: Numbers,
     most: Annotated[float, Flag("Largest frequency in rad/s.", "W")] = _MOST,
@@ -16,12 +20,6 @@ def determinant(
     """Draw the determinant of the frame's dynamic stiffness, with one and with two exact elements a bar."""
     (file, _) = Results(plot=plot).files()
     model = numbers.of("portal_frame", still=True)
-
-    from models.portal_frame.determinant import determinants, determinants_figure
-    from solve.beams.structure import StructureModel
-    from solve.errors import ValueOutOfBoundsError
-    from solve.results.style import save_figure
-
     if not 1.0 <= most <= 1e5:
         raise ValueOutOfBoundsError(f"--most is {most}; allowed: 1 … 100000 rad/s, such as {_MOST:g}")
     assert isinstance(model, StructureModel)

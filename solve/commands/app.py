@@ -1,18 +1,52 @@
-"""The commands together."""
+"""Commands as programs: `solve`, and `python -m models.NAME` of a model's own."""
 
-import importlib
-import inspect
-import os
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-import typer
-from typer.core import TyperCommand
-
-from solve.commands.door import ReadOnce, door
+from solve.commands.door import door, enter
 from solve.errors import SolveError
-from solve.progress import shown
+
+if TYPE_CHECKING:
+    import typer
+
+
+class Program(NamedTuple):
+    """Commands under the name that the user types. package: where each has a file and a function of its
+    name; listed: what `--help` says of each, the first line of its own help too, where there are several;
+    about: what they are together, None for one alone; example: words of a call behind the name."""
+
+    name: str
+    package: str
+    listed: Mapping[str, str]
+    about: str | None
+    example: str
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Run one command and return its exit status: 2 with one line on standard error for bad input."""
+        return door(self.name, self._called, arguments, SolveError)
+
+    def main(self) -> NoReturn:
+        """Entry point of the module."""
+        enter(self.name, self._called, SolveError)
+
+    def commands(self, called: str | None = None) -> "typer.Typer":
+        """All of them, for Typer; of several only the one that is called is loaded."""
+        # Loaded within: an interruption may come while Python still reads the packages.
+        from solve.commands.reading import application
+
+        return application(self.name, self.listed, self.command, self.about, self.example, called)
+
+    def command(self, name: str) -> Callable[..., None]:
+        """The function of a command."""
+        from importlib import import_module
+
+        return getattr(import_module(f"{self.package}.{name}"), name)
+
+    def _called(self, arguments: Sequence[str]) -> int | None:
+        from solve.commands.reading import called
+
+        return called(self.name, self.commands, arguments)
+
 
 COMMANDS = {
     "periodic": "Periodic vibration, its spectrum and its stability.",
@@ -32,95 +66,11 @@ COMMANDS = {
     "export": "The equations for another tool: MATLAB, C, or an FMU.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",
 }
-"""Of `solve`: what `solve --help` says of each, the first line of its own help too."""
-
-_UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Of the Click that Typer brings along or depends on, whichever it is."""
-
-
-class _Command(ReadOnce, TyperCommand):
-    """A command whose flags of one value are given once."""
-
-
-def application(
-    name: str, commands: Sequence[Callable[..., None]], about: str | None, example: str
-) -> typer.Typer:
-    """Commands under a name, each with the flags of its groups; one alone needs no name of its own."""
-    made = typer.Typer(
-        name=name,
-        help=about,
-        epilog=f"For example: {example}",
-        add_completion=name == "solve",
-        pretty_exceptions_enable=False,
-        rich_markup_mode=None,
-        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    )
-    for command in commands:
-        epilog = f"For example: {example}" if len(commands) == 1 else None
-        made.command(command.__name__, cls=_Command, epilog=epilog)(_with_flags(command))
-    return made
-
-
-def _with_flags(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the flags of its groups; one that only stands in a list has none."""
-    if not inspect.signature(command).parameters:
-        return command
-    from solve.commands.groups import flattened
-
-    return flattened(command)
-
-
-def solve_application(called: str | None) -> typer.Typer:
-    """The commands of `solve`; of these only the one that is called is loaded."""
-    about = "Steady-state vibration and stability of systems with periodic coefficients."
-    example = 'solve periodic cam --case 1 --speed "600 rpm" --plot cam.png'
-    commands = {name: _named(name) for name in COMMANDS}
-    if called in commands:
-        commands[called] = getattr(importlib.import_module(f"solve.commands.{called}"), called)
-    return application("solve", [*commands.values()], about, example)
-
-
-def _named(name: str) -> Callable[..., None]:
-    """What stands in the list of commands for one that is not called."""
-
-    def listed() -> None: ...
-
-    listed.__name__, listed.__doc__ = name, COMMANDS[name]
-    return listed
-
-
-def run(arguments: Sequence[str], commands: typer.Typer | None = None, name: str = "solve") -> int:
-    """Run one of these commands, by default of `solve`, under the name that the user typed, and return its
-    exit status: 2 with one line on standard error for bad input."""
-    return door(name, partial(called, commands=commands, name=name), arguments, SolveError)
-
-
-def called(arguments: Sequence[str], commands: typer.Typer | None = None, name: str = "solve") -> int | None:
-    """The same within a door that is already open."""
-    # Pictures go into files, whatever is set for windows.
-    os.environ["MPLBACKEND"] = "agg"
-    commands = commands or solve_application(_command_in(arguments))
-    try:
-        with shown(name):
-            return commands(list(arguments) or ["--help"], prog_name=name, standalone_mode=False)
-    except _UsageError as error:
-        _hint(error)
-        raise
-
-
-def _command_in(arguments: Sequence[str]) -> str | None:
-    """The command that is called, or whose line a shell wants to complete."""
-    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
-    return next(iter([*arguments] or line.split()[1:]), None)
-
-
-def _hint(error: Any) -> None:
-    """Say how what belongs to the model is given, where an unknown flag may be meant for it."""
-    unknown = getattr(error, "option_name", None) if "No such option" in error.message else None
-    if unknown and any("--option" in each.opts for each in error.ctx.command.params):
-        given = unknown.lstrip("-")
-        message = error.format_message().rstrip(".")
-        error.message = (
-            f"{message}; what belongs to the model is --option {given}=VALUE or --set {given}=NUMBER"
-        )
-        error.possibilities = None
+SOLVE = Program(
+    "solve",
+    "solve.commands",
+    COMMANDS,
+    "Steady-state vibration and stability of systems with periodic coefficients.",
+    'periodic cam --case 1 --speed "600 rpm" --plot cam.png',
+)
+run = SOLVE.run

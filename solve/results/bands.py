@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
-from solve.results.report import RenderableType, digits, model_heading, speeds_of, stacked, table_of, text
+from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
@@ -118,15 +118,10 @@ class Bands(Sequence[Band], Result):
         more = f" and {len(self) - _MOST_NAMED} more" if len(self) > _MOST_NAMED else ""
         return f"Unstable between {unit.span(*self.range, word='and')}: from {bands}{more}."
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """A row a band."""
+    def tables(self) -> Sequence[RenderableType]:
         unit = self.system.speed_unit
-        head = model_heading(self.system, choices)
         width = unit.text(self.spacing, ".3g")
         limit = text(f"solved at speeds up to {width} apart: narrower bands may be missed", "dim")
         if not self:
-            return stacked(
-                head, text(f"\nno unstable band found from {unit.span(*self.range)}", "bold green"), limit
-            )
-        made = table_of(f"Unstable between {unit.span(*self.range, 'and')}", self.columns, left=2)
-        return stacked(head, made, limit)
+            return [text(f"\nno unstable band found from {unit.span(*self.range)}", "bold green"), limit]
+        return [table_of(f"Unstable between {unit.span(*self.range, 'and')}", self.columns, left=2), limit]

@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.results.contents import Column, Columns
 from solve.results.plot import MOST_ROWS, label_quantity, label_speeds, title_of
 from solve.results.quantities import headed, prefixed
-from solve.results.report import RenderableType, digits, model_heading, speeds_of, stacked, table_of, text
+from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
@@ -112,10 +112,9 @@ class Branch(Result):
         back = ", ".join(unit.text(each, ".6g") for each in self.turning)
         return f"The branch goes from {ends}" + (f" and turns back at {back}." if back else ".")
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """A row a point, or every k-th of many."""
-        made = table_of("Orbits along the branch", self.columns, -(-len(self.speeds) // _MOST_ROWS))
-        return stacked(model_heading(self.system, choices), made, text("\n" + self.summary))
+    def tables(self) -> Sequence[RenderableType]:
+        made = table_of("Orbits along the branch", self.columns, most=_MOST_ROWS)
+        return [made, text("\n" + self.summary)]
 
     def plot(self) -> Figure:
         """Largest moduli and the spectral radius over speed, where the branch is unstable dashed (matplotlib

@@ -18,7 +18,7 @@ from solve.results.lasting import lasting
 from solve.results.plot import axis_label
 from solve.results.points import PointResults
 from solve.results.quantities import greek, headed, prefixed
-from solve.results.report import RenderableType, model_heading, stacked, table, text
+from solve.results.report import Facts, RenderableType, table, text
 from solve.results.result import Result
 from solve.results.stability import Stability
 from solve.results.style import Figure
@@ -210,19 +210,23 @@ class Chart(Result):
     def _boundary_records(self) -> list[dict[str, Any]]:
         return [{"kind": kind, **dict(zip("xy", points.T, strict=True))} for kind, points in self.boundaries]
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """The share of stable points, the boundaries, and where the cuts cross them."""
+    def facts(self) -> Facts:
+        """Over what, and the share of stable points."""
         radius, known = self.spectral_radius, self.stable[np.isfinite(self.stable)]
         share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())
-        head = model_heading(self.system, choices)
-        head.add_row("over", ", ".join(map(self._range, (self.x_name, self.y_name), (self.x, self.y))))
+        facts = [("over", ", ".join(map(self._range, (self.x_name, self.y_name), (self.x, self.y))))]
         if self.of is not None and self.values is not None:
             low, high = np.nanmin(self.values), np.nanmax(self.values)
-            head.add_row(self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1"))
-        head.add_row("stable", f"{share:.4g} % of {radius.size} points; largest |ρ| {np.nanmax(radius):.6g}")
+            facts.append((self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1")))
+        facts.append(
+            ("stable", f"{share:.4g} % of {radius.size} points; largest |ρ| {np.nanmax(radius):.6g}")
+        )
         if open_:
-            head.add_row("undetermined", f"{open_} points, within their error of the unit circle")
-        return stacked(head, self._boundary_table(), *(cut.table(self.system) for cut in self.cuts))
+            facts.append(("undetermined", f"{open_} points, within their error of the unit circle"))
+        return facts
+
+    def tables(self) -> Sequence[RenderableType]:
+        return [self._boundary_table(), *(cut.table(self.system) for cut in self.cuts)]
 
     def _boundary_table(self) -> RenderableType:
         if not self.boundaries:

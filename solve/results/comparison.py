@@ -1,6 +1,7 @@
 """Methods side by side on one problem: at equal steps and at equal accuracy."""
 
 import math
+import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +13,7 @@ from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
 from solve.results.orbit import Orbit
 from solve.results.plot import titled
-from solve.results.report import RenderableType, heading, stacked, table, text
+from solve.results.report import Facts, RenderableType, digits, table_of, text
 from solve.results.result import Result
 from solve.results.style import GREY, LIGHT, MANY, Figure, page
 from solve.system import PeriodicSystem
@@ -31,6 +32,7 @@ _DOTS: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4, "ma
 _LINES = ("-", "--", ":")
 """Past the last colour the next kind of line begins."""
 
+_short = operator.methodcaller("removesuffix", "ally stable")
 _WORST = 3.0
 """Relative error above which a result is no result; not drawn."""
 
@@ -118,21 +120,24 @@ class Comparison(Result):
     @property
     def columns(self) -> Columns:
         """A row a method and number of steps."""
-        about = {
-            "method": ("", ""),
+        return self._columns(self.rows)
+
+    def _columns(self, rows: Sequence[Row]) -> dict[str, Column]:
+        about: dict[str, tuple[Any, ...]] = {
+            "method": ("", "", "method"),
             "order": ("", ""),
-            "steps": ("", "a period"),
-            "orbit_error": ("1", "relative"),
-            "multiplier_error": ("1", "relative"),
-            "time": ("s", "of the processor, shortest of some runs"),
-            "verdict": ("", ""),
+            "steps": ("", "a period", "steps"),
+            "orbit_error": ("1", "relative", "q error", digits(".1e")),
+            "multiplier_error": ("1", "relative", "ρ error", digits(".1e")),
+            "time": ("s", "of the processor, shortest of some runs", "time (ms)", digits(".2f", 1e3)),
+            "verdict": ("", "", "stability", _short),
             "at": ("", "what the methods are compared at"),
             "followed": ("", "whether the steps follow the fastest mode"),
             "target": ("1", f"error of the {self.judged_by} to reach"),
             "reason": ("", "why there is no result"),
             "asked": ("", "steps that were asked for"),
         }
-        return {name: Column([getattr(row, name) for row in self.rows], *of) for name, of in about.items()}
+        return {name: Column([getattr(row, name) for row in rows], *of) for name, of in about.items()}
 
     def record(self) -> dict[str, Any]:
         found = super().record()
@@ -140,43 +145,38 @@ class Comparison(Result):
             row["warnings"] = compared.warnings
         return found
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """A table for each number of steps and each target."""
-        reference = self.reference
-        head = heading(reference.system, reference.speed, choices)
-        orbit, multipliers = reference.error_estimate
-        head.add_row("truth", f"{reference.method}, {reference.steps} steps a period")
-        head.add_row("", f"known to: orbit {orbit:.1e}, multipliers {multipliers:.1e} (relative)")
-        tables = _grouped((f"At {row.at}: {self._goal(row)}", row) for row in self.rows)
-        return stacked(head, *(_table(title, rows, reference.verdict) for title, rows in tables.items()))
+    def facts(self) -> Facts:
+        """What the methods are held against."""
+        reference, (orbit, multipliers) = self.reference, self.reference.error_estimate
+        return [
+            ("truth", f"{reference.method}, {reference.steps} steps a period"),
+            ("", f"known to: orbit {orbit:.1e}, multipliers {multipliers:.1e} (relative)"),
+        ]
+
+    def tables(self) -> Sequence[RenderableType]:
+        """One for each number of steps and each target."""
+        groups = _grouped((f"At {row.at}: {self._goal(row)}", row) for row in self.rows)
+        return [part for group in groups.items() for part in self._parts(*group)]
 
     def _goal(self, row: Row) -> str:
         if row.target is None:
             return f"{row.asked} steps a period"
         return f"{self.judged_by} right to {row.target:g}"
 
-
-def _table(title: str, rows: Sequence[Row], truth: str) -> RenderableType:
-    made = table(title, "method", "steps", "q error", "ρ error", "time (ms)", "ratio", "stability", "")
-    done = [row for row in rows if row.reason is None]
-    if rows[0].target is not None:
-        done.sort(key=lambda row: row.time)
-    quickest = min((row.time for row in done), default=math.nan)
-    marks = [_UNRESOLVED * (not row.followed) + _OTHER_VERDICT * (row.verdict != truth) for row in done]
-    for row, mark in zip(done, marks, strict=True):
-        made.add_row(
-            row.method,
-            str(row.steps),
-            "–" if math.isnan(row.orbit_error) else f"{row.orbit_error:.1e}",
-            f"{row.multiplier_error:.1e}",
-            f"{1e3 * row.time:.2f}",
-            f"{row.time / quickest:.2f}" if quickest else "–",
-            (row.verdict or "").removesuffix("ally stable"),
-            mark,
-        )
-    notes = [f"{mark} {text}" for mark, text in _LEGEND.items() if any(mark in each for each in marks)]
-    notes += _reasons(rows)
-    return stacked(made, *(text(note, "dim") for note in notes))
+    def _parts(self, title: str, rows: Sequence[Row]) -> list[RenderableType]:
+        """A table of the rows that have a result, and what is to be said of them."""
+        done = [row for row in rows if row.reason is None]
+        if rows[0].target is not None:
+            done.sort(key=lambda row: row.time)
+        quickest, columns = min((row.time for row in done), default=0.0), self._columns(done)
+        ratios = [row.time / quickest if quickest else None for row in done]
+        other, truth = columns.pop("verdict"), self.reference.verdict
+        marks = [_UNRESOLVED * (not row.followed) + _OTHER_VERDICT * (row.verdict != truth) for row in done]
+        columns["ratio"] = Column(ratios, heading="ratio", text=digits(".2f"))
+        columns |= {"verdict": other, "mark": Column(marks, heading=" ")}
+        notes = [f"{mark} {text}" for mark, text in _LEGEND.items() if any(mark in each for each in marks)]
+        dim = (text(note, "dim") for note in (*notes, *_reasons(rows)))
+        return [table_of(title, columns, left=1), *dim]
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:

@@ -13,16 +13,7 @@ from solve.results.contents import Column, Columns, plain, rows_of
 from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, through, title_of
 from solve.results.quantities import measured, named
-from solve.results.report import (
-    RenderableType,
-    Table,
-    digits,
-    model_heading,
-    sized,
-    speeds_of,
-    stacked,
-    table_of,
-)
+from solve.results.report import Facts, RenderableType, Table, digits, sized, speeds_of, table_of
 from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
@@ -246,13 +237,13 @@ class CriticalSpeeds(Result):
             row |= plain({"ratios": critical.ratios, "combination": critical.combination})
         return found
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """A row a critical speed; combinations below."""
-        head = model_heading(self.system, choices)
-        head.add_row("between", self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and"))
+    def facts(self) -> Facts:
+        return [("between", self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and"))]
+
+    def tables(self) -> Sequence[RenderableType]:
+        """A row a critical speed; unstable ranges and combinations below."""
         further = [self._unstable_table()] * bool(self.unstable_ranges)
-        further += [self._combinations_table()] * bool(self.combinations)
-        return stacked(head, self._rows_table(), *further)
+        return [self._rows_table(), *further, *[self._combinations_table()] * bool(self.combinations)]
 
     def _unstable_table(self) -> Table:
         return table_of(f"Unstable among the speeds, {self.system.speed_unit.name}", self._unstable)

@@ -16,7 +16,7 @@ from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
 from solve.results.plot import labelled, title_of
 from solve.results.quantities import prefixed
-from solve.results.report import RenderableType, Table, model_heading, stacked, table, text
+from solve.results.report import Facts, RenderableType, Table, table, text
 from solve.results.result import Result
 from solve.results.save import checked
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
@@ -184,10 +184,11 @@ class Fitted(Result):
         found = super().record()
         return {**found, "parameters": found.pop("intervals")}
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+    def facts(self) -> Facts:
+        return [("data", self.data)]
+
+    def tables(self) -> Sequence[RenderableType]:
         """The parameters, how they hang together, and how far computed is from measured."""
-        head = model_heading(self.system, choices)
-        head.add_row("data", self.data)
         made = table("Fitted, with 95 % intervals", "parameter", "unit", "value", "low", "high", left=2)
         for name, each in self.parameters.items():
             unit = self.system.unit_of(name).name
@@ -204,7 +205,7 @@ class Fitted(Result):
             made.caption = f"correlated: {', '.join(pairs)}"
         off = differences_table(self.channels, self.system.speed_unit)
         words = f"\nresidual {100 * self.residual:.3g} % of what was measured"
-        return stacked(head, made, off, text(words))
+        return [made, off, text(words)]
 
     def plot(self) -> Figure:
         """Measured points and computed curves, a panel a channel and speed, up to 8."""

@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,13 @@ from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, Contents, model_record, plain
 from solve.results.frequencies_plot import shapes_figure, turn_figure, variation_figure
 from solve.results.quantities import fixed, headed
-from solve.results.report import RenderableType, Table, model_heading, stacked, table
+from solve.results.report import Facts, RenderableType, Table, digits, table_of
 from solve.results.result import Result
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
+
+_MOST_MODES, _MOST_LINKS = 6, 3
+"""Columns of a table."""
 
 _MOST_ROWS = 40
 """Rows of a table; of more positions or values every k-th is shown."""
@@ -69,28 +72,26 @@ class Frequencies(Result):
     @property
     def columns(self) -> Columns:
         """A row a position."""
-        columns = {"position": Column(self.positions, "rad", "of the drive")}
+        degrees = [f"{each:.5g}°" for each in np.degrees(self.positions)]
+        columns = {"position": Column(self.positions, "rad", "of the drive", "position", degrees)}
         for k, values in enumerate(self.values.T, start=1):
-            columns[f"frequency{k}"] = Column(values, "rad/s", f"natural frequency {k}")
+            heading = f"mode {k}" if k <= _MOST_MODES else ""
+            meaning = f"natural frequency {k}"
+            columns[f"frequency{k}"] = Column(values, "rad/s", meaning, heading, self._text)
         return columns
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        return stacked(model_heading(self.system, choices), self.table())
+    def _text(self, omega: float) -> str:
+        return fixed(omega, float(np.nanmax(self.values, initial=0.0)), 6)
 
-    def table(self) -> Table:
+    def tables(self) -> Sequence[Table]:
         """A row a position, and the figures below."""
         k = self.values.shape[1]
-        shown = min(k, 6)
-        title = f"Over the turn, rad/s{f': the lowest {shown} of {k}' if shown < k else ''}"
-        made = table(title, "position", *(f"mode {i + 1}" for i in range(shown)), left=0)
-        largest = float(np.nanmax(self.values, initial=0.0))
-        some = range(0, len(self.positions), _every(len(self.positions)))
-        rows = {f"{math.degrees(self.positions[at]):.5g}°": self.values[at] for at in some}
-        for part in (rows, _figures(self.values, 0)):
-            for name, values in part.items():
-                made.add_row(name, *(fixed(omega, largest, 6) for omega in values[:shown]))
-            made.add_section()
-        return made
+        shown = f": the lowest {_MOST_MODES} of {k}" if k > _MOST_MODES else ""
+        made = table_of(f"Over the turn, rad/s{shown}", self.columns, most=_MOST_ROWS)
+        made.add_section()
+        for name, values in _figures(self.values, 0).items():
+            made.add_row(name, *map(self._text, values[:_MOST_MODES]))
+        return [made]
 
 
 @dataclass(frozen=True)
@@ -122,8 +123,7 @@ class Variation(Result):
     def plot(self) -> Figure:
         """The lowest frequency over the parameter beside those of the links alone (thesis Fig. 9.1)."""
         lowest = {name: values[:, 0] for name, values in self.figures.items()}
-        whole = len(self.positions) > 1
-        return variation_figure(self.system, self.parameter, self.values, lowest, self.pinned, whole)
+        return variation_figure(self.system, self.parameter, self.values, lowest, self.pinned, self._whole)
 
     @property
     def whole(self) -> dict[str, Any]:
@@ -135,32 +135,30 @@ class Variation(Result):
     def columns(self) -> Columns:
         """A row a value of the parameter."""
         unit, _ = self.system.parameter_labels[self.parameter]
-        columns = {self.parameter: Column(self.values, unit, "varied")}
+        title = headed(self.parameter, self.system.unit_of(self.parameter).name)
+        largest, tenths = float(np.abs(self.values).max()), partial(fixed, magnitude=100.0, digits=6)
+        varied = partial(fixed, magnitude=largest, digits=5)
+        columns = {self.parameter: Column(self.values, unit, "varied", title, varied)}
+        headings = {"mean": "mean ω1", "min": "min", "max": "max"} if self._whole else {"mean": "ω1"}
         for k, (name, values) in itertools.product(range(self.frequencies.shape[2]), self.figures.items()):
-            columns[f"frequency{k + 1}_{name}"] = Column(values[:, k], "rad/s", f"{name} over the positions")
-        for link, alone in self.pinned.items():
-            columns[f"{link}_pinned"] = Column(alone, "rad/s", "the link alone, pinned at both ends")
+            about = "rad/s", f"{name} over the positions", headings.get(name, "") if k == 0 else ""
+            columns[f"frequency{k + 1}_{name}"] = Column(values[:, k], *about, tenths)
+        for number, (link, alone) in enumerate(self.pinned.items()):
+            about = "rad/s", "the link alone, pinned at both ends", f"{link} alone" * (number < _MOST_LINKS)
+            columns[f"{link}_pinned"] = Column(alone, *about, tenths)
         return columns
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        return stacked(model_heading(self.system, choices), self.table())
+    @property
+    def _whole(self) -> bool:
+        """Whether at several positions."""
+        return len(self.positions) > 1
 
-    def table(self) -> Table:
+    def tables(self) -> Sequence[Table]:
         """A row a value of the parameter: the lowest frequency, and those of up to three links alone."""
-        whole, pinned = len(self.positions) > 1, dict(itertools.islice(self.pinned.items(), 3))
-        names = ["mean ω1", "min", "max"] if whole else ["ω1"]
-        names += [f"{link} alone" for link in pinned]
-        mean_of = f": the mean of {len(self.positions)} positions" if whole else ""
-        parameter = headed(self.parameter, self.system.unit_of(self.parameter).name)
-        made = table(f"Over {self.parameter}, rad/s{mean_of}", parameter, *names, left=0)
-        largest = float(np.abs(self.values).max())
-        lowest = [each[:, 0] for each in self.figures.values()][: 3 if whole else 1]
-        for number in range(0, len(self.values), _every(len(self.values))):
-            cells = (fixed(each[number], 100.0, 6) for each in (*lowest, *pinned.values()))
-            made.add_row(fixed(self.values[number], largest, 5), *cells)
-        if pinned:
-            made.caption = "alone: the link's lowest frequency, pinned at both ends"
-        return made
+        mean_of = f": the mean of {len(self.positions)} positions" if self._whole else ""
+        caption = "alone: the link's lowest frequency, pinned at both ends" if self.pinned else None
+        title = f"Over {self.parameter}, rad/s{mean_of}"
+        return [table_of(title, self.columns, most=_MOST_ROWS, caption=caption)]
 
 
 @dataclass(frozen=True)
@@ -213,29 +211,28 @@ class Findings(Result):
         hertz = ", ".join(f"{omega / (2 * math.pi):.4g}" for omega in self.here.values[0])
         return f"The lowest natural frequencies{where}, standing still: {hertz} Hz."
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """Tables for a terminal of 80 columns."""
-        head = model_heading(self.here.system, choices)
-        head.add_row("freedoms", str(self.here.freedoms))
-        if self.here.system.moves:
-            head.add_row("position", f"{math.degrees(self.here.positions[0]):.6g}°")
-        further = (part.table() for part in (self.turn, self.variation) if part is not None)
-        return stacked(head, self._table(), *further)
+    def facts(self) -> Facts:
+        place = f"{math.degrees(self.here.positions[0]):.6g}°"
+        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves]
 
-    def _table(self) -> Table:
-        """At the position; with mode shapes, the largest bending of each link."""
-        links = [link.name for link in self.here.system.links] if self.shapes else []
-        columns = ["modal mass (kg)", *links] if self.shapes else []
-        made = table("Natural frequencies", "mode", "rad/s", "Hz", *columns, left=0)
-        for k, omega in enumerate(self.here.values[0]):
-            row = [str(k + 1), f"{omega:.7g}", f"{omega / (2 * math.pi):.7g}"]
-            if self.shapes:
-                row.append(f"{self.shapes[k].modal_mass:.4g}")
-                row += [f"{np.abs(each).max():.3f}" for each in self.shapes[k].transverse]
-            made.add_row(*row)
+    def tables(self) -> Sequence[RenderableType]:
+        """At the position, with mode shapes the largest bending of each link; over the turn; over a
+        parameter."""
+        omegas, caption = self.here.values[0], None
+        columns = {
+            "mode": Column(range(1, len(omegas) + 1), heading="mode"),
+            "frequency": Column(omegas, heading="rad/s", text=digits(".7g")),
+            "hertz": Column(omegas, heading="Hz", text=digits(".7g", 1 / (2 * math.pi))),
+        }
         if self.shapes:
-            made.caption = "of each link: its largest bending, that of the mode being 1"
-        return made
+            masses = [shape.modal_mass for shape in self.shapes]
+            columns["mass"] = Column(masses, heading="modal mass (kg)", text=digits(".4g"))
+            caption = "of each link: its largest bending, that of the mode being 1"
+            for number, link in enumerate(self.system.links):
+                bending = [np.abs(shape.transverse[number]).max() for shape in self.shapes]
+                columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
+        further = (part.tables() for part in (self.turn, self.variation) if part is not None)
+        return [table_of("Natural frequencies", columns, caption=caption), *itertools.chain(*further)]
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]
@@ -256,7 +253,3 @@ class Findings(Result):
 
 def _figures(frequencies: Array, axis: int) -> dict[str, Array]:
     return {name: getattr(frequencies, name)(axis=axis) for name in ("mean", "min", "max")}
-
-
-def _every(rows: int) -> int:
-    return math.ceil(rows / _MOST_ROWS)

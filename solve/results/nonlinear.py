@@ -1,6 +1,6 @@
 """The periodic solution of nonlinear equations, with the linear one beside it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -12,7 +12,7 @@ from solve.certify.correction import corrected
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
 from solve.results.orbit import Orbit, QuasiStatic
-from solve.results.report import Table
+from solve.results.report import Facts
 
 _REPEATS = 1e-6
 """Relative difference between the periods of an orbit of several below which it is one of a single period."""
@@ -98,15 +98,13 @@ class NonlinearOrbit(Orbit):
         return bool((np.abs(later - q).max(axis=1) <= _REPEATS * np.abs(q).max(axis=1)).all())
 
     @property
-    def problem(self) -> dict[str, Any]:
-        """What was solved, and how, as plain data."""
+    def whole(self) -> dict[str, Any]:
         found = {name: getattr(self, name) for name in ("iterations", "found_by", "periods")}
-        return {**super().problem, **found}
+        return {**super().whole, **found}
 
-    def _heading(self, choices: Sequence[str]) -> Table:
-        grid = super()._heading(choices)
-        grid.add_row("found", f"by {self.found_by}, {self.iterations} corrections of Newton's method")
-        return grid
+    def facts(self) -> Facts:
+        found = f"by {self.found_by}, {self.iterations} corrections of Newton's method"
+        return [*super().facts(), ("found", found)]
 
     def _beside(self, quasi_static: bool) -> Callable[[str, Array], Array | None]:
         return super()._beside(quasi_static) if quasi_static else self._linear_values

@@ -18,7 +18,7 @@ from solve.period.quantities import Quantities, Signal, samples_a_step
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.plot import MOST_ROWS, Motion, checked_scale, orbit_figure, shown
 from solve.results.quantities import fixed, greek, measured, prefixed
-from solve.results.report import RenderableType, Table, stacked, table
+from solve.results.report import Facts, RenderableType, Table, stacked, table
 from solve.results.stability import Stability
 from solve.results.style import Figure
 from solve.results.turn import QuasiStatic, Turn, broken
@@ -217,29 +217,27 @@ class Orbit(Stability, Turn):
 
     def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
         """Of `solve periodic --json`, with `harmonics` amplitudes above the mean for every quantity."""
-        turn = self.turn_record(harmonics)
-        ends = {"residual": self.residual, "warnings": self.warnings}
-        beside: dict[str, Any] = {}
-        if quasi_static:
-            beside["quasi_static"] = self.quasi_static.turn_record(harmonics)
-        if self.linearisation_error is not None:
-            beside["linearisation_error"] = self.linearisation_error
-        return plain({**self.problem, **turn, **self._verdict_record, **ends, **beside})
+        beside = {"quasi_static": self.quasi_static.turn_record(harmonics)} if quasi_static else {}
+        return {**super().record(), **plain({**self.turn_record(harmonics), **beside})}
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        off = self.linearisation_error
+        further = {} if off is None else {"linearisation_error": off}
+        return {**super().whole, "residual": self.residual, **further}
 
     def report(self, choices: Sequence[str] = (), quasi_static: bool = False) -> RenderableType:
         """Everything that `solve periodic` has to say but its warnings."""
-        parts = [self._heading(choices), self.extrema_table("Motion over one period"), self._order_table()]
+        parts = [self.extrema_table("Motion over one period"), self._order_table()]
         if quasi_static:
-            title = "Quasi-static, without inertia and damping"
-            parts.append(self.quasi_static.extrema_table(title))
-        return stacked(*parts, self._multiplier_table(), self._verdict_line())
+            parts.append(self.quasi_static.extrema_table("Quasi-static, without inertia and damping"))
+        return stacked(self._heading(choices), *parts, *self.tables())
 
-    def _heading(self, choices: Sequence[str]) -> Table:
-        grid = super()._heading(choices)
-        if self.linearisation_error is not None:
-            parts = (f"{name} {100 * error:.2g} %" for name, error in self.linearisation_error.items())
-            grid.add_row("linearised", f"nonlinear orbit off by about {', '.join(parts)}")
-        return grid
+    def facts(self) -> Facts:
+        if self.linearisation_error is None:
+            return super().facts()
+        parts = (f"{name} {100 * error:.2g} %" for name, error in self.linearisation_error.items())
+        return [*super().facts(), ("linearised", f"nonlinear orbit off by about {', '.join(parts)}")]
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
         errors, checks = super()._accuracy()

@@ -21,6 +21,10 @@ else:
     Console = ConsoleOptions = RenderableType = RenderResult = Table = object
 
 
+Facts = Sequence[tuple[str, str]]
+"""A word, and what it stands for."""
+
+
 def described(method: Method) -> str:
     """A method's name and settings.
 
@@ -148,6 +152,11 @@ def _number_table() -> type[Table]:
 
 def model_heading(system: PeriodicSystem, choices: Sequence[str]) -> Table:
     """Which model; further rows can be added."""
+    return heading(system, None, choices)
+
+
+def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str], facts: Facts = ()) -> Table:
+    """Which model, at which speed (rad/s), and facts: a word, and what it stands for."""
     from rich.table import Table
     from rich.text import Text
 
@@ -161,6 +170,14 @@ def model_heading(system: PeriodicSystem, choices: Sequence[str]) -> Table:
     chosen = dict.fromkeys([*(f"{name}={value}" for name, value in system.options.items()), *choices])
     if chosen:
         grid.add_row("with", Text(", ".join(chosen)))
+    if speed is not None:
+        period = system.period / speed
+        factor, unit = prefixed("s", period)
+        grid.add_row(
+            "speed", f"{in_every_unit(speed, system.speed_unit)}; period {period * factor:.6g} {unit}"
+        )
+    for word, what in facts:
+        grid.add_row(word, what)
     return grid
 
 
@@ -173,12 +190,3 @@ def in_every_unit(speed: float, first: ShownUnit) -> str:
     """
     units = dict.fromkeys([first, *USUAL])
     return " = ".join(unit.text(speed, ".7g" if unit.size == 1 else ".6g") for unit in units)
-
-
-def heading(system: PeriodicSystem, speed: float, choices: Sequence[str]) -> Table:
-    """Which model, at which speed; further rows can be added."""
-    grid = model_heading(system, choices)
-    period = system.period / speed
-    factor, unit = prefixed("s", period)
-    grid.add_row("speed", f"{in_every_unit(speed, system.speed_unit)}; period {period * factor:.6g} {unit}")
-    return grid

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from solve.results.contents import Columns, Contents, model_record, plain, rows_of
 from solve.results.lasting import Lasting
 from solve.results.markup import html
-from solve.results.report import RenderableType
+from solve.results.report import Facts, RenderableType, Table, heading, stacked, table_of
 from solve.results.save import checked_data, dataset, write_whole, writer
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
@@ -28,6 +28,8 @@ class Result(Lasting):
     _calculated: ClassVar[tuple[str, ...]] = ("warnings",)
     _rows: ClassVar[str] = ""
     """Key of the rows in the record."""
+    _title: ClassVar[str] = ""
+    """Of the table."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -57,9 +59,20 @@ class Result(Lasting):
         """What it tells beside the table."""
         return {}
 
+    def facts(self) -> Facts:
+        """Rows of its heading, below the model and the speed: a word, and what it stands for."""
+        return []
+
+    def tables(self) -> Sequence[RenderableType]:
+        """What is printed below its heading; of most results the columns that have headings of their own."""
+        return [table_of(self._title, self.columns)]
+
     def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """Everything that the command of this result prints but its warnings."""
-        raise NotImplementedError
+        """Everything that its command prints but its warnings; choices: what was set beyond the case."""
+        return stacked(self._heading(choices), *self.tables())
+
+    def _heading(self, choices: Sequence[str] = ()) -> Table:
+        return heading(self.system, self.whole.get("speed"), choices, self.facts())
 
     def plot(self) -> Figure:
         """A figure of matplotlib."""

@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
 from solve.results.plot import title_of, titled
-from solve.results.report import RenderableType, heading, model_heading, stacked, table
+from solve.results.report import Facts, RenderableType, table
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Figure, page
 from solve.system import SPEED, PeriodicSystem
@@ -121,14 +121,12 @@ class Sensitivities(Result):
             "elasticity_im": Column(np.imag(elasticities), "1", "imaginary part, of complex quantities"),
         }
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+    def facts(self) -> Facts:
+        return [] if self.speed is None else [("method", f"{self.method}, {self.steps} steps a period")]
+
+    def tables(self) -> Sequence[RenderableType]:
         """For each quantity what matters most, a row a parameter."""
-        if self.speed is None:
-            head = model_heading(self.system, choices)
-        else:
-            head = heading(self.system, self.speed, choices)
-            head.add_row("method", f"{self.method}, {self.steps} steps a period")
-        return stacked(head, *(self._table(quantity) for quantity in self.found))
+        return [self._table(quantity) for quantity in self.found]
 
     @property
     def summary(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.plot import label_speeds, shades, title_of
-from solve.results.report import RenderableType, model_heading, stacked, table
+from solve.results.report import RenderableType, table
 from solve.results.result import Result
 from solve.results.style import Figure, page
 from solve.system import PeriodicSystem
@@ -94,10 +94,9 @@ class SensitivitiesOver(Result):
             "elasticity_im": Column(np.imag(self.elasticities), "1", "imaginary part", axes=_AXES),
         }
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+    def tables(self) -> Sequence[RenderableType]:
         """A table a quantity, a row a speed: elasticities by what matters most."""
-        unit = self.system.speed_unit
-        parts = [model_heading(self.system, choices)]
+        unit, parts = self.system.speed_unit, []
         for place, quantity in enumerate(self.quantities):
             chosen = self._most(place)
             names = [self.by[k] for k in chosen]
@@ -107,7 +106,7 @@ class SensitivitiesOver(Result):
             ):
                 made.add_row(f"{unit.of(speed):.6g}", _number(value), *map(_number, row))
             parts.append(made)
-        return stacked(*parts)
+        return parts
 
     def _most(self, place: int) -> list[int]:
         """Which parameters matter most for a quantity, at any of the speeds, the first most."""

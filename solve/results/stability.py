@@ -13,17 +13,29 @@ from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers
-from solve.results.contents import Column, Contents, model_record, plain
+from solve.results.contents import Column, Columns, Contents, plain
 from solve.results.lasting import lasting
 from solve.results.plot import StabilityPanel, stability_figure
-from solve.results.report import RenderableType, Table, described, heading, stacked, table
+from solve.results.report import Facts, RenderableType, described, stacked, table
 from solve.results.result import Result
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
 _MOST_MULTIPLIERS = 8
 _RECORDED = (
-    *("multipliers", "multiplier_errors", "unresolved", "exponents", "modes", "spectral_radius", "verdict"),
+    *(
+        "speed",
+        "period",
+        "method",
+        "steps",
+        "multipliers",
+        "multiplier_errors",
+        "unresolved",
+        "exponents",
+        "modes",
+        "spectral_radius",
+        "verdict",
+    ),
     *("stable", "error_estimate", "distance_from_one", "liouville", "condition", "notes"),
 )
 _MEANS = (
@@ -175,42 +187,31 @@ class Stability(Result):
         return f"At {self.system.speed_unit.text(self.speed)} the periodic motion is {self.verdict}: {means}."
 
     @property
-    def problem(self) -> dict[str, Any]:
-        """What was solved, and how, as plain data."""
-        solved = {"speed": self.speed, "period": self.period, "method": self.method, "steps": self.steps}
-        return {**model_record(self.system), **solved}
+    def whole(self) -> dict[str, Any]:
+        return {"residual": None, **{name: getattr(self, name) for name in _RECORDED}}
 
-    def record(self) -> dict[str, Any]:
-        """Of `solve floquet --json`."""
-        return plain({**self.problem, **self._verdict_record, "residual": None, "warnings": self.warnings})
-
-    @property
-    def _verdict_record(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in _RECORDED}
-
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """Everything that `solve floquet` has to say but its warnings."""
-        return stacked(self._heading(choices), self._multiplier_table(), self._verdict_line())
+    def tables(self) -> Sequence[RenderableType]:
+        return [self._multiplier_table(), self._verdict_line()]
 
     def _brief(self) -> RenderableType:
-        return stacked(self._heading(()), self._verdict_line())
+        return stacked(self._heading(), self._verdict_line())
 
-    def _heading(self, choices: Sequence[str]) -> Table:
-        grid = heading(self.system, self.speed, choices)
-        grid.add_row("method", f"{self.described}, {self.steps} steps a period")
+    def facts(self) -> Facts:
+        """How it was solved, and how certain it is."""
         errors, checks = self._accuracy()
-        grid.add_row("errors", f"{', '.join(errors)} (relative)")
-        grid.add_row("checks", ", ".join(checks))
-        for note in self.notes:
-            grid.add_row("note", note)
-        return grid
+        return [
+            ("method", f"{self.described}, {self.steps} steps a period"),
+            ("errors", f"{', '.join(errors)} (relative)"),
+            ("checks", ", ".join(checks)),
+            *(("note", note) for note in self.notes),
+        ]
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
         """Errors, and what the result was checked by, in words."""
         checks = [f"Liouville {self.liouville:.1e}", f"nearest ρ to +1 at {self.distance_from_one:.2g}"]
         return [f"multipliers {self.error_estimate.multipliers:.1e}"], checks
 
-    def _multiplier_table(self) -> Table:
+    def _multiplier_table(self) -> RenderableType:
         columns = "Re ρ", "Im ρ", "|ρ|", "growth", "folded", "frequency", "order"
         title = "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T"
         made = table(title, *columns, left=0)
@@ -240,13 +241,14 @@ class Stability(Result):
         line = Text("\n").append(self.verdict, _VERDICT_STYLE[self.verdict])
         return line.append(f": spectral radius {radius:.10g} ± {error * radius:.0e}")
 
-    def contents(self) -> Contents:
-        """Multipliers and exponents, for a file."""
-        known = {
-            name: getattr(self, name) for name in ("spectral_radius", "verdict", "error_estimate", "warnings")
-        }
-        labels = {"units": dict(self.system.units), "meanings": dict(self.system.meanings)}
-        metadata = {**self.problem, **known, **labels}
+    @property
+    def metadata(self) -> dict[str, Any]:
+        labels = {"units": self.system.units, "meanings": self.system.meanings}
+        return {**super().metadata, **plain(labels)}
+
+    @property
+    def columns(self) -> Columns:
+        """A row a multiplier."""
         rho, exponents = self.multipliers, self.exponents
         columns = {
             "multiplier_re": (np.real(rho), "1", "Floquet multiplier, real part"),
@@ -262,8 +264,12 @@ class Stability(Result):
             "mode_order": (self._of_modes("order"), "1", "that order, in turns of a period"),
             "participation": (self._of_modes("participation"), "1", "part of the mode with that order"),
         }
-        made = {name: Column(*column, axes=("multiplier",)) for name, column in columns.items()}
-        return Contents(made, {}, plain(metadata), {"multipliers": rho, "exponents": exponents})
+        return {name: Column(*column, axes=("multiplier",)) for name, column in columns.items()}
+
+    def contents(self) -> Contents:
+        """In .npz and .mat complex multipliers and exponents."""
+        arrays = {"multipliers": self.multipliers, "exponents": self.exponents}
+        return Contents(self.columns, {}, self.metadata, arrays)
 
     def _of_modes(self, name: str) -> Array:
         return np.array([getattr(mode, name) for mode in self.modes], dtype=float)

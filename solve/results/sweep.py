@@ -17,7 +17,7 @@ from solve.period.quantities import Statistics
 from solve.results.contents import Column, Columns, plain
 from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.quantities import headed
-from solve.results.report import RenderableType, digits, model_heading, sized, speeds_of, stacked, table_of
+from solve.results.report import RenderableType, digits, sized, speeds_of, stacked, table_of
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
@@ -224,6 +224,9 @@ class Sweep(Result):
     def report(self, choices: Sequence[str] = (), names: Sequence[str] = ()) -> RenderableType:
         """A row a point with the largest moduli of these quantities, by default the coordinates, as many as
         fit."""
+        return stacked(self._heading(choices), self._table(names))
+
+    def _table(self, names: Sequence[str] = ()) -> RenderableType:
         names = names or [name for name in self.system.coordinates if name in self.results.kept.names]
         units = self.system.units
         moduli = {
@@ -242,8 +245,7 @@ class Sweep(Result):
         every, over = math.ceil(len(self.points) / _MOST_ROWS), ", ".join([*self.parameters, SPEED])
         title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(self.points)}"
         caption = "others by --show NAME, all by --json" if fitting < len(names) else None
-        made = table_of(title, columns, most=_MOST_ROWS, caption=caption)
-        return stacked(model_heading(self.system, choices), made)
+        return table_of(title, columns, most=_MOST_ROWS, caption=caption)
 
     @property
     def columns(self) -> Columns:

@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.plot import draw_through, label_quantity, label_speeds, shades, title_of
 from solve.results.quantities import fixed, named, prefixed
-from solve.results.report import RenderableType, model_heading, speeds_of, stacked, table
+from solve.results.report import Facts, RenderableType, speeds_of, table
 from solve.results.result import Result
 from solve.results.style import Figure, page
 from solve.results.sweep import Sweep
@@ -123,12 +123,13 @@ class Sweeps(Result):
         ]
         return {**super().record(), **plain({"speeds": self.speeds, "systems": systems})}
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """Peaks and quiet speeds of each quantity, and its largest figures."""
-        head = model_heading(self.system, choices)
+    def facts(self) -> Facts:
         span = self.system.speed_unit.span(self.speeds.min(), self.speeds.max())
-        head.add_row("over", f"{len(self.speeds)} speeds from {span}")
-        return stacked(head, *map(self._table, self.quantities))
+        return [("over", f"{len(self.speeds)} speeds from {span}")]
+
+    def tables(self) -> Sequence[RenderableType]:
+        """Peaks and quiet speeds of each quantity, and its largest figures."""
+        return [self._table(name) for name in self.quantities]
 
     def _table(self, name: str) -> RenderableType:
         values = self.figures(name)

@@ -15,18 +15,7 @@ from solve.results.contents import Column, Contents, plain, require_different_na
 from solve.results.orbit import Orbit
 from solve.results.plot import MOST_ROWS, axis_label, label_quantity, shown, title_of, titled
 from solve.results.quantities import measured
-from solve.results.report import (
-    RenderableType,
-    digits,
-    heading,
-    model_heading,
-    sized,
-    speeds_of,
-    stacked,
-    table,
-    table_of,
-    text,
-)
+from solve.results.report import Facts, RenderableType, digits, sized, speeds_of, table, table_of, text
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.statistics import Statistics
@@ -271,7 +260,11 @@ class Transient(Result):
             "between": self.between,
         }
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+    def facts(self) -> Facts:
+        drive = f"{self._ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s"
+        return [("speed", drive)] if self.ramp else []
+
+    def tables(self) -> Sequence[RenderableType]:
         """A row a turn: the largest modulus of each coordinate, and the distance to the orbit. A row an
         output: its extrema."""
         columns = {"": Column(range(1, self.turns + 1), heading="turn")}
@@ -280,16 +273,13 @@ class Transient(Result):
         distances = Column(self.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
         speeds = speeds_of(self.system, self.ends[1:], heading="to {}")
         columns["end"] = speeds if self.ramp else distances
-        made = table_of("Largest moduli, turn by turn", columns, most=_MOST_TURNS)
+        made = [table_of("Largest moduli, turn by turn", columns, most=_MOST_TURNS), *self._output_tables]
         if self.ramp:
-            grid = model_heading(self.system, choices)
-            grid.add_row("speed", f"{self._ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s")
-            return stacked(grid, made, *self._output_tables)
+            return made
         words = f"the orbit is not reached to {self.rtol:g} within {self.turns} turns"
         if self.reached is not None:
             words = f"the orbit is reached to {self.rtol:g} after {self.reached} of {self.turns} turns"
-        above = heading(self.system, self.speed, choices)
-        return stacked(above, made, *self._output_tables, text("\n" + words))
+        return [*made, text("\n" + words)]
 
     @property
     def _output_tables(self) -> list[RenderableType]:

@@ -8,7 +8,7 @@ from typing import Any
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.plot import MOST_ROWS, draw_through, label_speeds, shades, title_of
-from solve.results.report import RenderableType, digits, model_heading, speeds_of, stacked, table_of, text
+from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
 from solve.results.style import GREY, Figure, page
 from solve.system import PeriodicSystem
@@ -84,10 +84,8 @@ class Validity(Result):
         """Up to which speed the linear model is to be trusted."""
         return f"The linear equations against the nonlinear ones: {self._limit}."
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """A row a speed."""
-        made = table_of("Linearisation error, %", self.columns)
-        return stacked(model_heading(self.system, choices), made, text("\n" + self._limit))
+    def tables(self) -> Sequence[RenderableType]:
+        return [table_of("Linearisation error, %", self.columns), text("\n" + self._limit)]
 
     def plot(self) -> Figure:
         """The errors over speed (matplotlib Figure)."""

@@ -9,7 +9,7 @@ from typing import Any
 from typer.main import get_command
 
 from derive.command import app
-from solve.commands.app import COMMANDS, solve_application
+from solve.commands.app import SOLVE
 from tests.random_commands.values import LINEAR, MECHANISMS, ODD, VALUES
 
 MODELS = [
@@ -49,10 +49,11 @@ NEEDED = {
 def flags() -> dict[tuple[str, ...], dict[str, bool]]:
     """By program and command, its flags and whether each has a value, as the commands themselves say."""
     found: dict[tuple[str, ...], dict[str, bool]] = {("derive",): _flags_of(get_command(app))}
-    for name in COMMANDS:
-        found |= _flags_in("solve", get_command(solve_application(name)), [name])
-    for program in MODELS:
-        found |= _flags_in(program, get_command(importlib.import_module(f"{program}.__main__").commands()))
+    models = {program: importlib.import_module(f"{program}.__main__").PROGRAM for program in MODELS}
+    for words, program in {"solve": SOLVE, **models}.items():
+        for name in program.listed:
+            names = [name] if len(program.listed) > 1 else None
+            found |= _flags_in(words, get_command(program.commands(name)), names)
     return found
 
 

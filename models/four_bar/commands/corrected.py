@@ -3,8 +3,11 @@
 from typing import Annotated
 
 from models.four_bar.commands.groups import FourBar
+from models.four_bar.results.corrected import corrections
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 from solve.errors import ValueOutOfBoundsError
+from solve.units import speed_in_si
 
 
 def corrected(
@@ -19,11 +22,6 @@ def corrected(
 ) -> None:
     """One element a link corrected by dynamic stiffness, beside more elements, over one turn."""
     model = four_bar.loaded()
-
-    from models.four_bar.results.corrected import corrections
-    from solve.commands.deliver import deliver_result
-    from solve.units import speed_in_si
-
     counts = [each.strip() for each in elements.split(",")]
     if not all(each.isdigit() for each in counts):
         raise ValueOutOfBoundsError(

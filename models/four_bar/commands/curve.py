@@ -3,6 +3,8 @@
 from typing import Annotated
 
 from models.four_bar.commands.groups import FourBar
+from models.four_bar.results.curve import curve_of_point
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 
 
@@ -16,10 +18,5 @@ def curve(
     rtol: Annotated[float, Flag("Relative error of the solution.", "R")] = 1e-6,
 ) -> None:
     """The curve of a point of the coupler beside that of the rigid linkage."""
-    model = four_bar.loaded()
-
-    from models.four_bar.results.curve import curve_of_point
-    from solve.commands.deliver import deliver_result
-
-    found = curve_of_point(model, speed, along, across, quasi_static, rtol)
+    found = curve_of_point(four_bar.loaded(), speed, along, across, quasi_static, rtol)
     deliver_result(results, found, four_bar.choices)

@@ -1,18 +1,23 @@
 """`python -m models.four_bar design`: limiting speeds, quiet bands and the run-up plan under a stress."""
 
 import re
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
 import typer
 
 from models.four_bar.commands.groups import FourBar
+from models.four_bar.design import designed
+from models.four_bar.design_map import allowed_lengths, checked_allowable, design_map
+from models.four_bar.linkage import Linkage
+from models.four_bar.results.design import carry_out, require_target
+from models.four_bar.run_up.stress_map import spaced
+from solve.beams.motion import lowest_frequencies
+from solve.beams.structure import StructureModel
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
-
-if TYPE_CHECKING:
-    from models.four_bar.linkage import Linkage
-    from solve.beams.structure import StructureModel
-    from solve.units import GivenSpeed
+from solve.units import RAD_PER_S, GivenSpeed, conversion, speed_in_si, speeds_in_si, with_unit
 
 _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
 """Speeds of the map by default, as parts of the mean lowest frequency, and the ratio of neighbours."""
@@ -46,16 +51,6 @@ def design(
 ) -> None:
     """Design for high speed: limiting critical speeds, quiet bands, run-up with a moving ground pivot."""
     model = four_bar.loaded()
-    model.require_motion()
-
-    import numpy as np
-
-    from models.four_bar.design import designed
-    from models.four_bar.design_map import design_map
-    from models.four_bar.results.design import carry_out, require_target
-    from solve.commands.deliver import deliver_result
-    from solve.units import speed_in_si
-
     stresses = _allowable(model, allowable)
     goal = None if target is None else speed_in_si(target)
     duration = _duration(time)
@@ -69,10 +64,8 @@ def design(
     deliver_result(results, result, four_bar.choices)
 
 
-def _allowable(model: "StructureModel", text: str | None) -> dict[str, float]:
+def _allowable(model: StructureModel, text: str | None) -> dict[str, float]:
     """Allowable stress (Pa) of each link."""
-    from models.four_bar.design_map import checked_allowable
-
     links = [link.name for link in model.beams.freedoms.links]
     if text is None:
         raise MissingValueError('no allowable stress given; add one, such as --allowable "100 MPa"')
@@ -89,8 +82,6 @@ def _allowable(model: "StructureModel", text: str | None) -> dict[str, float]:
 
 def _quantity(flag: str, text: str, unit: str, example: str) -> float:
     """A number with unit. Raises UnitError."""
-    from solve.units import with_unit
-
     try:
         return with_unit(text, unit)
     except UnitError as error:
@@ -104,14 +95,8 @@ def _duration(text: str) -> float:
     return duration
 
 
-def _speeds(model: "StructureModel", text: str | None) -> "list[GivenSpeed]":
+def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
     """Speeds (rad/s) of the map at first, rising."""
-    import numpy as np
-
-    from models.four_bar.run_up.stress_map import spaced
-    from solve.beams.motion import lowest_frequencies
-    from solve.units import RAD_PER_S, GivenSpeed, speeds_in_si
-
     if text is None:
         phase = np.linspace(0.0, model.period, 36, endpoint=False)
         mean = float(lowest_frequencies(*model.at_positions(phase).matrices(), 1).mean())
@@ -125,11 +110,8 @@ def _speeds(model: "StructureModel", text: str | None) -> "list[GivenSpeed]":
     return chosen
 
 
-def _lengths(model: "StructureModel", text: str | None) -> tuple[tuple[float, float], int]:
+def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, float], int]:
     """Least and greatest L4 (m), and how many between. Raises LinkageError where the crank cannot turn."""
-    from models.four_bar.design_map import allowed_lengths
-    from solve.units import conversion
-
     if text is None:
         return allowed_lengths(_linkage(model, model.parameters["L4"])), _LENGTHS
     usage = f'--L4 is \'{text}\'; write "A:B:N unit", N lengths from A to B, such as --L4 "0.52:0.63:48 m"'
@@ -148,8 +130,6 @@ def _lengths(model: "StructureModel", text: str | None) -> tuple[tuple[float, fl
     return (low, high), count
 
 
-def _linkage(model: "StructureModel", L4: float) -> "Linkage":
-    from models.four_bar.linkage import Linkage
-
+def _linkage(model: StructureModel, L4: float) -> Linkage:
     L1, L2, L3 = (model.parameters[name] for name in ("L1", "L2", "L3"))
     return Linkage(L1, L2, L3, L4, str(model.options["branch"]))

@@ -3,6 +3,8 @@
 from typing import Annotated
 
 from models.four_bar.commands.groups import FourBar
+from models.four_bar.results.element_kinds import element_kinds
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 
 _KINDS = "cubic:1,cubic:2,cubic:3,internal:1,curvature:1,dynamic:1"
@@ -16,9 +18,5 @@ def elements(
     turn: Annotated[int, Flag("Crank positions, evenly over the turn.", "N")] = 36,
 ) -> None:
     """Natural frequencies over a turn by several kinds of elements, beside the exact ones."""
-    model = four_bar.loaded()
-
-    from models.four_bar.results.element_kinds import element_kinds
-    from solve.commands.deliver import deliver_result
-
-    deliver_result(results, element_kinds(model, kinds.split(","), count, turn), four_bar.choices)
+    result = element_kinds(four_bar.loaded(), kinds.split(","), count, turn)
+    deliver_result(results, result, four_bar.choices)

@@ -3,9 +3,11 @@
 import math
 from typing import Annotated
 
+from models.four_bar.results.linkage import rigid_motion
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import CaseNumbers, Flag, Results
 from solve.errors import ValueOutOfBoundsError
-from solve.units import LARGEST
+from solve.units import LARGEST, speed_in_si, with_unit
 
 
 def linkage(
@@ -30,10 +32,6 @@ def linkage(
     ] = None,
 ) -> None:
     """Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces."""
-    from models.four_bar.results.linkage import rigid_motion
-    from solve.commands.deliver import deliver_result
-    from solve.units import speed_in_si, with_unit
-
     planes = Results(plot=base_planes).files()[0]
     case = numbers.case_of("four_bar")
     of_case = case.speed if speed is None else speed

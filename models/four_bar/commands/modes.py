@@ -6,6 +6,8 @@ from typing import Annotated
 import typer
 
 from models.four_bar.commands.groups import FourBar
+from models.four_bar.results.modes import modes as found
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 
 
@@ -21,9 +23,5 @@ def modes(
     rtol: Annotated[float, Flag("Relative error of the solution.", "R")] = 1e-6,
 ) -> None:
     """What the modes of each position give to a deflection or stress over one turn."""
-    model = four_bar.loaded()
-
-    from models.four_bar.results.modes import modes as found
-    from solve.commands.deliver import deliver_result
-
-    deliver_result(results, found(model, speed, of, count, uncoupled, rtol), four_bar.choices)
+    result = found(four_bar.loaded(), speed, of, count, uncoupled, rtol)
+    deliver_result(results, result, four_bar.choices)

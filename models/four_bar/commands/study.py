@@ -1,18 +1,20 @@
 """`python -m models.four_bar study`: response over speed for several values of a parameter or option."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import solve
 from models.four_bar.commands.groups import FourBar
+from models.four_bar.dynamic_correction import Corrected
+from solve.beams.structure import StructureModel
+from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Places, Results, Speeds
-from solve.commands.parse import figure_kept
+from solve.commands.parse import assignments, figure_kept, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from solve.beams.structure import StructureModel
-    from solve.system import PeriodicSystem
+from solve.results.plot import shown
+from solve.results.quantities import headed
+from solve.system import PeriodicSystem
 
 _MOST_CURVES = 12
 _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"
@@ -39,48 +41,34 @@ def study(
     rtol: Annotated[float, Flag("Relative error of each solution.", "R")] = 1e-6,
 ) -> None:
     """Stress, deflection or energy over speed for several lengths, dampings, numbers of elements, …"""
-    results.files()
-    omegas = speeds.omegas()
-    kept = figure_kept(figure)
-    model = four_bar.loaded()
+    omegas, kept, model = speeds.omegas(), figure_kept(figure), four_bar.loaded()
     title, systems = _systems(model, over, corrected)
-
-    import solve
-    from solve.commands.deliver import deliver_result
-    from solve.results.plot import shown
-
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
     shown(model, [model.parts(name)[0] for name in names])
     with places.given() as given:
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **given)
     if all(each.results.failed.all() for each in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()
-    deliver_result(
-        results, replace(compared, system=model.shown_in(omegas[0]), figure=kept), four_bar.choices
-    )
+    result = replace(compared, system=model.shown_in(omegas[0]), figure=kept)
+    deliver_result(results, result, four_bar.choices)
 
 
 def _systems(
-    model: "StructureModel", over: str | None, corrected: bool
-) -> tuple[str, "dict[str, PeriodicSystem]"]:
+    model: StructureModel, over: str | None, corrected: bool
+) -> tuple[str, dict[str, PeriodicSystem]]:
     """What varies, and the systems by its value. Raises SolveError subclasses."""
-    from models.four_bar.dynamic_correction import Corrected
-    from solve import variants
-    from solve.results.quantities import headed
-
     systems: dict[str, PeriodicSystem] = {}
     title = ""
     if over is not None:
         name, values = _values(over)
-        systems.update(variants(model, name, values))
+        systems.update(solve.variants(model, name, values))
         title = headed(name, model.unit_of(name).name)
     elif corrected:
         systems["as given"] = model
     else:
         raise MissingValueError(f"nothing varies; {_USAGE}")
     if corrected:
-        one = model.varied(options={"elements": 1})
-        systems["corrected"] = Corrected(one)
+        systems["corrected"] = Corrected(model.varied(options={"elements": 1}))
     if len(systems) > _MOST_CURVES:
         raise ValueOutOfBoundsError(
             f"{len(systems)} curves over speed; allowed: up to {_MOST_CURVES} in one picture"
@@ -88,10 +76,8 @@ def _systems(
     return title, systems
 
 
-def _values(over: str) -> tuple[str, "Sequence[float | str]"]:
+def _values(over: str) -> tuple[str, Sequence[float | str]]:
     """A name and its values, from NAME=A,B,C or NAME=A:B:N; options may be words."""
-    from solve.commands.parse import assignments, points
-
     ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
     if ":" in text:
         return points("--over", over)

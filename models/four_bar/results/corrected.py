@@ -15,7 +15,7 @@ from solve.beams.structure import StructureModel
 from solve.progress import part, stage
 from solve.results.contents import Column, Columns, Contents, model_record, plain
 from solve.results.lasting import lasting
-from solve.results.report import RenderableType, digits, heading, sized, stacked, table_of
+from solve.results.report import RenderableType, digits, sized, table_of
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
@@ -101,11 +101,9 @@ class Corrections(Result):
     def _phase(self) -> Array:
         return np.linspace(0.0, self.system.period, _SAMPLES)
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """A row a model."""
+    def tables(self) -> Sequence[RenderableType]:
         caption = "reference: 2 quintic elements with an inner node a link"
-        made = table_of(self.quantity, self.columns, left=1, caption=caption)
-        return stacked(heading(self.system, self.speed, choices), made)
+        return [table_of(self.quantity, self.columns, left=1, caption=caption)]
 
     def plot(self) -> Figure:
         """The quantity over the turn, a curve a model, the reference wide behind the others."""

@@ -1,6 +1,5 @@
 """How far the curve of a point of the coupler is from its rigid one (thesis Figs. 8.3, 8.4)."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,8 +13,8 @@ from solve.beams.structure import StructureModel
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
-from solve.results.quantities import fixed, prefixed, round_magnification
-from solve.results.report import RenderableType, heading, stacked, table
+from solve.results.quantities import prefixed, round_magnification
+from solve.results.report import RenderableType, sized, table_of
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.results.turn import Turn
 
@@ -74,18 +73,20 @@ class CurveOfPoint(AtOneSpeed):
         curve = {name: column.values for name, column in self.columns.items()}
         return {**super().record(), "curve": plain(curve)}
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+    def tables(self) -> Sequence[RenderableType]:
         """Largest and mean deviation, and its parts along x and y."""
         deviation = self.curve.deviation
         parts = {"distance": np.abs(deviation), "along x": np.real(deviation), "along y": np.imag(deviation)}
-        largest = parts["distance"].max()
-        factor, unit = prefixed("m", largest)
-        made = table("Deviation from the rigid curve", "", f"max|…| ({unit})", "at", f"rms ({unit})")
-        for name, values in parts.items():
-            at = np.abs(values).argmax()
-            sizes = (fixed(size * factor, largest * factor, 5) for size in (abs(values[at]), _rms(values)))
-            made.add_row(name, next(sizes), f"{math.degrees(self.curve.phase[at]):.1f}°", next(sizes))
-        return stacked(heading(self.system, self.orbit.speed, choices), made)
+        sizes = [np.abs(values) for values in parts.values()]
+        largest = [float(size.max()) for size in sizes]
+        at = np.degrees([self.curve.phase[size.argmax()] for size in sizes])
+        columns = {
+            "part": Column([*parts], heading=" "),
+            "max": sized(largest, "m", "", "max|…|", 5),
+            "at": Column(at, heading="at", text="{:.1f}°".format),
+            "rms": sized([_rms(size) for size in sizes], "m", "", "rms", 5, largest[0]),
+        }
+        return [table_of("Deviation from the rigid curve", columns, left=1)]
 
     def plot(self) -> Figure:
         """Both curves, and the distance between them over the turn."""

@@ -12,7 +12,7 @@ from solve.beams.elements import EXACT
 from solve.beams.structure import StructureModel
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, plain
-from solve.results.report import RenderableType, model_heading, stacked, table
+from solve.results.report import RenderableType, table
 from solve.results.result import Result
 from solve.results.style import MANY, Figure, page
 
@@ -59,7 +59,7 @@ class ElementKinds(Result):
         kinds = plain(dict(zip(names, row, strict=True)) for row in rows)
         return {"positions": self.positions, "kinds": kinds}
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+    def tables(self) -> Sequence[RenderableType]:
         """Means over the turn, and how far they are from the exact ones."""
         columns = [f"f{k}" for k in range(1, self.values.shape[2] + 1)]
         shown = table("Means over the turn (rad/s), and above the exact ones", "kind", "freedoms", *columns)
@@ -67,7 +67,7 @@ class ElementKinds(Result):
         for kind, freedoms, mean, error in rows:
             shown.add_row(kind, str(freedoms), *(f"{value:.3f}" for value in mean))
             shown.add_row("", "", *(f"{100 * part:+.3f} %" for part in error))
-        return stacked(model_heading(self.system, choices), shown)
+        return [shown]
 
     def plot(self) -> Figure:
         return _figure(self)

@@ -14,8 +14,7 @@ from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
-from solve.results.quantities import fixed, prefixed
-from solve.results.report import RenderableType, heading, stacked, table
+from solve.results.report import RenderableType, digits, sized, table_of
 from solve.results.style import Figure
 from solve.results.turn_plot import contributions_figure
 
@@ -70,25 +69,24 @@ class Modes(AtOneSpeed):
             curves["uncoupled"] = {"values": self.uncoupled, "error": self.error}
         return {**super().record(), **plain(curves)}
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
+    def tables(self) -> Sequence[RenderableType]:
         """A row a mode: its mean frequency and its largest part."""
-        found = self.contributions
-        largest = np.abs(found.total).max()
-        factor, unit = prefixed(self.system.units[found.output], largest)
-        made = table(found.output, "mode", "mean ω (rad/s)", f"max|…| ({unit})", "share of max (%)")
-
-        def add(name: str, values: Array, frequency: str = "") -> None:
-            size = np.abs(values).max()
-            cells = fixed(size * factor, largest * factor, 5), f"{100 * size / largest:.1f}"
-            made.add_row(name, frequency, *cells)
-
-        for number, (frequencies, values) in enumerate(zip(found.frequencies, found.values, strict=True), 1):
-            add(str(number), values, f"{frequencies[:-1].mean():.3f}")
-        add("all", found.total)
+        found, caption = self.contributions, None
+        curves = {**{str(k): values for k, values in enumerate(found.values, 1)}, "all": found.total}
         if self.uncoupled is not None:
-            add("uncoupled", self.uncoupled)
-            made.caption = f"uncoupled modes miss by up to {100 * self.error:.1f} % of the maximum"
-        return stacked(heading(self.system, self.orbit.speed, choices), made)
+            curves["uncoupled"] = self.uncoupled
+            caption = f"uncoupled modes miss by up to {100 * self.error:.1f} % of the maximum"
+        sizes = [float(np.abs(values).max()) for values in curves.values()]
+        largest = float(np.abs(found.total).max())
+        means = [f"{frequencies[:-1].mean():.3f}" for frequencies in found.frequencies]
+        shares = [size / largest for size in sizes]
+        columns = {
+            "mode": Column([*curves], heading="mode"),
+            "frequency": Column([*means, "", ""][: len(curves)], heading="mean ω (rad/s)"),
+            "max_abs": sized(sizes, self.system.units[found.output], "", "max|…|", 5, largest),
+            "share": Column(shares, heading="share of max (%)", text=digits(".1f", 100.0)),
+        }
+        return [table_of(found.output, columns, left=1, caption=caption)]
 
     def plot(self) -> Figure:
         """The output over the turn, each mode's part of it, and that of uncoupled modes."""

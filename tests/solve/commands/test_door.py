@@ -142,7 +142,9 @@ def test_an_interruption_that_a_library_turns_into_an_error_of_its_own_is_130():
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_an_interruption_while_packages_are_read_or_while_it_works_is_130(program):
-    arguments = ("sweep", "four_bar", "--speeds", "20:400:4000 rad/s") if program == "solve" else ("--help",)
+    long = ("sweep", "four_bar", "--speeds", "20:400:4000 rad/s")
+    reads = {"solve": long, "models.four_bar": ("linkage", "--help")}
+    arguments = reads.get(program, ("--help",))
     for seconds in (0.15, 1.0) if program == "solve" else (0.15,):
         process = subprocess.Popen(
             [sys.executable, "-c", SLOW.format(program), *arguments],

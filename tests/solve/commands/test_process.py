@@ -1,6 +1,5 @@
 """The commands as processes: exit status, streams, and what the folder where the user stands may hold."""
 
-import importlib
 import shutil
 import subprocess
 import sys
@@ -89,11 +88,12 @@ def test_the_installed_command_is_the_module_and_ignores_what_lies_around(tmp_pa
 
 
 def test_the_list_of_commands_says_what_each_says_itself():
-    from solve.commands.app import COMMANDS
+    from models.four_bar.__main__ import PROGRAM
+    from solve.commands.app import SOLVE
 
-    for name, words in COMMANDS.items():
-        command = getattr(importlib.import_module(f"solve.commands.{name}"), name)
-        assert command.__doc__.splitlines()[0] == words
+    for program in (SOLVE, PROGRAM):
+        for name, words in program.listed.items():
+            assert (program.command(name).__doc__ or "").splitlines()[0] == words
 
 
 def test_only_the_command_that_is_called_is_loaded():
