@@ -10,9 +10,9 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain, rows_of
-from solve.results.lasting import lasting
+from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.plot import label_quantity, label_speeds, through, title_of
-from solve.results.quantities import measured, named
+from solve.results.quantities import measured, named, prefixed
 from solve.results.report import Facts, RenderableType, Table, digits, sized, speeds_of, table_of
 from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
@@ -27,58 +27,16 @@ _CLEAR, _ASIDE = 0.05, 0.015
 """Parts of the height and of the width that labels stay away from frames and curves."""
 
 
-@lasting
-@dataclass(frozen=True)
-class Combination:
-    """A combination resonance (ω̄i + sign · ω̄j)/order, modes counted from 1, at a speed in rad/s."""
-
-    speed: float
-    modes: tuple[int, int]
-    sign: int
-    order: int
+_CAPTIONS = {
+    "–": "mode –: no division of a frequency and no combination up to order {0} explains it",
+    "?": "mode ?: several combinations explain it equally well",
+    "+": "mode i+j: (ω̄i + ω̄j)/k",
+    "−": "mode i−j: (ω̄i − ω̄j)/k",
+    "|ρ|": "where |ρ| stands alone, the multiplier is that of its maximum",
+}
 
 
-@lasting
-@dataclass(frozen=True)
-class Maximum:
-    """A speed (rad/s) at which something has a local maximum, and its height there."""
-
-    speed: float
-    height: float
-
-
-@lasting
-@dataclass(frozen=True)
-class Critical:
-    """One critical speed in three ways (rad/s), None where a way does not show it.
-
-    mode (from 1) and order: of the integer division, with the frequencies' means at this speed; at_rest:
-    the same division with those at rest. ratios: the means over the row's speed, from the lowest mode on.
-    combination: what explains the maximum where no division does, None where nothing does.
-    """
-
-    response: Maximum | None = None
-    multiplier: Maximum | None = None
-    division: float | None = None
-    mode: int | None = None
-    order: int | None = None
-    at_rest: float | None = None
-    ratios: Sequence[float] = ()
-    combination: Combination | None = None
-
-    @property
-    def explained(self) -> tuple[str, str]:
-        """Modes and order of what explains the row, in few characters."""
-        if self.combination is None:
-            return str(self.mode or "–"), str(self.order or "–")
-        (high, low), sign = self.combination.modes, "+" if self.combination.sign > 0 else "−"
-        return f"{high}{sign}{low}", str(self.combination.order)
-
-    @property
-    def speed(self) -> float:
-        """The first of the three that there is."""
-        ways = [way.speed for way in (self.response, self.multiplier) if way]
-        return ways[0] if ways else float(self.division or np.nan)
+_NOWHERE = Maximum(math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -146,7 +104,7 @@ class CriticalSpeeds(Result):
         return f"{of} has {maxima} {between}, the highest, {size}, at {unit.text(speed)}."
 
     def maxima(self, way: str) -> list[tuple[float, float]]:
-        """Speeds and heights of the maxima of the "response" or of the "multiplier"."""
+        """Speeds and heights of the maxima of the "response", of the "multiplier" or of the "radius"."""
         found = (getattr(row, way) for row in self.rows)
         return [(maximum.speed, maximum.height) for maximum in found if maximum is not None]
 
@@ -204,18 +162,19 @@ class CriticalSpeeds(Result):
             return speeds_of(self.system, values, meaning, heading, ".3f")
 
         response, multiplier, rows = "response", "multiplier", self.rows
+        raised = any(row.radius for row in rows)
         found = {
             "speed": speeds([row.speed for row in rows], "of this row"),
             "response": speeds(of(response, "speed"), "maximum of the response", "response"),
-            "response_height": sized(
-                of(response, "height"), unit, f"{self.figure} of {self.quantity}", "height", 5
-            ),
+            "response_height": _height(of(response, "height"), unit, f"{self.figure} of {self.quantity}"),
             "multiplier": speeds(
                 of(multiplier, "speed"), "maximum of the dominant multiplier's real part", "multiplier"
             ),
             "multiplier_real_part": Column(
                 of(multiplier, "height"), "1", "its height", "Re ρ", digits(".2e")
             ),
+            "radius": speeds(of("radius", "speed"), "maximum of the spectral radius"),
+            "radius_height": Column(of("radius", "height"), "1", "its height", "|ρ|" * raised, digits(".3f")),
             "division": speeds(
                 [row.division for row in rows],
                 "integer division of the mean natural frequency at this speed",
@@ -229,12 +188,20 @@ class CriticalSpeeds(Result):
             texts = [row.explained[at] for row in rows]
             values = [getattr(row, name) for row in rows]
             found[name] = Column(values, "", "of the division", heading, texts)
+        # In tables a maximum of |ρ| alone stands where others have that of Re ρ, and what explains it where
+        # others have a division.
+        instead = (
+            ("multiplier", [(row.multiplier or row.radius or _NOWHERE).speed for row in rows]),
+            ("division", [row.division or (row.combination or _NOWHERE).speed for row in rows]),
+        )
+        for name, values in instead:
+            found[name] = found[name]._replace(text=found[name]._replace(values=values).texts)
         return found
 
     def record(self) -> dict[str, Any]:
         found = super().record()
         for row, critical in zip(found["rows"], self.rows, strict=True):
-            row |= plain({"ratios": critical.ratios, "combination": critical.combination})
+            row |= plain({name: getattr(critical, name) for name in ("ratios", "combination", "candidates")})
         return found
 
     def facts(self) -> Facts:
@@ -252,8 +219,9 @@ class CriticalSpeeds(Result):
         height = named(self.figure, self.quantity)
         title = f"Critical speeds in {self.system.speed_unit.name}; height: {height}"
         caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
-        if any(row.explained[0] == "–" for row in self.rows):
-            caption += "; \nmode –: no division of a frequency and no combination explains it"
+        for sign, rule in _CAPTIONS.items():
+            if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in self.rows):
+                caption += f"; \n{rule.format(self.orders)}"
         return table_of(title, self.columns, caption=caption)
 
     def _combinations_table(self) -> Table:
@@ -267,6 +235,15 @@ class CriticalSpeeds(Result):
         more = len(self.combinations) - len(some)
         caption = f"and {more} at lower speeds" if more else None
         return table_of(f"Combinations (ω̄i ± ω̄j)/k, {self.system.speed_unit.name}", columns, caption=caption)
+
+
+def _height(values: list[float | None], unit: str, meaning: str) -> Column:
+    """Heights of maxima; where one is many times another, each has its own digits."""
+    column = sized(values, unit, meaning, "height", 5)
+    heights = [abs(value) for value in values if value]
+    if not heights or max(heights) <= _MOST_DECADES * min(heights):
+        return column
+    return column._replace(text=digits(".4e", prefixed(unit, max(heights))[0]))
 
 
 def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
@@ -300,6 +277,8 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
         axes.plot(shown(found.speeds), sign * rooted(found.radius), **dots)
     marks = [(speed, float(rooted(np.array(height)))) for speed, height in maxima]
     _draw_marks(axes, found, marks, 1, VERMILION, "maximum of Re ρ")
+    marks = [(speed, float(rooted(np.array(height)))) for speed, height in found.maxima("radius")]
+    _draw_marks(axes, found, marks, 1, GREY, "maximum of |ρ|")
     reach = float(np.nanmax(found.radius, initial=1e-12))
     ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
     places = [0.0, *ticks, *(-size for size in ticks)]

@@ -87,6 +87,14 @@ class PointResults:
         return np.abs(self.multipliers[:, 0])
 
     @property
+    def leading(self) -> Array:
+        """Which of the multipliers are the largest but for their errors (P, N); none where failed."""
+        modulus, radius = np.abs(self.multipliers), self.spectral_radius[:, None]
+        with np.errstate(invalid="ignore"):
+            least = radius * (1 - 2 * self.errors[:, 1:] - UNIT_CIRCLE)
+        return (modulus >= np.where(np.isnan(least), radius, least)) & ~self.failed[:, None]
+
+    @property
     def failed(self) -> Array:
         """Where there is no result (P,)."""
         return self.verdicts == FAILED

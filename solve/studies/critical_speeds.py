@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.batch.batch import POINTS, Batch
+from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
@@ -22,10 +22,22 @@ from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.period.multipliers import VERDICTS
 from solve.progress import part, stage, steps
-from solve.results.critical_speeds import Combination, Critical, CriticalSpeeds, Maximum
+from solve.results.critical_rows import Combination, Critical, Maximum
+from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
-from solve.studies.explained import CLOSE, Explained, allowed_distance, frozen_phases, of_multipliers
+from solve.studies.boundaries import LIGHTLY_DAMPED
+from solve.studies.explained import (
+    CLOSE,
+    Explained,
+    Turn,
+    allowed_distance,
+    excited,
+    frozen_phases,
+    of_modulus,
+    of_real_part,
+)
+from solve.studies.maxima import peaks, sharpened
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
 
@@ -35,17 +47,14 @@ RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 _A_DIVISION = 24
 """Speeds between two neighbouring integer divisions of the lowest frequency."""
 
-_ZOOM = 9
-"""Speeds within a bracket of a maximum."""
-
-_PROMINENT = 1e-2
-"""Part of its own height by which a maximum must rise above the ground on either side."""
-
 _ASIDE = 0.25
 """Part of the distance between divisions at which a maximum is compared with what lies beside it."""
 
 _SHARE = 0.1
 """Part of the largest rise of an order's power from which on that order explains a maximum."""
+
+_ALIKE = 1e-3
+"""Relative difference of speeds up to which maxima of a multiplier's real part and of its modulus are one."""
 
 _ROUNDING, _COMPLEX = 1e-12, 1e-6
 """Negative and imaginary parts of squares of frequencies, relative to the largest, that are rounding: of
@@ -190,30 +199,27 @@ class _Search:
     def response(self, found: PointResults) -> Array:
         return found.figures[:, 0, FIGURES.index(self.figure)]
 
+    def radius(self, found: PointResults) -> Array:
+        """The spectral radius; NaN where a turn forgets most of the one before."""
+        radius = found.spectral_radius
+        return np.where(radius >= LIGHTLY_DAMPED, radius, np.nan)
+
     def real_part(self, found: PointResults) -> Array:
-        return np.real(found.multipliers[:, 0])
+        """The largest real part of the multipliers that are dominant but for their errors."""
+        largest = np.where(found.leading, np.real(found.multipliers), -np.inf).max(axis=1)
+        return np.where(found.failed, np.nan, largest)
 
-    def maxima(self, speeds: Array, values: Array, value: Callable[[PointResults], Array]) -> list[Maximum]:
-        """Prominent local maxima of the values (P,) over the speeds, zoomed into."""
-        from scipy.signal import find_peaks
+    def maxima(
+        self, speeds: Array, values: Array, errors: Array, value: Callable[[PointResults], Array]
+    ) -> list[Maximum]:
+        """Prominent local maxima of those of the values (P,), with errors, that are known, zoomed into."""
+        known = np.isfinite(values)
+        speeds, values = speeds[known], values[known]
 
-        filled = np.where(np.isfinite(values), values, -np.inf)
-        top, prominences = find_peaks(filled, prominence=0.0)
-        top = top[prominences["prominences"] > _PROMINENT * np.abs(filled[top])]
-        if len(top) == 0:
-            return []
-        low, high, best, height = speeds[top - 1], speeds[top + 1], speeds[top], filled[top]
-        times = np.log(((high - low) / (2 * self.tolerance * best)).max()) / np.log((_ZOOM + 1) / 2)
-        with stage(POINTS, len(top) * _ZOOM * max(1, np.ceil(times))):
-            while ((high - low) > 2 * self.tolerance * best).any():
-                trials = np.linspace(low, high, _ZOOM + 2, axis=1)
-                with part(POINTS, len(top) * _ZOOM):
-                    found = value(self.solved(trials[:, 1:-1].ravel())).reshape(len(top), _ZOOM)
-                at = np.where(np.isfinite(found), found, -np.inf).argmax(axis=1)
-                every = np.arange(len(top))
-                low, best, high = trials[every, at], trials[every, at + 1], trials[every, at + 2]
-                height = found[every, at]
-        return [Maximum(float(speed), float(peak)) for speed, peak in zip(best, height, strict=True)]
+        def at(trials: Array) -> Array:
+            return value(self.solved(trials))
+
+        return sharpened(speeds, values, peaks(values, errors[known]), at, self.tolerance)
 
     def risen(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the response that are reached, beside an unstable range at the nearest, each with the
@@ -249,16 +255,28 @@ class _Search:
         ]
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
-        """Maxima of the dominant multiplier's real part, each with what explains it; nothing does where the
-        motion is unstable."""
+        """Maxima of the dominant multiplier's real part, each with what explains it."""
         found = self.solved(np.array([one.speed for one in maxima]))
-        unstable = found.verdicts == VERDICTS.index("unstable")
-        system, explained = self.batch.family.example, []
-        for one, grows, rho in zip(maxima, unstable, found.multipliers, strict=True):
+        leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)
+        return [
+            of_real_part(turn, one, int(lead), orders, unstable=grows)
+            for one, lead, (turn, grows) in zip(maxima, leads, self._turns(maxima, found), strict=True)
+        ]
+
+    def raised(self, maxima: list[Maximum], orders: int) -> list[Explained]:
+        """Maxima of the spectral radius, each with what explains it."""
+        found = self.solved(np.array([one.speed for one in maxima]))
+        return [
+            of_modulus(turn, one, orders)
+            for one, (turn, _) in zip(maxima, self._turns(maxima, found), strict=True)
+        ]
+
+    def _turns(self, maxima: list[Maximum], found: PointResults) -> Iterator[tuple[Turn, bool]]:
+        """What a period does to the modes at each, and whether the motion is unstable."""
+        system, unstable = self.batch.family.example, found.verdicts == VERDICTS.index("unstable")
+        for one, grows, rho in zip(maxima, unstable.tolist(), found.multipliers, strict=True):
             ratios = MeanFrequencies(system, np.array([one.speed])).values[0] / one.speed
-            by = Explained(one, set()) if grows else of_multipliers(system, one, rho, ratios, orders)
-            explained.append(by)
-        return explained
+            yield Turn(system, one.speed, rho, ratios), grows
 
 
 def _rows(
@@ -274,18 +292,24 @@ def _rows(
     resolved = frequencies.values[:, 0] <= (orders + 0.5) * grid
     response = np.where(resolved, search.response(found), np.nan)
     real_part = search.real_part(found)
-    real_part = np.where(resolved & (real_part > 0), real_part, np.nan)
+    real_part = np.where(resolved, np.maximum(real_part, 0.0), np.nan)
     rows = [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
         for order, speed in _crossed(frequencies, weights, orders)
     ]
+    error, radius = (
+        found.errors[:, 1] * found.spectral_radius,
+        np.where(resolved, search.radius(found), np.nan),
+    )
     step("maxima of the response")
-    tops = search.maxima(grid, response, search.response)
+    tops = search.maxima(grid, response, found.errors[:, 0] * np.abs(response), search.response)
     rows = _assigned(rows, search.risen(tops, orders), frequencies, "response")
     step("maxima of the dominant multiplier")
-    tops = search.maxima(grid, real_part, search.real_part)
+    tops = search.maxima(grid, real_part, error, search.real_part)
     rows = _assigned(rows, search.turned(tops, orders), frequencies, "multiplier")
+    tops = search.maxima(grid, radius, error, search.radius)
+    rows = _assigned(rows, search.raised(tops, orders), frequencies, "radius")
     rows = [replace(row, ratios=(frequencies.at(row.speed) / row.speed).tolist()) for row in rows]
     return sorted(rows, key=lambda row: -row.speed)
 
@@ -294,32 +318,46 @@ def _assigned(
     rows: list[Critical], explained: list[Explained], frequencies: MeanFrequencies, way: str
 ) -> list[Critical]:
     """The rows with each maximum at the division that explains it: one that does, and near; the higher first.
-    A row of its own where there is none, or where frozen frequencies mean nothing."""
-    rows, alone = list(rows), []
-    for maximum, divisions, combination in sorted(explained, key=lambda one: -one.maximum.height):
-        here = MeanFrequencies(frequencies.system, np.array([maximum.speed]))
-        ratios = here.values[0] / maximum.speed
+    A row of its own where there is none, or where frozen frequencies mean nothing, one for a combination."""
+    rows = list(rows)
+    for one in sorted(explained, key=lambda one: -one.maximum.height):
+        here = MeanFrequencies(frequencies.system, np.array([one.maximum.speed]))
+        ratios = here.values[0] / one.maximum.speed
+        several = () if here.imaginary[0] else one.combinations
+        combination = several[0] if len(several) == 1 else None
         places = [
             (abs(ratios[(row.mode or 0) - 1] - (row.order or 0)), place)
             for place, row in enumerate(rows)
-            if (row.mode, row.order) in divisions and getattr(row, way) is None and not here.imaginary[0]
+            if (row.mode, row.order) in one.divisions and getattr(row, way) is None and not here.imaginary[0]
         ]
         distance, place = min(places, default=(np.inf, 0))
-        if places and distance < allowed_distance(rows[place].order or 0):
-            rows[place] = replace(rows[place], **{way: maximum})
-        else:
-            explained_by = None if here.imaginary[0] else combination
-            alone.append(replace(Critical(combination=explained_by), **{way: maximum}))
-    return rows + alone
+        if not places or distance >= allowed_distance(rows[place].order or 0):
+            place = next((at for at, row in enumerate(rows) if _tells(row, one, combination, way)), len(rows))
+            candidates = several if len(several) > 1 else ()
+            rows += [Critical(combination=combination, candidates=candidates)] * (place == len(rows))
+        rows[place] = replace(rows[place], **{way: one.maximum})
+    return rows
+
+
+def _tells(row: Critical, one: Explained, combination: Combination | None, way: str) -> bool:
+    """Whether a row stands for this maximum of that way already."""
+    if getattr(row, way) is not None:
+        return False
+    apart = abs(row.speed - one.maximum.speed) / one.maximum.speed
+    if combination is not None and row.combination is not None:
+        return combination.same(row.combination) and apart < CLOSE
+    return way == "radius" and row.multiplier is not None and apart < _ALIKE
 
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
-    """Every (ω̄i ± ω̄j)/k within the speeds, k up to `orders`, falling in speed."""
+    """Every (ω̄i ± ω̄j)/k within the speeds, with k up to `orders` that the matrices may have by their period,
+    falling in speed; integer divisions are none."""
     modes, found = np.eye(frequencies.values.shape[1]), []
-    for low, high in itertools.combinations(range(len(modes)), 2):
-        for sign in (1, -1):
+    for low, high in itertools.combinations_with_replacement(range(len(modes)), 2):
+        for sign in (1, -1) if high > low else (1,):
             crossed = _crossed(frequencies, modes[high] + sign * modes[low], orders)
-            found += [Combination(speed, (high + 1, low + 1), sign, order) for order, speed in crossed]
+            every = (Combination(speed, (high + 1, low + 1), sign, order) for order, speed in crossed)
+            found += [one for one in every if not one.is_division and excited(frequencies.system, one.order)]
     return sorted(found, key=lambda one: -one.speed)
 
 

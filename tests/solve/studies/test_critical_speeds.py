@@ -60,9 +60,11 @@ def test_divisions_and_combinations_are_exact(found):
     assert {order for mode, order in divided if mode == 1} == {1, 2, 3, 4}
     for (mode, order), speed in divided.items():
         assert speed == pytest.approx(FREQUENCIES[mode - 1] / order, rel=1e-12)
-    assert found.combinations
+    principal = [one.order for one in found.combinations if one.modes == (1, 1)]
+    assert principal == [3, 5]
     for one in found.combinations:
-        exact = (FREQUENCIES[1] + one.sign * FREQUENCIES[0]) / one.order
+        high, low = (FREQUENCIES[mode - 1] for mode in one.modes)
+        exact = (high + one.sign * low) / one.order
         assert one.speed == pytest.approx(exact, rel=1e-12)
 
 
@@ -215,7 +217,7 @@ def test_no_division_explains_a_maximum_of_the_multiplier_where_another_takes_th
     assert row.multiplier.speed == pytest.approx(10.0, rel=1e-4)
     assert (row.mode, row.order, row.combination) == (None, None, None)
     assert made.record()["rows"][made.rows.index(row)]["combination"] is None
-    assert "no division of a frequency and no combination explains it" in made._repr_html_()
+    assert "no division of a frequency and no combination up to order 6 explains it" in made._repr_html_()
 
 
 def test_a_combination_explains_the_maximum_of_the_multiplier_where_two_modes_meet():
@@ -233,3 +235,77 @@ def test_a_combination_explains_the_maximum_of_the_multiplier_where_two_modes_me
     assert "2+1" in made._repr_html_()
     (found,) = [each for each in made.record()["rows"] if each["combination"]]
     assert found["combination"]["modes"] == [2, 1]
+
+
+def coupled(frequencies, damping, amplitude, sign=1, own=0.0):
+    """Oscillators of one damping c that a stiffness varying as cos Ωt couples, antisymmetrically for sign -1;
+    it acts in the first besides. In the first approximation the sum of the frequencies grows, with sign -1
+    the difference, at the rate -c/2 + sqrt(ε²/(16 ω1 ω2) - (Ω - ω2 ∓ ω1)²/4) (A. H. Nayfeh, D. T. Mook,
+    Nonlinear Oscillations, 1979, Section 5.4)."""
+    coupling = np.array([[own, amplitude], [sign * amplitude, 0.0]])
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = one * np.diag(np.square(frequencies)) + np.cos(phase)[:, None, None] * coupling
+        return one * np.eye(2), damping * one * np.eye(2), stiffness, np.zeros((len(phase), 2))
+
+    return solve.PeriodicSystem(matrices, ["x", "y"])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("damping", [0.0, 0.05, 0.1])
+def test_a_combination_resonance_of_modes_that_decay_alike_is_found(damping, sign):
+    """Whether it makes the motion unstable or not: all moduli are alike beside it, and only |ρ| rises."""
+    low, high, amplitude = 1.0, np.sqrt(3.0), 0.1
+    speed = high + sign * low
+    made = solve.critical_speeds(
+        coupled((low, high), damping, amplitude, sign), speed * np.linspace(0.85, 1.17, 65), orders=4
+    )
+    (row,) = [row for row in made.rows if row.radius]
+    assert (row.combination.modes, row.combination.sign, row.combination.order) == ((2, 1), sign, 1)
+    assert row.combination.speed == pytest.approx(speed, rel=0.01)
+    largest = amplitude / np.sqrt(16 * low * high)
+
+    def radius(at):
+        return np.exp(2 * np.pi / at * (-damping / 2 + np.sqrt(largest**2 - (at - speed) ** 2 / 4)))
+
+    edges = speed - 2 * largest, speed + 2 * largest
+    truth = minimize_scalar(lambda at: -radius(at), bounds=edges, method="bounded")
+    assert row.radius.speed == pytest.approx(truth.x, rel=0.01)
+    assert row.radius.height == pytest.approx(radius(truth.x), rel=0.01)
+    assert f"2{'+' if sign > 0 else '−'}1" in repr(made)
+
+
+def test_the_parametric_resonance_of_one_mode_is_found_at_twice_its_frequency():
+    mathieu = solve.load("mathieu", delta=1.0, epsilon=0.2, zeta=0.0)
+    made = solve.critical_speeds(mathieu, np.linspace(0.6, 1.5, 46), orders=4)
+    (row,) = [row for row in made.rows if row.radius]
+    assert (row.mode, row.order) == (1, 1)
+    assert row.radius.speed == pytest.approx(1.0, rel=1e-2)
+    made = solve.critical_speeds(coupled((1.0, 2.3), 0.02, 0.0, own=0.2), np.linspace(1.7, 2.25, 45))
+    (row,) = [row for row in made.rows if row.radius]
+    assert (row.combination.modes, row.combination.sign, row.combination.order) == ((1, 1), 1, 1)
+    assert row.radius.speed == pytest.approx(2.0, rel=1e-2)
+
+
+def test_without_damping_each_maximum_of_the_multiplier_is_a_division():
+    """cos ωT = 1 at Ω = ω/k, and nowhere else is the largest of cos ω1 T and cos ω2 T a smooth maximum: with
+    all moduli 1 the dominant multiplier is no single one."""
+    frequencies = np.array([1.0, 1.7])
+    made = solve.critical_speeds(coupled(frequencies, 0.0, 0.0), np.linspace(0.4, 2.0, 90), orders=4)
+    found = {(row.mode, row.order): row.multiplier.speed for row in made.rows if row.multiplier}
+    assert set(found) == {(2, 1), (1, 1), (2, 2), (2, 3), (1, 2), (2, 4)}
+    for (mode, order), speed in found.items():
+        assert speed == pytest.approx(frequencies[mode - 1] / order, rel=1e-4)
+    assert not [row for row in made.rows if row.radius]
+
+
+def test_combinations_that_explain_equally_well_are_all_told():
+    """Of two modes that are nearly alike, 1+1, 2+1 and 2+2 lie nearer to each other than means can tell."""
+    made = solve.critical_speeds(
+        coupled((1.0, 1.002), 0.01, 0.0, own=0.1), np.linspace(1.9, 2.1, 60), orders=4
+    )
+    (row,) = [row for row in made.rows if row.radius]
+    assert row.combination is None
+    assert {(one.modes, one.order) for one in row.candidates} == {((1, 1), 1), ((2, 1), 1), ((2, 2), 1)}
+    assert "several combinations explain it equally well" in repr(made)
