@@ -1,6 +1,6 @@
 """How steps grow from grid to grid, and what two grids tell of the finer one's error.
 
-Numbers of steps are 16, 24, 32, 48, 64, 96, …: few different ones, so that grids are met again and what
+Numbers of steps are 8, 12, 16, 24, 32, 48, …: few different ones, so that grids are met again and what
 belongs to them can be kept. A grid is compared with the one before; how fast their differences fall tells
 the power of the steps with which the error falls, and how far the next grid should go.
 """
@@ -13,7 +13,10 @@ import numpy as np
 from solve.arrays import Array, across
 from solve.methods.method import Method
 
-_LEAST = 16
+_LEAST = 8
+_SERIES_LEAST = 16
+"""Steps to begin with where they are samples of a series, which shows nothing of what it leaves out."""
+
 _DAMPING_LEAST = 64
 """Steps to begin with where stiff modes may be present that need not be followed."""
 
@@ -46,14 +49,16 @@ class Pace:
 
 
 def rung(steps: int) -> int:
-    """The least of the numbers 16, 24, 32, 48, 64, … that is not below `steps`."""
+    """The least of the numbers 8, 12, 16, 24, 32, … that is not below `steps`."""
     power = 1 << (max(steps, _LEAST) - 1).bit_length()
     return 3 * power // 4 if 3 * power // 4 >= max(steps, _LEAST) else power
 
 
 def first_steps(method: Method) -> int:
     """Steps of the first grid."""
-    return _DAMPING_LEAST if method.l_stable else _LEAST
+    if method.l_stable:
+        return _DAMPING_LEAST
+    return _SERIES_LEAST if method.spectral else _LEAST
 
 
 def seen_by_both(pace: Pace, method: Method) -> int:
