@@ -20,8 +20,8 @@ _BESIDE = 0.05
 """Part of a bracket at which a parabola's vertex is verified on both of its sides."""
 
 _FIRST, _A_ROUND, _SHRINKS = 9, 5, 8.0
-"""Speeds solved for a maximum in the first round and in a further one, and how much shorter its bracket is
-after one, as measured."""
+"""Speeds solved for a maximum in each of the first two rounds and in a further one, and how much shorter its
+bracket is after one, as measured."""
 
 
 def peaks(values: Array, errors: Array) -> Array:
@@ -40,8 +40,9 @@ def sharpened(
     """The maxima at positions `top` (k,) of finite values (P,) over rising speeds (P,), each to a tolerance
     relative to its speed. value: of speeds (m,), NaN where there is none.
 
-    The highest point known is kept between its neighbours. The first round divides a bracket evenly, in which
-    there may be several maxima; each further one tries the vertex of the parabola through the three points,
+    The highest point known is kept between its neighbours. The first two rounds divide a bracket
+    evenly, as there may be several maxima in it, such as one where a pair of multipliers has met on the real
+    axis; each further one tries the vertex of the parabola through the three points,
     others beside it, and the middles of both sides, so that a bracket is halved where the maximum is no
     parabola's, as beside a jump.
     """
@@ -50,8 +51,8 @@ def sharpened(
     around = top[:, None] + np.array([-1, 0, 1])
     x, y = speeds[around], values[around]
     rounds = np.log(((x[:, 2] - x[:, 0]) / (2 * tolerance * x[:, 1])).max()) / np.log(_SHRINKS)
-    with stage(POINTS, len(top) * (_FIRST + _A_ROUND * np.ceil(max(0.0, rounds - 1)))):
-        for trying in itertools.chain([_even], itertools.repeat(_trials)):
+    with stage(POINTS, len(top) * (2 * _FIRST + _A_ROUND * np.ceil(max(0.0, rounds - 2)))):
+        for trying in itertools.chain([_even, _even], itertools.repeat(_trials)):
             open_ = np.flatnonzero(x[:, 2] - x[:, 0] > 2 * tolerance * x[:, 1])
             if len(open_) == 0:
                 break
