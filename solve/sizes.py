@@ -47,7 +47,6 @@ def require_size(what: str, count: float, each: float = 1) -> None:
     solve.errors.ValueOutOfBoundsError: 1e+09 points; allowed: up to 3355443, or more with --limit 2e+10
     """
     if count * each > most_numbers():
-        raise ValueOutOfBoundsError(
-            f"{count:.6g} {what}; allowed: up to {int(most_numbers() / each)}, or more with "
-            f"--limit {count * each:.3g}"
-        )
+        most, needed = int(most_numbers() / each), f"--limit {count * each:.3g}"
+        allowed = f"up to {most}, or more with {needed}" if most else f"{needed} or more, or none at all"
+        raise ValueOutOfBoundsError(f"{count:.6g} {what}; allowed: {allowed}")

@@ -162,11 +162,20 @@ class PeriodicSystem:
         unit = unit_given(speed, self.speed_unit)
         if unit == self.speed_unit:
             return self
-        if unit not in self._by_speed_unit:
-            shown = object.__new__(type(self))
-            vars(shown).update(vars(self), speed_unit=unit)
-            self._by_speed_unit[unit] = shown
-        return self._by_speed_unit[unit]
+        known = self._by_speed_unit.get(unit)
+        if known is None or not known._states(self):
+            known = object.__new__(type(self))
+            vars(known).update(vars(self), speed_unit=unit)
+            self._by_speed_unit[unit] = known
+        return known
+
+    def _states(self, other: Self) -> bool:
+        """Whether this has the attributes of the other, but for the unit and for what either calculated."""
+        return all(
+            vars(self).get(name) is value
+            for name, value in vars(other).items()
+            if name != "speed_unit" and not isinstance(getattr(type(self), name, None), cached_property)
+        )
 
     @cached_property
     def _by_speed_unit(self) -> dict[ShownUnit, Self]:

@@ -25,6 +25,16 @@ class CompilerError(Exception):
     """No compiled code: there is no C compiler, or it fails. The message is one line."""
 
 
+_WHAT = {
+    "columns": "a model's formulas, for many cases",
+    "figures": "extremes and harmonics over a turn",
+    "lanes": "periodic solutions",
+    "pointwise": "a model's formulas, for many points",
+    "responses": "the stages of a turn's steps",
+}
+"""What is in the C files, for those who wait for them."""
+
+
 def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctypes.CDLL:
     """The library of a C file with the sizes as macros, and a file with the formulas as another, FORMULAS,
     where there are some; a first compilation is announced by a line of the logger of this module. Raises
@@ -36,8 +46,8 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
         if not _sound(library):
-            what = ", ".join(f"{name} = {value}" for name, value in sizes.items())
-            _LOGGER.warning("compiling %s for this machine, once: %s", source.stem, what)
+            of = f" of {sizes['N']} coordinates" if "N" in sizes else ""
+            _LOGGER.warning("compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), of)
             command = [compiler, *MACHINE, *_FLAGS, f"-I{_HEADERS}", *macros, str(source), "-lm"]
             _compile(command, library, formulas)
         return ctypes.CDLL(str(library))

@@ -179,7 +179,8 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
             names, q, qd = tuple(held["coordinates"].tolist()), held["q"][:, -1], held["qd"][:, -1]
     except (OSError, KeyError, ValueError, IndexError):
         raise FileError(
-            f"start '{file}' is no saved orbit or transient; save one with --save {file}"
+            f"start '{file}' is no saved orbit or transient; allowed: {REST}, {ORBIT}, or a file .npz that "
+            "`solve periodic` or `solve transient` wrote with --save"
         ) from None
     if names != system.coordinates:
         raise FileError(

@@ -233,7 +233,9 @@ class CriticalSpeeds(Result):
             "k": Column([one.order for one in some], heading="k"),
         }
         more = len(self.combinations) - len(some)
-        caption = f"and {more} at lower speeds" if more else None
+        parts = [f"and {more} at lower speeds"] * bool(more)
+        parts += ["i = j: parametric resonances of one mode"] * any(len({*one.modes}) == 1 for one in some)
+        caption = "; ".join(parts) or None
         return table_of(f"Combinations (ω̄i ± ω̄j)/k, {self.system.speed_unit.name}", columns, caption=caption)
 
 
@@ -272,9 +274,10 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
     speeds, real_part = _curve(found.speeds, found.real_part, maxima)
     shown = found.system.speed_unit.of
     axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
+    at, radius = _curve(found.speeds, found.radius, found.maxima("radius"))
     for sign, label in ((1, "±|ρ|"), (-1, None)):
         dots = {"color": GREY, "linewidth": 0.7, "linestyle": ":", "label": label}
-        axes.plot(shown(found.speeds), sign * rooted(found.radius), **dots)
+        axes.plot(shown(at), sign * rooted(radius), **dots)
     marks = [(speed, float(rooted(np.array(height)))) for speed, height in maxima]
     _draw_marks(axes, found, marks, 1, VERMILION, "maximum of Re ρ")
     marks = [(speed, float(rooted(np.array(height)))) for speed, height in found.maxima("radius")]

@@ -135,7 +135,8 @@ def critical_speeds(
     rest = MeanFrequencies(system, np.array([0.0]))
     grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
     batch = task.batch(grid[:, None])
-    search = _Search(batch, task.kept, figure, checked_tolerance(tolerance))
+    without = replace(task, request=replace(task.request, orbit=False)).batch(grid[:, None])
+    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance))
     frequencies = MeanFrequencies(system, grid)
     with steps(4) as step:
         step("all speeds")
@@ -186,15 +187,20 @@ def _refined_grid(omegas: Array, lowest: float, orders: int) -> Array:
 
 @dataclass
 class _Search:
-    """Solves speeds and finds maxima between them."""
+    """Solves speeds and finds maxima between them. multipliers: the batch that leaves out orbits."""
 
     batch: Batch
+    multipliers: Batch
     kept: Kept
     figure: str
     tolerance: float
 
     def solved(self, speeds: Array) -> PointResults:
         return gathered(self.batch, speeds[:, None], self.kept)
+
+    def turning(self, speeds: Array) -> PointResults:
+        """Multipliers alone."""
+        return gathered(self.multipliers, speeds[:, None], Kept(warnings=False))
 
     def response(self, found: PointResults) -> Array:
         return found.figures[:, 0, FIGURES.index(self.figure)]
@@ -216,10 +222,9 @@ class _Search:
         known = np.isfinite(values)
         speeds, values = speeds[known], values[known]
 
-        def at(trials: Array) -> Array:
-            return value(self.solved(trials))
-
-        return sharpened(speeds, values, peaks(values, errors[known]), at, self.tolerance)
+        solved = self.solved if value == self.response else self.turning
+        top = peaks(values, errors[known])
+        return sharpened(speeds, values, top, lambda trials: value(solved(trials)), self.tolerance)
 
     def risen(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the response that are reached, beside an unstable range at the nearest, each with the
@@ -256,7 +261,7 @@ class _Search:
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the dominant multiplier's real part, each with what explains it."""
-        found = self.solved(np.array([one.speed for one in maxima]))
+        found = self.turning(np.array([one.speed for one in maxima]))
         leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)
         return [
             of_real_part(turn, one, int(lead), orders, unstable=grows)
@@ -264,11 +269,13 @@ class _Search:
         ]
 
     def raised(self, maxima: list[Maximum], orders: int) -> list[Explained]:
-        """Maxima of the spectral radius, each with what explains it."""
-        found = self.solved(np.array([one.speed for one in maxima]))
+        """Maxima of the spectral radius, each with what explains it; but for those of stable motions that
+        nothing explains, for it falls on either side where a mode meets one that decays faster."""
+        found = self.turning(np.array([one.speed for one in maxima]))
         return [
-            of_modulus(turn, one, orders)
-            for one, (turn, _) in zip(maxima, self._turns(maxima, found), strict=True)
+            explained
+            for one, (turn, grows) in zip(maxima, self._turns(maxima, found), strict=True)
+            if any((explained := of_modulus(turn, one, orders))[1:]) or grows
         ]
 
     def _turns(self, maxima: list[Maximum], found: PointResults) -> Iterator[tuple[Turn, bool]]:

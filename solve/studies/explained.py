@@ -29,9 +29,9 @@ _DECAYS = 0.25
 _MOST = 9.0
 """Of a square of a difference over what is allowed: no single one decides which multipliers are whose."""
 
-_ALLOWED, _AS_GOOD = 3.0, 0.3
-"""Sum of such squares up to which something explains a maximum, and by how much more another must have to be
-known not to."""
+_ALLOWED, _SURELY, _AS_GOOD = 3.0, 1.0, 0.3
+"""Sum of such squares up to which something explains a maximum of a real part, and of the spectral radius,
+which is narrower; and by how much more another must have to be known not to."""
 
 _WEAKER = 0.1
 """As much as a square of such a difference, an order that is higher by one."""
@@ -216,7 +216,7 @@ def of_real_part(turn: Turn, maximum: Maximum, lead: int, orders: int, *, unstab
 def of_modulus(turn: Turn, maximum: Maximum, orders: int) -> Explained:
     """What explains a maximum of the spectral radius: modes whose multipliers meet, or one that has turned to
     +1 or -1."""
-    return _explained(maximum, turn.combined(turn.pair_of(0), orders))
+    return _explained(maximum, [one for one in turn.combined(turn.pair_of(0), orders) if one[0] <= _SURELY])
 
 
 def _explained(maximum: Maximum, found: list[tuple[float, Combination]]) -> Explained:

@@ -1,5 +1,6 @@
 """Local maxima over speed of figures that are solved for, several at once."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -18,8 +19,9 @@ _SURE = 2.0
 _BESIDE = 0.05
 """Part of a bracket at which a parabola's vertex is verified on both of its sides."""
 
-_A_ROUND, _SHRINKS = 5, 8.0
-"""Speeds solved for a maximum in a round, and how much shorter its bracket is after one, as measured."""
+_FIRST, _A_ROUND, _SHRINKS = 9, 5, 8.0
+"""Speeds solved for a maximum in each of the first two rounds and in a further one, and how much shorter its
+bracket is after one, as measured."""
 
 
 def peaks(values: Array, errors: Array) -> Array:
@@ -38,27 +40,37 @@ def sharpened(
     """The maxima at positions `top` (k,) of finite values (P,) over rising speeds (P,), each to a tolerance
     relative to its speed. value: of speeds (m,), NaN where there is none.
 
-    The highest point known is kept between its neighbours. In each round the vertex of the parabola through
-    the three is tried, points beside it, and the middles of both sides, so that a bracket is halved where the
-    maximum is no parabola's, as beside a jump.
+    The highest point known is kept between its neighbours. The first two rounds divide a bracket
+    evenly, as there may be several maxima in it, such as one where a pair of multipliers has met on the real
+    axis; each further one tries the vertex of the parabola through the three points,
+    others beside it, and the middles of both sides, so that a bracket is halved where the maximum is no
+    parabola's, as beside a jump.
     """
     if len(top) == 0:
         return []
     around = top[:, None] + np.array([-1, 0, 1])
     x, y = speeds[around], values[around]
     rounds = np.log(((x[:, 2] - x[:, 0]) / (2 * tolerance * x[:, 1])).max()) / np.log(_SHRINKS)
-    with stage(POINTS, len(top) * _A_ROUND * max(1, np.ceil(rounds))):
-        while True:
+    with stage(POINTS, len(top) * (2 * _FIRST + _A_ROUND * np.ceil(max(0.0, rounds - 2)))):
+        for trying in itertools.chain([_even, _even], itertools.repeat(_trials)):
             open_ = np.flatnonzero(x[:, 2] - x[:, 0] > 2 * tolerance * x[:, 1])
             if len(open_) == 0:
                 break
-            trials = _trials(x[open_], y[open_])
+            trials = trying(x[open_], y[open_])
             with part(POINTS, trials.size):
                 found = value(trials.ravel()).reshape(trials.shape)
             every = np.concatenate((x[open_], trials), axis=1)
             heights = np.concatenate((y[open_], np.where(np.isfinite(found), found, -np.inf)), axis=1)
             x[open_], y[open_] = _narrowed(every, heights)
     return [Maximum(float(speed), float(height)) for speed, height in zip(x[:, 1], y[:, 1], strict=True)]
+
+
+def _even(x: Array, y: Array) -> Array:
+    """Speeds (k, 9) that divide brackets x (k, 3) evenly, none of them the one that is known."""
+    low, best, high = x.T
+    at, apart = np.linspace(low, high, _FIRST + 2, axis=1)[:, 1:-1], (high - low)[:, None] / (4 * _FIRST)
+    # A bracket's middle is often the point that is known, and would tell nothing.
+    return np.where(np.abs(at - best[:, None]) < apart, best[:, None] + apart, at)
 
 
 def _trials(x: Array, y: Array) -> Array:

@@ -1,6 +1,7 @@
 """Sensitivities over speed, and of speeds: of the edges of unstable bands and of maxima of the response, by
 the implicit function theorem (S. G. Krantz, H. R. Parks, The Implicit Function Theorem, 2013)."""
 
+import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -167,6 +168,8 @@ def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
 
 
 def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
+    # The two differences below have all but one of their steps in common.
+    @functools.cache
     def gradient(omega: float) -> Array:
         return derivatives(of, omega).derivatives
 

@@ -271,3 +271,11 @@ def test_a_function_may_change_the_phases_that_it_is_given():
 
     changed, same = (periodic(PeriodicSystem(each, ["q"]), 1.0) for each in (matrices, left_alone))
     np.testing.assert_array_equal(changed.q, same.q)
+
+
+def test_attributes_that_are_set_after_a_solve_hold_in_every_unit_of_speed():
+    oscillator = random_system(3, 1)
+    assert floquet(oscillator, "5 rad/s").system.title == ""
+    oscillator.title = "set later"
+    assert floquet(oscillator, "5 rad/s").system.title == "set later"
+    assert floquet(oscillator, "50 rpm").system.title == "set later"

@@ -125,7 +125,7 @@ def test_a_transient_too_short_says_so():
     [
         ({"turns": 0}, ValueOutOfBoundsError, "turns is 0"),
         ({"start": "tset"}, FileError, "start 'tset' is no state"),
-        ({"start": "none.npz"}, FileError, "no saved orbit"),
+        ({"start": "none.npz"}, FileError, "`solve periodic` or `solve transient` wrote"),
         ({"start": (np.zeros(2), np.zeros(1))}, ValueOutOfBoundsError, "shape"),
     ],
 )
