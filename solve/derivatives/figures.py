@@ -219,9 +219,15 @@ class Figures:
 
     def __init__(self, orbit: OrbitOnGrid, starts: Starts):
         self.orbit, self._starts = orbit, starts
-        self._even = self._quadrature(orbit.samples)
-        self._sampled = cache(partial(self._of_even, self._even))
         self._settled: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
+
+    @cached_property
+    def _even(self) -> _Even:
+        return self._quadrature(self.orbit.samples)
+
+    @cached_property
+    def _sampled(self) -> Callable[[str], Array]:
+        return cache(partial(self._of_even, self._even))
 
     def sums(self, asked: Named) -> Sums:
         """Of a figure. Raises NoDerivativeError."""
