@@ -219,9 +219,15 @@ class Figures:
 
     def __init__(self, orbit: OrbitOnGrid, starts: Starts):
         self.orbit, self._starts = orbit, starts
-        self._even = self._quadrature(orbit.samples)
-        self._sampled = cache(partial(self._of_even, self._even))
         self._settled: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
+
+    @cached_property
+    def _even(self) -> _Even:
+        return self._quadrature(self.orbit.samples)
+
+    @cached_property
+    def _sampled(self) -> Callable[[str], Array]:
+        return cache(partial(self._of_even, self._even))
 
     def sums(self, asked: Named) -> Sums:
         """Of a figure. Raises NoDerivativeError."""
@@ -232,7 +238,7 @@ class Figures:
             raise NoDerivativeError(f"{asked.text}: derivatives of phases of extrema are not calculated")
         if figure in (HARMONIC, PHASE):
             value, sums = self.harmonic(name, asked.number)
-            return sums._replace(made=lambda slopes: _of_harmonic(asked, value, sums.made(slopes)))
+            return sums._replace(weights=_of_harmonic(asked, value, sums.weights)[:, None], made=_first)
         phases, weights, fractions = self._even
         if figure == "rms":
             values = self._sampled(name)
@@ -348,14 +354,15 @@ def _first(slopes: Array) -> Array:
     return slopes[:, 0]
 
 
-def _of_harmonic(asked: Named, value: complex, slopes: Array) -> Array:
-    """Of amplitude or phase angle of an order, whose complex amplitude is `value` and has these derivatives
-    (r,)."""
+def _of_harmonic(asked: Named, value: complex, weights: Array) -> Array:
+    """Weights (k,) in the derivative of amplitude or phase angle of an order, of those (k, 2) of real and
+    imaginary part of its complex amplitude `value`. Raises NoDerivativeError."""
     if asked.number == 0:
-        return np.real(slopes) if asked.figure == HARMONIC else np.zeros(len(slopes))
-    turned = _over(slopes * np.conj(value), abs(value), asked)
-    assert asked.figure in (HARMONIC, PHASE)
-    return np.real(turned) if asked.figure == HARMONIC else np.imag(turned) / abs(value)
+        return weights[:, 0] * (asked.figure == HARMONIC)
+    along = _over(np.array([value.real, value.imag]), abs(value), asked)
+    if asked.figure == HARMONIC:
+        return weights @ along
+    return weights @ np.array([-along[1], along[0]]) / abs(value)
 
 
 def _over(slopes: Array, size: float, asked: Named) -> Array:

@@ -120,9 +120,8 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
     on, starts = partial(OnGrid, solved, rule), {}
     grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
     with one_thread(system.n):
-        slopes = zip(*(grid.slopes(asked) for grid in grids), strict=True)
-        pairs = zip(asked, slopes, strict=True)
-        found = {each.text: _estimated(each, found, grids[0], rule) for each, found in pairs}
+        slopes = list(zip(*(grid.slopes(asked) for grid in grids), strict=True))
+        found = _judged(asked, slopes, grids[0], rule)
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     notes = [*solved.notes, *(solved.doubts if isinstance(solved, NonlinearOrbit) else [])]
@@ -307,21 +306,39 @@ def _require_alone(solved: Stability, at: int, asked: Named) -> None:
         )
 
 
-def _estimated(
-    asked: Named, slopes: Sequence[Array | NoDerivativeError], finest: OnGrid, rule: Collocated
-) -> Sensitivity:
-    """From the derivatives on each of the grids, the finest first, with its errors, by the rule of the
-    solutions themselves."""
-    solved, value = finest.solved, asked.value(cast(Solved, finest.solved))
-    for reason in slopes:
-        if isinstance(reason, NoDerivativeError):
-            nothing = np.full(len(finest.names), np.nan)
-            return Sensitivity(value, asked.unit, nothing, nothing, str(reason))
-    fine, coarse, coarsest = (np.asarray(each) for each in slopes)
-    found, before = np.abs(fine - coarse), np.abs(coarse - coarsest)
-    order = np.array(rule.curve_order if asked.of_orbit else rule.order)
-    errors = estimated(found, before, Pace(solved.steps, 2.0, 2.0), order)
-    errors = np.maximum(errors, _ROUNDING * np.abs(fine))
+Slopes = tuple[Array | NoDerivativeError, ...]
+
+
+def _judged(
+    asked: Sequence[Named], slopes: Sequence[Slopes], finest: OnGrid, rule: Collocated
+) -> dict[str, Sensitivity]:
+    """From the derivatives on each of the grids, the finest first, those of each quantity with errors, by the
+    rule of the solutions themselves."""
+    whys = [next((str(why) for why in each if isinstance(why, NoDerivativeError)), "") for each in slopes]
+    known = [at for at, why in enumerate(whys) if not why]
+    errors = {}
+    if known:
+        fine, coarse, coarsest = (np.array(grid) for grid in zip(*(slopes[at] for at in known), strict=True))
+        orders = [rule.curve_order if asked[at].of_orbit else rule.order for at in known]
+        found, before = np.abs(fine - coarse), np.abs(coarse - coarsest)
+        made = estimated(found, before, Pace(finest.steps, 2.0, 2.0), np.array(orders)[:, None])
+        errors = dict(zip(known, np.maximum(made, _ROUNDING * np.abs(fine)), strict=True))
+    return {
+        each.text: _sensitivity(each, np.asarray(slopes[at][0]), errors[at], finest)
+        if at in errors
+        else _without(each, whys[at], finest)
+        for at, each in enumerate(asked)
+    }
+
+
+def _without(asked: Named, reason: str, finest: OnGrid) -> Sensitivity:
+    """A quantity without derivatives."""
+    nothing = np.full(len(finest.names), np.nan)
+    return Sensitivity(asked.value(cast(Solved, finest.solved)), asked.unit, nothing, nothing, reason)
+
+
+def _sensitivity(asked: Named, fine: Array, errors: Array, finest: OnGrid) -> Sensitivity:
+    """Of a quantity with derivatives, or with none by some parameters and the reason."""
     moved = finest.jumps(asked.subject)
     whys = {
         "several extrema are equally large, and change differently": np.isnan(fine) & ~moved,
@@ -332,4 +349,4 @@ def _estimated(
         for why, at in whys.items()
         if at.any()
     )
-    return Sensitivity(value, asked.unit, fine, errors, reason)
+    return Sensitivity(asked.value(cast(Solved, finest.solved)), asked.unit, fine, errors, reason)
