@@ -11,6 +11,7 @@ from solve.contracts import Matrices, driven
 from solve.errors import TransientError
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
+from solve.period.frozen import frozen
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
 from solve.system import PeriodicSystem
@@ -19,18 +20,24 @@ _FIRST, _MOST = 64, 2**14
 """Steps a turn at first, and beyond which the motion is not followed."""
 
 
+_LOOKS = 32
+"""Places of a turn at which its fastest mode is looked for."""
+
+METHOD = Radau()
+
 _KEPT = 2**17
 """Entries of matrices of a turn up to which its maps are kept for the next."""
 
 
 class StepMarcher:
     """Turn after turn with `count` states a turn, evenly in time; the steps are doubled until both agree to
-    rtol of the largest that each coordinate has reached, from `sizes` (n,) on."""
+    rtol of the largest that each coordinate has reached, from `sizes` (n,) on. angle: by which the fastest
+    mode turns in a step, ω_max h, at most so far; steps damp out what they do not follow."""
 
     def __init__(self, system: PeriodicSystem, sizes: Array, count: int, rtol: float):
         self.nodes = np.linspace(0.0, system.period, count + 1)
         self._system, self._rtol, self._steps = system, rtol, _FIRST
-        self._largest, self._turn = sizes, _Turn(system, 0.0, 0.0)
+        self._largest, self._turn, self.angle = sizes, _Turn(system, 0.0, 0.0), 0.0
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         """See `Marcher`. Raises TransientError where steps do not agree."""
@@ -38,12 +45,13 @@ class StepMarcher:
         if self._turn.ends != ends:
             self._turn = _Turn(self._system, *ends)
         turn = self._turn
-        found = turn.motion(state, self._steps, self.nodes)
+        found, _ = turn.motion(state, self._steps, self.nodes)
         while self._steps < _MOST:
-            coarse, found = found, turn.motion(state, 2 * self._steps, self.nodes)
-            sizes = np.maximum(self._largest, np.abs(found[0]).max(axis=1))
+            coarse, (found, reached) = found, turn.motion(state, 2 * self._steps, self.nodes)
+            sizes = np.maximum(self._largest, reached)
             change = np.abs(found[0] - coarse[0]).max(axis=1)
             if (change <= self._rtol * np.where(sizes > 0, sizes, sizes.max())).all():
+                self.angle = max(self.angle, turn.reach / (2 * self._steps))
                 self._largest, self._steps = sizes, max(_FIRST, self._steps // 2)
                 return found
             self._steps *= 2
@@ -60,8 +68,9 @@ class _Turn:
         self._system, self.ends = system, (first, last)
         self._mean, self._made = (first + last) / 2, dict[int, Discretisation]()
 
-    def motion(self, state: Array, steps: int, nodes: Array) -> Array:
-        """q, v, a (3, n, k) at nodes (k,) by so many steps from the state (2n,)."""
+    def motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array]:
+        """q, v, a (3, n, k) at nodes (k,) by so many steps from the state (2n,), and max|q| (n,) at their
+        ends."""
         made = self._made.get(steps) or self._discretised(steps)
         if steps * self._system.n**2 <= _KEPT:
             self._made[steps] = made
@@ -72,14 +81,25 @@ class _Turn:
         curve = made.curve(x[None])[0]
         # At the period itself the curve begins anew.
         inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
-        return np.stack([curve(inside, derivative) for derivative in range(3)])
+        return np.stack([curve(inside, order) for order in range(3)]), np.abs(x[:, : len(state) // 2]).max(
+            axis=0
+        )
 
     def _discretised(self, steps: int) -> Discretisation:
         grid = Grid.uniform(steps, self._system.period, self._breaks)
+        return METHOD.discretise(self._point, grid)
+
+    @cached_property
+    def _point(self) -> OnePoint:
         if self.ends[0] == self.ends[1]:
-            return Radau().discretise(OnePoint(self._system, self._mean), grid)
-        in_time = PeriodicSystem(self._matrices, self._system.coordinates, self._system.period, self._breaks)
-        return Radau().discretise(OnePoint(in_time, self._mean), grid)
+            return OnePoint(self._system, self._mean)
+        given = self._system.coordinates, self._system.period, self._breaks
+        return OnePoint(PeriodicSystem(self._matrices, *given), self._mean)
+
+    @cached_property
+    def reach(self) -> float:
+        """Angle that the fastest mode turns in the turn."""
+        return float(frozen(self._point, _LOOKS).reach[0]) if self._mean else 0.0
 
     def _matrices(self, s: Array, _: float) -> Matrices:
         phase, speed, acceleration = driven(s, *self.ends, self._system.period)

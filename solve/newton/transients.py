@@ -1,5 +1,6 @@
 """The motion in time from a state, and how soon it reaches the periodic one."""
 
+import json
 import math
 from dataclasses import dataclass
 from itertools import pairwise
@@ -9,13 +10,13 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Marcher
-from solve.errors import FileError, SolveError, TransientError, ValueOutOfBoundsError
+from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.newton.orbits import nonlinear as nonlinear_orbit
-from solve.newton.stepping import StepMarcher
+from solve.newton.stepping import METHOD, StepMarcher
 from solve.period.curve import Curve
 from solve.progress import stage
 from solve.results.orbit import Orbit
-from solve.results.transient import BETWEEN, Transient, between_states
+from solve.results.transient import Transient, between_states, between_tolerance
 from solve.single import periodic
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
@@ -33,6 +34,9 @@ _FINER = 1e-4
 """Tolerance of the motion by that with which it is compared."""
 
 _FINEST = 1e-12
+
+_SLOWER = 0.9
+"""Part of a speed at resonance at which the linear orbit tells sizes."""
 
 Start = str | Path | tuple[Array, Array]
 
@@ -70,11 +74,23 @@ def transient(
     assert speed is not None
     omega, finer = speed_in_si(speed), max(_FINER * rtol, _FINEST)
     system = system.shown_in(omega)
-    linear = periodic(system, omega, rtol=min(1e-6, finer), engine=engine)
+    linear = _linear(system, omega, min(1e-6, finer), engine, nonlinear and given != ORBIT)
     ends, follow = np.full(turns + 1, omega), _Follow(system, linear, nonlinear, rtol)
-    nodes, motion, off = follow.followed(_state(given, system, linear), ends)
+    nodes, motion, off, notes = follow.followed(_state(given, system, linear), ends)
     orbit = _settled(system, omega, motion[-1], nodes, engine) if nonlinear else linear
-    return Transient(system, ends, nodes, motion, off, orbit, rtol, nonlinear)
+    notes = [] if given == ORBIT else notes
+    return Transient(system, ends, nodes, motion, off, orbit, rtol, nonlinear, notes)
+
+
+def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
+    """The linear orbit; at resonance, where only the sizes of its coordinates are needed, that of a slower
+    speed."""
+    try:
+        return periodic(system, speed, rtol=rtol, engine=engine)
+    except ResonanceError:
+        if not for_sizes:
+            raise
+        return periodic(system, _SLOWER * speed, rtol=rtol, engine=engine)
 
 
 def _run_up(
@@ -92,11 +108,11 @@ def _run_up(
     if start == ORBIT and ramp[0] == 0:
         raise ValueOutOfBoundsError("a drive at rest has no orbit to start from; start from rest")
     first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
-    fastest = periodic(system, max(ramp), rtol=1e-6, engine=engine) if nonlinear else None
+    fastest = _linear(system, max(ramp), 1e-6, engine, True) if nonlinear else None
     follow = _Follow(system, fastest, nonlinear, rtol)
-    return Transient(
-        system, ends, *follow.followed(_state(start, system, first), ends), None, rtol, nonlinear
-    )
+    nodes, motion, off, notes = follow.followed(_state(start, system, first), ends)
+    notes = [] if start == ORBIT else notes
+    return Transient(system, ends, nodes, motion, off, None, rtol, nonlinear, notes)
 
 
 @dataclass(frozen=True)
@@ -109,11 +125,11 @@ class _Follow:
     nonlinear: bool
     rtol: float
 
-    def followed(self, state: Array, ends: Array) -> tuple[Array, Array, float]:
-        """Nodes (k,), motions as `_marched` gives them, and how far what lies between the states of a turn is
-        off: so many states that this matters little, if memory allows."""
+    def followed(self, state: Array, ends: Array) -> tuple[Array, Array, float, list[str]]:
+        """Nodes (k,), motions as `_marched` gives them, how far what lies between the states of a turn is
+        off, and what is doubtful: so many states that the former matters little, if memory allows."""
         count, numbers = _COUNT, 3 * self.system.n * (len(ends) - 1)
-        found = None
+        found, tolerance = None, between_tolerance(self.rtol)
         while True:
             march = self._marcher(count)
             try:
@@ -125,11 +141,11 @@ class _Follow:
                 return found
             off = float(between_states(march.nodes, motion, bool(self.system.breaks)).max())
             most = max(count, min(_MOST_STATES, 2 ** int(math.log2(_NUMBERS / numbers))))
-            found = march.nodes, motion, off
-            if off <= BETWEEN * self.rtol or count == most:
+            found = march.nodes, motion, off, _damped_out(march)
+            if off <= tolerance or count == most:
                 return found
             # What is missed falls with the fourth power at least.
-            more = 2 ** math.ceil(max(1.0, math.log2(off / (BETWEEN * self.rtol)) / 4))
+            more = 2 ** math.ceil(max(1.0, math.log2(off / tolerance) / 4))
             count = min(count * more, most)
 
     def _marcher(self, count: int) -> Marcher:
@@ -140,6 +156,16 @@ class _Follow:
             return StepMarcher(self.system, sizes, count, finer)
         self.system.along(Curve(np.array([0.0, self.system.period]), np.zeros((self.system.n, 1, 1))))
         return self.system.marcher(np.where(sizes > 0, sizes, sizes.max() or 1.0), count, finer)
+
+
+def _damped_out(march: Marcher) -> list[str]:
+    """A warning where steps do not follow the fastest modes."""
+    if not isinstance(march, StepMarcher) or march.angle <= METHOD.follows:
+        return []
+    return [
+        f"ω_max h = {march.angle:.2g}: the steps damp out the fastest modes, and with them what a start away "
+        "from the orbit excites in these"
+    ]
 
 
 def _marched(march: Marcher, state: Array, ends: Array, period: float) -> Array:
@@ -177,6 +203,7 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
     try:
         with np.load(file, allow_pickle=False) as held:
             names, q, qd = tuple(held["coordinates"].tolist()), held["q"][:, -1], held["qd"][:, -1]
+            model = json.loads(str(held["metadata"]))["model"]
     except (OSError, KeyError, ValueError, IndexError):
         raise FileError(
             f"start '{file}' is no saved orbit or transient; allowed: {REST}, {ORBIT}, or a file .npz that "
@@ -187,6 +214,8 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
             f"start '{file}' has coordinates {', '.join(names)}; {system.name} has "
             f"{', '.join(system.coordinates)}"
         )
+    if model != system.name:
+        raise FileError(f"start '{file}' is of {model}; give a state of {system.name}")
     return q, qd
 
 

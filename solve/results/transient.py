@@ -25,11 +25,11 @@ _AXIS = ("phase",)
 _AT_ONCE = 2**19
 """States and outputs at them of turns whose figures are found at once."""
 
+_TOLD = 0.1
+"""Error between the states, relative, below which curves through them tell extrema."""
+
 _FEWEST = 256
 """States a turn at least."""
-
-BETWEEN = 0.1
-"""What may be missed between the states, as a part of the tolerance."""
 
 _MOST_TURNS = 40
 """Rows of the table; of more turns every k-th is shown."""
@@ -41,7 +41,8 @@ class Transient(Result):
     of the turn (the phase where the speed is constant), both ends included; ends: speeds (turns + 1,) in
     rad/s at the ends of the turns. between: how far, relative to the largest of each coordinate and its
     rates, a curve through the states may be off between them. orbit: what it is compared
-    with, None where there is none; rtol: to which that counts as reached.
+    with, None where there is none; rtol: to which that counts as reached; notes: what is doubtful about the
+    way to the motion.
     """
 
     _calculated: ClassVar[tuple[str, ...]] = (*Result._calculated, "outputs", "_figures")
@@ -54,6 +55,7 @@ class Transient(Result):
     orbit: Orbit | None
     rtol: float
     nonlinear: bool
+    notes: Sequence[str] = ()
 
     @property
     def turns(self) -> int:
@@ -132,9 +134,11 @@ class Transient(Result):
     @cached_property
     def _figures(self) -> Array:
         """Of coordinates and, behind them, outputs over each turn (turns, n + o, 7), the fields of
-        `Statistics`, of the curves through the states."""
+        `Statistics`, of the curves through the states; of the states alone where these do not tell curves."""
         system, made = self.system, np.empty((self.turns, self.system.n + len(self.system.outputs), 7))
         apart = [[name] for name in system.outputs] if system.outputs_apart else [[*system.outputs]]
+        if not self._curves_tell:
+            return self._figures_of_states
         strides = self._strides
         for stride in np.unique(strides):
             nodes, chosen = self.nodes[::stride], np.flatnonzero(strides == stride)
@@ -149,12 +153,27 @@ class Transient(Result):
         return made
 
     @property
+    def _curves_tell(self) -> bool:
+        """Whether curves through the states are known to any digit."""
+        return self.between <= _TOLD
+
+    @property
+    def _figures_of_states(self) -> Array:
+        """Largest, smallest value and largest modulus over each turn; the other figures are NaN."""
+        names, last = (*self.system.coordinates, *self.system.outputs), len(self.nodes) - 1
+        values = np.stack([self.values(name)[:-1].reshape(self.turns, last) for name in names], axis=1)
+        found = np.full((*values.shape[:2], len(Statistics._fields)), np.nan)
+        found[..., 0], found[..., 1] = values.max(axis=-1), values.min(axis=-1)
+        found[..., 2] = np.abs(values).max(axis=-1)
+        return found
+
+    @property
     def _strides(self) -> Array:
         """Of each turn (turns,): every so many states tell enough of what lies between them."""
         strides, stride = np.ones(self.turns, dtype=int), 2
         while stride * _FEWEST <= len(self.nodes) - 1:
             off = between_states(self.nodes[::stride], self.motions[..., ::stride], bool(self.system.breaks))
-            strides[(off <= BETWEEN * self.rtol) & (strides == stride // 2)] = stride
+            strides[(off <= between_tolerance(self.rtol)) & (strides == stride // 2)] = stride
             stride *= 2
         return strides
 
@@ -208,11 +227,13 @@ class Transient(Result):
         """What is doubtful about this result, a sentence each."""
         figures = {name: self.extremes[name] for name in self.system.judged_quantities}
         linear = not self.nonlinear
-        judged = [*self.system.judged(figures, linear), *self.system.warnings(self.speed, linear)]
-        if not self.between <= BETWEEN * self.rtol:
+        judged = [*self.notes, *self.system.judged(figures, linear)]
+        judged += self.system.warnings(self.speed, linear)
+        if not self.between <= between_tolerance(self.rtol):
+            known = f"to {self.between:.1e} of their size only" if self._curves_tell else "not at all"
             judged.append(
-                f"{len(self.nodes) - 1} states a turn tell what lies between them, and extrema, to "
-                f"{self.between:.1e} of their size only: the vibrations are fast; give fewer turns"
+                f"{len(self.nodes) - 1} states a turn tell what lies between them, and extrema, {known}: the "
+                "vibrations are fast; give fewer turns"
             )
         if self.ramp:
             return judged
@@ -354,6 +375,11 @@ def _curves(nodes: Array, motions: Array) -> Curve:
     """Through motions (turns, 3, n, k) at nodes (k,), a curve a turn."""
     q, v, a = np.moveaxis(motions, 1, 0).swapaxes(-1, -2)
     return Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
+
+
+def between_tolerance(rtol: float) -> float:
+    """What may be missed between the states: a tenth of rtol, within reason."""
+    return min(max(rtol / 10, 1e-9), 1e-3)
 
 
 def between_states(nodes: Array, motions: Array, jumps: bool) -> Array:

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 import solve
-from solve.errors import FileError, LinearModelError, ValueOutOfBoundsError
+from solve.errors import FileError, LinearModelError, ResonanceError, ValueOutOfBoundsError
 from tests.solve.newton.mechanisms import duffing, model_of
 
 NUMBERS = {"zeta": 0.05, "k": 1.0, "f": 0.4}
@@ -161,3 +161,33 @@ def test_states_too_few_for_a_vibration_are_warned_of(monkeypatch):
     found = solve.transient(ringing(0.01), 1.0, 2)
     assert any(text.startswith("256 states a turn tell what lies between") for text in found.warnings)
     assert abs(found.peaks[0, 1] - 1.969) > 1e-3
+
+
+def test_modes_that_no_steps_follow_are_warned_of():
+    """A ramp over which a stiff mode turns so often that nothing tells what its sudden load makes of it."""
+    numbers = {"zeta": 0.05, "k": 1e8, "alpha": 1.0, "f": 1e6}
+    found = solve.transient(model_of(duffing(), **numbers), turns=1, speeds="0:1 rad/s")
+    assert any(text.startswith("ω_max h = ") for text in found.warnings)
+    assert any("and extrema, not at all" in text for text in found.warnings)
+    assert found.peaks[0, 0] == pytest.approx(np.abs(found.q[0, :-1]).max())
+
+
+def test_a_nonlinear_motion_needs_no_linear_orbit():
+    """At the resonance of the linear equations, undamped."""
+    model = model_of(duffing(), zeta=0.0, k=1.0, alpha=1.0, f=0.4)
+    found = solve.transient(model, 1.0, 3, nonlinear=True)
+
+    def rate(t, x):
+        return [x[1], 0.4 * np.cos(t) - x[0] - x[0] ** 3]
+
+    truth = solve_ivp(rate, (0, found.time[-1]), [0, 0], "DOP853", found.time, rtol=1e-12, atol=1e-13).y
+    np.testing.assert_allclose(found.q[0], truth[0], rtol=0, atol=5e-5)
+    with pytest.raises(ResonanceError):
+        solve.transient(model, 1.0, 3, nonlinear=True, start="orbit")
+
+
+def test_a_start_of_another_model_is_refused(tmp_path):
+    model = model_of(duffing(), alpha=0.0, **NUMBERS)
+    solve.transient(model, SPEED, 1).save(tmp_path / "duffing.npz")
+    with pytest.raises(FileError, match=r"duffing.npz' is of duffing; give a state of mathieu"):
+        solve.transient(solve.load("mathieu"), 2.0, 1, tmp_path / "duffing.npz")
