@@ -27,8 +27,8 @@ TURNS = "turns"
 _COUNT, _MOST_STATES = 256, 2**14
 """States a turn at first, and at most."""
 
-_NUMBERS = 2**26
-"""That a motion may have."""
+_WORK = 2**23
+"""Entries of matrices at the states of a motion up to which a turn gets more states."""
 
 _FINER = 1e-4
 """Tolerance of the motion by that with which it is compared."""
@@ -128,7 +128,7 @@ class _Follow:
     def followed(self, state: Array, ends: Array) -> tuple[Array, Array, float, list[str]]:
         """Nodes (k,), motions as `_marched` gives them, how far what lies between the states of a turn is
         off, and what is doubtful: so many states that the former matters little, if memory allows."""
-        count, numbers = _COUNT, 3 * self.system.n * (len(ends) - 1)
+        count, work = _COUNT, 3 * self.system.n**2 * (len(ends) - 1)
         found, tolerance = None, between_tolerance(self.rtol)
         while True:
             march = self._marcher(count)
@@ -140,7 +140,7 @@ class _Follow:
                 # So many states meet vibrations that no steps follow; the result says what it knows of these.
                 return found
             off = float(between_states(march.nodes, motion, bool(self.system.breaks)).max())
-            most = max(count, min(_MOST_STATES, 2 ** int(math.log2(_NUMBERS / numbers))))
+            most = max(count, min(_MOST_STATES, 2 ** max(0, int(math.log2(_WORK / work)))))
             found = march.nodes, motion, off, _damped_out(march)
             if off <= tolerance or count == most:
                 return found
