@@ -116,7 +116,7 @@ class Forward:
         jumps = np.zeros((turn.grid.steps, 2 * n, self.count))
         for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
             jumps[node, n:] = -turn.jump(node)[:, None] * self.nodes[node]
-        return turn.under(-found.reshape(*turn.d.shape, self.count), jumps)
+        return turn.under(-found.reshape(turn.grid.steps, -1, n, self.count), jumps)
 
     @cached_property
     def _data(self) -> Array:
