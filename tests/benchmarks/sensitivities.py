@@ -9,6 +9,7 @@ import numpy as np
 
 import solve
 from solve.derivatives.point import OnGrid, dependence_of, quantities_by
+from solve.methods.collocation import Collocated
 from tests.benchmarks.timing import median
 
 SPEED = "600 rpm"
@@ -32,7 +33,9 @@ def differences(cam, names, quantity):
 def on_its_grid(cam, names):
     """A certified orbit, and what gives derivatives on its own grid, without errors."""
     orbit = solve.periodic(cam, SPEED)
-    return OnGrid(orbit, orbit.certified.method, orbit.steps, dependence_of(orbit, names), names, True)
+    rule = orbit.certified.method
+    assert isinstance(rule, Collocated)
+    return OnGrid(orbit, rule, orbit.steps, dependence_of(orbit, names), names, True)
 
 
 def curves_at(cam, names, phases):
