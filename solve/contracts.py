@@ -1,6 +1,6 @@
 """What systems and solvers give each other, beside the matrices, so that neither needs to know the other."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from solve.arrays import Array
