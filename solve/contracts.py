@@ -1,6 +1,6 @@
 """What systems and solvers give each other, beside the matrices, so that neither needs to know the other."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from solve.arrays import Array
@@ -42,15 +42,9 @@ class Formulas(NamedTuple):
     values: Array
 
 
-class Columns(Protocol):
-    """What evaluates formulas in compiled code."""
-
-    def __call__(
-        self, formulas: Formulas, inputs: Sequence[Array], along: tuple[Array, Array] | None = None
-    ) -> Array | None:
-        """Of inputs (width, k), a column each: (outputs, k), or their sums (outputs, c) with weights, see
-        `solve.kernel.formulas.columns`; None where it cannot."""
-        ...
+Columns = Callable[..., Array | None]
+"""What evaluates formulas of inputs (width, k), a column each, in compiled code: (outputs, k), or their sums
+(outputs, c) with weights, see `solve.kernel.formulas.columns`; None where it cannot."""
 
 
 class ManyPoints(Protocol):

@@ -16,7 +16,6 @@ from solve.arrays import Array
 from solve.contracts import Dependence
 from solve.derivatives.turn import Motions, TurnOnGrid
 from solve.errors import NoDerivativeError
-from solve.period.curve import Curve
 from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import Signal, enough_samples
 from solve.results.orbit import Turn
@@ -117,26 +116,25 @@ class Forward:
         jumps = np.zeros((turn.grid.steps, 2 * n, self.count))
         for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
             jumps[node, n:] = -turn.jump(node)[:, None] * self.nodes[node]
-        return turn.under(-found.reshape(*turn.d.shape, self.count), jumps)
+        return turn.under(-found.reshape(turn.grid.steps, -1, n, self.count), jumps)
 
     @cached_property
-    def _curves(self) -> Curve:
-        return self.orbit.turn.curves(self.moved)
+    def _data(self) -> Array:
+        return self.orbit.turn.data(self.moved)
 
     def signal(self, name: str, phase: Array) -> Array:
         """Derivatives of a coordinate or output (r, k) at phases (k,)."""
-        system = self.orbit.system
+        turn, system = self.orbit.turn, self.orbit.system
         if name in system.coordinates:
-            row = system.coordinates.index(name)
-            return self._curves[:, row : row + 1](phase)[:, 0]
-        moved = np.stack([self._curves(phase, order) for order in (2, 1, 0)]).transpose(3, 0, 2, 1)
+            return turn.at(self._data[:, :, system.coordinates.index(name)], phase).T
+        moved = np.stack([turn.at(self._data, phase, order) for order in (2, 1, 0)], axis=1)
         return self.dependence.output_along(name, phase, self.orbit.speed, self.orbit.states(phase), moved).T
 
     def of(self, figures: Sequence[Sums]) -> list[Array]:
         """Derivatives (r,) of figures."""
         own = [each.name in self.orbit.system.outputs and not self.dependence.parted for each in figures]
         rest = [each for each, alone in zip(figures, own, strict=True) if not alone]
-        data = self.orbit.turn.data(self.moved).reshape(-1, self.count)
+        data = self._data.reshape(-1, self.count)
         direct, of_data = _parted(self.orbit, self.dependence, rest)
         parts = iter(_split(direct + data.T @ of_data.reshape(len(data), -1), rest))
         return [

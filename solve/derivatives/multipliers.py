@@ -53,13 +53,16 @@ class MultipliersOnGrid:
         rho = complex(leading[at] if at < len(leading) else np.exp(self._known[at]))
         return self._leading(rho) or self._of_product(at)
 
-    def weights(self, vectors: Vectors) -> Array:
-        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log ρ."""
+    def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
+        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or
+        in those of real and imaginary part of log ρ, with the unit of each."""
         turn, n, right, left = self._turn, self._turn.point.n, vectors.right, vectors.left.conj()
-        gained = np.einsum("mi,mij,mj->m", left, turn.A, right)
-        y = turn.pulled_ends(np.stack((np.real(left), np.imag(left)), axis=-1)) @ [1, 1j] / gained[:, None]
-        X = turn.stage_states(right[..., None])[..., 0]
-        return -y.reshape(*X.shape[:2], 1, n, 1) * X[:, :, :, None]
+        left = left / ((left[:, None] @ turn.A)[:, 0] * right).sum(axis=1, keepdims=True)
+        X = turn.stage_states(_parts(right))
+        y = turn.pulled_ends(_parts(left)).reshape(*X.shape[:2], 1, n, 1, 2)
+        (a, b), (v, w) = np.moveaxis(y, -1, 0), np.moveaxis(X[:, :, :, None], -1, 0)
+        real = (1.0, b * w - a * v)
+        return [real] if modulus else [real, (1j, -(a * w + b * v))]
 
     def by_node(self, vectors: Vectors, node: int) -> complex:
         """The derivative of log ρ by the phase of the start of a step."""
@@ -124,3 +127,8 @@ class MultipliersOnGrid:
         at_ends = np.roll(found.left[0], -1, axis=0)[::-1] / units
         left, _ = carried(np.swapaxes(A, 1, 2)[::-1], ends, at_ends)
         return right, left[::-1]
+
+
+def _parts(values: Array) -> Array:
+    """Real and imaginary parts (…, 2) of complex numbers (…)."""
+    return np.stack((np.real(values), np.imag(values)), axis=-1)

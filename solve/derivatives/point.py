@@ -208,7 +208,6 @@ class OnGrid:
         turn, found = self.turn, self._multipliers
         n, phases = turn.point.n, turn.phases[:, turn.stages].ravel()
         vectors = found.vectors(at)
-        weights = found.weights(vectors).reshape(-1, 3, n, n)
         states, moved = np.zeros((len(phases), 3, n)), None
         if not self.dependence.linear:
             states = turn.orbit.states[:, turn.stages, ..., 0].reshape(states.shape)
@@ -216,9 +215,9 @@ class OnGrid:
         slopes = np.zeros(len(self.names), dtype=complex)
         for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
             slopes += found.by_node(vectors, node) * self.nodes[node]
-        parts = [(1, np.real(weights))] if modulus else [(1, np.real(weights)), (1j, np.imag(weights))]
-        for unit, part in parts:
-            by, by_states = self.dependence.matrices(phases, self.solved.speed, states, part)
+        for unit, weights in found.weights(vectors, modulus):
+            given = phases, self.solved.speed, states, weights.reshape(-1, 3, n, n)
+            by, by_states = self.dependence.matrices(*given)
             slopes += unit * by
             if moved is not None:
                 slopes += unit * (by_states.ravel() @ moved)

@@ -5,7 +5,7 @@ with the states that the method itself has there: what follows is the derivative
 this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15), not of what it approximates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -22,13 +22,19 @@ from solve.period.points import OnePoint, parted, rate_of
 from solve.sizes import require_size
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motions:
-    """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; states (m, k, 3, n, r): q″, q′ and q, by
-    the phase, at the phases of a `TurnOnGrid`."""
+    """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ by the
+    phase, at the phases of a `TurnOnGrid`; made: gives the states there."""
 
     x: Array
-    states: Array
+    accelerations: Array
+    made: Callable[[], Array]
+
+    @cached_property
+    def states(self) -> Array:
+        """q″, q′ and q (m, k, 3, n, r)."""
+        return self.made()
 
 
 class TurnOnGrid:
@@ -120,7 +126,8 @@ class TurnOnGrid:
         states = (pieces @ _of_powers(self.rule, k).T).reshape(m, n, k, 3).transpose(0, 2, 3, 1)
         states = states / self.grid.h[:, None, None, None] ** np.array([2, 1, 0])[:, None]
         x = states[:, 0, :0:-1].reshape(m, -1)
-        return Motions(np.concatenate((x, x[:1]))[..., None], states[..., None])
+        states = states[..., None]
+        return Motions(np.concatenate((x, x[:1]))[..., None], states[:, :, 0], lambda: states)
 
     def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
         """Values (b, r) of breaks at the starts of the steps (m, r), where these are breaks."""
@@ -158,22 +165,23 @@ class TurnOnGrid:
         ends = x[1:] - behind
         before = np.roll(a[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
         after = [self._at_ends(-1, ends, loads)] if self._ends_apart else []
-        return self._motions(x, ends, np.concatenate((before, a, *after), axis=1))
+        a = np.concatenate((before, a, *after), axis=1)
+        return Motions(x, a, lambda: self._states(x, ends, a))
 
     @property
     def _ends_apart(self) -> bool:
         """Whether ends of steps are no stages."""
         return self.phases.shape[1] > len(self.rule.c) + 1
 
-    def _motions(self, x: Array, ends: Array, a: Array) -> Motions:
-        """Of states x (m+1, 2n, r) at the nodes and (m, 2n, r) at the ends of the steps, and accelerations
-        (m, k, n, r)."""
+    def _states(self, x: Array, ends: Array, a: Array) -> Array:
+        """q″, q′, q (m, k, 3, n, r) of states x (m+1, 2n, r) at the nodes and (m, 2n, r) at the ends of the
+        steps, and accelerations (m, k, n, r)."""
         m, k, n, r = a.shape
         states = np.empty((m, k, 3, n, r))
         states[:, :, 0], states[:, 0, :0:-1] = a, x[:-1].reshape(m, 2, n, r)
         states[:, -1, :0:-1] = ends.reshape(m, 2, n, r)
         states[:, self.stages] = self._stage_states(x[:-1], a[:, self.stages])
-        return Motions(x, states)
+        return states
 
     def stage_states(self, x: Array) -> Array:
         """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, without
@@ -205,8 +213,15 @@ class TurnOnGrid:
         """What makes the curves of solutions in every step, (m, 2 + k, n, r)."""
         h = self.grid.h[:, None, None]
         q, v = np.split(motions.x[:-1], 2, axis=1)
-        a = h[:, None] ** 2 * motions.states[:, :, 0]
+        a = h[:, None] ** 2 * motions.accelerations
         return np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
+
+    def at(self, data: Array, phase: Array, order: int = 0) -> Array:
+        """The derivatives of so high an order of the curves that data (m, 2 + k, …) make, at phases (p,):
+        (p, …)."""
+        step, weights = self._basis(phase, order)
+        here = data[step]
+        return (weights[:, None] @ here.reshape(*here.shape[:2], -1)).reshape(len(step), *here.shape[2:])
 
     def of_data(self, phase: Array, weights: Array) -> Array:
         """Weights (m, 2 + k, n, c) of the data in sums over weights (p, 3, n, c) times q″, q′, q of the curve

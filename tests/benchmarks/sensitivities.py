@@ -5,7 +5,11 @@ python -m tests.benchmarks.sensitivities
 
 import statistics
 
+import numpy as np
+
 import solve
+from solve.derivatives.point import OnGrid, dependence_of, quantities_by
+from solve.methods.collocation import Collocated
 from tests.benchmarks.timing import median
 
 SPEED = "600 rpm"
@@ -26,15 +30,38 @@ def differences(cam, names, quantity):
     return found
 
 
+def on_its_grid(cam, names):
+    """A certified orbit, and what gives derivatives on its own grid, without errors."""
+    orbit = solve.periodic(cam, SPEED)
+    rule = orbit.certified.method
+    assert isinstance(rule, Collocated)
+    return OnGrid(orbit, rule, orbit.steps, dependence_of(orbit, names), names, True)
+
+
+def curves_at(cam, names, phases):
+    """Curves of all coordinates and their derivatives, as a fit takes them."""
+    on = on_its_grid(cam, names)
+    return [(on.orbit.signal(name)(phases), on.forward.signal(name, phases)) for name in cam.coordinates]
+
+
 def main():
     cam = solve.load("cam")
     names = [name for name in cam.parameters if name != "I0"][:40]
-    curves = [f"{name}.{figure}" for name in cam.coordinates for figure in ("max", "min", "rms", "harmonic1")]
+    phases = np.linspace(0, 2 * np.pi, 180, endpoint=False)
+    alone = {of: quantities_by(cam, [of], names)[0] for of in ("q3.max_abs", "spectral_radius")}
+    figures = [
+        f"{name}.{figure}" for name in cam.coordinates for figure in ("max", "min", "rms", "harmonic1")
+    ]
     calls = {
         "one certified orbit": lambda: solve.periodic(cam, SPEED),
         "q3.max_abs by 40 parameters": lambda: solve.sensitivities(cam, SPEED, "q3.max_abs", names),
-        "12 figures of all coordinates by 40": lambda: solve.sensitivities(cam, SPEED, curves, names),
+        "12 figures of all coordinates by 40": lambda: solve.sensitivities(cam, SPEED, figures, names),
         "spectral_radius by 40": lambda: solve.sensitivities(cam, SPEED, "spectral_radius", names),
+        "q3.max_abs by 40, without errors": lambda: on_its_grid(cam, names).slopes(alone["q3.max_abs"]),
+        "spectral_radius by 40, without errors": lambda: on_its_grid(cam, names).slopes(
+            alone["spectral_radius"]
+        ),
+        "3 curves by 40, without errors": lambda: curves_at(cam, names, phases),
     }
     times = taken_in_turns(calls)
     times["central differences of q3.max_abs by 40"] = median(lambda: differences(cam, names, "q3"), 1)[0]
