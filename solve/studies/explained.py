@@ -12,9 +12,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import matched
 from solve.results.critical_rows import Combination, Maximum
+from solve.studies.mean_frequencies import excited, mean_decays
 from solve.system import PeriodicSystem
-
-_PHASES = 64
 
 _NEAR, CLOSE = 0.2, 0.05
 """Difference of frequency over speed from an integer, and its part of this, up to which a maximum may belong
@@ -49,17 +48,6 @@ class Explained(NamedTuple):
 def allowed_distance(order: float) -> float:
     """Difference of a frequency over the speed from an order, up to which that may explain a maximum."""
     return min(_NEAR, CLOSE * order)
-
-
-def frozen_phases(system: PeriodicSystem) -> Array:
-    """Where in the period matrices are frozen, evenly."""
-    return (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
-
-
-def excited(system: PeriodicSystem, order: int) -> bool:
-    """Whether matrices of this period may have an order of rotation."""
-    number = order * system.period / (2 * math.pi)
-    return math.isclose(number, round(number), abs_tol=1e-9)
 
 
 @dataclass(frozen=True)
@@ -127,7 +115,7 @@ class Turn:
         for pair in range(len(decays)):
             fed = [pair, *self.meeting(pair)]
             unsure[pair] += abs(decays[pair] - decays[fed].mean())
-        rates = _mean_decays(self.system, self.speed) / self.speed
+        rates = mean_decays(self.system, self.speed) / self.speed
         turned = np.sqrt(np.maximum(self.ratios**2 - rates**2, 0.0))
         allowed = self.turns * np.minimum(_NEAR, CLOSE * self.ratios) + _TURNED
         off = (self.angles[:, None] - _folded(turned * self.turns)) / allowed
@@ -239,14 +227,3 @@ def _nearest(total: float) -> int:
 def _folded(turns: Array | float) -> Array:
     """Angles in full turns, 0 to 1/2, up to whole turns and their sign."""
     return np.abs(turns - np.round(turns))
-
-
-def _mean_decays(system: PeriodicSystem, speed: float) -> Array:
-    """Means over the cycle of the rates in 1/s (n,) at which vibrations of the frozen modes die out, in the
-    order of their frequencies, to the first order in C."""
-    M, C, K, _ = system.at(frozen_phases(system), speed)
-    squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
-    # Shapes that are one another's have no inverse.
-    damping = np.linalg.pinv(shapes) @ np.linalg.solve(M, C) @ shapes
-    rates = np.real(np.einsum("kii->ki", damping)) / 2
-    return np.take_along_axis(rates, np.argsort(np.real(squares), axis=1), axis=1).mean(axis=0)
