@@ -33,7 +33,7 @@ _ALLOWED, _SURELY, _AS_GOOD = 3.0, 1.0, 0.3
 which is narrower; and by how much more another must have to be known not to."""
 
 _WEAKER = 0.1
-"""As much as a square of such a difference, an order that is higher by one."""
+"""Added for each order to what is compared where several explain a maximum: higher orders are weaker."""
 
 
 class Explained(NamedTuple):
@@ -174,9 +174,8 @@ class Turn:
         return _allowed([(misfit, one) for one, misfit in best.items()])
 
     def _off(self, order: int, total: float) -> float:
-        """Square of a sum of frequencies over the speed off an order, over what is allowed; of higher orders
-        more, as they are weaker."""
-        return float((total - order) / allowed_distance(order)) ** 2 + _WEAKER * (order - 1)
+        """Square of a sum of frequencies over the speed off an order, over what is allowed."""
+        return float((total - order) / allowed_distance(order)) ** 2
 
     def _of(self, low: int, high: int, sign: int, order: int) -> Combination:
         speed = self.speed * float(self.ratios[high] + sign * self.ratios[low]) / order
@@ -216,8 +215,12 @@ def _explained(maximum: Maximum, found: list[tuple[float, Combination]]) -> Expl
 
 def _allowed(found: list[tuple[float, Combination]]) -> list[tuple[float, Combination]]:
     """Those that explain, the best first, but for such as another is better than beyond doubt."""
-    found = sorted((one for one in found if one[0] <= _ALLOWED), key=lambda one: one[0])
-    return [one for one in found if one[0] <= found[0][0] + _AS_GOOD]
+
+    def rank(one: tuple[float, Combination]) -> float:
+        return one[0] + _WEAKER * (one[1].order - 1)
+
+    found = sorted((one for one in found if one[0] <= _ALLOWED), key=rank)
+    return [one for one in found if rank(one) <= rank(found[0]) + _AS_GOOD]
 
 
 def _nearest(total: float) -> int:
