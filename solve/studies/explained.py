@@ -171,7 +171,7 @@ class Turn:
         best: dict[Combination, float] = {}
         for misfit, one in found:
             best[one] = min(misfit, best.get(one, math.inf))
-        return _allowed([(misfit, one) for one, misfit in best.items()])
+        return _allowed([(misfit, one) for one, misfit in best.items()], _WEAKER)
 
     def _off(self, order: int, total: float) -> float:
         """Square of a sum of frequencies over the speed off an order, over what is allowed."""
@@ -213,11 +213,12 @@ def _explained(maximum: Maximum, found: list[tuple[float, Combination]]) -> Expl
     return Explained(maximum, set(), every)
 
 
-def _allowed(found: list[tuple[float, Combination]]) -> list[tuple[float, Combination]]:
-    """Those that explain, the best first, but for such as another is better than beyond doubt."""
+def _allowed(found: list[tuple[float, Combination]], weaker: float = 0.0) -> list[tuple[float, Combination]]:
+    """Those that explain, the best first, but for such as another is better than beyond doubt; weaker: what
+    each order takes away."""
 
     def rank(one: tuple[float, Combination]) -> float:
-        return one[0] + _WEAKER * (one[1].order - 1)
+        return one[0] + weaker * (one[1].order - 1)
 
     found = sorted((one for one in found if one[0] <= _ALLOWED), key=rank)
     return [one for one in found if rank(one) <= rank(found[0]) + _AS_GOOD]

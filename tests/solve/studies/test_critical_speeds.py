@@ -6,6 +6,7 @@ from scipy.optimize import minimize_scalar
 
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.studies.explained import Turn
 from tests.solve import systems
 
 FREQUENCIES, ZETA = np.array([10.0, 37.0]), 0.02
@@ -326,3 +327,21 @@ def test_a_division_at_an_end_of_the_range_or_on_a_speed_of_it_is_told_once():
     made = solve.critical_speeds(oscillators(), [2.5, 5.0, 10.0], orders=4)
     divided = [(row.mode, row.order) for row in made.rows if row.division and row.mode == 1]
     assert divided == [(1, 1), (1, 2), (1, 3), (1, 4)]
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["one decay", "each its own"])
+def test_multipliers_are_matched_to_modes_by_decay_and_angle_together(alike):
+    """Of oscillators apart from each other, in whatever order, by the angle alone where they decay alike."""
+    speed, frequencies = 7.0, np.array([10.0, 16.0, 35.7])
+    decays = np.full(3, 0.3) if alike else np.array([0.2, 0.9, 0.4])
+    system = systems.constant(
+        np.eye(3), np.diag(2 * decays), np.diag(frequencies**2), lambda p: 0 * p[:, None]
+    )
+    turned = np.exp((-decays + 1j * np.sqrt(frequencies**2 - decays**2)) * 2 * np.pi / speed)
+    for order in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
+        rho = np.column_stack((turned[order], turned[order].conj())).ravel()
+        turn = Turn(system, speed, rho, frequencies / speed)
+        true = {turn.pair_of(2 * place): mode for place, mode in enumerate(order)}
+        assert turn.misfit(true) == pytest.approx(0.0, abs=1e-9)
+        for place, mode in true.items():
+            assert all(turn.misfit({place: other}) > 1 for other in {0, 1, 2} - {mode})
