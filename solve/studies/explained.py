@@ -28,7 +28,7 @@ _DECAYS = 0.25
 _MOST = 9.0
 """Of a square of a difference over what is allowed: no single one decides which multipliers are whose."""
 
-_ALLOWED, _SURELY, _AS_GOOD = 3.0, 1.0, 0.3
+_ALLOWED, _SURELY, _AS_GOOD = 3.0, 0.25, 0.3
 """Sum of such squares up to which something explains a maximum of a real part, and of the spectral radius,
 which is narrower; and by how much more another must have to be known not to."""
 
