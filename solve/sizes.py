@@ -48,5 +48,5 @@ def require_size(what: str, count: float, each: float = 1) -> None:
     """
     if count * each > most_numbers():
         most, needed = int(most_numbers() / each), f"--limit {count * each:.3g}"
-        allowed = f"up to {most}, or more with {needed}" if most else f"{needed} or more, or none at all"
+        allowed = f"up to {most}, or more with {needed}" if most else f"{needed} or more"
         raise ValueOutOfBoundsError(f"{count:.6g} {what}; allowed: {allowed}")

@@ -278,10 +278,10 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
     for sign, label in ((1, "±|ρ|"), (-1, None)):
         dots = {"color": GREY, "linewidth": 0.7, "linestyle": ":", "label": label}
         axes.plot(shown(at), sign * rooted(radius), **dots)
-    marks = [(speed, float(rooted(np.array(height)))) for speed, height in maxima]
-    _draw_marks(axes, found, marks, 1, VERMILION, "maximum of Re ρ")
-    marks = [(speed, float(rooted(np.array(height)))) for speed, height in found.maxima("radius")]
-    _draw_marks(axes, found, marks, 1, GREY, "maximum of |ρ|")
+    every = ((found.maxima("radius"), GREY, "largest |ρ|"), (maxima, VERMILION, "largest Re ρ"))
+    for some, color, name in every:
+        marks = [(speed, float(rooted(np.array(height)))) for speed, height in some]
+        _draw_marks(axes, found, marks, 1, color, name)
     reach = float(np.nanmax(found.radius, initial=1e-12))
     ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
     places = [0.0, *ticks, *(-size for size in ticks)]
@@ -366,7 +366,14 @@ def _legend(axes: Axes) -> None:
     """Above the frame, at its right, where there is something to name."""
     if not axes.get_legend_handles_labels()[0]:
         return
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, handlelength=1.6)
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=5,
+        borderaxespad=0.1,
+        handlelength=1.4,
+        columnspacing=1.1,
+    )
 
 
 _ALL = _draw_response, _draw_multiplier, _draw_campbell

@@ -7,9 +7,7 @@ divisions of the natural frequencies' means over the cycle.
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -18,10 +16,10 @@ from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
-from solve.errors import SolveError, ValueOutOfBoundsError, require_name
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
-from solve.period.multipliers import VERDICTS
-from solve.progress import part, stage, steps
+from solve.period.multipliers import UNSTABLE
+from solve.progress import stage, steps
 from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
@@ -32,12 +30,11 @@ from solve.studies.explained import (
     Explained,
     Turn,
     allowed_distance,
-    excited,
-    frozen_phases,
     of_modulus,
     of_real_part,
 )
 from solve.studies.maxima import peaks, sharpened
+from solve.studies.mean_frequencies import MeanFrequencies, combinations, crossed, resonances
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
 
@@ -55,52 +52,6 @@ _SHARE = 0.1
 
 _ALIKE = 1e-3
 """Relative difference of speeds up to which maxima of a multiplier's real part and of its modulus are one."""
-
-_ROUNDING, _COMPLEX = 1e-12, 1e-6
-"""Negative and imaginary parts of squares of frequencies, relative to the largest, that are rounding: of
-double ones half the digits."""
-
-_SECANTS = 4
-
-
-@dataclass(frozen=True)
-class MeanFrequencies:
-    """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a
-    speed: rising, in rad/s, at speeds (P,), 0 for the mechanism at rest. Where K is not positive they count
-    as 0; NaN at speeds without matrices."""
-
-    system: PeriodicSystem
-    speeds: Array
-
-    @property
-    def values(self) -> Array:
-        """(P, n)."""
-        return self._found[0]
-
-    @property
-    def imaginary(self) -> Array:
-        """Whether one of the frequencies is imaginary or complex at some phase (P,)."""
-        return self._found[1]
-
-    @cached_property
-    def _found(self) -> tuple[Array, Array]:
-        phase = frozen_phases(self.system)
-        means = np.full((len(self.speeds), self.system.n), np.nan)
-        imaginary = np.zeros(len(self.speeds), dtype=bool)
-        for at, speed in enumerate(self.speeds):
-            # Where there are no matrices, the solution at this speed says why.
-            with part("speeds"), suppress(SolveError):
-                M, _, K, _ = self.system.at(phase, float(speed))
-                squares = np.linalg.eigvals(np.linalg.solve(M, K))
-                size = np.abs(squares).max()
-                real = np.sort(np.real(squares), axis=1)
-                means[at] = np.sqrt(np.maximum(real, 0.0)).mean(axis=0)
-                imaginary[at] = real.min() < -_ROUNDING * size or np.abs(squares.imag).max() > _COMPLEX * size
-        return means, imaginary
-
-    def at(self, speed: float) -> Array:
-        """The same (n,) at a speed."""
-        return MeanFrequencies(self.system, np.array([speed])).values[0]
 
 
 @of_system
@@ -134,6 +85,7 @@ def critical_speeds(
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = MeanFrequencies(system, np.array([0.0]))
     grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
+    grid = np.unique(np.concatenate((grid, resonances(rest, omegas[0], omegas[-1]))))
     batch = task.batch(grid[:, None])
     without = replace(task, request=replace(task.request, orbit=False)).batch(grid[:, None])
     search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance))
@@ -163,7 +115,7 @@ def critical_speeds(
         search.response(found),
         search.real_part(found),
         found.spectral_radius,
-        found.verdicts == VERDICTS.index("unstable"),
+        found.verdicts == UNSTABLE,
         frequencies.values,
         orders,
         frequencies.imaginary,
@@ -239,7 +191,7 @@ class _Search:
         trials = at * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
         kept = Kept((name,), (name,), math.ceil(orders * turns), warnings=False)
         found = gathered(self.batch, trials.reshape(-1, 1), kept)
-        reached = (found.verdicts != VERDICTS.index("unstable")).reshape(trials.shape)[1:4].any(axis=0)
+        reached = (found.verdicts != UNSTABLE).reshape(trials.shape)[1:4].any(axis=0)
         power = np.nan_to_num(found.amplitudes[:, 0] ** 2).reshape(*trials.shape, -1)
         rises = power[2] - (power[0] + power[4]) / 2
         whole = {
@@ -260,12 +212,20 @@ class _Search:
         ]
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
-        """Maxima of the dominant multiplier's real part, each with what explains it."""
-        found = self.turning(np.array([one.speed for one in maxima]))
+        """Maxima of the dominant multiplier's real part, each with what explains it; but for edges of
+        unstable ranges, at which another multiplier takes the lead."""
+        at = np.array([one.speed for one in maxima])
+        near = 1 + 4 * self.tolerance * np.array([-1, 1])
+        sides = self.turning((at[:, None] * near).ravel()).verdicts.reshape(-1, 2) == UNSTABLE
+        found = self.turning(at)
         leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)
         return [
-            of_real_part(turn, one, int(lead), orders, unstable=grows)
-            for one, lead, (turn, grows) in zip(maxima, leads, self._turns(maxima, found), strict=True)
+            explained
+            for one, lead, (turn, grows), (below, above) in zip(
+                maxima, leads, self._turns(maxima, found), sides, strict=True
+            )
+            if any((explained := of_real_part(turn, one, int(lead), orders, unstable=grows))[1:])
+            or below == above
         ]
 
     def raised(self, maxima: list[Maximum], orders: int) -> list[Explained]:
@@ -280,7 +240,7 @@ class _Search:
 
     def _turns(self, maxima: list[Maximum], found: PointResults) -> Iterator[tuple[Turn, bool]]:
         """What a period does to the modes at each, and whether the motion is unstable."""
-        system, unstable = self.batch.family.example, found.verdicts == VERDICTS.index("unstable")
+        system, unstable = self.batch.family.example, found.verdicts == UNSTABLE
         for one, grows, rho in zip(maxima, unstable.tolist(), found.multipliers, strict=True):
             ratios = MeanFrequencies(system, np.array([one.speed])).values[0] / one.speed
             yield Turn(system, one.speed, rho, ratios), grows
@@ -303,7 +263,7 @@ def _rows(
     rows = [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
-        for order, speed in _crossed(frequencies, weights, orders)
+        for order, speed in crossed(frequencies, weights, orders)
     ]
     error, radius = (
         found.errors[:, 1] * found.spectral_radius,
@@ -354,37 +314,3 @@ def _tells(row: Critical, one: Explained, combination: Combination | None, way: 
     if combination is not None and row.combination is not None:
         return combination.same(row.combination) and apart < CLOSE
     return way == "radius" and row.multiplier is not None and apart < _ALIKE
-
-
-def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
-    """Every (ω̄i ± ω̄j)/k within the speeds, with k up to `orders` that the matrices may have by their period,
-    falling in speed; integer divisions are none."""
-    modes, found = np.eye(frequencies.values.shape[1]), []
-    for low, high in itertools.combinations_with_replacement(range(len(modes)), 2):
-        for sign in (1, -1) if high > low else (1,):
-            crossed = _crossed(frequencies, modes[high] + sign * modes[low], orders)
-            every = (Combination(speed, (high + 1, low + 1), sign, order) for order, speed in crossed)
-            found += [one for one in every if not one.is_division and excited(frequencies.system, one.order)]
-    return sorted(found, key=lambda one: -one.speed)
-
-
-def _crossed(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
-    """Orders k and speeds at which the sum of the mean frequencies by their weights (n,) is k Ω; Ω counts
-    turns of the mechanism."""
-    speeds, values = frequencies.speeds, frequencies.values @ weights
-    for order in range(1, orders + 1):
-        excess = values - order * speeds
-        known = np.isfinite(excess[:-1] + excess[1:])
-        for at in np.flatnonzero(known & (np.sign(excess[:-1]) != np.sign(excess[1:]))):
-            low, high = float(speeds[at]), float(speeds[at + 1])
-            below, above = float(excess[at]), float(excess[at + 1])
-            for _ in range(_SECANTS):
-                middle = low - below * (high - low) / (above - below)
-                here = float(frequencies.at(middle) @ weights) - order * middle
-                if here == 0.0 or not low < middle < high or np.isnan(here):
-                    break
-                if (here < 0) == (above < 0):
-                    high, above = middle, here
-                else:
-                    low, below = middle, here
-            yield order, low - below * (high - low) / (above - below)

@@ -12,9 +12,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import matched
 from solve.results.critical_rows import Combination, Maximum
+from solve.studies.mean_frequencies import excited, mean_decays
 from solve.system import PeriodicSystem
-
-_PHASES = 64
 
 _NEAR, CLOSE = 0.2, 0.05
 """Difference of frequency over speed from an integer, and its part of this, up to which a maximum may belong
@@ -29,12 +28,12 @@ _DECAYS = 0.25
 _MOST = 9.0
 """Of a square of a difference over what is allowed: no single one decides which multipliers are whose."""
 
-_ALLOWED, _SURELY, _AS_GOOD = 3.0, 1.0, 0.3
+_ALLOWED, _SURELY, _AS_GOOD = 3.0, 0.25, 0.3
 """Sum of such squares up to which something explains a maximum of a real part, and of the spectral radius,
 which is narrower; and by how much more another must have to be known not to."""
 
 _WEAKER = 0.1
-"""As much as a square of such a difference, an order that is higher by one."""
+"""Added for each order to what is compared where several explain a maximum: higher orders are weaker."""
 
 
 class Explained(NamedTuple):
@@ -49,17 +48,6 @@ class Explained(NamedTuple):
 def allowed_distance(order: float) -> float:
     """Difference of a frequency over the speed from an order, up to which that may explain a maximum."""
     return min(_NEAR, CLOSE * order)
-
-
-def frozen_phases(system: PeriodicSystem) -> Array:
-    """Where in the period matrices are frozen, evenly."""
-    return (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
-
-
-def excited(system: PeriodicSystem, order: int) -> bool:
-    """Whether matrices of this period may have an order of rotation."""
-    number = order * system.period / (2 * math.pi)
-    return math.isclose(number, round(number), abs_tol=1e-9)
 
 
 @dataclass(frozen=True)
@@ -127,7 +115,7 @@ class Turn:
         for pair in range(len(decays)):
             fed = [pair, *self.meeting(pair)]
             unsure[pair] += abs(decays[pair] - decays[fed].mean())
-        rates = _mean_decays(self.system, self.speed) / self.speed
+        rates = mean_decays(self.system, self.speed) / self.speed
         turned = np.sqrt(np.maximum(self.ratios**2 - rates**2, 0.0))
         allowed = self.turns * np.minimum(_NEAR, CLOSE * self.ratios) + _TURNED
         off = (self.angles[:, None] - _folded(turned * self.turns)) / allowed
@@ -183,12 +171,11 @@ class Turn:
         best: dict[Combination, float] = {}
         for misfit, one in found:
             best[one] = min(misfit, best.get(one, math.inf))
-        return _allowed([(misfit, one) for one, misfit in best.items()])
+        return _allowed([(misfit, one) for one, misfit in best.items()], _WEAKER)
 
     def _off(self, order: int, total: float) -> float:
-        """Square of a sum of frequencies over the speed off an order, over what is allowed; of higher orders
-        more, as they are weaker."""
-        return float((total - order) / allowed_distance(order)) ** 2 + _WEAKER * (order - 1)
+        """Square of a sum of frequencies over the speed off an order, over what is allowed."""
+        return float((total - order) / allowed_distance(order)) ** 2
 
     def _of(self, low: int, high: int, sign: int, order: int) -> Combination:
         speed = self.speed * float(self.ratios[high] + sign * self.ratios[low]) / order
@@ -226,10 +213,15 @@ def _explained(maximum: Maximum, found: list[tuple[float, Combination]]) -> Expl
     return Explained(maximum, set(), every)
 
 
-def _allowed(found: list[tuple[float, Combination]]) -> list[tuple[float, Combination]]:
-    """Those that explain, the best first, but for such as another is better than beyond doubt."""
-    found = sorted((one for one in found if one[0] <= _ALLOWED), key=lambda one: one[0])
-    return [one for one in found if one[0] <= found[0][0] + _AS_GOOD]
+def _allowed(found: list[tuple[float, Combination]], weaker: float = 0.0) -> list[tuple[float, Combination]]:
+    """Those that explain, the best first, but for such as another is better than beyond doubt; weaker: what
+    each order takes away."""
+
+    def rank(one: tuple[float, Combination]) -> float:
+        return one[0] + weaker * (one[1].order - 1)
+
+    found = sorted((one for one in found if one[0] <= _ALLOWED), key=rank)
+    return [one for one in found if rank(one) <= rank(found[0]) + _AS_GOOD]
 
 
 def _nearest(total: float) -> int:
@@ -239,14 +231,3 @@ def _nearest(total: float) -> int:
 def _folded(turns: Array | float) -> Array:
     """Angles in full turns, 0 to 1/2, up to whole turns and their sign."""
     return np.abs(turns - np.round(turns))
-
-
-def _mean_decays(system: PeriodicSystem, speed: float) -> Array:
-    """Means over the cycle of the rates in 1/s (n,) at which vibrations of the frozen modes die out, in the
-    order of their frequencies, to the first order in C."""
-    M, C, K, _ = system.at(frozen_phases(system), speed)
-    squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
-    # Shapes that are one another's have no inverse.
-    damping = np.linalg.pinv(shapes) @ np.linalg.solve(M, C) @ shapes
-    rates = np.real(np.einsum("kii->ki", damping)) / 2
-    return np.take_along_axis(rates, np.argsort(np.real(squares), axis=1), axis=1).mean(axis=0)

@@ -6,6 +6,7 @@ from scipy.optimize import minimize_scalar
 
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.studies.explained import Turn
 from tests.solve import systems
 
 FREQUENCIES, ZETA = np.array([10.0, 37.0]), 0.02
@@ -229,8 +230,9 @@ def test_a_combination_explains_the_maximum_of_the_multiplier_where_two_modes_me
     (row,) = [row for row in made.rows if row.multiplier and row.mode is None]
     assert row.multiplier.speed == pytest.approx(10.0, rel=0.03)
     assert (row.combination.modes, row.combination.sign, row.combination.order) == ((2, 1), 1, 1)
-    rate = np.log(made.radius[20]) * made.speeds[20] / (2 * np.pi)
-    assert made.speeds[20] == pytest.approx(10.0)
+    at = np.abs(made.speeds - 10.0).argmin()
+    rate = np.log(made.radius[at]) * made.speeds[at] / (2 * np.pi)
+    assert made.speeds[at] == pytest.approx(10.0)
     assert rate == pytest.approx(-0.25 + np.sqrt(0.05**2 + 1.8**2 / 144), rel=0.05)
     assert "2+1" in made._repr_html_()
     (found,) = [each for each in made.record()["rows"] if each["combination"]]
@@ -309,3 +311,37 @@ def test_combinations_that_explain_equally_well_are_all_told():
     assert row.combination is None
     assert {(one.modes, one.order) for one in row.candidates} == {((1, 1), 1), ((2, 1), 1), ((2, 2), 1)}
     assert "several combinations explain it equally well" in repr(made)
+
+
+def test_a_combination_resonance_that_is_narrower_than_the_distance_of_speeds_is_found():
+    """ε = 0.03 makes the motion unstable over a relative width of less than 0.01."""
+    made = solve.critical_speeds(coupled((1.0, np.sqrt(3.0)), 0.0, 0.03), np.linspace(2.05, 3.3, 9), orders=3)
+    (row,) = [row for row in made.rows if row.radius]
+    assert row.radius.speed == pytest.approx(1.0 + np.sqrt(3.0), rel=1e-4)
+    largest = 0.03 / np.sqrt(16 * np.sqrt(3.0))
+    assert np.log(row.radius.height) == pytest.approx(2 * np.pi * largest / row.radius.speed, rel=1e-2)
+    assert (row.combination.modes, row.combination.sign) == ((2, 1), 1)
+
+
+def test_a_division_at_an_end_of_the_range_or_on_a_speed_of_it_is_told_once():
+    made = solve.critical_speeds(oscillators(), [2.5, 5.0, 10.0], orders=4)
+    divided = [(row.mode, row.order) for row in made.rows if row.division and row.mode == 1]
+    assert divided == [(1, 1), (1, 2), (1, 3), (1, 4)]
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["one decay", "each its own"])
+def test_multipliers_are_matched_to_modes_by_decay_and_angle_together(alike):
+    """Of oscillators apart from each other, in whatever order, by the angle alone where they decay alike."""
+    speed, frequencies = 7.0, np.array([10.0, 16.0, 35.7])
+    decays = np.full(3, 0.3) if alike else np.array([0.2, 0.9, 0.4])
+    system = systems.constant(
+        np.eye(3), np.diag(2 * decays), np.diag(frequencies**2), lambda p: 0 * p[:, None]
+    )
+    turned = np.exp((-decays + 1j * np.sqrt(frequencies**2 - decays**2)) * 2 * np.pi / speed)
+    for order in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
+        rho = np.column_stack((turned[order], turned[order].conj())).ravel()
+        turn = Turn(system, speed, rho, frequencies / speed)
+        true = {turn.pair_of(2 * place): mode for place, mode in enumerate(order)}
+        assert turn.misfit(true) == pytest.approx(0.0, abs=1e-9)
+        for place, mode in true.items():
+            assert all(turn.misfit({place: other}) > 1 for other in {0, 1, 2} - {mode})

@@ -1,0 +1,163 @@
+"""Means over the cycle of natural frequencies and of their decays with the matrices frozen, and the speeds at
+which combinations of them are whole multiples of the speed."""
+
+import itertools
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import SolveError
+from solve.progress import part
+from solve.results.critical_rows import Combination
+from solve.studies.boundaries import LIGHTLY_DAMPED
+from solve.system import PeriodicSystem
+
+_PHASES = 64
+
+_ROUNDING, _COMPLEX = 1e-12, 1e-6
+"""Negative and imaginary parts of squares of frequencies, relative to the largest, that are rounding: of
+double ones half the digits."""
+
+_SECANTS = 4
+
+_LOW = 4
+"""Highest order of combinations that are strong enough to be looked for where only means tell them."""
+
+_CORRECTIONS = 2
+"""Of a speed by the means there."""
+
+
+@dataclass(frozen=True)
+class MeanFrequencies:
+    """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a
+    speed: rising, in rad/s, at speeds (P,), 0 for the mechanism at rest. Where K is not positive they count
+    as 0; NaN at speeds without matrices."""
+
+    system: PeriodicSystem
+    speeds: Array
+
+    @property
+    def values(self) -> Array:
+        """(P, n)."""
+        return self._found[0]
+
+    @property
+    def imaginary(self) -> Array:
+        """Whether one of the frequencies is imaginary or complex at some phase (P,)."""
+        return self._found[1]
+
+    @cached_property
+    def _found(self) -> tuple[Array, Array]:
+        phase = frozen_phases(self.system)
+        means = np.full((len(self.speeds), self.system.n), np.nan)
+        imaginary = np.zeros(len(self.speeds), dtype=bool)
+        for at, speed in enumerate(self.speeds):
+            # Where there are no matrices, the solution at this speed says why.
+            with part("speeds"), suppress(SolveError):
+                M, _, K, _ = self.system.at(phase, float(speed))
+                squares = np.linalg.eigvals(np.linalg.solve(M, K))
+                size = np.abs(squares).max()
+                real = np.sort(np.real(squares), axis=1)
+                means[at] = np.sqrt(np.maximum(real, 0.0)).mean(axis=0)
+                imaginary[at] = real.min() < -_ROUNDING * size or np.abs(squares.imag).max() > _COMPLEX * size
+        return means, imaginary
+
+    def at(self, speed: float) -> Array:
+        """The same (n,) at a speed."""
+        return MeanFrequencies(self.system, np.array([speed])).values[0]
+
+
+def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
+    """Every (ω̄i ± ω̄j)/k within the speeds, with k up to `orders` that the matrices may have by their period,
+    falling in speed; integer divisions are none."""
+    modes, found = np.eye(frequencies.values.shape[1]), []
+    for low, high in itertools.combinations_with_replacement(range(len(modes)), 2):
+        for sign in (1, -1) if high > low else (1,):
+            found_at = crossed(frequencies, modes[high] + sign * modes[low], orders)
+            every = (Combination(speed, (high + 1, low + 1), sign, order) for order, speed in found_at)
+            found += [one for one in every if not one.is_division and excited(frequencies.system, one.order)]
+    return sorted(found, key=lambda one: -one.speed)
+
+
+def crossed(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
+    """Orders k and speeds at which the sum of the mean frequencies by their weights (n,) is k Ω; Ω counts
+    turns of the mechanism."""
+    speeds, values = frequencies.speeds, frequencies.values @ weights
+    for order in range(1, orders + 1):
+        excess = values - order * speeds
+        known = np.isfinite(excess[:-1] + excess[1:])
+        below_order = np.append(excess[:-1] < 0, excess[-1] <= 0)
+        for at in np.flatnonzero(known & (below_order[:-1] != below_order[1:])):
+            low, high = float(speeds[at]), float(speeds[at + 1])
+            below, above = float(excess[at]), float(excess[at + 1])
+            for _ in range(_SECANTS):
+                middle = low - below * (high - low) / (above - below)
+                here = float(frequencies.at(middle) @ weights) - order * middle
+                if here == 0.0 or not low < middle < high or np.isnan(here):
+                    break
+                if (here < 0) == (above < 0):
+                    high, above = middle, here
+                else:
+                    low, below = middle, here
+            yield order, low - below * (high - low) / (above - below)
+
+
+def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
+    """Speeds between two at which combinations of low order lie, of modes that a turn leaves above one half
+    in the mean, by their means at these speeds; `rest`: those at rest."""
+    system, (values,) = rest.system, rest.values
+    every = [
+        (np.eye(len(values))[one] + sign * np.eye(len(values))[two], order)
+        for one, two in itertools.combinations_with_replacement(range(len(values))[::-1], 2)
+        for sign in ((1, -1) if one != two else (1,))
+        for order in range(1, _LOW + 1)
+        if excited(system, order) and (one != two or order % 2)
+    ]
+    if not every:
+        return np.zeros(0)
+    weights, orders = np.array([each for each, _ in every]), np.array([order for _, order in every])
+    speeds = weights @ values / orders
+    for _ in range(_CORRECTIONS):
+        near = (speeds > low / 2) & (speeds < 2 * high)
+        weights, orders, speeds = weights[near], orders[near], speeds[near]
+        speeds = (MeanFrequencies(system, speeds).values * weights).sum(axis=1) / orders
+    within = (speeds > low) & (speeds < high)
+    return np.array(
+        [
+            speed
+            for speed, weight in zip(speeds[within].tolist(), np.abs(weights[within]), strict=True)
+            if _remembered(system, speed) @ weight / 2 <= -math.log(LIGHTLY_DAMPED)
+        ]
+    )
+
+
+def _remembered(system: PeriodicSystem, speed: float) -> Array:
+    """Decays of the modes in a period (n,)."""
+    return mean_decays(system, speed) * system.period / speed
+
+
+def frozen_phases(system: PeriodicSystem) -> Array:
+    """Where in the period matrices are frozen, evenly."""
+    return (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
+
+
+def excited(system: PeriodicSystem, order: int) -> bool:
+    """Whether matrices of this period may have an order of rotation."""
+    number = order * system.period / (2 * math.pi)
+    return math.isclose(number, round(number), abs_tol=1e-9)
+
+
+def mean_decays(system: PeriodicSystem, speed: float) -> Array:
+    """Means over the cycle of the rates in 1/s (n,) at which vibrations of the frozen modes die out, in the
+    order of their frequencies, to the first order in C."""
+    M, C, K, _ = system.at(frozen_phases(system), speed)
+    squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
+    # Shapes that are one another's have no inverse.
+    damping = np.linalg.pinv(shapes) @ np.linalg.solve(M, C) @ shapes
+    rates = np.real(np.einsum("kii->ki", damping)) / 2
+    return np.take_along_axis(rates, np.argsort(np.real(squares), axis=1), axis=1).mean(axis=0)
