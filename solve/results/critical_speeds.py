@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, plain, rows_of
+from solve.results.contents import Column, Columns, rows_of
 from solve.results.lasting import lasting
 from solve.results.plot import label_quantity, label_speeds, through, title_of
 from solve.results.quantities import measured, named
@@ -229,12 +229,8 @@ class CriticalSpeeds(Result):
             texts = [row.explained[at] for row in rows]
             values = [getattr(row, name) for row in rows]
             found[name] = Column(values, "", "of the division", heading, texts)
-        return found
-
-    def record(self) -> dict[str, Any]:
-        found = super().record()
-        for row, critical in zip(found["rows"], self.rows, strict=True):
-            row |= plain({"ratios": critical.ratios, "combination": critical.combination})
+        for name in ("ratios", "combination"):
+            found[name] = Column([getattr(row, name) for row in rows], axes=())
         return found
 
     def facts(self) -> Facts:
