@@ -11,7 +11,7 @@ from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.model.model import Model
 from solve.results.plot import shown
 from solve.results.style import Figure
-from solve.results.sweep import Sweep, SweepPoint
+from solve.results.sweep import Sweep
 from solve.results.sweep_plot import SPEED, labelled_by, moving
 from solve.results.turn_plot import checked_turn, turn_figure, turns_figure
 from solve.single import periodic as solved
@@ -83,20 +83,15 @@ def _check_turn(
 
 
 def _turns(model: Model, sweep: Sweep, turn: str, asked: tuple[Any, ...]) -> Figure:
-    """A curve a point, named by its speed or by what varies."""
-    if not sweep.parameters:
-        return turn_figure([solved(model, point.speed, *asked) for point in _solved(sweep, turn)], turn)
+    """A curve a point that has a result, named by its speed or by what varies. Raises ValueOutOfBoundsError
+    where none has."""
     orbits, vary = {}, moving(sweep.varied)
-    for point in _solved(sweep, turn):
+    for point in (each for each in sweep.points if each.error is None):
         values = {**point.parameters, SPEED: point.speed}
         label = labelled_by(model, {name: values[name] for name in vary})
         orbits[label] = solved(model.varied(point.parameters), point.speed, *asked)
-    return turns_figure(orbits, turn, ", ".join(vary))
-
-
-def _solved(sweep: Sweep, turn: str) -> list[SweepPoint]:
-    """The points that have a result to draw. Raises ValueOutOfBoundsError where none has."""
-    points = [point for point in sweep.points if point.error is None]
-    if not points:
+    if not orbits:
         raise ValueOutOfBoundsError(f"--turn {turn}: no point has a result to draw; {sweep.points[0].error}")
-    return points
+    if not sweep.parameters:
+        return turn_figure([*orbits.values()], turn)
+    return turns_figure(orbits, turn, ", ".join(vary))

@@ -136,14 +136,9 @@ class Comparison(Result):
             "target": ("1", f"error of the {self.judged_by} to reach"),
             "reason": ("", "why there is no result"),
             "asked": ("", "steps that were asked for"),
+            "warnings": ("", "", "", str, ()),
         }
         return {name: Column([getattr(row, name) for row in rows], *of) for name, of in about.items()}
-
-    def record(self) -> dict[str, Any]:
-        found = super().record()
-        for row, compared in zip(found["rows"], self.rows, strict=True):
-            row["warnings"] = compared.warnings
-        return found
 
     def facts(self) -> Facts:
         """What the methods are held against."""

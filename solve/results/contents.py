@@ -22,7 +22,7 @@ class Column(NamedTuple):
     """A quantity of a result, stated once for its record, its tables and its files.
 
     values along the axes; unit ("" for texts and counts), meaning; in a table under `heading`, where it has
-    one, each value by `text`, or in the texts given.
+    one, each value by `text`, or in the texts given. Without axes it is of the record alone.
     """
 
     values: Any

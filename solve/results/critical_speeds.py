@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, plain, rows_of
+from solve.results.contents import Column, Columns, rows_of
 from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.plot import label_quantity, label_speeds, through, title_of
 from solve.results.quantities import measured, named, prefixed
@@ -196,12 +196,8 @@ class CriticalSpeeds(Result):
         )
         for name, values in instead:
             found[name] = found[name]._replace(text=found[name]._replace(values=values).texts)
-        return found
-
-    def record(self) -> dict[str, Any]:
-        found = super().record()
-        for row, critical in zip(found["rows"], self.rows, strict=True):
-            row |= plain({name: getattr(critical, name) for name in ("ratios", "combination", "candidates")})
+        for name in ("ratios", "combination", "candidates"):
+            found[name] = Column([getattr(row, name) for row in rows], axes=())
         return found
 
     def facts(self) -> Facts:

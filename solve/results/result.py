@@ -95,7 +95,8 @@ class Result(Lasting):
 
     def contents(self) -> Contents:
         """What its files hold."""
-        return Contents(self.columns, {}, self.metadata)
+        columns = {name: column for name, column in self.columns.items() if column.axes}
+        return Contents(columns, {}, self.metadata)
 
     def save(self, path: str | Path) -> None:
         """Write the result as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.

@@ -13,7 +13,7 @@ from models.four_bar.dynamic_correction import LOADS, Corrected
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.progress import part, stage
-from solve.results.contents import Column, Columns, Contents, model_record, plain
+from solve.results.contents import Column, Columns, Contents, model_record
 from solve.results.lasting import lasting
 from solve.results.report import RenderableType, digits, sized, table_of
 from solve.results.result import Result
@@ -74,19 +74,16 @@ class Corrections(Result):
         largest = [each.max_abs for each in figures]
         radii = [model.spectral_radius for model in every]
         excess = [each / reference - 1 for each in largest]
+        further = (name for name in Statistics._fields if name != "max_abs")
         return {
             "name": Column(list(self.models), "", "elements a link", "elements a link"),
             "max_abs": sized(largest, si, "largest modulus", "max|…|", 5, reference),
             "at": Column(at, "rad", "where", "at", lambda phase: f"{math.degrees(phase):.1f}°"),
             "excess": Column(excess, "1", "over the reference", "excess (%)", digits("+.2f", 100.0)),
             "spectral_radius": Column(radii, "1", "largest modulus of a multiplier", "|ρ|", digits(".6f")),
+            "error_estimate": Column([model.error_estimate for model in every], axes=()),
+            **{name: Column([getattr(each, name) for each in figures], axes=()) for name in further},
         }
-
-    def record(self) -> dict[str, Any]:
-        found = super().record()
-        for row, model in zip(found["models"], self.models.values(), strict=True):
-            row |= plain({**model.figures._asdict(), "error_estimate": model.error_estimate})
-        return found
 
     def contents(self) -> Contents:
         """The quantity over the turn, a column a model; the rows as metadata."""

@@ -16,13 +16,13 @@ from models.four_bar.design import (
 )
 from models.four_bar.design_map import DesignError, DesignMap
 from models.four_bar.results.design_draw import outcome_figure
-from models.four_bar.results.design_report import outcome_report
+from models.four_bar.results.design_report import outcome_report, trial_columns
 from models.four_bar.results.outcome import Outcome, Trial
 from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.ramp import RunUp, simulate
 from solve.arrays import Array
 from solve.progress import stage
-from solve.results.contents import Column, Columns, Contents
+from solve.results.contents import Column, Columns, Contents, rows_of
 from solve.results.report import RenderableType
 from solve.results.result import Result
 from solve.results.style import Figure
@@ -74,7 +74,7 @@ class DesignResult(Outcome, Result):
             "verdict": "plan" if self.plan is not None else "no plan",
             "text": self.text,
             "plan": None if self.plan is None else _plan_record(self),
-            "trials": [_trial_record(trial) for trial in self.trials],
+            "trials": rows_of(trial_columns(self)),
             "safe_acceleration": self.safe_acceleration,
         }
 
@@ -178,16 +178,4 @@ def _plan_record(result: Outcome) -> dict[str, Any]:
         "lead": plan.lead,
         "greatest_steady_ratio": float(result.steady.max()),
         "rate": result.design.rate,
-    }
-
-
-def _trial_record(trial: Trial) -> dict[str, Any]:
-    at = trial.ratio.argmax() // trial.ratio.shape[1]
-    return {
-        "duration": trial.run_up.duration,
-        "acceleration": trial.run_up.acceleration,
-        "greatest_ratio": trial.worst,
-        "at_speed": trial.worst_speed,
-        "at_time": float(trial.simulated.time[at]),
-        "turns": trial.run_up.turns,
     }

@@ -21,7 +21,7 @@ def outcome_report(result: Outcome, choices: Sequence[str]) -> RenderableType:
     if result.design.quiet_above:
         parts.append(_quiet_above(result))
     if result.plan is not None:
-        parts += [_plan(result), _trials(result)]
+        parts += [_plan(result), table_of("Simulated", trial_columns(result))]
     return Group(*parts, Text("\n" + result.text))
 
 
@@ -117,14 +117,18 @@ def _plan(result: Outcome) -> RenderableType:
     return Group(made, Text(f"L4 is linear between these; {steady}"))
 
 
-def _trials(result: Outcome) -> RenderableType:
+def trial_columns(result: Outcome) -> Columns:
+    """A row a simulated run-up."""
     trials, unit = result.trials, result.design.map.model.speed_unit.per_second
-    accelerations = [unit.text(trial.run_up.acceleration, ".3g") for trial in trials]
-    columns = {
-        "within": Column([f"{trial.run_up.duration:.4g} s" for trial in trials], heading="within"),
-        "acceleration": Column(accelerations, heading="acceleration"),
-        "worst": Column([trial.worst for trial in trials], heading="stress/allowable", text=digits(".4f")),
-        "at": _speeds(result, [trial.worst_speed for trial in trials], "at speed ({})"),
-        "verdict": Column(["below" if trial.worst < 1 else "too high" for trial in trials], heading=" "),
+    accelerations, worst = [trial.run_up.acceleration for trial in trials], [trial.worst for trial in trials]
+    return {
+        "duration": Column([trial.run_up.duration for trial in trials], "s", "", "within", "{:.4g} s".format),
+        "acceleration": Column(
+            accelerations, "rad/s^2", "", "acceleration", lambda each: unit.text(each, ".3g")
+        ),
+        "greatest_ratio": Column(worst, "1", "", "stress/allowable", digits(".4f")),
+        "at_speed": _speeds(result, [trial.worst_speed for trial in trials], "at speed ({})"),
+        "at_time": Column([trial.worst_time for trial in trials], "s"),
+        "turns": Column([trial.run_up.turns for trial in trials]),
+        "verdict": Column(["below" if ratio < 1 else "too high" for ratio in worst], heading=" "),
     }
-    return table_of("Simulated", columns)

@@ -48,6 +48,11 @@ class Trial:
         """Speed (rad/s) at the end of the worst turn."""
         return float(self.simulated.speed[self.ratio.max(axis=1).argmax()])
 
+    @property
+    def worst_time(self) -> float:
+        """The time (s) then."""
+        return float(self.simulated.time[self.ratio.max(axis=1).argmax()])
+
 
 @dataclass(frozen=True)
 class Outcome(Lasting):
