@@ -57,7 +57,10 @@ class Family:
         return True
 
     def sound(self, points: Array) -> Array:
-        """Whether the system of each point (P, v) has periodic matrices and an M that can be inverted."""
+        """Whether the system of each point (P, v) has periodic matrices and an M that can be inverted; of
+        generated code the first point alone is asked, before."""
+        if self.example.model_hash is not None:
+            return np.ones(len(points), dtype=bool)
         return np.array([self._checked(point) for point in points], dtype=bool)
 
     def _checked(self, point: Array) -> bool:
@@ -130,10 +133,6 @@ class SystemFamily(Family):
     @property
     def moves_breaks(self) -> bool:
         return bool(self._free) and self.example.moves_breaks
-
-    def sound(self, points: Array) -> Array:
-        """As of any family; generated models are checked once, with their first point."""
-        return super().sound(points) if self._together is None else np.ones(len(points), dtype=bool)
 
     def at_speeds(self, points: Array) -> AtSpeeds | None:
         speeds = self.speeds(points)

@@ -16,7 +16,7 @@ def test_rungs_are_twos_and_threes():
     rungs = [rung(1)]
     while rungs[-1] < 1000:
         rungs.append(rung(rungs[-1] + 1))
-    assert rungs == [16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024]
+    assert rungs == [8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024]
     assert [rung(steps) for steps in rungs] == rungs
 
 
