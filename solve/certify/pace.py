@@ -14,8 +14,9 @@ from solve.arrays import Array, across
 from solve.methods.method import Method
 
 _LEAST = 8
-_SERIES_LEAST = 16
-"""Steps to begin with where they are samples of a series, which shows nothing of what it leaves out."""
+_ORBIT_LEAST = 16
+"""Steps to begin with where loads of high orders may look like low ones, and where steps are samples of a
+series, which shows nothing of what it leaves out."""
 
 _DAMPING_LEAST = 64
 """Steps to begin with where stiff modes may be present that need not be followed."""
@@ -54,11 +55,11 @@ def rung(steps: int) -> int:
     return 3 * power // 4 if 3 * power // 4 >= max(steps, _LEAST) else power
 
 
-def first_steps(method: Method) -> int:
-    """Steps of the first grid."""
+def first_steps(method: Method, orbit: bool) -> int:
+    """Steps of the first grid, for orbits or for multipliers alone."""
     if method.l_stable:
         return _DAMPING_LEAST
-    return _SERIES_LEAST if method.spectral else _LEAST
+    return _ORBIT_LEAST if orbit or method.spectral else _LEAST
 
 
 def seen_by_both(pace: Pace, method: Method) -> int:

@@ -215,7 +215,7 @@ class Refinement:
 
     def refined(self, positions: Array) -> Iterator[Certified | Failed]:
         """On as many steps as each point needs."""
-        wanted = np.maximum(first_steps(self.method), len(self.points.breaks))
+        wanted = np.maximum(first_steps(self.method, self.request.orbit), len(self.points.breaks))
         first = np.maximum(wanted, np.ceil(1.2 * self.least[positions])).astype(int)
         for position in positions[first > self.most].tolist():
             yield Failed(position, self._out_of_reach(int(self.least[position])))

@@ -279,6 +279,18 @@ class OnGrid:
         return asked.part(rho * slopes)
 
 
+def _error_of_factor(solved: Stability, asked: Named) -> float:
+    """Relative error of the multiplier that the derivative of its logarithm is multiplied by, which is the
+    finest grid's on every grid; 0 where there is none."""
+    if asked.of_orbit or asked.subject == EXPONENT:
+        return 0.0
+    at = max(asked.number, 1) - 1
+    leading = solved.spectrum.leading
+    if at < len(leading):
+        return float(solved.certified.absolute[0] / np.abs(leading[at]))
+    return float(solved.multiplier_errors[at])
+
+
 def _every(solved: Stability, at: int) -> Array:
     """Multipliers, all of them unless the largest are enough."""
     leading = solved.spectrum.leading
@@ -321,6 +333,7 @@ def _judged(
         orders = [rule.curve_order if asked[at].of_orbit else rule.order for at in known]
         found, before = np.abs(fine - coarse), np.abs(coarse - coarsest)
         made = estimated(found, before, Pace(finest.steps, 2.0, 2.0), np.array(orders)[:, None])
+        made += np.array([_error_of_factor(finest.solved, asked[at]) for at in known])[:, None] * np.abs(fine)
         errors = dict(zip(known, np.maximum(made, _ROUNDING * np.abs(fine)), strict=True))
     return {
         each.text: _sensitivity(each, np.asarray(slopes[at][0]), errors[at], finest)

@@ -161,7 +161,8 @@ class Transient(Result):
     def _figures_of_states(self) -> Array:
         """Largest, smallest value and largest modulus over each turn; the other figures are NaN."""
         names, last = (*self.system.coordinates, *self.system.outputs), len(self.nodes) - 1
-        values = np.stack([self.values(name)[:-1].reshape(self.turns, last) for name in names], axis=1)
+        places = np.arange(self.turns)[:, None] * last + np.arange(last + 1)
+        values = np.stack([self.values(name)[places] for name in names], axis=1)
         found = np.full((*values.shape[:2], len(Statistics._fields)), np.nan)
         found[..., 0], found[..., 1] = values.max(axis=-1), values.min(axis=-1)
         found[..., 2] = np.abs(values).max(axis=-1)

@@ -58,7 +58,7 @@ class MeanFrequencies:
         imaginary = np.zeros(len(self.speeds), dtype=bool)
         for at, speed in enumerate(self.speeds):
             # Where there are no matrices, the solution at this speed says why.
-            with part("speeds"), suppress(SolveError):
+            with part("speeds"), suppress(SolveError, np.linalg.LinAlgError):
                 M, _, K, _ = self.system.at(phase, float(speed))
                 squares = np.linalg.eigvals(np.linalg.solve(M, K))
                 size = np.abs(squares).max()

@@ -16,6 +16,9 @@ from solve.units import GivenSpeed, speed_in_si
 
 _SPEED, _PHASE, _POSITION = "speed", "_phase", "position"
 
+_MOST_ORDERS, _LARGEST = 10**5, 1e100
+"""Orders, and values whose squares can be summed."""
+
 FREQUENCY = "frequency"
 """The channel of natural frequencies."""
 
@@ -87,6 +90,21 @@ def _require_sound(file: str, axis: str, at: Array, speeds: Array, channels: Map
         )
     if not (speeds > 0).all():
         raise ValueOutOfBoundsError(f"data: {file} has a speed of {speeds.min():g} rad/s; allowed: above 0")
+    if axis == "order" and at.max() > _MOST_ORDERS:
+        raise ValueOutOfBoundsError(
+            f"data: {file} has the order {at.max():g}; allowed: up to {_MOST_ORDERS}, counted per period"
+        )
+    for name, values in channels.items():
+        if not (np.abs(values) < _LARGEST).all():
+            raise ValueOutOfBoundsError(
+                f"data: {file} has {np.abs(values).max():g} for {name}; allowed: below {_LARGEST:g} in "
+                "SI units"
+            )
+        if axis == "order" and np.isrealobj(values) and (values[at > 0] < 0).any():
+            raise ValueOutOfBoundsError(
+                f"data: {file} has the amplitude {values[at > 0].min():g} for {name}; allowed: 0 and "
+                f"above, or with a column '{name}{_PHASE} (deg)'"
+            )
     nothing = [name for name, values in channels.items() if not values.any()]
     if nothing:
         raise ValueOutOfBoundsError(f"data: {file} has nothing but zeros for {nothing[0]}; leave it out")
@@ -103,6 +121,11 @@ def _frequencies(
         raise ValueOutOfBoundsError(
             f"data: {read.path.name} has modes from {modes.min():g} to {modes.max():g}; {system.name} has "
             f"the modes 1 to {most}, counted from the lowest frequency"
+        )
+    if not (columns[FREQUENCY] > 0).all():
+        raise ValueOutOfBoundsError(
+            f"data: {read.path.name} has a natural frequency of {columns[FREQUENCY].min() / (2 * np.pi):g} "
+            "Hz; allowed: above 0"
         )
     positions = columns.get(_POSITION, np.zeros(len(modes)))
     return [

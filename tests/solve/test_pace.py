@@ -21,7 +21,7 @@ def test_rungs_are_twos_and_threes():
 
 
 def test_a_method_that_damps_stiff_modes_begins_with_more_steps():
-    assert first_steps(Radau()) > first_steps(Gauss())
+    assert first_steps(Radau(), orbit=False) > first_steps(Gauss(), orbit=True)
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0, 4.0, 9.0])

@@ -345,3 +345,14 @@ def test_multipliers_are_matched_to_modes_by_decay_and_angle_together(alike):
         assert turn.misfit(true) == pytest.approx(0.0, abs=1e-9)
         for place, mode in true.items():
             assert all(turn.misfit({place: other}) > 1 for other in {0, 1, 2} - {mode})
+
+
+def test_a_speed_with_a_singular_inertia_leaves_the_others():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        load = np.cos(phase)[:, None]
+        return one * float(speed != 2.0), 0.02 * one, (4.0 + 0.4 * np.cos(phase))[:, None, None], load
+
+    found = solve.critical_speeds(solve.PeriodicSystem(matrices, ["q"]), [1.0, 1.5, 2.0, 3.0], orders=4)
+    assert found.notes[-1].startswith("1 of ")
+    assert "M is singular" in found.notes[-1]

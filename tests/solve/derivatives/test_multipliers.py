@@ -1,0 +1,18 @@
+"""Derivatives of small multipliers, whose own errors are those of their derivatives."""
+
+import pytest
+
+import solve
+
+
+@pytest.mark.parametrize(("speed", "of", "by"), [(21.0, "rho3.abs", "c1"), (60.0, "rho6.abs", "c1")])
+def test_the_error_of_the_multiplier_is_told(speed, of, by):
+    cam = solve.load("cam")
+    found = solve.sensitivities(cam, speed, of=[of], by=[by])
+    finer = solve.sensitivities(cam, speed, of=[of], by=[by], method=found.method, steps=4 * found.steps)
+    (slope,), (told,), (truth,) = (
+        found.found[of].derivatives,
+        found.found[of].errors,
+        finer.found[of].derivatives,
+    )
+    assert abs(slope - truth) <= 3 * told
