@@ -196,6 +196,8 @@ class CriticalSpeeds(Result):
         )
         for name, values in instead:
             found[name] = found[name]._replace(text=found[name]._replace(values=values).texts)
+        texts = ["" if row.explained[0] == "–" else ", k = ".join(row.explained) for row in rows]
+        found["explained_by"] = Column(texts, "", "modes and order of the resonance; ? where unsure")
         for name in ("ratios", "combination", "candidates"):
             found[name] = Column([getattr(row, name) for row in rows], axes=())
         return found

@@ -237,6 +237,8 @@ def test_a_combination_explains_the_maximum_of_the_multiplier_where_two_modes_me
     assert "2+1" in made._repr_html_()
     (found,) = [each for each in made.record()["rows"] if each["combination"]]
     assert found["combination"]["modes"] == [2, 1]
+    table = made.to_pandas()
+    assert list(table["explained_by"][table["mode"].isna() & (table["explained_by"] != "")]) == ["2+1, k = 1"]
 
 
 def coupled(frequencies, damping, amplitude, sign=1, own=0.0):
