@@ -56,21 +56,6 @@ class Family:
         """Whether the matrices may jump at other phases at other points."""
         return True
 
-    def sound(self, points: Array) -> Array:
-        """Whether the system of each point (P, v) has periodic matrices and an M that can be inverted; of
-        generated code the first point alone is asked, before."""
-        if self.example.model_hash is not None:
-            return np.ones(len(points), dtype=bool)
-        return np.array([self._checked(point) for point in points], dtype=bool)
-
-    def _checked(self, point: Array) -> bool:
-        try:
-            system, speed = self.system(point)
-            system.checked(speed)
-        except SolveError:
-            return False
-        return True
-
     def at_speeds(self, points: Array) -> AtSpeeds | None:
         """The points (P, v), where they are speeds of one system that says what its entries are sums of."""
         return None

@@ -71,22 +71,6 @@ class TurnOnGrid:
         return parted(entries.reshape(self.grid.steps, -1, entries.shape[-1]), self.point.n)
 
     @property
-    def M(self) -> Array:
-        return self._matrices[0]
-
-    @property
-    def C(self) -> Array:
-        return self._matrices[1]
-
-    @property
-    def K(self) -> Array:
-        return self._matrices[2]
-
-    @property
-    def d(self) -> Array:
-        return self._matrices[3]
-
-    @property
     def A(self) -> Array:
         """Maps of the steps (m, 2n, 2n)."""
         return self._systems.maps
@@ -120,7 +104,7 @@ class TurnOnGrid:
     def orbit(self) -> Motions:
         """The periodic solution itself, r = 1. Raises ResonanceError."""
         if self._known is None:
-            return self.under(self.d[..., None])
+            return self.under(self._matrices[3][..., None])
         (m, k), n = self.phases.shape, self.point.n
         pieces = self._known.coefficients.swapaxes(0, 1).reshape(m * n, -1)
         states = (pieces @ _of_powers(self.rule, k).T).reshape(m, n, k, 3).transpose(0, 2, 3, 1)
@@ -144,7 +128,7 @@ class TurnOnGrid:
     def rate_jump(self, node: int) -> Array:
         """How much P (2n, 2n) of x′ = P x + f jumps at the start of a step."""
         parts = (node, 0), (node - 1, -1)
-        after, before = (rate_of(*(part[at] for part in (self.M, self.C, self.K, self.d))) for at in parts)
+        after, before = (rate_of(*(part[at] for part in self._matrices)) for at in parts)
         return (after - before)[:, :-1]
 
     @cached_property
@@ -201,8 +185,8 @@ class TurnOnGrid:
     def _at_ends(self, place: int, x: Array, loads: Array) -> Array:
         """Accelerations (m, 1, n, r) of states x (m, 2n, r) at the first or the last of the phases."""
         q, v = np.split(x, 2, axis=1)
-        force = loads[:, place] - self.K[:, place] @ q - self.C[:, place] @ v
-        return solved(self.M[:, place], force)[:, None]
+        M, C, K, _ = (part[:, place] for part in self._matrices)
+        return solved(M, loads[:, place] - K @ q - C @ v)[:, None]
 
     def curves(self, motions: Motions) -> Curve:
         """The continuous curves (r, n, …) of solutions."""
@@ -292,7 +276,7 @@ class TurnOnGrid:
     def _pulled_from_ends(self, place: int, accelerations: Array) -> tuple[Array, Array]:
         """Of what accelerations at the first or the last of the phases count, parts of the load there and of
         the state, (m, n, c) and (m, 2n, c)."""
-        M, C, K = (part[:, place].swapaxes(1, 2) for part in (self.M, self.C, self.K))
+        M, C, K = (part[:, place].swapaxes(1, 2) for part in self._matrices[:3])
         load = solved(M, accelerations[:, place])
         return load, -np.concatenate((K @ load, C @ load), axis=1)
 
