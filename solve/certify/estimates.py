@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from solve.arrays import Array, across, whole
+from solve.arrays import Array, across
+from solve.kernel import curves as kernel
+from solve.kernel.engines import COMPILED, NUMPY
 from solve.methods.method import Method, Solutions
-from solve.period.curve import Curve
+from solve.period.curve import Curve, PeriodicCurve
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
 from solve.period.points import Points, matrices
@@ -19,8 +21,8 @@ _AT_ONE = 0.1
 _ALIASING_PHASES = 1021
 """Evenly spaced phases at which the orders of the matrices are looked for: no multiple of any grid's."""
 
-_COMPARED, _MOST_COMPARED = 4, 8
-"""Phases a step at which curves are compared at least, and at most to meet evenly those of the next grid."""
+_COMPARED = 4
+"""Phases a step at which curves are compared at least."""
 
 _NOT_FOLLOWED = 5.0
 """Part of the highest power in a step from which on half as many steps more tell no digit either."""
@@ -29,64 +31,46 @@ Burdens = Callable[[Array, Array], Array]
 """`Frozen.burdens` of points at positions (k,), from sizes (k, n)."""
 
 
-class Reference:
-    """What is known of points from another grid, for the next one to be compared with: multipliers, and
-    samples (P, n, k) of the curves, evenly in every step of that grid."""
+def differences(coarse: Solutions, fine: Solutions, burdens: Burdens, engine: str = NUMPY) -> Array:
+    """To the better solutions, (P, 2): of the orbit, per coordinate max|difference|/max|q|, and of the
+    multipliers.
 
-    def __init__(self, multipliers: Multipliers, grid: Grid, samples: Array | None = None):
-        self.multipliers, self.grid, self.samples = multipliers, grid, samples
-
-    @classmethod
-    def of(cls, solutions: Solutions, onward: int | None = None) -> "Reference":
-        """onward: steps of the next grid, where they are known."""
-        if solutions.curve is None:
-            return cls(solutions.multipliers, solutions.grid)
-        a_step = _samples_a_step(solutions.grid.steps, onward)
-        return cls(solutions.multipliers, solutions.grid, solutions.curve.sampled(a_step))
-
-    def __getitem__(self, points: Array) -> "Reference":
-        if whole(points, len(self.multipliers.resolved)):
-            return self
-        samples = None if self.samples is None else self.samples[points]
-        return Reference(self.multipliers[points], self.grid, samples)
-
-    def differences(self, fine: Solutions, burdens: Burdens) -> Array:
-        """To the better solutions: of the orbit, per coordinate max|difference|/max|q|, and of the
-        multipliers.
-
-        A coordinate that rests but for rounding (the mass that a tuned absorber quiets) has no size of its
-        own to compare with; it is measured by what all that acts on it would make of it.
-        """
-        multipliers = self.multipliers.difference(fine.multipliers)
-        orbit = np.zeros_like(multipliers)
-        if self.samples is not None and fine.curve is not None:
-            a_step, uneven = divmod(self.samples.shape[-1], fine.grid.steps)
-            even = fine.grid.smooth and not uneven
-            q = fine.curve.sampled(a_step) if even else fine.curve(self._phase)
-            orbit = orbit_differences(self.samples, q, closing_rounding(fine), burdens).max(axis=1)
-        return np.column_stack((orbit, multipliers))
-
-    @property
-    def _phase(self) -> Array:
-        """Of the samples (k,)."""
-        assert self.samples is not None
-        a_step = self.samples.shape[-1] // self.grid.steps
-        fractions = self.grid.h[:, None] * (np.arange(a_step) / a_step)
-        return (self.grid.nodes[:-1, None] + fractions).ravel()
+    A coordinate that rests but for rounding (the mass that a tuned absorber quiets) has no size of its
+    own to compare with; it is measured by what all that acts on it would make of it.
+    """
+    multipliers = coarse.multipliers.difference(fine.multipliers)
+    orbit = np.zeros_like(multipliers)
+    if coarse.curve is not None and fine.curve is not None:
+        apart, largest = _apart(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
+        orbit = in_sizes(apart, largest, closing_rounding(fine), burdens).max(axis=1)
+    return np.column_stack((orbit, multipliers))
 
 
-def _samples_a_step(steps: int, onward: int | None) -> int:
-    """Samples a step that are samples of so many steps `onward` too, if these are a few."""
-    shared = 1 if onward is None else onward // math.gcd(steps, onward)
-    wanted = shared * -(-_COMPARED // shared)
-    return wanted if wanted <= _MOST_COMPARED else _COMPARED
+def _apart(
+    coarse: Grid, curve: PeriodicCurve, fine: Grid, better: PeriodicCurve, engine: str
+) -> tuple[Array, Array]:
+    """Largest moduli (P, n) of the differences of curves, and of the better one, at some phases of every step
+    of the coarse grid: at such as lie evenly in the steps of both, if these are few."""
+    shared = fine.steps // math.gcd(coarse.steps, fine.steps)
+    samples = shared * -(-_COMPARED // shared)
+    of_both = samples, samples * coarse.steps // fine.steps
+    if max(of_both) > kernel.MOST or not fine.smooth:
+        fractions = coarse.h[:, None] * (np.arange(_COMPARED) / _COMPARED)
+        q = better((coarse.nodes[:-1, None] + fractions).ravel())
+        return np.abs(curve.sampled(_COMPARED) - q).max(axis=2), np.abs(q).max(axis=2)
+    if engine == COMPILED and isinstance(curve, Curve) and isinstance(better, Curve):
+        found = kernel.differences(curve.coefficients, better.coefficients, of_both)
+        if found is not None:
+            return found
+    q = better.sampled(of_both[1])
+    return np.abs(curve.sampled(samples) - q).max(axis=2), np.abs(q).max(axis=2)
 
 
-def orbit_differences(samples: Array, q: Array, rounding: Array, burdens: Burdens) -> Array:
-    """Per coordinate max|difference|/max|q| (P, n) of curves q (P, n, k) from samples at the same phases, as
-    `Reference.differences` has it; rounding (P,): relative error that is none."""
-    scale = _sizes(np.abs(q).max(axis=2), rounding, burdens)
-    return np.abs(samples - q).max(axis=2) / np.where(scale > 0, scale, 1.0)
+def in_sizes(apart: Array, largest: Array, rounding: Array, burdens: Burdens) -> Array:
+    """Differences of coordinates (P, n) relative to their `largest` values, as `differences` has it; rounding
+    (P,): relative error that is none."""
+    sizes = _sizes(largest, rounding, burdens)
+    return apart / np.where(sizes > 0, sizes, 1.0)
 
 
 def _sizes(largest: Array, rounding: Array, burdens: Burdens) -> Array:
@@ -99,11 +83,6 @@ def _sizes(largest: Array, rounding: Array, burdens: Burdens) -> Array:
     sizes, burden = largest.copy(), burdens(small, largest[small])
     sizes[small] = np.where(largest[small] > limit[small] * burden, largest[small], burden)
     return sizes
-
-
-def differences(coarse: Solutions, fine: Solutions, burdens: Burdens) -> Array:
-    """Of orbits and multipliers, see `Reference.differences`."""
-    return Reference.of(coarse).differences(fine, burdens)
 
 
 def not_followed(solutions: Solutions) -> Array:

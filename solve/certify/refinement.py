@@ -13,7 +13,6 @@ from solve.arrays import Array, across, whole
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import (
     Burdens,
-    Reference,
     aliasing,
     at_one,
     differences,
@@ -94,18 +93,18 @@ def on_one_grid(
 
 @dataclass(frozen=True)
 class _Trail:
-    """What is known of points from the grids before: their reference, and the differences (k, 2) that the
-    last of these made."""
+    """What is known of points from the grids before: the solutions of the last one, and the differences
+    (k, 2) that it made."""
 
     positions: Array
     differences: Array
-    reference: Reference | None = None
+    solutions: Solutions | None = None
 
     def __getitem__(self, some: Array) -> "_Trail":
         if whole(some, len(self.positions)):
             return self
-        reference = None if self.reference is None else self.reference[some]
-        return _Trail(self.positions[some], self.differences[some], reference)
+        solutions = None if self.solutions is None else self.solutions[some]
+        return _Trail(self.positions[some], self.differences[some], solutions)
 
 
 class Refinement:
@@ -124,6 +123,10 @@ class Refinement:
     def burdens(self, positions: Array) -> Burdens:
         """What acts on the coordinates of points at the positions (k,)."""
         return lambda at, sizes: self.modes[positions[at]].burdens(sizes)
+
+    def _differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
+        """Of solutions of points at the positions (k,) to better ones, (k, 2)."""
+        return differences(coarse, fine, self.burdens(positions), self.request.engine)
 
     @cached_property
     def least(self) -> Array:
@@ -180,7 +183,7 @@ class Refinement:
                         continue
                     own = chosen[at[better.positions]]
                     these = part[at[better.positions]]
-                    found = differences(own, better.solutions, self.burdens(these))
+                    found = self._differences(own, better.solutions, these)
                     errors = np.maximum(found, rounding(own))
                     radius = better.solutions.multipliers.spectral_radius
                     yield self._certified(these, own, errors, errors[:, 1] * radius)
@@ -204,7 +207,7 @@ class Refinement:
             coarse, fine, part = coarse[~resonant], fine[~resonant], part[~resonant]
             if not len(part):
                 continue
-            errors = judged(differences(coarse, fine, self.burdens(part)), self.orders)
+            errors = judged(self._differences(coarse, fine, part), self.orders)
             unseen = self._hidden(steps, part, coarse)
             alias = aliasing(self.points[part], self.method, 2 * steps, given=True)
             radii = radius_changes(coarse.multipliers, fine.multipliers)
@@ -240,21 +243,21 @@ class Refinement:
     def _compared(self, pace: Pace, trail: _Trail) -> Iterator[Certified | Failed]:
         """Solve, compare with the grid before, and return the points that are still open with the paces at
         which they go on."""
-        positions, reference = trail.positions, trail.reference
+        positions, coarse = trail.positions, trail.solutions
         fine = self.solved(pace.steps, positions)
-        if reference is None:
+        if coarse is None:
             return (yield from self._begun(pace, trail, fine))
         if fine.failures:
-            trail, reference = trail[fine.known], reference[fine.known]
+            trail, coarse = trail[fine.known], coarse[fine.known]
             fine, _ = yield from self._sound(fine, positions)
         if not len(fine):
             return []
-        found, before = reference.differences(fine, self.burdens(trail.positions)), trail.differences
+        found, before = self._differences(coarse, fine, trail.positions), trail.differences
         errors = estimated(found, before, pace, self.orders)
         rtol = self.request.rtol
         wanted = np.column_stack((np.maximum(rtol, 2 * fine.defect), np.full(len(fine), rtol)))
         wanted = within_reach(fine, errors, wanted)
-        radius = np.maximum(reference.multipliers.spectral_radius, fine.multipliers.spectral_radius)
+        radius = np.maximum(coarse.multipliers.spectral_radius, fine.multipliers.spectral_radius)
         small = radius < UNDERFLOW
         done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
         done = done & (fine.rounding < 1.0)
@@ -274,8 +277,7 @@ class Refinement:
             chosen = np.flatnonzero(~ended & (leap == way))
             if len(chosen):
                 onward = pace.onward(way, self.most)
-                reference = Reference.of(fine[chosen], onward.steps)
-                further.append((onward, _Trail(trail.positions[chosen], found[chosen], reference)))
+                further.append((onward, _Trail(trail.positions[chosen], found[chosen], fine[chosen])))
         return further
 
     def _nearly_decided(self, fine: Solutions, errors: Array, found: Array, before: Array) -> Array:
@@ -304,8 +306,7 @@ class Refinement:
         for second, some in ((pace.onward(False, self.most), ~far), (pace.over_one(self.most), far)):
             at = known[some]
             if len(at):
-                reference = Reference.of(first[at], second.steps)
-                onward.append((second, _Trail(positions[at], trail.differences[at], reference)))
+                onward.append((second, _Trail(positions[at], trail.differences[at], first[at])))
         if again:
             onward.append((Pace(2 * pace.steps), trail[np.array(again)]))
         return onward
@@ -320,8 +321,8 @@ class Refinement:
         alias = aliasing(self.points[positions], self.method, pace.steps)
         doubt = across(np.maximum, np.maximum(unseen[:, :2], alias / _ALIAS))
         ended = (doubt <= self.request.rtol) | last
-        assert trail.reference is not None
-        coarse = trail.reference.multipliers
+        assert trail.solutions is not None
+        coarse = trail.solutions.multipliers
         radii = radius_changes(coarse, fine.multipliers)
         resonant = ended & self._resonant(coarse, fine, pace.ratio)
         yield from self._no_orbits(positions[resonant])
@@ -356,8 +357,7 @@ class Refinement:
                     at, rho = found.positions, found.solutions.multipliers
                     values[at], resolved[at], bound[at] = rho.values, rho.resolved, rho.bound
                     if orbit:
-                        burdens = self.burdens(positions[at])
-                        orbits[at] = differences(solutions[at], found.solutions, burdens)[:, 0]
+                        orbits[at] = self._differences(solutions[at], found.solutions, positions[at])[:, 0]
         return Multipliers(values, resolved, bound), orbits
 
     def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: float) -> Array:

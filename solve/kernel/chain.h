@@ -7,11 +7,6 @@
 #define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
 #define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
 
-static inline lane larger(lane a, lane b) {
-    mask m = a > b;
-    return (lane)(((mask)a & m) | ((mask)b & ~m));
-}
-
 static inline lane root(lane x) {
     lane r;
     for (int l = 0; l < LANES; l++) r[l] = sqrt(x[l]);

@@ -20,6 +20,11 @@ const int lanes = LANES;
 
 static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
 
+static inline lane larger(lane a, lane b) {
+    mask m = a > b;
+    return (lane)(((mask)a & m) | ((mask)b & ~m));
+}
+
 /* What formulas are written with: x where the mask holds and else 0, and functions of numbers. */
 static inline lane where(mask m, lane x) { return (lane)((mask)x & m); }
 

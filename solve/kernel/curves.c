@@ -1,0 +1,60 @@
+/* How far apart two curves are, at phases that lie evenly in the steps of both.
+
+   The mathematics is that of certify/estimates.py. COARSE, FINE: powers of theta in a step of theirs. */
+
+#include "lane.h"
+
+#define MOST 8                     /* samples of a step */
+
+typedef double samples __attribute__((vector_size(8 * MOST)));
+
+typedef struct {
+    long steps, samples;           /* these of a step */
+    const double *coefficients;    /* (curves, steps, powers), lowest power first */
+    const double *powers;          /* (powers, MOST): of theta at the samples */
+} side;
+
+typedef struct {
+    long curves;
+    side coarse, fine;
+    double *apart, *largest;       /* (curves): moduli, of the differences and of the fine curve */
+} problem;
+
+/* Values of one curve at its samples, and MOST zeros behind them. */
+static inline __attribute__((always_inline)) void values(const side *s, const int D, long curve, double *to) {
+    const double *c = s->coefficients + curve * s->steps * D;
+    samples power[D];
+    memcpy(power, s->powers, sizeof(power));
+    for (long k = 0; k < s->steps; k++, c += D, to += s->samples) {
+        samples q = c[0] * power[0];
+        for (int d = 1; d < D; d++) q += c[d] * power[d];
+        memcpy(to, &q, sizeof(q));
+    }
+    memset(to, 0, MOST * sizeof(double));
+}
+
+static double largest_of(lane values) {
+    double found = values[0];
+    for (int l = 1; l < LANES; l++) found = fmax(found, values[l]);
+    return found;
+}
+
+/* All the curves; 1 where memory is missing, else 0. */
+int differences(const problem *p) {
+    const long count = p->fine.steps * p->fine.samples;
+    double *coarse = malloc(2 * (count + MOST) * sizeof(double)), *fine = coarse + count + MOST;
+    if (!coarse) return 1;
+    for (long curve = 0; curve < p->curves; curve++) {
+        lane apart = {0}, largest = {0};
+        values(&p->coarse, COARSE, curve, coarse);
+        values(&p->fine, FINE, curve, fine);
+        for (long k = 0; k < count; k += LANES) {
+            const lane q = *(const loose *)(fine + k);
+            apart = larger(apart, absolute(*(const loose *)(coarse + k) - q));
+            largest = larger(largest, absolute(q));
+        }
+        p->apart[curve] = largest_of(apart), p->largest[curve] = largest_of(largest);
+    }
+    free(coarse);
+    return 0;
+}

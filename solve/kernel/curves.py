@@ -1,0 +1,53 @@
+"""How far apart curves are, in compiled code."""
+
+import ctypes
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.kernel.library import loaded
+
+MOST = 8
+"""Samples of a step at most."""
+
+
+class _Side(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_long) for name in ("steps", "samples")),
+        *((name, ctypes.c_void_p) for name in ("coefficients", "powers")),
+    )
+
+
+class _Problem(ctypes.Structure):
+    """`problem` of curves.c."""
+
+    _fields_ = (
+        ("curves", ctypes.c_long),
+        ("coarse", _Side),
+        ("fine", _Side),
+        ("apart", ctypes.c_void_p),
+        ("largest", ctypes.c_void_p),
+    )
+
+
+def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[Array, Array] | None:
+    """Largest moduli (…) of the differences of finite curves (…, m, D), powers of θ in equal steps, and of
+    the fine ones themselves, at so many `samples` of each step of both, MOST at most, which are the same
+    phases; None without compiled code or memory."""
+    library = loaded("curves.c", (("COARSE", coarse.shape[-1]), ("FINE", fine.shape[-1])))
+    if library is None:
+        return None
+    given = [np.ascontiguousarray(each) for each in (coarse, fine)]
+    powers = [_powers(count, each.shape[-1]) for count, each in zip(samples, given, strict=True)]
+    apart, largest = np.empty(coarse.shape[:-2]), np.empty(coarse.shape[:-2])
+    sides = (
+        _Side(each.shape[-2], count, each.ctypes.data, power.ctypes.data)
+        for each, count, power in zip(given, samples, powers, strict=True)
+    )
+    problem = _Problem(apart.size, *sides, apart.ctypes.data, largest.ctypes.data)
+    return None if library.differences(ctypes.byref(problem)) else (apart, largest)
+
+
+def _powers(samples: int, D: int) -> Array:
+    """Of θ (D, MOST) at the samples of a step; any behind these."""
+    return (np.arange(MOST) / samples) ** np.arange(D)[:, None]
