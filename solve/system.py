@@ -209,7 +209,16 @@ class PeriodicSystem:
         """
         # A function of the user may change its argument in place.
         given = phase if phase.flags.writeable else phase.copy()
-        M, C, K, d = _real(self._matrices(given, speed), "matrices")
+        try:
+            found = self._matrices(given, speed)
+        except (IndexError, TypeError, ValueError) as error:
+            m = len(phase)
+            error.add_note(
+                f"The function was asked for its matrices at {m} phases at once: M, C, K must have the shape "
+                f"({m}, {self.n}, {self.n}) and d ({m}, {self.n})."
+            )
+            raise
+        M, C, K, d = _real(found, "matrices")
         for symbol, part in zip("MCKd", (M, C, K, d), strict=True):
             if not np.isfinite(part).all():
                 first = int(np.argmin(np.isfinite(part).reshape(len(part), -1).all(axis=1)))

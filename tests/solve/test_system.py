@@ -145,6 +145,15 @@ def test_functions_that_give_something_else(given):
         periodic(system(lambda phase, speed: given, 1), 1.0)
 
 
+def test_a_function_of_one_phase_learns_that_it_is_asked_for_many():
+    def matrices(phase, speed):
+        return np.eye(2), np.eye(2), (4 + np.cos(phase)) * np.eye(2), np.array([np.cos(phase), 1.0])
+
+    with pytest.raises(ValueError, match="broadcast") as raised:
+        periodic(system(matrices, 2), 1.0)
+    assert any("at 4 phases at once" in note and "(4, 2, 2)" in note for note in raised.value.__notes__)
+
+
 @pytest.mark.parametrize("part", ["K", "d"])
 def test_nan_between_the_phases_of_the_check_is_found_by_the_solver(part):
     """Between 2.8 and 3.2 only, where no check looks."""
