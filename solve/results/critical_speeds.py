@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, runs
 from solve.results.contents import Column, Columns, rows_of
 from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.plot import label_quantity, label_speeds, through, title_of
@@ -66,9 +66,9 @@ class CriticalSpeeds(Result):
         mean nothing."""
         found, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
         if self.unstable_ranges:
-            ranges = ", ".join(unit.span(*ends[:2], form=".5g") for ends in self.unstable_ranges)
+            ranges = unit.spans((low, high) for low, high, _ in self.unstable_ranges)
             found.append(
-                f"the motion is unstable from {ranges}: the response there is never reached; "
+                f"the motion is unstable {ranges}: the response there is never reached; "
                 "`bands` finds the edges"
             )
         if self.imaginary.any():
@@ -76,17 +76,16 @@ class CriticalSpeeds(Result):
             found.append(
                 "with matrices frozen somewhere in the turn a frequency is imaginary or complex at "
                 f"{len(speeds)} of {len(self.speeds)} speeds, "
-                f"from {unit.span(speeds[0], speeds[-1], form='.5g')}: means and divisions mean nothing there"
+                f"{unit.spans([(speeds[0], speeds[-1])])}: means and divisions mean nothing there"
             )
         return found
 
     @property
     def unstable_ranges(self) -> list[tuple[float, float, float]]:
         """Runs of unstable ones among the speeds: the first and the last (rad/s), the largest |ρ|."""
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], self.unstable, [False])).astype(int)))
         return [
-            (float(self.speeds[first]), float(self.speeds[end - 1]), float(self.radius[first:end].max()))
-            for first, end in edges.reshape(-1, 2)
+            (*self.speeds[[first, last]].tolist(), float(self.radius[first : last + 1].max()))
+            for first, last in runs(self.unstable)
         ]
 
     @property

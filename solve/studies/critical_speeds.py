@@ -33,6 +33,7 @@ from solve.studies.explained import (
     of_modulus,
     of_real_part,
 )
+from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
 from solve.studies.mean_frequencies import MeanFrequencies, combinations, crossed, resonances
 from solve.system import PeriodicSystem, of_system
@@ -81,11 +82,13 @@ def critical_speeds(
     if orders < 1:
         raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
     require_size("orders", orders, len(omegas) * system.n**2)
-    system.checked(float(omegas[-1]))
+    low, _ = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = MeanFrequencies(system, np.array([0.0]))
-    grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
-    grid = np.unique(np.concatenate((grid, resonances(rest, omegas[0], omegas[-1]))))
+    # Where there are no matrices at rest, frequencies at a speed stand for those.
+    first = rest if np.isfinite(rest.values).all() else MeanFrequencies(system, np.array([low]))
+    grid = _refined_grid(omegas, float(first.values[0, 0]), orders)
+    grid = np.unique(np.concatenate((grid, resonances(first, omegas[0], omegas[-1]))))
     batch = task.batch(grid[:, None])
     without = replace(task, request=replace(task.request, orbit=False)).batch(grid[:, None])
     search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance))
@@ -103,8 +106,10 @@ def critical_speeds(
         limit = system.speed_unit.text(float(grid[skipped].max()), ".4g")
         notes = [*notes, f"below {limit} only orders above {orders} lie: no maxima are looked for"]
     if found.failures:
-        reason = next(iter(found.failures.values()))
-        notes = [*notes, f"{len(found.failures)} of {len(grid)} speeds give no result: {reason}"]
+        notes = [
+            *notes,
+            without_result(grid, found.failed, system.speed_unit, next(iter(found.failures.values()))),
+        ]
     return CriticalSpeeds(
         system,
         name,

@@ -83,7 +83,7 @@ def _followed(frequencies: Array, shapes: Array, inverse: Array, rate: float) ->
             for part, one, two in ((overlaps, now, then), (apart, now, now), (apart[ahead], then, then))
         )
         enough = np.sqrt(turned) * rate <= np.minimum(before, after)
-        return (enough | np.eye(n, dtype=bool)).all(axis=-1)
+        return np.asarray((enough | np.eye(n, dtype=bool)).all(axis=-1))
 
     settled = slow(np.arange(count), own, own).all(axis=-1)
     if settled.all() and (np.einsum("kii->ki", overlaps) > 0.5).all():
