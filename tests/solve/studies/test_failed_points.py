@@ -213,7 +213,5 @@ def test_speeds_without_matrices_at_the_ends_of_a_range_are_left_out(speeds):
 
 @pytest.mark.parametrize("study", [solve.bands, solve.critical_speeds])
 def test_a_range_without_any_matrices_is_refused(study):
-    with pytest.raises(
-        NoResultError, match=r"no speed from 9\.5493 to 57\.2958 rpm gives a result: M has NaN"
-    ):
+    with pytest.raises(MatricesError, match="M has NaN"):
         study(known_between(7.0, 8.0), [1.0, 6.0])
