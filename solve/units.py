@@ -87,7 +87,7 @@ class ShownUnit(NamedTuple):
             for low, high in every[:_MOST_RANGES]
         ]
         more = len(every) - _MOST_RANGES
-        return ", ".join(parts) + (f" and in {more} further ranges" if more > 0 else "")
+        return ", ".join(parts) + (f" and {more} more" if more > 0 else "")
 
 
 USUAL = tuple(ShownUnit(*each) for each in _RAD_PER_S.items())

@@ -18,7 +18,7 @@ from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
-from solve.period.multipliers import UNSTABLE
+from solve.period.multipliers import UNIT_CIRCLE, UNSTABLE
 from solve.progress import stage, steps
 from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
@@ -47,6 +47,9 @@ _A_DIVISION = 24
 
 _ASIDE = 0.25
 """Part of the distance between divisions at which a maximum is compared with what lies beside it."""
+
+_BESIDE = 4.0
+"""Times the tolerance of a maximum at which it is looked at on either side."""
 
 _SHARE = 0.1
 """Part of the largest rise of an order's power from which on that order explains a maximum."""
@@ -191,8 +194,9 @@ class _Search:
         system, (name,) = self.batch.family.example, self.kept.names
         turns = system.period / (2 * np.pi)
         at = np.array([one.speed for one in maxima])
+        unbounded = self._unbounded(at)
         aside = _ASIDE / np.maximum(MeanFrequencies(system, at).values[:, 0] / at, _ASIDE / CLOSE)
-        near = np.full(len(at), 4 * self.tolerance)
+        near = np.full(len(at), _BESIDE * self.tolerance)
         trials = at * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
         kept = Kept((name,), (name,), math.ceil(orders * turns), warnings=False)
         found = gathered(self.batch, trials.reshape(-1, 1), kept)
@@ -205,22 +209,37 @@ class _Search:
         modes = range(1, system.n + 1)
         return [
             Explained(
-                maximum,
+                replace(maximum, height=math.inf) if grows else maximum,
                 {
                     (mode, k)
                     for mode, (k, number) in itertools.product(modes, whole.items())
                     if rise[number] >= _SHARE * rise[1:].max() > 0
                 },
             )
-            for maximum, rise, is_reached in zip(maxima, rises, reached, strict=True)
+            for maximum, rise, is_reached, grows in zip(maxima, rises, reached, unbounded, strict=True)
             if is_reached
         ]
+
+    def _unbounded(self, at: Array) -> Array:
+        """Whether the response grows beyond all bounds about speeds (k,), since a multiplier is +1 there: one
+        that goes along the real axis, as at the edge of an unstable range, or along the unit circle, as where
+        nothing damps a resonance."""
+        near = 1 + _BESIDE * self.tolerance * np.array([-1, 0, 1])
+        found = self.turning((at[:, None] * near).ravel())
+        off, rho = 1 - found.multipliers, found.multipliers
+        least = np.abs(off).argmin(axis=1)[:, None]
+        size, modulus = (np.abs(np.take_along_axis(each, least, 1)).reshape(-1, 3) for each in (off, rho))
+        error = (found.errors[:, 1] * found.spectral_radius).reshape(-1, 3)
+        sign = np.sign(np.real(off.prod(axis=1))).reshape(-1, 3)
+        passed = (sign[:, 0] * sign[:, 2] < 0) & (size > error)[:, ::2].all(axis=1)
+        turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE).all(axis=1)
+        return passed | turned & (size[:, 1] < size[:, ::2].min(axis=1))
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the dominant multiplier's real part, each with what explains it; but for edges of
         unstable ranges, at which another multiplier takes the lead."""
         at = np.array([one.speed for one in maxima])
-        near = 1 + 4 * self.tolerance * np.array([-1, 1])
+        near = 1 + _BESIDE * self.tolerance * np.array([-1, 1])
         sides = self.turning((at[:, None] * near).ravel()).verdicts.reshape(-1, 2) == UNSTABLE
         found = self.turning(at)
         leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)
