@@ -14,7 +14,7 @@ from solve.results.critical_marks import curve, draw_marks, growing, label_order
 from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.plot import label_quantity, label_speeds, title_of
 from solve.results.quantities import measured, named, prefixed
-from solve.results.report import Facts, RenderableType, Table, digits, sized, speeds_of, table_of
+from solve.results.report import Facts, RenderableType, Table, digits, sized, speeds_of, table_of, text
 from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
@@ -71,6 +71,11 @@ class CriticalSpeeds(Result):
             found.append(
                 f"the motion is unstable {ranges}: the response there is never reached; "
                 "`bands` finds the edges"
+            )
+        if not np.nan_to_num(self.response).any():
+            found.append(
+                f"{named(self.figure, self.quantity)} is zero at every speed, as no load acts on it: "
+                "multipliers and frequencies alone tell critical speeds"
             )
         if self.unbounded:
             speeds = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
@@ -225,21 +230,31 @@ class CriticalSpeeds(Result):
     def tables(self) -> Sequence[RenderableType]:
         """A row a critical speed; unstable ranges and combinations below."""
         further = [self._unstable_table()] * bool(self.unstable_ranges)
-        return [self._rows_table(), *further, *[self._combinations_table()] * bool(self.combinations)]
+        span = self.system.speed_unit.span(self.speeds[0], self.speeds[-1])
+        none = text(f"\nno maximum and no division up to order {self.orders} found from {span}")
+        return [
+            self._rows_table() if self.rows else none,
+            *further,
+            *[self._combinations_table()] * bool(self.combinations),
+        ]
 
     def _unstable_table(self) -> Table:
         return table_of(f"Unstable among the speeds, {self.system.speed_unit.name}", self._unstable)
 
     def _rows_table(self) -> Table:
-        height = named(self.figure, self.quantity)
-        title = f"Critical speeds in {self.system.speed_unit.name}; height: {height}"
+        columns = {**self.columns}
+        heights = columns["response_height"]
+        # With the unit in the title the table of all columns fits a line of 80.
+        columns["response_height"] = heights._replace(heading="height")
+        of = heights.heading.replace("height", named(self.figure, self.quantity))
+        title = f"Critical speeds in {self.system.speed_unit.name}; height: {of}"
         caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
         for sign, rule in _CAPTIONS.items():
             if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in self.rows):
-                caption += f"; \n{rule.format(self.orders)}"
+                caption += f"\n{rule.format(self.orders)}"
         if self.unbounded:
-            caption += "; \n∞: the response grows beyond all bounds"
-        return table_of(title, self.columns, caption=caption)
+            caption += "\n∞: the response grows beyond all bounds"
+        return table_of(title, columns, caption=caption)
 
     def _combinations_table(self) -> Table:
         some = self.combinations[:_MOST_COMBINATIONS]
@@ -295,7 +310,9 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
         return np.sign(values) * np.abs(values) ** power
 
     maxima = found.maxima("multiplier")
-    speeds, real_part = curve(found.speeds, found.real_part, maxima)
+    # Where only orders above the highest lie it turns faster than the speeds tell.
+    seen = found.frequencies[:, 0] <= (found.orders + 0.5) * found.speeds
+    speeds, real_part = curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
     shown = found.system.speed_unit.of
     axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
     at, radius = curve(found.speeds, found.radius, found.maxima("radius"))

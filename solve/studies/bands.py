@@ -117,8 +117,9 @@ def bands(
                 raise NoResultError(left_out)
             notes = [*notes, f"{left_out}; bands end open beside them"]
         step("edges of bands")
-        found = _Runs(asked, checked_tolerance(tolerance), omegas[-1:]).bands(_rising(known))
-    rising = _rising(known)
+        runs = _Runs(asked, checked_tolerance(tolerance), omegas[-1:])
+        found = runs.bands(_rising(known))
+    rising = _rising(sum(runs.looked, known))
     radius = np.where(rising.failed, np.nan, np.abs(rising.multipliers[:, 0]))
     range_ = float(omegas[0]), float(omegas[-1])
     return Bands(found, system, range_, spacing, notes, rising.points[:, 0], radius)
@@ -185,13 +186,14 @@ def _rising(known: Judged) -> Judged:
 @dataclass(frozen=True)
 class _Runs:
     """Runs of unstable speeds of one kind among known ones, rising. highest (1,): of the speeds; what is
-    found between two speeds is kept for when other runs are split."""
+    found between two speeds is kept for when other runs are split; looked: the points inside."""
 
     judge: Judge
     tolerance: float
     highest: Array
     _between: "dict[tuple[float, float], tuple[float, bool]]" = field(default_factory=dict)
     _within: "dict[tuple[float, float], float]" = field(default_factory=dict)
+    looked: "list[Judged]" = field(default_factory=list)
 
     def bands(self, known: Judged) -> list[Band]:
         """The runs with their edges, split where points inside are stable or of another kind."""
@@ -232,6 +234,7 @@ class _Runs:
         """Further points of runs of these states between their ends (k,), and which of the runs are mixed."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.judge((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
+        self.looked.append(looked)
         radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _POINTS_INSIDE).max(axis=1, initial=0.0)
         self._within.update(zip(zip(low.tolist(), high.tolist(), strict=True), radii.tolist(), strict=True))
         return looked, (_state(looked).reshape(-1, _POINTS_INSIDE) != states[:, None]).any(axis=1)

@@ -11,7 +11,7 @@ from solve.argument import first_is
 from solve.arrays import Array
 from solve.derivatives.point import periods_of, quantities_by, sensitivities
 from solve.differences import slope
-from solve.errors import NoResultError, SolveError
+from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.period.named import RADIUS
 from solve.progress import part, stage
@@ -122,8 +122,7 @@ def speed_sensitivities(
     where there is no such speed, and what `solve.sensitivities` raises.
     """
     system = found.system
-    _, every = quantities_by(system, [RADIUS], by)
-    names = [name for name in every if name != SPEED]
+    names = moving_parameters(system, by)
 
     def derivatives(of: str, speed: float) -> Sensitivity:
         return sensitivities(system, speed, of, [*names, SPEED], method, rtol=rtol).found[of]
@@ -139,6 +138,17 @@ def speed_sensitivities(
             made[name] = replace(each, reason=f"{name}: {each.reason}") if each.reason else each
     values = {name: system.parameters[name] for name in names}
     return Sensitivities(system, None, values, made, "", 0)
+
+
+def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
+    """Names of parameters that may move speeds, by default all by which there are derivatives. Raises
+    UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
+    _, every = quantities_by(system, [RADIUS], by)
+    if by is not None and SPEED in every:
+        raise ValueOutOfBoundsError(
+            "by is speed, which is what moves; give parameters, such as 'k1', or leave by out"
+        )
+    return [name for name in every if name != SPEED]
 
 
 def _edges(found: Bands) -> list[tuple[str, str, float]]:
