@@ -13,6 +13,9 @@ from solve.units import ShownUnit
 _CLEAR, _ASIDE = 0.05, 0.015
 """Parts of the height and of the width that labels stay away from frames and curves."""
 
+_BESIDE = 0.03
+"""Part of the width that labels stay away from each other."""
+
 
 def curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
     """A curve through the points and the maxima between them."""
@@ -55,18 +58,22 @@ def shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
 def label_order(
     axes: Axes, unit: ShownUnit, speeds: Array, order: int, frequencies: Array, top: float
 ) -> None:
-    """Name an order on its ray, within the frame that ends at `top` (Hz) and clear of the frequencies (P, k)
-    in rad/s."""
+    """Name an order on its ray, within the frame that ends at `top` (Hz), clear of the frequencies (P, k) in
+    rad/s and of the names of other orders; not at all where there is no such place."""
     clear = _CLEAR * top * 2 * math.pi
     ray = order * speeds
     free = (ray < 2 * math.pi * top - clear) & (np.abs(ray[:, None] - frequencies) > clear).all(axis=1)
     span = np.ptp(speeds)
     free &= np.minimum(speeds - speeds[0], speeds[-1] - speeds) > _ASIDE * span
+    for named in axes.texts:
+        x, y = named.get_position()
+        beside = np.abs(unit.of(speeds) - x) > _BESIDE * unit.of(span)
+        free &= beside | (np.abs(ray / (2 * math.pi) - y) > _CLEAR * top)
     if free.any():
         at = speeds[free][-1]
         box = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
         place = unit.of(at), order * at / (2 * math.pi)
-        axes.annotate(str(order), place, color=GREY, fontsize=7, ha="center", va="center", bbox=box, zorder=2)
+        axes.text(*place, str(order), color=GREY, fontsize=7, ha="center", va="center", bbox=box, zorder=2)
 
 
 def legend(axes: Axes) -> None:
