@@ -22,6 +22,16 @@ def whole(chosen: Array, count: int) -> bool:
     return bool(chosen.all() if chosen.dtype == bool else (chosen == np.arange(count)).all())
 
 
+def runs(flags: Array) -> Array:
+    """First and last positions (r, 2) of neighbours that are true among flags (k,).
+
+    >>> runs(np.array([True, False, True, True])).tolist()
+    [[0, 0], [2, 3]]
+    """
+    edges = np.flatnonzero(np.diff(flags.astype(int), prepend=0, append=0))
+    return edges.reshape(-1, 2) - [0, 1]
+
+
 _ROWS = 256
 """From so many rows on, columns are gone along one after another."""
 

@@ -32,6 +32,9 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LONGEST_UNIT = 80
 """Characters."""
 
+_MOST_RANGES = 4
+"""Of speeds, in a sentence."""
+
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
 
@@ -71,6 +74,20 @@ class ShownUnit(NamedTuple):
         if self.text(low, form) == self.text(high, form):
             form = ".10g"
         return f"{self.of(low):{form}} {word} {self.text(high, form)}"
+
+    def spans(self, ranges: Iterable[tuple[float, float]], form: str = ".5g") -> str:
+        """Ranges of numbers in SI units, the first few of many; a number where both ends are one.
+
+        >>> RPM.spans([(math.pi, 2 * math.pi), (3 * math.pi, 3 * math.pi)])
+        'from 30 to 60 rpm, at 90 rpm'
+        """
+        every = list(ranges)
+        parts = [
+            f"from {self.span(low, high, form=form)}" if high > low else f"at {self.text(low, form)}"
+            for low, high in every[:_MOST_RANGES]
+        ]
+        more = len(every) - _MOST_RANGES
+        return ", ".join(parts) + (f" and {more} more" if more > 0 else "")
 
 
 USUAL = tuple(ShownUnit(*each) for each in _RAD_PER_S.items())

@@ -11,5 +11,6 @@ def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results
     Speeds are added as the model needs them; narrow bands are looked for between them.
     """
     omegas, model = speeds.omegas(), problem.loaded()
+    moved.require_known(model)
     result = found(model, omegas, accuracy.rule, accuracy.rtol)
     deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes)

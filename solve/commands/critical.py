@@ -22,6 +22,7 @@ def critical(
 ) -> None:
     """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
     omegas, kept, model = speeds.omegas(), figure_kept(figure), problem.loaded()
+    moved.require_known(model)
     result = found(model, omegas, of, kept, orders, accuracy.rule, accuracy.rtol)
     drawn = None if moved.by else partial(result.plot, campbell)
     deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes, figure=drawn)

@@ -196,6 +196,13 @@ class Moved:
         Flag("Give derivatives of these speeds by a parameter instead; repeatable.", "NAME"),
     ] = None
 
+    def require_known(self, model: "Model") -> None:
+        """Raise SolveError subclasses for what moves no speed, before anything is solved."""
+        if self.by:
+            from solve.studies.sensitivities import moving_parameters
+
+            moving_parameters(model, self.by)
+
     def of(self, found: "Bands | CriticalSpeeds", accuracy: Accuracy) -> "Result":
         """The derivatives where any are asked for, else what was found."""
         if not self.by:

@@ -1,5 +1,6 @@
 """What a critical speed is: maxima, and the resonances that explain them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,7 +37,8 @@ class Combination:
 @lasting
 @dataclass(frozen=True)
 class Maximum:
-    """A speed (rad/s) at which something has a local maximum, and its height there."""
+    """A speed (rad/s) at which something has a local maximum, and its height there, infinite where it grows
+    beyond all bounds."""
 
     speed: float
     height: float
@@ -74,6 +76,11 @@ class Critical:
             return str(self.mode or "–"), str(self.order or "–")
         (high, low), sign = self.combination.modes, "+" if self.combination.sign > 0 else "−"
         return f"{high}{sign}{low}", str(self.combination.order)
+
+    @property
+    def unbounded(self) -> bool:
+        """Whether the response grows beyond all bounds here."""
+        return self.response is not None and math.isinf(self.response.height)
 
     @property
     def speed(self) -> float:

@@ -8,14 +8,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, runs
 from solve.results.contents import Column, Columns, rows_of
+from solve.results.critical_marks import curve, draw_marks, growing, label_order, legend, shade
 from solve.results.critical_rows import Combination, Critical, Maximum
-from solve.results.plot import label_quantity, label_speeds, through, title_of
+from solve.results.plot import label_quantity, label_speeds, title_of
 from solve.results.quantities import measured, named, prefixed
-from solve.results.report import Facts, RenderableType, Table, digits, sized, speeds_of, table_of
+from solve.results.report import Facts, RenderableType, Table, digits, sized, speeds_of, table_of, text
 from solve.results.result import Result
-from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
+from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
 
 _MOST_COMBINATIONS = 20
@@ -23,8 +24,8 @@ _MOST_DECADES = 1e3
 """Ratio of a response over speed from which its axis is logarithmic."""
 
 _HEADROOM = 1.15
-_CLEAR, _ASIDE = 0.05, 0.015
-"""Parts of the height and of the width that labels stay away from frames and curves."""
+_ROOM = 1.6
+"""Factor on a logarithmic axis that is left above and below."""
 
 
 _CAPTIONS = {
@@ -66,27 +67,37 @@ class CriticalSpeeds(Result):
         mean nothing."""
         found, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
         if self.unstable_ranges:
-            ranges = ", ".join(unit.span(*ends[:2], form=".5g") for ends in self.unstable_ranges)
+            ranges = unit.spans((low, high) for low, high, _ in self.unstable_ranges)
             found.append(
-                f"the motion is unstable from {ranges}: the response there is never reached; "
+                f"the motion is unstable {ranges}: the response there is never reached; "
                 "`bands` finds the edges"
+            )
+        if not np.nan_to_num(self.response).any():
+            found.append(
+                f"{named(self.figure, self.quantity)} is zero at every speed, as no load acts on it: "
+                "multipliers and frequencies alone tell critical speeds"
+            )
+        if self.unbounded:
+            speeds = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
+            found.append(
+                f"the response grows beyond all bounds {speeds}: a multiplier is +1 there, as where nothing "
+                "damps a resonance and where an unstable range begins; it has no height (∞, null in JSON)"
             )
         if self.imaginary.any():
             speeds = self.speeds[self.imaginary]
             found.append(
                 "with matrices frozen somewhere in the turn a frequency is imaginary or complex at "
                 f"{len(speeds)} of {len(self.speeds)} speeds, "
-                f"from {unit.span(speeds[0], speeds[-1], form='.5g')}: means and divisions mean nothing there"
+                f"{unit.spans([(speeds[0], speeds[-1])])}: means and divisions mean nothing there"
             )
         return found
 
     @property
     def unstable_ranges(self) -> list[tuple[float, float, float]]:
         """Runs of unstable ones among the speeds: the first and the last (rad/s), the largest |ρ|."""
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], self.unstable, [False])).astype(int)))
         return [
-            (float(self.speeds[first]), float(self.speeds[end - 1]), float(self.radius[first:end].max()))
-            for first, end in edges.reshape(-1, 2)
+            (*self.speeds[[first, last]].tolist(), float(self.radius[first : last + 1].max()))
+            for first, last in runs(self.unstable)
         ]
 
     @property
@@ -98,10 +109,18 @@ class CriticalSpeeds(Result):
         of = named(self.figure, self.quantity)
         if not found:
             return f"{of} has no maximum {between}."
+        maxima = "1 maximum" if len(found) == 1 else f"{len(found)} maxima"
+        if self.unbounded:
+            where = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
+            return f"{of} has {maxima} {between}, beyond all bounds {where}."
         speed, height = max(found, key=lambda each: each[1])
         size = measured(height, self.system.units.get(self.quantity, ""))
-        maxima = "1 maximum" if len(found) == 1 else f"{len(found)} maxima"
         return f"{of} has {maxima} {between}, the highest, {size}, at {unit.text(speed)}."
+
+    @property
+    def unbounded(self) -> list[float]:
+        """Speeds (rad/s) at which the response grows beyond all bounds."""
+        return sorted(row.response.speed for row in self.rows if row.response and row.unbounded)
 
     def maxima(self, way: str) -> list[tuple[float, float]]:
         """Speeds and heights of the maxima of the "response", of the "multiplier" or of the "radius"."""
@@ -167,6 +186,9 @@ class CriticalSpeeds(Result):
             "speed": speeds([row.speed for row in rows], "of this row"),
             "response": speeds(of(response, "speed"), "maximum of the response", "response"),
             "response_height": _height(of(response, "height"), unit, f"{self.figure} of {self.quantity}"),
+            "unbounded": Column(
+                [row.unbounded for row in rows], "", "whether the response grows beyond all bounds"
+            ),
             "multiplier": speeds(
                 of(multiplier, "speed"), "maximum of the dominant multiplier's real part", "multiplier"
             ),
@@ -208,19 +230,31 @@ class CriticalSpeeds(Result):
     def tables(self) -> Sequence[RenderableType]:
         """A row a critical speed; unstable ranges and combinations below."""
         further = [self._unstable_table()] * bool(self.unstable_ranges)
-        return [self._rows_table(), *further, *[self._combinations_table()] * bool(self.combinations)]
+        span = self.system.speed_unit.span(self.speeds[0], self.speeds[-1])
+        none = text(f"\nno maximum and no division up to order {self.orders} found from {span}")
+        return [
+            self._rows_table() if self.rows else none,
+            *further,
+            *[self._combinations_table()] * bool(self.combinations),
+        ]
 
     def _unstable_table(self) -> Table:
         return table_of(f"Unstable among the speeds, {self.system.speed_unit.name}", self._unstable)
 
     def _rows_table(self) -> Table:
-        height = named(self.figure, self.quantity)
-        title = f"Critical speeds in {self.system.speed_unit.name}; height: {height}"
+        columns = {**self.columns}
+        heights = columns["response_height"]
+        # With the unit in the title the table of all columns fits a line of 80.
+        columns["response_height"] = heights._replace(heading="height")
+        of = heights.heading.replace("height", named(self.figure, self.quantity))
+        title = f"Critical speeds in {self.system.speed_unit.name}; height: {of}"
         caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
         for sign, rule in _CAPTIONS.items():
             if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in self.rows):
-                caption += f"; \n{rule.format(self.orders)}"
-        return table_of(title, self.columns, caption=caption)
+                caption += f"\n{rule.format(self.orders)}"
+        if self.unbounded:
+            caption += "\n∞: the response grows beyond all bounds"
+        return table_of(title, columns, caption=caption)
 
     def _combinations_table(self) -> Table:
         some = self.combinations[:_MOST_COMBINATIONS]
@@ -239,11 +273,12 @@ class CriticalSpeeds(Result):
 
 def _height(values: list[float | None], unit: str, meaning: str) -> Column:
     """Heights of maxima; where one is many times another, each has its own digits."""
-    column = sized(values, unit, meaning, "height", 5)
-    heights = [abs(value) for value in values if value]
-    if not heights or max(heights) <= _MOST_DECADES * min(heights):
-        return column
-    return column._replace(text=digits(".4e", prefixed(unit, max(heights))[0]))
+    heights = [abs(value) for value in values if value and math.isfinite(value)]
+    column = sized(values, unit, meaning, "height", 5, max(heights, default=0.0))
+    if heights and max(heights) > _MOST_DECADES * min(heights):
+        column = column._replace(text=digits(".4e", prefixed(unit, max(heights))[0]))
+    texts = ["∞" if value == math.inf else text for value, text in zip(values, column.texts, strict=True)]
+    return column._replace(text=texts)
 
 
 def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
@@ -251,14 +286,20 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     known = np.where(np.isfinite(found.response), np.abs(found.response), np.nan)
     factor = label_quantity(axes, found.system, found.quantity, known, found.figure)
     stable = np.where(found.unstable, np.nan, found.response)
-    speeds, response = _curve(found.speeds, stable, maxima)
+    speeds, response = curve(found.speeds, stable, [*maxima, *growing(found.speeds, stable, found.unbounded)])
     axes.plot(found.system.speed_unit.of(speeds), response * factor, color=BLUE)
-    largest, least = float(np.nanmax(known, initial=0.0)), float(np.nanmin(known, initial=np.inf))
-    if largest > _MOST_DECADES * least > 0:
+    bounded = [(speed, height) for speed, height in maxima if math.isfinite(height)]
+    every = np.abs([*stable[np.isfinite(stable)], *(height for _, height in bounded)])
+    largest, least = every.max(initial=0.0) * factor, every.min(initial=np.inf) * factor
+    if least > 0 and (found.unbounded or largest > _MOST_DECADES * least):
         axes.set_yscale("log")
-    _draw_marks(axes, found, maxima, factor, BLUE, "maximum")
-    _shade(axes, found)
-    _legend(axes)
+        axes.set_ylim(least / _ROOM, largest * _ROOM)
+    draw_marks(axes, found.system.speed_unit, bounded, factor, BLUE, "maximum")
+    for at, speed in enumerate(found.unbounded):
+        style = {"color": BLUE, "linewidth": 0.9, "linestyle": ":", "marker": "^", "markevery": [1]}
+        axes.axvline(found.system.speed_unit.of(speed), label="" if at else "beyond all bounds", **style)
+    shade(axes, found.system.speed_unit, found.speeds, found.unstable)
+    legend(axes)
 
 
 def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
@@ -269,25 +310,27 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
         return np.sign(values) * np.abs(values) ** power
 
     maxima = found.maxima("multiplier")
-    speeds, real_part = _curve(found.speeds, found.real_part, maxima)
+    # Where only orders above the highest lie it turns faster than the speeds tell.
+    seen = found.frequencies[:, 0] <= (found.orders + 0.5) * found.speeds
+    speeds, real_part = curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
     shown = found.system.speed_unit.of
     axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
-    at, radius = _curve(found.speeds, found.radius, found.maxima("radius"))
+    at, radius = curve(found.speeds, found.radius, found.maxima("radius"))
     for sign, label in ((1, "±|ρ|"), (-1, None)):
         dots = {"color": GREY, "linewidth": 0.7, "linestyle": ":", "label": label}
         axes.plot(shown(at), sign * rooted(radius), **dots)
     every = ((found.maxima("radius"), GREY, "largest |ρ|"), (maxima, VERMILION, "largest Re ρ"))
     for some, color, name in every:
         marks = [(speed, float(rooted(np.array(height)))) for speed, height in some]
-        _draw_marks(axes, found, marks, 1, color, name)
+        draw_marks(axes, found.system.speed_unit, marks, 1, color, name)
     reach = float(np.nanmax(found.radius, initial=1e-12))
     ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
     places = [0.0, *ticks, *(-size for size in ticks)]
     axes.set_yticks([float(rooted(np.array(place))) for place in places], [f"{place:g}" for place in places])
     axes.set_ylabel("dominant\nmultiplier")
     axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
-    _shade(axes, found)
-    _legend(axes)
+    shade(axes, found.system.speed_unit, found.speeds, found.unstable)
+    legend(axes)
 
 
 def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
@@ -302,7 +345,9 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
         rays = order * found.speeds / (2 * math.pi)
         axes.plot(speeds, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)
         if order <= 12 or order % 5 == 0:
-            _label_order(axes, found, order, found.frequencies[:, [mode - 1 for mode in shown]], top)
+            label_order(
+                axes, unit, found.speeds, order, found.frequencies[:, [mode - 1 for mode in shown]], top
+            )
     axes.plot([], [], color=GREY, linewidth=0.7, label="orders of rotation")
     for mode in shown:
         label = "mean natural frequency" if mode == shown[0] else None
@@ -314,64 +359,7 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(6))
     axes.set_ylabel("mean natural\nfrequency (Hz)")
     axes.set_title("Campbell diagram", loc="left", color=GREY)
-    _legend(axes)
-
-
-def _label_order(axes: Axes, found: CriticalSpeeds, order: int, frequencies: Array, top: float) -> None:
-    """Name an order on its ray, within the frame that ends at `top` (Hz) and clear of the frequencies (P, k)
-    in rad/s."""
-    clear = _CLEAR * top * 2 * math.pi
-    ray = order * found.speeds
-    free = (ray < 2 * math.pi * top - clear) & (np.abs(ray[:, None] - frequencies) > clear).all(axis=1)
-    span = np.ptp(found.speeds)
-    free &= np.minimum(found.speeds - found.speeds[0], found.speeds[-1] - found.speeds) > _ASIDE * span
-    if free.any():
-        at = found.speeds[free][-1]
-        box = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
-        place = found.system.speed_unit.of(at), order * at / (2 * math.pi)
-        axes.annotate(str(order), place, color=GREY, fontsize=7, ha="center", va="center", bbox=box, zorder=2)
-
-
-def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
-    """A curve through the points and the maxima between them."""
-    return through(*np.array([*zip(speeds, values, strict=True), *marks]).T)
-
-
-def _draw_marks(
-    axes: Axes,
-    found: CriticalSpeeds,
-    marks: Sequence[tuple[float, float]],
-    factor: float,
-    color: str,
-    label: str,
-) -> None:
-    if marks:
-        speeds, heights = np.array(marks).T
-        style = {"color": color, "markersize": 4.5, "zorder": 4, "label": label}
-        axes.plot(found.system.speed_unit.of(speeds), heights * factor, "v", **style)
-
-
-def _shade(axes: Axes, found: CriticalSpeeds) -> None:
-    """Unstable speeds."""
-    if not found.unstable.any():
-        return
-    style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0, "label": "unstable"}
-    across, where = axes.get_xaxis_transform(), found.unstable.tolist()
-    axes.fill_between(found.system.speed_unit.of(found.speeds), 0, 1, where=where, transform=across, **style)
-
-
-def _legend(axes: Axes) -> None:
-    """Above the frame, at its right, where there is something to name."""
-    if not axes.get_legend_handles_labels()[0]:
-        return
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=5,
-        borderaxespad=0.1,
-        handlelength=1.4,
-        columnspacing=1.1,
-    )
+    legend(axes)
 
 
 _ALL = _draw_response, _draw_multiplier, _draw_campbell

@@ -26,8 +26,9 @@ from solve.progress import part, stage, steps
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
 from solve.studies.boundaries import LIGHTLY_DAMPED, Judge, Judged, Search, hidden, judge
+from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.system import PeriodicSystem, of_system
-from solve.units import ShownUnit, checked_tolerance, speeds_between
+from solve.units import checked_tolerance, speeds_between
 
 GROWTH = 1e-6
 """Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
@@ -84,16 +85,16 @@ def bands(
     """
     given = speeds_between(speeds, "bands")
     system, omegas = system.shown_in(given[0]), np.array(given)
-    system.checked(float(omegas[-1]))
+    ends = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
-    fast = _unfollowed(system, float(omegas[0]), task.method)
+    fast = _unfollowed(system, ends[0], task.method)
     if fast:
         left_out = (
             f"{fast} of {system.n} modes turn by more than {_FOLLOWED:g} rad a turn and are not damped out: "
             "their bands, of high order, are not looked for; a single solution follows all modes"
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
-    turning = _turning(system, omegas, _FOLLOWED if fast else np.inf)
+    turning = _turning(system, ends, _FOLLOWED if fast else np.inf)
     coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
     turned = -np.diff(1 / coarse) * turning(coarse[1:])
     points = _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))[:, None]
@@ -108,24 +109,27 @@ def bands(
         spacing = float(np.diff(known.points[:, 0]).max())
         step("narrow bands")
         known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
-        if known.failed.all():
-            raise NoResultError(_failures(batch, known.points, system.speed_unit))
         if known.failed.any():
-            notes = [*notes, _failures(batch, known.points[known.failed], system.speed_unit)]
+            every = _rising(known)
+            reason = _reason(batch, every.points[every.failed][:1])
+            left_out = without_result(every.points[:, 0], every.failed, system.speed_unit, reason)
+            if every.failed.all():
+                raise NoResultError(left_out)
+            notes = [*notes, f"{left_out}; bands end open beside them"]
         step("edges of bands")
-        found = _Runs(asked, checked_tolerance(tolerance), omegas[-1:]).bands(_rising(known))
-    rising = _rising(known)
+        runs = _Runs(asked, checked_tolerance(tolerance), omegas[-1:])
+        found = runs.bands(_rising(known))
+    rising = _rising(sum(runs.looked, known))
     radius = np.where(rising.failed, np.nan, np.abs(rising.multipliers[:, 0]))
     range_ = float(omegas[0]), float(omegas[-1])
     return Bands(found, system, range_, spacing, notes, rising.points[:, 0], radius)
 
 
-def _failures(batch: Batch, points: Array, unit: ShownUnit) -> str:
-    reason = gathered(batch, points[:1], Kept(warnings=False)).failures.get(
+def _reason(batch: Batch, point: Array) -> str:
+    """Why a point (1, 1) has no result."""
+    return gathered(batch, point, Kept(warnings=False)).failures.get(
         0, "multipliers are within their error of the unit circle; ask for a smaller rtol"
     )
-    between = unit.span(points[:, 0].min(), points[:, 0].max(), "and")
-    return f"{len(points)} speeds between {between} give no result, and bands end open beside them: {reason}"
 
 
 Turning = Callable[[Array], Array]
@@ -133,13 +137,12 @@ Turning = Callable[[Array], Array]
 period in phase."""
 
 
-def _turning(system: PeriodicSystem, omegas: Array, most: float) -> Turning:
-    """From the matrices frozen at phases and at the lowest and the highest speed; a mode that is
-    damped out within a turn does not count, nor one that turns by more than `most` at the lowest."""
-    ends = [(omega, OnePoint(system, omega)) for omega in omegas[[0, -1]].tolist()]
-    values = [omega * frozen(point, _PHASES).eigenvalues().ravel() for omega, point in ends]
+def _turning(system: PeriodicSystem, ends: tuple[float, float], most: float) -> Turning:
+    """From the matrices frozen at phases and at the lowest and the highest speed that have some; a mode that
+    is damped out within a turn does not count, nor one that turns by more than `most` at the lowest."""
+    values = [omega * frozen(OnePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
     exponents = np.concatenate(values) * system.period
-    exponents = exponents[np.abs(np.imag(exponents)) <= most * omegas[0]]
+    exponents = exponents[np.abs(np.imag(exponents)) <= most * ends[0]]
 
     def turning(speeds: Array) -> Array:
         counts = np.real(exponents) > np.log(_DAMPED_OUT) * speeds[:, None]
@@ -183,13 +186,14 @@ def _rising(known: Judged) -> Judged:
 @dataclass(frozen=True)
 class _Runs:
     """Runs of unstable speeds of one kind among known ones, rising. highest (1,): of the speeds; what is
-    found between two speeds is kept for when other runs are split."""
+    found between two speeds is kept for when other runs are split; looked: the points inside."""
 
     judge: Judge
     tolerance: float
     highest: Array
     _between: "dict[tuple[float, float], tuple[float, bool]]" = field(default_factory=dict)
     _within: "dict[tuple[float, float], float]" = field(default_factory=dict)
+    looked: "list[Judged]" = field(default_factory=list)
 
     def bands(self, known: Judged) -> list[Band]:
         """The runs with their edges, split where points inside are stable or of another kind."""
@@ -230,6 +234,7 @@ class _Runs:
         """Further points of runs of these states between their ends (k,), and which of the runs are mixed."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.judge((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
+        self.looked.append(looked)
         radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _POINTS_INSIDE).max(axis=1, initial=0.0)
         self._within.update(zip(zip(low.tolist(), high.tolist(), strict=True), radii.tolist(), strict=True))
         return looked, (_state(looked).reshape(-1, _POINTS_INSIDE) != states[:, None]).any(axis=1)

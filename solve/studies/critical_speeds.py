@@ -18,7 +18,7 @@ from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
-from solve.period.multipliers import UNSTABLE
+from solve.period.multipliers import UNIT_CIRCLE, UNSTABLE
 from solve.progress import stage, steps
 from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
@@ -33,6 +33,7 @@ from solve.studies.explained import (
     of_modulus,
     of_real_part,
 )
+from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
 from solve.studies.mean_frequencies import MeanFrequencies, combinations, crossed, resonances
 from solve.system import PeriodicSystem, of_system
@@ -46,6 +47,9 @@ _A_DIVISION = 24
 
 _ASIDE = 0.25
 """Part of the distance between divisions at which a maximum is compared with what lies beside it."""
+
+_BESIDE = 4.0
+"""Times the tolerance of a maximum at which it is looked at on either side."""
 
 _SHARE = 0.1
 """Part of the largest rise of an order's power from which on that order explains a maximum."""
@@ -81,11 +85,13 @@ def critical_speeds(
     if orders < 1:
         raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
     require_size("orders", orders, len(omegas) * system.n**2)
-    system.checked(float(omegas[-1]))
+    low, _ = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = MeanFrequencies(system, np.array([0.0]))
-    grid = _refined_grid(omegas, float(rest.values[0, 0]), orders)
-    grid = np.unique(np.concatenate((grid, resonances(rest, omegas[0], omegas[-1]))))
+    # Where there are no matrices at rest, frequencies at a speed stand for those.
+    first = rest if np.isfinite(rest.values).all() else MeanFrequencies(system, np.array([low]))
+    grid = _refined_grid(omegas, float(first.values[0, 0]), orders)
+    grid = np.unique(np.concatenate((grid, resonances(first, omegas[0], omegas[-1]))))
     batch = task.batch(grid[:, None])
     without = replace(task, request=replace(task.request, orbit=False)).batch(grid[:, None])
     search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance))
@@ -103,8 +109,10 @@ def critical_speeds(
         limit = system.speed_unit.text(float(grid[skipped].max()), ".4g")
         notes = [*notes, f"below {limit} only orders above {orders} lie: no maxima are looked for"]
     if found.failures:
-        reason = next(iter(found.failures.values()))
-        notes = [*notes, f"{len(found.failures)} of {len(grid)} speeds give no result: {reason}"]
+        notes = [
+            *notes,
+            without_result(grid, found.failed, system.speed_unit, next(iter(found.failures.values()))),
+        ]
     return CriticalSpeeds(
         system,
         name,
@@ -186,8 +194,9 @@ class _Search:
         system, (name,) = self.batch.family.example, self.kept.names
         turns = system.period / (2 * np.pi)
         at = np.array([one.speed for one in maxima])
+        unbounded = self._unbounded(at)
         aside = _ASIDE / np.maximum(MeanFrequencies(system, at).values[:, 0] / at, _ASIDE / CLOSE)
-        near = np.full(len(at), 4 * self.tolerance)
+        near = np.full(len(at), _BESIDE * self.tolerance)
         trials = at * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
         kept = Kept((name,), (name,), math.ceil(orders * turns), warnings=False)
         found = gathered(self.batch, trials.reshape(-1, 1), kept)
@@ -200,22 +209,37 @@ class _Search:
         modes = range(1, system.n + 1)
         return [
             Explained(
-                maximum,
+                replace(maximum, height=math.inf) if grows else maximum,
                 {
                     (mode, k)
                     for mode, (k, number) in itertools.product(modes, whole.items())
                     if rise[number] >= _SHARE * rise[1:].max() > 0
                 },
             )
-            for maximum, rise, is_reached in zip(maxima, rises, reached, strict=True)
+            for maximum, rise, is_reached, grows in zip(maxima, rises, reached, unbounded, strict=True)
             if is_reached
         ]
+
+    def _unbounded(self, at: Array) -> Array:
+        """Whether the response grows beyond all bounds about speeds (k,), since a multiplier is +1 there: one
+        that goes along the real axis, as at the edge of an unstable range, or along the unit circle, as where
+        nothing damps a resonance."""
+        near = 1 + _BESIDE * self.tolerance * np.array([-1, 0, 1])
+        found = self.turning((at[:, None] * near).ravel())
+        off, rho = 1 - found.multipliers, found.multipliers
+        least = np.abs(off).argmin(axis=1)[:, None]
+        size, modulus = (np.abs(np.take_along_axis(each, least, 1)).reshape(-1, 3) for each in (off, rho))
+        error = (found.errors[:, 1] * found.spectral_radius).reshape(-1, 3)
+        sign = np.sign(np.real(off.prod(axis=1))).reshape(-1, 3)
+        passed = (sign[:, 0] * sign[:, 2] < 0) & (size > error)[:, ::2].all(axis=1)
+        turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE).all(axis=1)
+        return passed | turned & (size[:, 1] < size[:, ::2].min(axis=1))
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the dominant multiplier's real part, each with what explains it; but for edges of
         unstable ranges, at which another multiplier takes the lead."""
         at = np.array([one.speed for one in maxima])
-        near = 1 + 4 * self.tolerance * np.array([-1, 1])
+        near = 1 + _BESIDE * self.tolerance * np.array([-1, 1])
         sides = self.turning((at[:, None] * near).ravel()).verdicts.reshape(-1, 2) == UNSTABLE
         found = self.turning(at)
         leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)

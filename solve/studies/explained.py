@@ -12,7 +12,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import matched
 from solve.results.critical_rows import Combination, Maximum
-from solve.studies.mean_frequencies import excited, mean_decays
+from solve.studies.mean_frequencies import excited
+from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem
 
 _NEAR, CLOSE = 0.2, 0.05
@@ -115,7 +116,7 @@ class Turn:
         for pair in range(len(decays)):
             fed = [pair, *self.meeting(pair)]
             unsure[pair] += abs(decays[pair] - decays[fed].mean())
-        rates = mean_decays(self.system, self.speed) / self.speed
+        rates = mean_modes(self.system, self.speed).rates / self.speed
         turned = np.sqrt(np.maximum(self.ratios**2 - rates**2, 0.0))
         allowed = self.turns * np.minimum(_NEAR, CLOSE * self.ratios) + _TURNED
         off = (self.angles[:, None] - _folded(turned * self.turns)) / allowed

@@ -1,5 +1,5 @@
-"""Means over the cycle of natural frequencies and of their decays with the matrices frozen, and the speeds at
-which combinations of them are whole multiples of the speed."""
+"""Means over the cycle of natural frequencies with the matrices frozen, over speed, and the speeds at which
+combinations of them are whole multiples of the speed."""
 
 import itertools
 import math
@@ -15,15 +15,13 @@ from solve.errors import SolveError
 from solve.progress import part
 from solve.results.critical_rows import Combination
 from solve.studies.boundaries import LIGHTLY_DAMPED
+from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem
 
-_PHASES = 64
-
-_ROUNDING, _COMPLEX = 1e-12, 1e-6
-"""Negative and imaginary parts of squares of frequencies, relative to the largest, that are rounding: of
-double ones half the digits."""
-
 _SECANTS = 4
+
+_JUMP = 1e-2
+"""Part of a frequency that is left after these where there is no crossing."""
 
 _LOW = 4
 """Highest order of combinations that are strong enough to be looked for where only means tell them."""
@@ -34,9 +32,8 @@ _CORRECTIONS = 2
 
 @dataclass(frozen=True)
 class MeanFrequencies:
-    """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a
-    speed: rising, in rad/s, at speeds (P,), 0 for the mechanism at rest. Where K is not positive they count
-    as 0; NaN at speeds without matrices."""
+    """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a speed,
+    see `mean_modes`: rising, in rad/s, at speeds (P,); NaN at speeds without matrices."""
 
     system: PeriodicSystem
     speeds: Array
@@ -53,18 +50,12 @@ class MeanFrequencies:
 
     @cached_property
     def _found(self) -> tuple[Array, Array]:
-        phase = frozen_phases(self.system)
         means = np.full((len(self.speeds), self.system.n), np.nan)
         imaginary = np.zeros(len(self.speeds), dtype=bool)
         for at, speed in enumerate(self.speeds):
             # Where there are no matrices, the solution at this speed says why.
             with part("speeds"), suppress(SolveError, np.linalg.LinAlgError):
-                M, _, K, _ = self.system.at(phase, float(speed))
-                squares = np.linalg.eigvals(np.linalg.solve(M, K))
-                size = np.abs(squares).max()
-                real = np.sort(np.real(squares), axis=1)
-                means[at] = np.sqrt(np.maximum(real, 0.0)).mean(axis=0)
-                imaginary[at] = real.min() < -_ROUNDING * size or np.abs(squares.imag).max() > _COMPLEX * size
+                means[at], _, imaginary[at] = mean_modes(self.system, float(speed))
         return means, imaginary
 
     def at(self, speed: float) -> Array:
@@ -94,7 +85,7 @@ def crossed(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterat
         below_order = np.append(excess[:-1] < 0, excess[-1] <= 0)
         for at in np.flatnonzero(known & (below_order[:-1] != below_order[1:])):
             low, high = float(speeds[at]), float(speeds[at + 1])
-            below, above = float(excess[at]), float(excess[at + 1])
+            below, above, here = float(excess[at]), float(excess[at + 1]), np.nan
             for _ in range(_SECANTS):
                 middle = low - below * (high - low) / (above - below)
                 here = float(frequencies.at(middle) @ weights) - order * middle
@@ -104,7 +95,9 @@ def crossed(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterat
                     high, above = middle, here
                 else:
                     low, below = middle, here
-            yield order, low - below * (high - low) / (above - below)
+            # Means jump where modes that come near each other begin to keep their shapes.
+            if not abs(here) > _JUMP * order * low:
+                yield order, low - below * (high - low) / (above - below)
 
 
 def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
@@ -138,26 +131,10 @@ def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
 
 def _remembered(system: PeriodicSystem, speed: float) -> Array:
     """Decays of the modes in a period (n,)."""
-    return mean_decays(system, speed) * system.period / speed
-
-
-def frozen_phases(system: PeriodicSystem) -> Array:
-    """Where in the period matrices are frozen, evenly."""
-    return (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
+    return mean_modes(system, speed).rates * system.period / speed
 
 
 def excited(system: PeriodicSystem, order: int) -> bool:
     """Whether matrices of this period may have an order of rotation."""
     number = order * system.period / (2 * math.pi)
     return math.isclose(number, round(number), abs_tol=1e-9)
-
-
-def mean_decays(system: PeriodicSystem, speed: float) -> Array:
-    """Means over the cycle of the rates in 1/s (n,) at which vibrations of the frozen modes die out, in the
-    order of their frequencies, to the first order in C."""
-    M, C, K, _ = system.at(frozen_phases(system), speed)
-    squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
-    # Shapes that are one another's have no inverse.
-    damping = np.linalg.pinv(shapes) @ np.linalg.solve(M, C) @ shapes
-    rates = np.real(np.einsum("kii->ki", damping)) / 2
-    return np.take_along_axis(rates, np.argsort(np.real(squares), axis=1), axis=1).mean(axis=0)

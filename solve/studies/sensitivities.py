@@ -1,8 +1,9 @@
-"""Sensitivities over speed, and of speeds: of the edges of unstable bands and of maxima of the response, by
-the implicit function theorem (S. G. Krantz, H. R. Parks, The Implicit Function Theorem, 2013)."""
+"""Sensitivities over speed, and of speeds: of the edges of unstable bands and of critical speeds, by the
+implicit function theorem (S. G. Krantz, H. R. Parks, The Implicit Function Theorem, 2013)."""
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from solve.argument import first_is
 from solve.arrays import Array
 from solve.derivatives.point import periods_of, quantities_by, sensitivities
 from solve.differences import slope
-from solve.errors import NoResultError, SolveError
+from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.period.named import RADIUS
 from solve.progress import part, stage
@@ -37,6 +38,21 @@ _MEET = (
     "at this edge two multipliers meet, and have no derivative, as without damping; give a little of it, or "
     "difference the edges themselves"
 )
+
+_CORNER = (
+    "its speed has no derivatives: there one multiplier takes the lead from another, or the maximum is too "
+    "narrow to be differenced"
+)
+_UNBOUNDED = (
+    "the response grows beyond all bounds at this speed, which has no derivatives; for `bands` those of the "
+    "edges of unstable ranges are given"
+)
+
+_SMOOTH = 0.5
+"""Part by which the curvature of a maximum may change when it is taken twice as far."""
+
+_CLOSER = 8.0
+"""Times nearer to a maximum that is too narrow for that."""
 
 _NEWTON = 3
 """Corrections of a speed that was found to a tolerance."""
@@ -100,13 +116,13 @@ def speed_sensitivities(
     found: what `solve.bands` or `solve.critical_speeds` gives. An edge is where the spectral radius is 1,
     dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω); a maximum is where the derivative by the speed is 0, whose own derivatives
     are differences over speed of exact ones. Quantities are "band1.from", "band1.to", …, with the bands as
-    they rise, and "response1", "multiplier1", …, with the critical speeds as they fall; edges at the ends of
-    the range, and integer divisions, are left out. by: names of parameters, by default all by which there
-    are derivatives. Raises NoResultError where there is no such speed, and what `solve.sensitivities` raises.
+    they rise, and "response1", "multiplier1", "radius1", …, with the critical speeds as they fall; edges at
+    the ends of the range, and integer divisions, are left out. Speeds without derivatives have NaN and the
+    reason. by: names of parameters, by default all by which there are derivatives. Raises NoResultError
+    where there is no such speed, and what `solve.sensitivities` raises.
     """
     system = found.system
-    _, every = quantities_by(system, [RADIUS], by)
-    names = [name for name in every if name != SPEED]
+    names = moving_parameters(system, by)
 
     def derivatives(of: str, speed: float) -> Sensitivity:
         return sensitivities(system, speed, of, [*names, SPEED], method, rtol=rtol).found[of]
@@ -118,9 +134,21 @@ def speed_sensitivities(
     with stage("speeds", len(places)):
         for name, of, speed in places:
             with part("speeds"):
-                made[name] = way(of, speed, derivatives)
+                each = way(of, speed, derivatives) if of else _none(speed, len(names), _UNBOUNDED)
+            made[name] = replace(each, reason=f"{name}: {each.reason}") if each.reason else each
     values = {name: system.parameters[name] for name in names}
     return Sensitivities(system, None, values, made, "", 0)
+
+
+def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
+    """Names of parameters that may move speeds, by default all by which there are derivatives. Raises
+    UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
+    _, every = quantities_by(system, [RADIUS], by)
+    if by is not None and SPEED in every:
+        raise ValueOutOfBoundsError(
+            "by is speed, which is what moves; give parameters, such as 'k1', or leave by out"
+        )
+    return [name for name in every if name != SPEED]
 
 
 def _edges(found: Bands) -> list[tuple[str, str, float]]:
@@ -134,10 +162,10 @@ def _edges(found: Bands) -> list[tuple[str, str, float]]:
 
 
 def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
-    """Name, quantity and speed of each."""
-    ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "rho1.re"}
+    """Name, quantity and speed of each; no quantity where the response has no height."""
+    ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "rho1.re", "radius": RADIUS}
     return [
-        (f"{way}{number}", of, maximum.speed)
+        (f"{way}{number}", "" if maximum.height == np.inf else of, maximum.speed)
         for way, of in ways.items()
         for number, maximum in enumerate(
             (getattr(row, way) for row in found.rows if getattr(row, way) is not None), start=1
@@ -159,8 +187,7 @@ def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
     *by, along = found.derivatives
     *off, off_along = found.errors
     if not off_along < _KNOWN * abs(along):
-        nothing, reason = np.full(len(by), np.nan), found.reason or _MEET
-        return Sensitivity(speed, "rad/s", nothing, nothing, reason)
+        return _none(speed, len(by), found.reason or _MEET)
     slopes = -np.array(by) / along
     return Sensitivity(
         speed, "rad/s", slopes, (np.array(off) + np.abs(slopes) * off_along) / abs(along), found.reason
@@ -173,18 +200,32 @@ def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
     def gradient(omega: float) -> Array:
         return derivatives(of, omega).derivatives
 
-    value = derivatives(of, speed)
+    value, start = derivatives(of, speed), speed
     if value.reason:
-        nothing = np.full(len(value.derivatives) - 1, np.nan)
-        return Sensitivity(speed, "rad/s", nothing, nothing, value.reason)
-    step = _LOOK * speed
-    curvature = float(np.real(gradient(speed + step)[-1] - gradient(speed - step)[-1])) / (2 * step)
+        return _none(speed, len(value.derivatives) - 1, value.reason)
+
+    def curvature(step: float) -> float:
+        return float(np.real(gradient(start + step)[-1] - gradient(start - step)[-1])) / (2 * step)
+
+    for step in (_LOOK * speed, _LOOK * speed / _CLOSER):
+        near, far = curvature(step), curvature(2 * step)
+        if near < 0 and abs(far - near) < _SMOOTH * abs(near):
+            break
+    else:
+        return _none(speed, len(value.derivatives) - 1, _CORNER)
     for _ in range(_NEWTON):
-        moved = -float(np.real(gradient(speed)[-1])) / curvature
+        moved = -float(np.real(gradient(speed)[-1])) / near
         if not abs(moved) < _FAR * speed:
             break
         speed += moved
-    width = _PART * float(np.sqrt(abs(np.real(value.value) / curvature)))
-    fine, rough = (slope(gradient, speed, min(each, _FAR * speed)) for each in (width, 2 * width))
+    width = _PART * float(np.sqrt(abs(np.real(value.value) / near)))
+    width = min(width, _FAR * speed / 2)
+    fine, rough = (slope(gradient, speed, each) for each in (width, 2 * width))
     slopes, other = (-each[:-1] / each[-1] for each in (fine, rough))
     return Sensitivity(speed, "rad/s", slopes, np.abs(slopes - other), "")
+
+
+def _none(speed: float, count: int, reason: str) -> Sensitivity:
+    """Of a speed without derivatives."""
+    nothing = np.full(count, np.nan)
+    return Sensitivity(speed, "rad/s", nothing, nothing, reason)

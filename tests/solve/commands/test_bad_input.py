@@ -204,6 +204,14 @@ BAD = {
         ("chart", "mathieu", "--x", "delta=0:1:100000", "--y", "epsilon=0:1:100000"),
         ("1e+10 points", "--limit"),
     ),
+    "critical: by the speed itself": (
+        ("critical", "cam", "--speeds", "600 700 rpm", "--by", "speed"),
+        ("by is speed", "'k1'"),
+    ),
+    "bands: by an unknown parameter": (
+        ("bands", "cam", "--speeds", "600 700 rpm", "--by", "k9"),
+        ("k9", "did you mean 'k3'"),
+    ),
     "critical: too many orders": (
         ("critical", "cam", "--speeds", "600 700 rpm", "--orders", "1000000000"),
         ("1e+09 orders", "--limit"),

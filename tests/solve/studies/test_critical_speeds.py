@@ -196,6 +196,44 @@ def test_of_an_unstable_rotor_no_division_explains_what_grows():
     assert all(row.mode is None for row in inside)
 
 
+def pushed(damping):
+    """q″ + 2 ζ 3 q′ + 9 q = cos Ωt + cos 2Ωt."""
+
+    def push(phase):
+        return (np.cos(phase) + np.cos(2 * phase))[:, None]
+
+    return systems.constant(np.eye(1), np.eye(1) * 6 * damping, np.eye(1) * 9.0, push)
+
+
+def test_a_resonance_that_nothing_damps_has_no_height():
+    made = solve.critical_speeds(pushed(0.0), "10:40:30 rpm", orders=4)
+    rows = [row for row in made.rows if row.response]
+    assert [row.response.speed for row in rows] == pytest.approx([3.0, 1.5], rel=2e-5)
+    assert all(row.unbounded and row.response.height == np.inf for row in rows)
+    assert [row["response_height"] for row in made.record()["rows"] if row["unbounded"]] == [None, None]
+    (warning,) = [text for text in made.warnings if "grows beyond all bounds at 14.324 rpm" in text]
+    assert "a multiplier is +1 there" in warning
+    assert "∞" in made._repr_html_()
+    assert "beyond all bounds at 14.324 rpm, at 28.648 rpm" in made.summary
+    axes = made.plot().axes[0]
+    assert "beyond all bounds" in [text.get_text() for text in axes.get_legend().get_texts()]
+    lines = sorted(line.get_xdata()[0] for line in axes.get_lines() if line.get_marker() == "^")
+    assert lines == pytest.approx([1.5 * 30 / np.pi, 3 * 30 / np.pi], rel=2e-5)
+
+
+def test_a_resonance_with_the_least_damping_has_its_height():
+    made = solve.critical_speeds(pushed(1e-7), np.linspace(2.5, 3.5, 12), orders=1)
+    (row,) = [row for row in made.rows if row.response]
+    assert not row.unbounded
+    assert row.response.height == pytest.approx(1 / (2e-7 * 9), rel=1e-5)
+    assert not any("beyond all bounds" in text for text in made.warnings)
+
+
+def test_at_the_edges_of_an_unstable_range_the_response_has_no_height():
+    made = solve.critical_speeds(rotor(), np.linspace(80.0, 120.0, 41), orders=2)
+    assert [row.unbounded for row in made.rows if row.response] == [True, True]
+
+
 def two_modes(frequencies, decays, coupling=0.0):
     """Two oscillators that decay at rates δ(Ω), coupled by a stiffness that varies once a turn."""
 

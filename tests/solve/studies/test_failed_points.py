@@ -176,3 +176,42 @@ def test_a_chart_over_parameters_refuses_a_point_as_a_single_solve_does():
         solve.floquet(built(0.0, 9.0), 1.0)
     found = solve.chart(built, {"mass": [0.0, 0.5, 1.0]}, {"stiffness": [4.0, 9.0]}, 1.0)
     assert found.failures == {(row, 0): str(refused.value) for row in (0, 1)}
+
+
+def known_between(low, high):
+    """A damped oscillator whose stiffness varies, without matrices elsewhere and at rest."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        inertia = one if low < speed < high else np.nan * one
+        return inertia, 0.02 * one, (4 + 0.9 * np.cos(phase))[:, None, None], np.cos(phase)[:, None]
+
+    return systems.system(matrices, 1)
+
+
+@pytest.mark.parametrize("speeds", [np.linspace(1.0, 6.0, 11), np.array([1.0, 6.0])])
+def test_speeds_without_matrices_at_the_ends_of_a_range_are_left_out(speeds):
+    """The unstable band and the maximum of the response lie where there are matrices, and are found as if
+    there were some everywhere; the note says where there are none."""
+    system, whole = known_between(1.55, 5.1), known_between(-1.0, 9.0)
+    found, every = solve.bands(system, speeds), solve.bands(whole, speeds)
+    assert [band.kind for band in found] == [band.kind for band in every] == ["+1", "-1"]
+    for band, other in zip(found, every, strict=True):
+        assert (band.low, band.high) == pytest.approx((other.low, other.high), rel=1e-6)
+    (note,) = found.notes
+    critical = solve.critical_speeds(system, speeds, orders=4)
+    peaks = [row.radius.speed for row in critical.rows if row.radius]
+    reference = [
+        row.radius.speed for row in solve.critical_speeds(whole, speeds, orders=4).rows if row.radius
+    ]
+    assert len(peaks) == 2
+    assert peaks == pytest.approx(reference, rel=1e-4)
+    for text in (note, critical.notes[-1]):
+        assert "give no result, from 9.5493 to 14." in text
+        assert "to 57.296 rpm: M has NaN" in text
+
+
+@pytest.mark.parametrize("study", [solve.bands, solve.critical_speeds])
+def test_a_range_without_any_matrices_is_refused(study):
+    with pytest.raises(MatricesError, match="M has NaN"):
+        study(known_between(7.0, 8.0), [1.0, 6.0])

@@ -1,13 +1,16 @@
 """Sensitivities over speed, of maxima over speed in closed form, and of edges of bands by another search."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 import solve
 from solve.errors import NoDerivativeError, NoResultError, UnknownNameError
+from solve.results.critical_rows import Critical, Maximum
+from solve.studies.sensitivities import _CORNER
 from tests.solve.derivatives.test_sensitivities import C, F, K, M, amplitude, model
 
 
@@ -56,6 +59,48 @@ def test_the_speed_of_the_largest_response_in_closed_form():
     for name, value in expected.items():
         assert moved["response1"][name] == pytest.approx(value, rel=1e-6, abs=1e-9)
     assert abs(amplitude(speed=speed)) > F / K
+
+
+def test_the_speed_of_the_largest_radius_moves_as_a_search_finds_it():
+    numbers = {"delta": 1.0, "epsilon": 0.1, "zeta": 0.1}
+
+    def largest(**changed):
+        mathieu = solve.load("mathieu", **{**numbers, **changed})
+        return minimize_scalar(
+            lambda speed: -solve.floquet(mathieu, speed, rtol=1e-12).spectral_radius,
+            bounds=(0.98, 1.02),
+            method="bounded",
+            options={"xatol": 1e-10},
+        ).x
+
+    found = solve.critical_speeds(solve.load("mathieu", **numbers), [0.9, 1.1], orders=2)
+    moved = solve.speed_sensitivities(found, list(numbers))
+    assert moved.found["radius1"].value == pytest.approx(largest(), rel=1e-7)
+    for name, value in numbers.items():
+        expected = (largest(**{name: value + 2e-3}) - largest(**{name: value - 2e-3})) / 4e-3
+        assert moved["radius1"][name] == pytest.approx(expected, rel=1e-5)
+    assert (moved.found["radius1"].errors > 0).all()
+
+
+def test_a_maximum_where_another_multiplier_takes_the_lead_is_said_to_have_none():
+    """Of the cam at 69.01 rad/s, where Re ρ1 jumps."""
+    cam, at = solve.load("cam"), 69.00953
+    below, above = (solve.floquet(cam, at + way).multipliers[0].real for way in (-1e-3, 1e-3))
+    assert below < -0.03
+    assert above > 0.01
+    found = solve.critical_speeds(cam, "650:665:4 rpm", orders=12)
+    corner = replace(found, rows=[Critical(multiplier=Maximum(at, 0.0113))])
+    moved = solve.speed_sensitivities(corner, "k1")
+    assert math.isnan(moved["multiplier1"]["k1"])
+    assert moved.warnings == [f"multiplier1: {_CORNER}"]
+
+
+def test_a_response_beyond_all_bounds_is_said_to_have_none():
+    found = solve.critical_speeds(model(c=0.0), np.linspace(0.9, 1.5, 13), quantity="q", orders=2)
+    moved = solve.speed_sensitivities(found, ["k"])
+    assert moved.found["response1"].value == pytest.approx(math.sqrt(K / M) / 2, rel=1e-4)
+    assert math.isnan(moved["response1"]["k"])
+    assert moved.warnings[0].startswith("response1: the response grows beyond all bounds")
 
 
 def edge(low, high, **numbers):

@@ -1,0 +1,123 @@
+"""Modes with the matrices frozen at phases of a period, followed from phase to phase, and their means."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.multipliers import matched
+from solve.system import PeriodicSystem
+
+_PHASES = 64
+
+_ROUNDING, _COMPLEX = 1e-12, 1e-6
+"""Negative and imaginary parts of squares of frequencies, relative to the largest, that are rounding: of
+double ones half the digits."""
+
+_LEAST = 1e-30
+"""Part of a shape in another that counts as none."""
+
+_NEAR = 0.5
+"""Part of their largest difference in the period below which frequencies are near each other."""
+
+
+class MeanModes(NamedTuple):
+    """Means over the cycle of the frozen modes: frequencies in rad/s (n,), rising, and the rates in 1/s (n,)
+    at which vibrations die out, to the first order in C. Where K is not positive frequencies count as 0.
+    imaginary: whether one is imaginary or complex at some phase."""
+
+    frequencies: Array
+    rates: Array
+    imaginary: bool
+
+
+def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
+    """Of the undamped modes with M and K frozen, at a speed (rad/s), 0 for the mechanism at rest. Raises
+    SolveError subclasses and LinAlgError where there are no matrices.
+
+    A mode stays itself where frequencies cross, see `_followed`; modes that change places within a period
+    have one mean. Ranks are kept all the same where more of a vibration is left by them: the part that keeps
+    its rank where shapes go on, if it decays less.
+    """
+    step = system.period / _PHASES
+    M, C, K, _ = system.at((np.arange(_PHASES) + 0.5) * step, speed)
+    squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
+    order = np.argsort(np.real(squares), axis=1)
+    squares = np.take_along_axis(squares, order, axis=1)
+    shapes = np.take_along_axis(shapes, order[:, None], axis=2)
+    real, size = np.real(squares), np.abs(squares).max()
+    imaginary = real.min() < -_ROUNDING * size or np.abs(np.imag(squares)).max() > _COMPLEX * size
+    # Shapes that are one another's have no inverse.
+    inverse = np.linalg.pinv(shapes)
+    rates = np.real(np.einsum("kij,kji->ki", inverse @ np.linalg.solve(M, C), shapes)) / 2
+    values = np.stack((np.sqrt(np.maximum(real, 0.0)), rates), axis=1)
+    ranks, places, kept = _followed(values[:, 0], shapes, inverse, speed / step)
+    means, moved = values.mean(axis=0), (ranks != np.arange(system.n)).any(axis=0)
+    if moved.any():
+        along = _over_turns(np.take_along_axis(values, ranks[:, None], axis=2).mean(axis=0), places)
+        faster = along[1, moved].min() - means[1, moved].min()
+        if speed == 0 or faster * system.period / speed <= -kept:
+            means = along
+    means = means[:, np.argsort(means[0], kind="stable")]
+    return MeanModes(means[0], means[1], bool(imaginary))
+
+
+def _followed(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
+    """Ranks (k, n) of each mode at k phases, `rate` of them a second; whose place each has after them (n,);
+    and the logarithm of the part of a vibration that keeps its rank where modes do not.
+
+    While shapes turn faster than near frequencies differ, θ rate > Δω, a vibration keeps the shape from
+    before: more than half of it then changes its rank in an avoided crossing, by the formula of Landau and
+    Zener (C. Zener, Proceedings of the Royal Society A 137, 1932, 696).
+    """
+    count, n = frequencies.shape
+    ahead, own = np.roll(np.arange(count), -1), np.arange(n)
+    overlaps = _overlaps(inverse, shapes, inverse[ahead], shapes[ahead])
+    apart = np.abs(frequencies[:, :, None] - frequencies[:, None])
+    apart = np.where(apart < _NEAR * apart.max(axis=0), apart, np.inf)
+
+    def slow(at: Array | int, now: Array, then: Array) -> Array:
+        """Which of the modes (…, n) with these ranks at a phase and at the next have time to change shape."""
+        turned, before, after = (
+            part[np.asarray(at)[..., None, None], one[:, None], two]
+            for part, one, two in ((overlaps, now, then), (apart, now, now), (apart[ahead], then, then))
+        )
+        enough = np.sqrt(turned) * rate <= np.minimum(before, after)
+        return np.asarray((enough | np.eye(n, dtype=bool)).all(axis=-1))
+
+    settled = slow(np.arange(count), own, own).all(axis=-1)
+    if settled.all() and (np.einsum("kii->ki", overlaps) > 0.5).all():
+        return np.tile(own, (count, 1)), own, 0.0
+    # Where shapes are between two modes nothing would be known of either.
+    first = int(settled.argmax())
+    ranks, kept, now = np.empty((count, n), dtype=int), 0.0, own
+    known, left, known_as = shapes[first], inverse[first], own
+    for at in np.roll(np.arange(count), -first).tolist():
+        ranks[at] = now
+        there = ahead[at]
+        alike = _overlaps(left, known, inverse[there], shapes[there])
+        then = matched(-alike)[1]
+        renewed = slow(at, now, then)
+        passed = renewed & (then != known_as)
+        kept += float(np.log(np.maximum(alike[passed, known_as[passed]], _LEAST)).sum()) / 4
+        known, known_as = np.where(renewed, shapes[there][:, then], known), np.where(renewed, then, known_as)
+        left, now = np.linalg.pinv(known), then
+    return ranks, now, kept
+
+
+def _overlaps(left: Array, shapes: Array, others_left: Array, others: Array) -> Array:
+    """Parts (…, n, n) of shapes in others, squares of cosines where they are orthogonal: of shapes (…, n, n)
+    in columns and their inverses."""
+    return np.abs((left @ others) * np.swapaxes(others_left @ shapes, -1, -2))
+
+
+def _over_turns(means: Array, places: Array) -> Array:
+    """Means (2, n) over a period of modes that have taken the places (n,) of others after it, over as many
+    periods as each needs to be back."""
+    found = means.copy()
+    for mode in range(len(places)):
+        at = [mode]
+        while places[at[-1]] != mode:
+            at.append(int(places[at[-1]]))
+        found[:, mode] = means[:, at].mean(axis=1)
+    return found

@@ -1,0 +1,104 @@
+"""Frozen modes that cross within a turn, against the angles that multipliers turn by in a period, and against
+means of frequencies that are known."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+import solve
+from solve.studies.mean_frequencies import MeanFrequencies, combinations
+from solve.studies.mean_modes import mean_modes
+from tests.solve import systems
+
+
+def oscillators(swing, coupling, damping=(0.0, 0.0)):
+    """ω² = 1 + swing cos φ and 1.44 - swing cos φ, which cross twice a turn, coupled by a stiffness."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        wave = np.cos(phase)[:, None, None]
+        stiffness = np.diag([1.0, 1.44]) + swing * wave * np.diag([1.0, -1.0])
+        between = coupling * np.array([[0.0, 1.0], [1.0, 0.0]])
+        return (
+            one * np.eye(2),
+            one * np.diag(damping),
+            stiffness + between,
+            np.cos(phase)[:, None] * np.ones(2),
+        )
+
+    return systems.system(matrices, 2)
+
+
+def mean_root(middle, swing):
+    """The mean of sqrt(middle + swing cos φ)."""
+    return np.sqrt(middle + swing * np.cos((np.arange(4096) + 0.5) * np.pi / 2048)).mean()
+
+
+def angle_off(system, speed):
+    """Largest difference, in full turns, of the multipliers' angles from those of the means."""
+    rho = np.array(solve.floquet(system, speed).multipliers)
+    turned = np.abs(np.angle(rho[np.imag(rho) > 0])) / (2 * np.pi)
+    expected = mean_modes(system, speed).frequencies / speed
+    off = np.abs(turned[:, None] - np.abs(expected - np.round(expected)))
+    return off[linear_sum_assignment(off)].max()
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.07, 0.2, 1.9])
+def test_modes_that_cross_stay_themselves(speed):
+    found = mean_modes(oscillators(0.5, 0.0, (0.1, 0.3)), speed)
+    np.testing.assert_allclose(found.frequencies, [mean_root(1.0, 0.5), mean_root(1.44, -0.5)], rtol=1e-9)
+    np.testing.assert_allclose(found.rates, [0.05, 0.15], rtol=1e-9)
+
+
+def test_identical_modes_that_a_varying_stiffness_couples_are_one_another_s_mirror():
+    """x + y and x - y move by themselves, with ω² = 1 ± 0.3 cos φ."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        between = 0.3 * np.cos(phase)[:, None, None] * np.array([[0.0, 1.0], [1.0, 0.0]])
+        return one * np.eye(2), 0 * one * np.eye(2), one * np.eye(2) + between, np.zeros((len(phase), 2))
+
+    system = systems.system(matrices, 2)
+    np.testing.assert_allclose(mean_modes(system, 0.3).frequencies, mean_root(1.0, 0.3), rtol=1e-9)
+    made = solve.critical_speeds(system, np.linspace(1.6, 2.4, 41), orders=4)
+    (row,) = [row for row in made.rows if row.radius]
+    assert row.combination is None
+    assert {one.modes for one in row.candidates} >= {(1, 1), (2, 2)}
+    assert {one.order for one in row.candidates} == {1}
+
+
+def test_in_an_avoided_crossing_the_speed_decides():
+    """By their angles multipliers keep ranks at low speeds and shapes at high ones; between the two means
+    jump, which is no combination."""
+    system, slow, quick = oscillators(0.5, 0.1), 0.03, 0.37
+    for speed in (slow, quick):
+        assert angle_off(system, speed) < 0.01
+    low, high = (np.diff(mean_modes(system, speed).frequencies) for speed in (slow, quick))
+    assert high < 0.7 * low
+    jump = MeanFrequencies(system, np.geomspace(slow, quick, 40))
+    for one in combinations(jump, 4):
+        weights = np.eye(2)[one.modes[0] - 1] + one.sign * np.eye(2)[one.modes[1] - 1]
+        assert jump.at(one.speed) @ weights == pytest.approx(one.order * one.speed, rel=0.01)
+
+
+@pytest.mark.parametrize("speed", [20.0, 30.0])
+def test_ranks_are_kept_where_more_of_a_vibration_is_left_by_them(speed):
+    """The lower of two modes that come near each other is damped little, the higher one much, whichever shape
+    they have: by shapes both would decay by half of that. The multipliers tell which it is."""
+    manipulator = solve.load("manipulator")
+    omega = speed * np.pi / 30
+    rho = np.array(solve.floquet(manipulator, omega).multipliers)
+    decays = np.sort(-np.log(np.abs(rho[np.imag(rho) > 0])) * omega / (2 * np.pi))
+    found = mean_modes(manipulator, omega)
+    np.testing.assert_allclose(found.rates, decays, rtol=0.25)
+
+
+@pytest.mark.parametrize("coupling", [0.0, 0.05])
+def test_the_tongues_of_modes_that_cross_belong_to_them(coupling):
+    made = solve.critical_speeds(
+        oscillators(0.5, coupling, (0.02, 0.02)), np.linspace(1.6, 2.6, 41), orders=4
+    )
+    found = {row.combination.modes: row.radius.speed for row in made.rows if row.radius and row.combination}
+    assert set(found) == {(1, 1), (2, 2)} | ({(2, 1)} if coupling else set())
+    for mode, middle in ((1, 1.0), (2, 1.44)):
+        assert found[mode, mode] == pytest.approx(2 * mean_root(middle, 0.5), rel=0.01)
