@@ -18,6 +18,9 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", derandomize=False, deadline=None)
 settings.load_profile("repeatable")
 
+# Threads of BLAS that wait take the processors from the tests beside them. Read where NumPy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # A job in the background is started deaf to interruptions, and so would be the commands under test.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
