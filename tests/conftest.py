@@ -5,6 +5,7 @@ everywhere, and a shared machine may be slow, which is no failure.
 """
 
 import ctypes
+import gc
 import os
 import signal
 import subprocess
@@ -33,6 +34,16 @@ def _without_privileges():
     """Leave root the rights of an owner alone, after the next program is started."""
     for capability in _PASS_OVER_RIGHTS:
         ctypes.CDLL(None).prctl(_DROP_CAPABILITY, capability, 0, 0, 0)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """What is collected stays: looking for garbage among it takes a fifth of the time."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
 
 
 @pytest.fixture
