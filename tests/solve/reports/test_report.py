@@ -3,6 +3,7 @@
 import itertools
 import re
 from dataclasses import replace
+from functools import cache
 
 import html5lib
 import numpy as np
@@ -19,6 +20,7 @@ MATHS = "{http://www.w3.org/1998/Math/MathML}"
 RANGE = "1.1:1.2:3 rad/s"
 
 
+@cache
 def parsed(page):
     """The page as a tree. html5lib follows the parsing rules of the HTML standard and stops, when strict, at
     the first deviation: a tag that is not closed, a name given twice to an attribute. The parser of the
