@@ -2,38 +2,28 @@
 
 import importlib
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import sympy
 from sympy.core.relational import StrictGreaterThan, StrictLessThan
 
-from derive.declarations import (
-    Condition,
-    Coordinate,
-    Option,
-    Output,
-    Parameter,
-    bound_of,
-    require_plain,
-    require_result,
-    scalar,
-)
+from derive.declarations import Condition, Option, require_result, scalar
 from derive.errors import DeclarationError
 from derive.field import Field
 from derive.kinematics import Loop, four_bar, full_turn
+from derive.quantities import Quantities
 from derive.sketch import AROUND, METRE, Sketch, sketch_of
 from derive.stated import note
 from derive.symbols import PHASE, SPEED, Moving
-from derive.transmission import PeriodicFunction, Series
-from derive.units import parse, require_coherent, short
+from derive.units import require_coherent, short
 
 _ENERGIES = ("kinetic", "potential", "dissipation")
 
 
 @dataclass(slots=True)
-class Mechanism:
+class Mechanism(Quantities):
     """A mechanism driven at constant speed Ω, stated by its energies.
 
     Everything is in coherent SI units. `kinetic` T, `potential` V and `dissipation` R
@@ -44,30 +34,19 @@ class Mechanism:
     M Φ diag(2ζω) Φᵀ M q̇ with the modes of M and K at speed 0 at every position.
     """
 
-    name: str
-    title: str
     energy: str = "J"
     kinetic: sympy.Expr = sympy.S.Zero
     potential: sympy.Expr = sympy.S.Zero
     dissipation: sympy.Expr = sympy.S.Zero
     period: sympy.Expr = 2 * sympy.pi
     damping_ratio: Any = sympy.S.Zero
-    declared_coordinates: list[Coordinate] = field(default_factory=list, init=False)
-    declared_parameters: list[Parameter] = field(default_factory=list, init=False)
-    declared_options: list[Option] = field(default_factory=list, init=False)
-    declared_outputs: list[Output] = field(default_factory=list, init=False)
-    declared_series: list[type[PeriodicFunction]] = field(default_factory=list, init=False)
     forces: list[tuple[sympy.Expr, sympy.Expr]] = field(default_factory=list, init=False)
     fundamental_motion: dict[Moving, sympy.Expr] = field(default_factory=dict, init=False)
     limits: list[tuple[str, str, str]] = field(default_factory=list, init=False)
     validity: dict[str, float] = field(default_factory=dict, init=False)
-    declared_field: Field | None = field(default=None, init=False)
-    declared_loops: list[Loop] = field(default_factory=list, init=False)
     declared_sketches: list[Sketch] = field(default_factory=list, init=False)
     conditions: list[Condition] = field(default_factory=list, init=False)
     no_drive_torque: str = field(default="", init=False)
-    lines: dict[Any, int] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """By what is stated, lines of the author's file."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         """An energy may be a product of vectors and matrices; it is then its one entry."""
@@ -95,129 +74,6 @@ class Mechanism:
     def metre(self) -> sympy.Symbol:
         """1 m, the unit of sizes that belong to a `sketch` alone: `0.2 * metre`."""
         return METRE
-
-    def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]:
-        """Declare coordinates as `q1=(unit, meaning)`; they vanish in the desired motion.
-
-        Returns their symbols in the same order. Raises DeclarationError.
-        """
-        symbols = tuple(Moving(name) for name in declared)
-        for symbol, described in zip(symbols, declared.values(), strict=True):
-            unit, meaning, bound = self._described(symbol.name, described)
-            if bound:
-                raise DeclarationError(f"{symbol.name}: a coordinate has no bound; use trust(...)")
-            require_coherent(symbol.name, unit)
-            self._require_unused_moving(symbol)
-            self.declared_coordinates.append(Coordinate(symbol, unit, meaning))
-        return symbols
-
-    def coordinate(self, name: str, unit: str, meaning: str) -> Moving:
-        """Declare one coordinate and return its symbol. Raises DeclarationError."""
-        (symbol,) = self.coordinates(**{name: (unit, meaning)})
-        return symbol
-
-    def parameter(self, name: str, unit: str, meaning: str, bound: str = "") -> sympy.Symbol:
-        """Declare one parameter and return its symbol. Raises DeclarationError."""
-        return self._parameter(name, (unit, meaning, bound))
-
-    def parameters(self, **declared: tuple[str, ...]) -> tuple[sympy.Symbol, ...]:
-        """Declare parameters as `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`.
-
-        Numbers are given in these units, any that pint knows; equations are in SI and convert them.
-        A bound is text such as "> 0", ">= 0", "< 1" or "integer, >= 1"; without one any
-        finite number is allowed. Returns the symbols in the same order. Raises DeclarationError.
-        """
-        return tuple(self._parameter(name, described) for name, described in declared.items())
-
-    def family(
-        self, name: str, indices: Iterable[int], unit: str, meaning: str, bound: str = ""
-    ) -> tuple[sympy.Symbol, ...]:
-        """Declare numbered parameters: `family("k", range(1, 4), …)` gives k1, k2, k3."""
-        return tuple(self._parameter(f"{name}{i}", (unit, f"{meaning}, order {i}", bound)) for i in indices)
-
-    def transmission(
-        self,
-        name: str,
-        harmonics: int,
-        unit: str,
-        meaning: str = "",
-        coefficients: tuple[str, str] = ("a", "b"),
-    ) -> Series:
-        """Declare a transmission function U by the Fourier coefficients of its derivative.
-
-        U′(φ) = Σ aₖ cos kφ + bₖ sin kφ, chapter Eq. (65); U is the integral of zero mean.
-        Declares the parameters a1, …, b1, … and returns U, to be called with an angle.
-        """
-        meaning = meaning or f"derivative of the transmission function {name}"
-        cosine, sine = coefficients
-        orders = range(1, harmonics + 1)
-        return self._series(
-            name,
-            unit,
-            first=self.family(cosine, orders, unit, f"{meaning}: cosine coefficient"),
-            second=self.family(sine, orders, unit, f"{meaning}: sine coefficient"),
-            form="cosine-sine",
-            integrated=True,
-        )
-
-    def series(self, name: str, harmonics: int, unit: str, meaning: str, bound: str = "") -> Series:
-        """Declare F(x) = F + Σ Faₖ cos kx + Fbₖ sin kx, to be called with any angle x.
-
-        Declares the parameters F (the mean, with `bound`), Fa1, … and Fb1, ….
-        """
-        orders = range(1, harmonics + 1)
-        return self._series(
-            name,
-            unit,
-            mean=self._parameter(name, (unit, f"{meaning}: mean", bound)),
-            first=self.family(f"{name}a", orders, unit, f"{meaning}: cosine coefficient"),
-            second=self.family(f"{name}b", orders, unit, f"{meaning}: sine coefficient"),
-            form="cosine-sine",
-        )
-
-    def harmonic_series(
-        self,
-        name: str,
-        harmonics: int,
-        unit: str,
-        meaning: str,
-        angles: str,
-        mean: bool = True,
-        bound: str = "",
-    ) -> Series:
-        """Declare k(x) = k0 + Σ kₙ cos(n x + γₙ), chapter Eq. (73), to be called with any angle x.
-
-        Declares k1, … and the angles γ1, … (named by `angles`); with `mean` also k0, with
-        `bound`, which is then `k.mean`.
-        """
-        orders = range(1, harmonics + 1)
-        return self._series(
-            name,
-            unit,
-            mean=self._parameter(f"{name}0", (unit, f"{meaning}: mean", bound)) if mean else None,
-            first=self.family(name, orders, unit, f"{meaning}: amplitude"),
-            second=self.family(angles, orders, "rad", f"{meaning}: phase angle"),
-            form="amplitude-phase",
-        )
-
-    def option(self, name: str, values: tuple[str, ...] | range, default: str | int | None = None) -> Option:
-        """Declare an option, of words or of a range of numbers; without `default` it is the first value.
-
-        `Option.choose` picks expressions by word.
-        """
-        self._require_unused(name)
-        words = isinstance(values, tuple) and all(value.isidentifier() for value in values)
-        if len(values) < 2 or not (words or isinstance(values, range)):
-            raise DeclarationError(
-                f"option {name} needs two or more values that are plain words, or a range; given: {values}"
-            )
-        if default is not None and default not in values:
-            raise DeclarationError(f"option {name} has no value {default}; declared: {values}")
-        option = Option(name, values, values[0] if default is None else default)
-        for indicator in option.indicators:
-            self._require_unused(indicator.name)
-        self.declared_options.append(option)
-        return option
 
     def require(self, condition: Any, meaning: str) -> None:
         """State an inequality of parameters, and in `meaning` what is wrong where it does not hold."""
@@ -361,14 +217,6 @@ class Mechanism:
             self._require_coordinate(name, "fundamental motion")
             self.fundamental_motion[symbols[name]] = sympy.sympify(motion)
 
-    def output(self, name: str, expression: sympy.Expr, unit: str, meaning: str) -> None:
-        """Declare a quantity to be computed beside the coordinates. Raises DeclarationError."""
-        require_result(name)
-        self._described(name, (unit, meaning))
-        self._require_unused(name)
-        self.declared_outputs.append(Output(name, sympy.sympify(expression), unit, meaning))
-        note(self.lines, self.declared_outputs[-1].expression)
-
     def sketch(self, name: str, points: Sequence[Sequence[Any]], unit: str = "m") -> None:
         """Draw a line through points (x, y) in the plane of motion: expressions of the phase, the speed, the
         coordinates and parameters, in `unit`. It has no effect on the equations.
@@ -432,30 +280,6 @@ class Mechanism:
         # Found late and by name: what derives is built upon what is stated here.
         return importlib.import_module("derive.in_memory").code(self)
 
-    def _series(self, name: str, unit: str, **contents) -> Series:
-        if not contents["first"]:
-            raise DeclarationError(f"{name} has no harmonics; give one or more")
-        series: Any = type(name, (PeriodicFunction,), {"dimension": parse(unit), **contents})
-        self.declared_series.append(series)
-        return series
-
-    def _parameter(self, name: str, described: tuple[str, ...]) -> sympy.Symbol:
-        unit, meaning, bound = self._described(name, described)
-        self._require_unused(name)
-        symbol = sympy.Symbol(name, real=True)
-        self.declared_parameters.append(Parameter(symbol, unit, meaning, bound))
-        note(self.lines, symbol)
-        return symbol
-
-    def _described(self, name: str, described: tuple[str, ...]) -> tuple[str, str, str]:
-        if not isinstance(described, tuple) or not 2 <= len(described) <= 3 or not all(described[:2]):
-            raise DeclarationError(
-                f'{name} needs a unit and a meaning, such as ("N/m", "shaft"); given: {described!r}'
-            )
-        unit, meaning, bound = (*described, "")[:3]
-        parse(unit)
-        return unit, meaning, bound_of(name, bound)
-
     def _loop(self, loop: Loop) -> tuple[Any, ...]:
         for unknown in loop.unknowns:
             self._require_unused(unknown.name)
@@ -465,32 +289,3 @@ class Mechanism:
     def _condition(self, text: str, meaning: str, margin: Any, symbols: set[Any]) -> None:
         concerned = [each.symbol.name for each in self.declared_parameters if each.symbol in symbols]
         self.conditions.append(Condition(text, meaning, margin, tuple(concerned)))
-
-    def _require_unused_moving(self, symbol: Moving) -> None:
-        for moving in (symbol, symbol.rate, symbol.rate.rate):
-            self._require_unused(moving.name)
-
-    def _require_unused(self, name: str) -> None:
-        """Refuse a name that is reserved or taken."""
-        require_plain(name)
-        if name in self.names():
-            raise DeclarationError(
-                f'"{name}" is declared twice (q, qd and qdd are a coordinate and its derivatives)'
-            )
-
-    def names(self) -> set[str]:
-        """Every name that is taken, derivatives of coordinates and option values included."""
-        moving = [each.symbol for each in self.declared_coordinates]
-        moving += self.declared_field.symbols if self.declared_field else []
-        taken = {unknown.name for loop in self.declared_loops for unknown in loop.unknowns}
-        taken |= {symbol.name for q in moving for symbol in (q, q.rate, q.rate.rate)}
-        taken |= {each.symbol.name for each in self.declared_parameters}
-        taken |= {each.name for each in self.declared_outputs}
-        for option in self.declared_options:
-            taken |= {option.name, *(indicator.name for indicator in option.indicators)}
-        return taken
-
-    def _require_coordinate(self, name: str, what: str) -> None:
-        names = [each.symbol.name for each in self.declared_coordinates]
-        if name not in names:
-            raise DeclarationError(f"{what}: {name} is no coordinate; declared: {', '.join(names) or 'none'}")

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "0dbf00029956dd2394d40a2e2dabdf82849978f3b32e1078c13962fee3f0e671"
+DERIVE_SHA256 = "d1477fbe765cd7bf13d6ac37b6bf1ab072ab6501540e629a7e4904f0a5389407"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "53f4cb87b6f36c549249d93b5c18ea9b999d3c791b83cace6364b2e51ebabac9"
+FILE_SHA256 = "a54e5f9a34b46c95fcb9f4b7dcab5eb28cc368614435c90f494410fc1b7f8bcf"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -4,32 +4,30 @@ forms."""
 import json
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
+from derive.command import run as derive
+from solve.commands.app import run as solve
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
-def run(tmp_path):
+def run(tmp_path, monkeypatch, capsys):
     """The record of the page's line that solves the page's mechanism of that name."""
 
     def running(name):
         found = re.search(rf"```python\n# {name}.py\n(.*?)```", PAGE, re.DOTALL)
         assert found
-        (tmp_path / f"{name}.py").write_text(found.group(1), encoding="utf-8")
+        monkeypatch.chdir(tmp_path)
+        Path(f"{name}.py").write_text(found.group(1), encoding="utf-8")
         for line in re.findall(rf"python -m ((?:derive|solve \w+) {name}.py.*)\n", PAGE):
-            command = [sys.executable, "-m", *shlex.split(line), *(["--json"] if "solve" in line else [])]
-            environment = {"PYTHONPATH": str(ROOT), "PATH": ""}
-            done = subprocess.run(
-                command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-            )
-        return json.loads(done.stdout)
+            program, *arguments = shlex.split(line)
+            assert not (derive(arguments) if program == "derive" else solve([*arguments, "--json"]))
+        return json.loads(capsys.readouterr().out)
 
     return running
 

@@ -1,5 +1,6 @@
 """Beam elements: what their definition demands, quadrature, scikit-fem, and the thesis's Appendix A."""
 
+from functools import cache
 from types import ModuleType
 
 import numpy as np
@@ -16,19 +17,19 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 XI, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 
 
+@cache
 def generated() -> ModuleType:
     module = ModuleType("beam_elements")
     exec(beam_elements_text("0" * 64, "0" * 64, "beam_elements"), module.__dict__)
     return module
 
 
-TABLES = generated()
 NAMES = [family.name for family in FAMILIES]
 BENDS = [family.name for family in FAMILIES if family.strain == BENDING]
 
 
 def table(family: str, name: str) -> np.ndarray:
-    return np.array(TABLES.FAMILIES[family][name], dtype=float)
+    return np.array(generated().FAMILIES[family][name], dtype=float)
 
 
 def values(family: str, derivative: int = 0) -> np.ndarray:
@@ -46,14 +47,14 @@ def test_each_shape_function_is_one_at_its_freedom_and_zero_at_the_others(name):
     for i, row in enumerate(table(name, "shapes")):
         at_freedoms = [
             (Polynomial(row).deriv(order) if order else Polynomial(row))(at)
-            for order, at in TABLES.FAMILIES[name]["freedoms"]
+            for order, at in generated().FAMILIES[name]["freedoms"]
         ]
         np.testing.assert_allclose(at_freedoms, np.eye(len(at_freedoms))[i], atol=1e-13)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_tables_are_the_integrals_of_the_shape_functions(name):
-    strain = TABLES.FAMILIES[name]["strain"]
+    strain = generated().FAMILIES[name]["strain"]
     N, B = values(name), values(name, strain)
     np.testing.assert_allclose(table(name, "mass"), quadrature(N, N), atol=1e-13)
     np.testing.assert_allclose(table(name, "stiffness"), quadrature(B, B), rtol=1e-12, atol=1e-12)
@@ -70,14 +71,14 @@ def test_geometric_stiffness_is_the_integral_of_the_slopes(name):
 
 @pytest.mark.parametrize("element", ELEMENTS, ids=lambda element: element.name)
 def test_coupling_is_the_integral_of_axial_times_transverse_shapes(element):
-    stated = TABLES.ELEMENTS[element.name]
+    stated = generated().ELEMENTS[element.name]
     expected = quadrature(values(stated["axial"]), values(stated["bending"]))
     np.testing.assert_allclose(np.array(stated["coupling"], dtype=float), expected, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", BENDS)
 def test_rigid_motions_store_nothing_and_carry_the_rods_inertia(name):
-    freedoms = TABLES.FAMILIES[name]["freedoms"]
+    freedoms = generated().FAMILIES[name]["freedoms"]
     shift = np.array([1.0 if order == 0 else 0.0 for order, _ in freedoms])
     turn = np.array([at if order == 0 else float(order == 1) for order, at in freedoms])
     M, K, G = (table(name, which) for which in ("mass", "stiffness", "geometric"))
@@ -90,7 +91,7 @@ def test_rigid_motions_store_nothing_and_carry_the_rods_inertia(name):
 
 @pytest.mark.parametrize("name", BENDS)
 def test_a_cantilever_under_an_end_force_is_solved_exactly(name):
-    freedoms = TABLES.FAMILIES[name]["freedoms"]
+    freedoms = generated().FAMILIES[name]["freedoms"]
     free = [i for i, (order, at) in enumerate(freedoms) if not (at == 0 and order < 2)]
     load = np.array([float(freedom == (0, 1)) for freedom in freedoms])
     q = np.zeros(len(freedoms))

@@ -1,5 +1,7 @@
 """Closed loops: assemblies and derivatives against complex numbers, spectra, and CasADi's root finder."""
 
+from functools import cache
+
 import casadi
 import numpy as np
 import pytest
@@ -56,7 +58,14 @@ def four_bar(newton: bool = False) -> Mechanism:
     return linkage
 
 
-CLOSED, NEWTON = (module_of(four_bar(newton)) for newton in (False, True))
+@cache
+def in_closed_form():
+    return module_of(four_bar())
+
+
+@cache
+def by_newton():
+    return module_of(four_bar(newton=True))
 
 
 def angles(module, lengths, branch="open"):
@@ -88,7 +97,7 @@ def turning_linkages(draw):
 @given(lengths=turning_linkages())
 def test_the_loop_closes_on_its_side(lengths, branch):
     a, b, c, d, tilt = lengths
-    values = angles(CLOSED, lengths, branch)
+    values = angles(in_closed_form(), lengths, branch)
     pin, pivot = b * np.exp(1j * PHASES), a * np.exp(1j * tilt)
     joint = pin + c * np.exp(1j * values[0])
     assert abs(joint - pivot - d * np.exp(1j * values[4])).max() < 1e-13
@@ -99,7 +108,7 @@ def test_the_loop_closes_on_its_side(lengths, branch):
 @pytest.mark.parametrize("lengths", LINKAGES)
 @pytest.mark.parametrize("branch", SIDES)
 def test_three_derivatives_equal_those_of_the_spectrum(lengths, branch):
-    values = angles(CLOSED, lengths, branch)
+    values = angles(in_closed_form(), lengths, branch)
     for angle, first, second, third in (values[:4], values[4:]):
         unit = np.exp(1j * angle)
         derivatives = [
@@ -114,7 +123,10 @@ def test_three_derivatives_equal_those_of_the_spectrum(lengths, branch):
 @pytest.mark.parametrize("branch", SIDES)
 def test_newton_gives_the_closed_form_and_its_derivatives(branch):
     np.testing.assert_allclose(
-        angles(NEWTON, CRANK_ROCKER, branch), angles(CLOSED, CRANK_ROCKER, branch), rtol=0, atol=1e-11
+        angles(by_newton(), CRANK_ROCKER, branch),
+        angles(in_closed_form(), CRANK_ROCKER, branch),
+        rtol=0,
+        atol=1e-11,
     )
 
 
@@ -127,13 +139,13 @@ def test_the_root_finder_of_casadi_agrees():
     )
     finder = casadi.rootfinder("finder", "newton", casadi.Function("gap", [z, x], [gap]))
     found = np.hstack([np.array(finder([tilt + 1.1, tilt + 2.0], phase)) for phase in PHASES])
-    np.testing.assert_allclose(angles(NEWTON, CRANK_ROCKER)[[0, 4]], found, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(angles(by_newton(), CRANK_ROCKER)[[0, 4]], found, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("branch", SIDES)
 def test_a_linkage_behind_an_elastic_shaft_is_linearised_through_the_loop(branch):
     """φ4 depends on the phase plus the twist; M, C, K, d are those of the differentiated residual."""
-    module, p = CLOSED, np.array([*CRANK_ROCKER, 2.0, 300.0])
+    module, p = in_closed_form(), np.array([*CRANK_ROCKER, 2.0, 300.0])
     residual = module.residual(branch=branch)
     phase, speed, q, qd, qdd = (casadi.SX.sym(name) for name in ("phase", "speed", "q", "qd", "qdd"))
     r = residual(phase, speed, q, qd, qdd, p)
@@ -190,21 +202,21 @@ def test_conditions_of_a_full_turn(lengths, turns):
         ("a + b < c + d", "the crank cannot turn fully", ("a", "b", "c", "d")),
         ("|a - b| > |c - d|", "the crank cannot turn fully", ("a", "b", "c", "d")),
     ]
-    assert list(CLOSED.CONDITIONS) == expected
-    assert [bool(holds) for holds in (margins(CLOSED, lengths) > 0).all(axis=1)] == turns
+    assert list(in_closed_form().CONDITIONS) == expected
+    assert [bool(holds) for holds in (margins(in_closed_form(), lengths) > 0).all(axis=1)] == turns
 
 
 def test_conditions_of_a_loop_of_ones_own():
     """Newton's method leaves a gap at those phases at which the loop cannot be closed, and only there."""
-    (text, meaning, names), second = NEWTON.CONDITIONS
+    (text, meaning, names), second = by_newton().CONDITIONS
     assert (text, meaning) == (
         "gap of phi3, phi4 < 1e-9",
         "the loop of phi3, phi4 does not close at every phase",
     )
     assert names == second[2] == ("a", "b", "c", "d", "tilt")
-    assert (margins(NEWTON, CRANK_ROCKER) > 0).all()
+    assert (margins(by_newton(), CRANK_ROCKER) > 0).all()
     locked = [1.0, 0.9, 0.8, 0.8, 0.0]
-    closed = (margins(NEWTON, locked) > 0).all(axis=0)
+    closed = (margins(by_newton(), locked) > 0).all(axis=0)
     reachable = abs(locked[0] - locked[1] * np.exp(1j * PHASES)) < locked[2] + locked[3]
     assert not closed[~reachable].any()
     assert 0 < reachable.sum() < COUNT

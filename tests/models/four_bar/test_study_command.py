@@ -63,11 +63,11 @@ def test_the_largest_stress_is_that_of_both_surfaces(answer):
     follower's midpoint (another program)."""
     names = {"crank_root_stress": 92.96, "follower_midpoint_stress": 86.20}
     of = [part for name in names for part in ("--of", name)]
-    given = ("--speeds", "29:31:3 rad/s", "--option", "elements=3", "--over", "L4=0.66")
+    given = ("--speeds", "30 rad/s", "--option", "elements=3", "--over", "L4=0.66")
     out, _ = answer("study", *given, *of, "--json")
     (system,) = json.loads(out)["systems"]
     for name, stress in names.items():
-        assert system["responses"][name][1] / 1e6 == pytest.approx(stress, abs=0.011)
+        assert system["responses"][name][0] / 1e6 == pytest.approx(stress, abs=0.011)
 
 
 def test_several_quantities_rms_and_damping(answer):

@@ -1,12 +1,15 @@
 """Points in other processes and on a cluster: the same results, and one line where workers are lost."""
 
+import copy
 import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ import pytest
 import solve
 from solve.batch.executors import cluster, processes
 from solve.errors import ValueOutOfBoundsError, WorkersError
+from solve.progress import heard
 from tests.solve.batch import test_store
 
 SPEEDS = np.linspace(12, 60, 64)
@@ -139,3 +143,58 @@ def test_a_cluster_gives_the_same_though_one_of_two_workers_is_killed_midway(tmp
         found = solve.sweep(model, speeds, rtol=1e-6, executor=executor, store=tmp_path / "s")
     assert workers[0].poll() is not None
     same(found, solve.sweep(model, speeds, rtol=1e-6))
+
+
+@pytest.mark.slow
+def test_a_chart_in_parts_is_the_same(monkeypatch):
+    """Small parts in other processes, with points that fail among them."""
+    monkeypatch.setattr("solve.batch.task._MOST", 7)
+    model = solve.load("coupler", alpha=0, cx=0, cy=0)
+    axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
+    alone, seen = solve.chart(model, *axes), []
+    spawned = multiprocessing.get_context("spawn")
+    with (
+        ProcessPoolExecutor(2, mp_context=spawned) as executor,
+        heard(lambda work: seen.append(work.stages[-1].done)),
+    ):
+        parts = solve.chart(model, *axes, executor=executor)
+    np.testing.assert_array_equal(parts.verdicts, alone.verdicts)
+    np.testing.assert_allclose(parts.spectral_radius, alone.spectral_radius, rtol=1e-10)
+    assert parts.failures == alone.failures
+    assert len(parts.boundaries) == len(alone.boundaries)
+    assert 24 in seen
+
+
+def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
+    monkeypatch.setattr("solve.batch.task._MOST", 1)
+
+    def interrupted(work):
+        if work.stages[-1].done:
+            raise KeyboardInterrupt
+
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(KeyboardInterrupt), heard(interrupted):
+            solve.sweep(solve.load("cam"), np.linspace(30, 60, 400), executor=executor)
+        ended = executor.submit(time.perf_counter).result(timeout=30)
+    assert ended
+
+
+def test_an_executor_gets_parts_and_gives_the_same():
+    model, speeds = solve.load("manipulator"), np.linspace(3, 30, 9)
+    alone = solve.sweep(model, speeds)
+    seen = []
+    with ThreadPoolExecutor(2) as executor, heard(lambda work: seen.append(work.stages[-1].done)):
+        spread = solve.sweep(model, speeds, executor=executor)
+    np.testing.assert_array_equal(spread.spectral_radius, alone.spectral_radius)
+    np.testing.assert_array_equal(spread.figures("q1"), alone.figures("q1"))
+    assert seen[-1] == len(speeds)
+
+
+def test_models_travel_to_other_processes_and_threads():
+    model = solve.load("cam", k1=7e4)
+    for twin in (pickle.loads(pickle.dumps(model)), copy.copy(model)):
+        assert twin.parameters == model.parameters
+        assert twin.options == model.options
+        phase = np.linspace(0, 6, 7)
+        for ours, theirs in zip(model.at(phase, 50.0), twin.at(phase, 50.0), strict=True):
+            np.testing.assert_array_equal(ours, theirs)

@@ -1,5 +1,7 @@
 """Right orbits with wrong multipliers, and other traps: none of them goes without a word."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -211,6 +213,19 @@ def test_every_method_states_up_to_where_it_follows(name):
     assert any(UNRESOLVED in text for text in floquet(given, 1.0, name, steps=enough - 3, rtol=0.9).warnings)
 
 
+@cache
+def toothed(teeth):
+    """An oscillator whose stiffness has so many teeth in a turn, and its truth."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        K = 0.4 + 0.3 * np.cos(teeth * phase)[:, None, None]
+        return one, 0.1 * one, K, (1.0 + np.cos(phase))[:, None]
+
+    given = system(matrices, 1)
+    return given, Shooting(given, 1.0)
+
+
 @pytest.mark.parametrize("teeth", [32, 48, 96])
 @pytest.mark.parametrize(
     ("name", "rtol"),
@@ -219,14 +234,8 @@ def test_every_method_states_up_to_where_it_follows(name):
 def test_teeth_that_all_grids_see_alike(teeth, name, rtol):
     """Evenly spaced samples of 16, 24 and 48 steps take cos 48φ for 1, and a series of few orders has none
     of it."""
-
-    def matrices(phase, speed):
-        one = np.ones((len(phase), 1, 1))
-        K = 0.4 + 0.3 * np.cos(teeth * phase)[:, None, None]
-        return one, 0.1 * one, K, (1.0 + np.cos(phase))[:, None]
-
-    given = system(matrices, 1)
-    found, truth = periodic(given, 1.0, name, rtol=rtol), Shooting(given, 1.0)
+    given, truth = toothed(teeth)
+    found = periodic(given, 1.0, name, rtol=rtol)
     errors = (
         relative_error(found.at(PHASES), truth.states(PHASES)[:1]),
         multiplier_error(found.multipliers, truth.multipliers),

@@ -67,7 +67,7 @@ def alone_and_among(points, solved):
 
 @pytest.mark.parametrize("method", [*ONE_STEP, March(), Modal()], ids=repr)
 def test_one_grid_gives_the_same_bytes(method, points):
-    grid = Grid.uniform(60, points.period)
+    grid = Grid.uniform(20, points.period)
     if isinstance(method, March):
         points = points[np.arange(PLACE - 20, PLACE + 1)]
         place = np.array([20])

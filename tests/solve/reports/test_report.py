@@ -3,6 +3,7 @@
 import itertools
 import re
 from dataclasses import replace
+from functools import cache
 
 import html5lib
 import numpy as np
@@ -19,6 +20,7 @@ MATHS = "{http://www.w3.org/1998/Math/MathML}"
 RANGE = "1.1:1.2:3 rad/s"
 
 
+@cache
 def parsed(page):
     """The page as a tree. html5lib follows the parsing rules of the HTML standard and stops, when strict, at
     the first deviation: a tag that is not closed, a name given twice to an attribute. The parser of the
@@ -49,6 +51,12 @@ def driven():
 @pytest.fixture(scope="module")
 def frame():
     return solve.report(solve.load("portal_frame"))
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Where words alone are asked for: drawing takes longer than solving."""
+    monkeypatch.setattr("solve.reports.page.svg_of", lambda _: "<svg></svg>")
 
 
 @pytest.fixture(scope="module", params=["mathieu", "driven", "frame"])
@@ -157,7 +165,7 @@ def test_a_part_that_fails_says_why_and_the_others_stand():
     assert found.summary
 
 
-def test_warnings_stand_once_with_the_parts_that_say_them():
+def test_warnings_stand_once_with_the_parts_that_say_them(undrawn):
     cam = solve.load("cam")
     orbit = solve.periodic(cam, "600 rpm", rtol=1e-2)
     assert len(orbit.warnings) == 2
@@ -169,7 +177,7 @@ def test_warnings_stand_once_with_the_parts_that_say_them():
         assert items.count(f"{text} (One, Other)") == 1
 
 
-def test_a_warning_says_of_which_orbit_it_is(capsys, tmp_path):
+def test_a_warning_says_of_which_orbit_it_is(undrawn, capsys, tmp_path):
     """Both orbits lift off; on the page and in the terminal it is told which."""
     cam = solve.load("cam")
     parts = [
@@ -185,7 +193,7 @@ def test_a_warning_says_of_which_orbit_it_is(capsys, tmp_path):
         assert f"warning: {item}\n" in said
 
 
-def test_notes_stand_once():
+def test_notes_stand_once(undrawn):
     cam = solve.load("cam")
     orbit = solve.floquet(cam, "600 rpm", rtol=1e-2)
     noted = replace(orbit, engine_notes=["made by hand"])
