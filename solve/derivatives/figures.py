@@ -38,7 +38,7 @@ _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -
 """Weights of five values whose sums are their first and second derivative, by their distance."""
 
 
-_DRAWS = 3
+_DRAWS = 2
 """Sums with random signs by which the size of terms is estimated."""
 
 _WAYS = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}
@@ -177,9 +177,7 @@ def scattered(summed: Callable[[Array], Array], weights: Array) -> Array:
 
 
 def _made(figures: Sequence[Sums], sums: Sequence[Array], sizes: bool) -> list[Array]:
-    return [
-        part.max(axis=1) if sizes else each.made(part) for each, part in zip(figures, sums, strict=True)
-    ]
+    return [part.max(axis=1) if sizes else each.made(part) for each, part in zip(figures, sums, strict=True)]
 
 
 def _split(sums: Array, figures: Sequence[Sums]) -> list[Array]:

@@ -272,12 +272,12 @@ class OnGrid:
         at = max(asked.number, 1) - 1
         _require_alone(self.solved, at, asked)
         modulus = asked.subject == RADIUS or asked.figure == "abs"
-        slopes, rho = self.logarithm(at, modulus, sizes), complex(_every(self.solved, at)[at])
+        slopes, rho = self.logarithm(at, modulus, sizes), self.solved.spectrum.multiplier(at)
         if sizes:
             return np.real(slopes) * (1 / self.solved.period if asked.subject == EXPONENT else abs(rho))
         if asked.subject == EXPONENT:
             # λ = log ρ Ω / P, P the period in phase.
-            logarithm = self.solved.spectrum.logarithms[at] / self.solved.speed
+            logarithm = self.solved.spectrum.logarithm(at) / self.solved.speed
             along = np.array([name == SPEED for name in self.names])
             return asked.part((slopes + logarithm * along) / self.solved.period)
         if modulus:
