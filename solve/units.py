@@ -127,10 +127,11 @@ def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:
     return getattr(speed, "unit", None) or otherwise
 
 
-def speed_in_si(speed: float | str) -> GivenSpeed:
+def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
     """Ω in rad/s, with its unit, from a float in rad/s or a text such as "600 rpm", "62.8 rad/s", "10 Hz".
 
-    Raises UnitError for a text without a unit of rotation, ValueOutOfBoundsError unless finite and > 0.
+    Raises UnitError for a text without a unit of rotation, ValueOutOfBoundsError unless finite and > 0, or
+    0 where that is allowed.
 
     >>> round(speed_in_si("600 rpm"), 6)
     62.831853
@@ -140,8 +141,9 @@ def speed_in_si(speed: float | str) -> GivenSpeed:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
     except (TypeError, ValueError):
         omega = math.nan
-    if isinstance(speed, bool) or not (math.isfinite(omega) and omega > 0):
-        raise ValueOutOfBoundsError(f"speed is {speed}; allowed: finite and > 0, such as '600 rpm'")
+    if isinstance(speed, bool) or not (math.isfinite(omega) and (omega > 0 or (zero and omega == 0))):
+        allowed = "finite, 0 or more" if zero else "finite and > 0"
+        raise ValueOutOfBoundsError(f"speed is {speed}; allowed: {allowed}, such as '600 rpm'")
     require_size_of_number("speed", omega)
     if isinstance(speed, str):
         name = _apart(speed).partition(" ")[2].strip()
@@ -222,12 +224,14 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
         ends = numbers[0].split(":") if len(numbers) == 1 else []
         if not all(map(_is_number, ends)):
             raise UnitError(usage)
-        given = [f"{end} {unit}" if float(end) else 0.0 for end in ends]
+        given = [f"{end} {unit}" for end in ends]
     else:
         given = [*speeds] if isinstance(speeds, Iterable) else []
-    if len(given) != 2 or not any(given):
+    if len(given) != 2:
         raise UnitError(usage)
-    first, last = (speed_in_si(each) if each else 0.0 for each in given)
+    first, last = (speed_in_si(each, zero=True) for each in given)
+    if not first + last:
+        raise UnitError(usage)
     if abs(last - first) <= _ALIKE * max(first, last):
         raise ValueOutOfBoundsError(
             f"speeds are {speeds!r}; give two different ones, such as '300:600 rpm', or a single speed"

@@ -91,6 +91,16 @@ class Spectrum:
         known = 2 * self.certified.absolute[0] < _NO_DIGIT * np.abs(self._eigenvalues)
         return self._eigenvalues[known & (self.refined is None)]
 
+    def logarithm(self, at: int) -> complex:
+        """log ρ of one, without the others where it is among the leading."""
+        leading = self.leading
+        return complex(np.log(leading[at]) if at < len(leading) else self.logarithms[at])
+
+    def multiplier(self, at: int) -> complex:
+        """ρ of one, in the same way."""
+        leading = self.leading
+        return complex(leading[at] if at < len(leading) else self.values[at])
+
     @property
     def unresolved(self) -> int:
         """How many have no digit."""

@@ -38,6 +38,9 @@ _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -
 """Weights of five values whose sums are their first and second derivative, by their distance."""
 
 
+_DRAWS = 2
+"""Sums with random signs by which the size of terms is estimated."""
+
 _WAYS = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}
 """Signs of the values of which the largest is looked for."""
 
@@ -130,17 +133,22 @@ class Forward:
         moved = np.stack([turn.at(self._data, phase, order) for order in (2, 1, 0)], axis=1)
         return self.dependence.output_along(name, phase, self.orbit.speed, self.orbit.states(phase), moved).T
 
-    def of(self, figures: Sequence[Sums]) -> list[Array]:
-        """Derivatives (r,) of figures."""
+    def of(self, figures: Sequence[Sums], sizes: bool = False) -> list[Array]:
+        """Derivatives (r,) of figures, or the sizes of the terms of which they are sums."""
         own = [each.name in self.orbit.system.outputs and not self.dependence.parted for each in figures]
         rest = [each for each, alone in zip(figures, own, strict=True) if not alone]
-        data = self._data.reshape(-1, self.count)
-        direct, of_data = _parted(self.orbit, self.dependence, rest)
-        parts = iter(_split(direct + data.T @ of_data.reshape(len(data), -1), rest))
-        return [
-            each.made(self.signal(each.name, each.phase) @ each.weights if alone else next(parts))
+        term, data = np.abs if sizes else np.asarray, self._data
+        if sizes:
+            # A solution is off by a part of its largest.
+            data = np.broadcast_to(np.abs(data).max(axis=0), data.shape)
+        data = data.reshape(-1, self.count)
+        direct, of_data = _parted(self.orbit, self.dependence, rest, term)
+        parts = iter(_split(direct + data.T @ term(of_data.reshape(len(data), -1)), rest))
+        sums = [
+            term(self.signal(each.name, each.phase)) @ term(each.weights) if alone else next(parts)
             for each, alone in zip(figures, own, strict=True)
         ]
+        return _made(figures, sums, sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,13 +158,26 @@ class Adjoint:
     orbit: OrbitOnGrid
     dependence: Dependence
 
-    def of(self, figures: Sequence[Sums]) -> list[Array]:
-        """Derivatives (r,) of figures."""
-        direct, of_data = _parted(self.orbit, self.dependence, figures)
+    def of(self, figures: Sequence[Sums], sizes: bool = False) -> list[Array]:
+        """Derivatives (r,) of figures, or the sizes of the terms of which they are sums."""
+        direct, of_data = _parted(self.orbit, self.dependence, figures, np.abs if sizes else np.asarray)
         pulled = self.orbit.turn.pulled(of_data)
         weights = pulled.reshape(-1, *pulled.shape[2:])
-        found = direct - self.dependence.residual_along(*self.orbit.loaded, weights)
-        return [each.made(part) for each, part in zip(figures, _split(found, figures), strict=True)]
+        along = partial(self.dependence.residual_along, *self.orbit.loaded)
+        found = direct + scattered(along, weights) if sizes else direct - along(weights)
+        return _made(figures, _split(found, figures), sizes)
+
+
+def scattered(summed: Callable[[Array], Array], weights: Array) -> Array:
+    """Sum of the sizes of the terms of sums with weights (k, …), about or more, from the root of the sum of
+    their squares, which sums with random signs tell."""
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWS, *weights.shape))
+    squares = np.mean([np.abs(summed(each * weights)) ** 2 for each in signs], axis=0)
+    return np.sqrt(len(weights) * squares)
+
+
+def _made(figures: Sequence[Sums], sums: Sequence[Array], sizes: bool) -> list[Array]:
+    return [part.max(axis=1) if sizes else each.made(part) for each, part in zip(figures, sums, strict=True)]
 
 
 def _split(sums: Array, figures: Sequence[Sums]) -> list[Array]:
@@ -164,9 +185,11 @@ def _split(sums: Array, figures: Sequence[Sums]) -> list[Array]:
     return np.split(sums, np.cumsum([each.weights.shape[1] for each in figures])[:-1], axis=1)
 
 
-def _parted(orbit: OrbitOnGrid, dependence: Dependence, figures: Sequence[Sums]) -> tuple[Array, Array]:
-    """The derivatives of all sums by θ (r, c) with the orbit held, or 0, and the weights (m, 2 + k, n, c) of
-    the data of the orbit's curve."""
+def _parted(
+    orbit: OrbitOnGrid, dependence: Dependence, figures: Sequence[Sums], term: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """The derivatives of all sums by θ (r, c) with the orbit held, of terms as `term` gives them, or 0, and
+    the weights (m, 2 + k, n, c) of the data of the orbit's curve."""
     turn, ends = orbit.turn, np.cumsum([0, *(each.weights.shape[1] for each in figures)])
     (m, k), n = turn.phases.shape, orbit.system.n
     of_data, direct = np.zeros((m, 2 + k, n, ends[-1])), {}
@@ -177,7 +200,7 @@ def _parted(orbit: OrbitOnGrid, dependence: Dependence, figures: Sequence[Sums])
             by, by_states = dependence.output(each.name, each.phase, orbit.speed, orbit.states(each.phase))
             weights = by_states[..., None] * each.weights[:, None, None]
             of_data[..., columns] = turn.of_data(each.phase, weights)
-            direct[columns.start, columns.stop] = by.T @ each.weights
+            direct[columns.start, columns.stop] = term(by).T @ term(each.weights)
             continue
         # Those with the same samples, and all extrema, go together.
         alone.setdefault(0 if each.fractions is None else id(each.fractions), []).append((each, columns))
@@ -287,10 +310,15 @@ class Figures:
         counts = [len(phases) for phases, _ in known]
         names = np.repeat([name for name, _ in pairs], counts)
         phases, signs = (np.concatenate(part) for part in zip(*known, strict=True))
-        width = self.orbit.system.period / self.orbit.samples
+        width, curve = self.orbit.system.period / self.orbit.samples, self.orbit.turn.curve
+        coordinates = list(self.orbit.system.coordinates)
+        own = np.flatnonzero(np.isin(names, coordinates))
+        rows = [coordinates.index(name) for name in names[own]]
         for _ in range(1 if pairs[0] in self._starts else _NEWTON):
             around = self._each(names, phases[:, None] + _NEAR * width * np.arange(-2, 3))
             first, second = around @ _FIRST, around @ _SECOND
+            for order, part in ((1, first), (2, second)):
+                part[own] = (_NEAR * width) ** order * curve(phases[own], order)[rows, np.arange(len(rows))]
             with np.errstate(divide="ignore", invalid="ignore"):
                 moved = -_NEAR * first / second
             phases = phases + np.where(np.abs(moved) < 1, moved, 0.0) * width

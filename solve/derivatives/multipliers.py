@@ -49,9 +49,7 @@ class MultipliersOnGrid:
 
     def vectors(self, at: int) -> Vectors:
         """Of one of the known multipliers."""
-        leading = self._spectrum.leading
-        rho = complex(leading[at] if at < len(leading) else np.exp(self._known[at]))
-        return self._leading(rho) or self._of_product(at)
+        return self._leading(self._spectrum.multiplier(at)) or self._of_product(at)
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or

@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.pace import Pace, estimated
 from solve.contracts import Dependence
-from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Starts, Sums
+from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Starts, Sums, scattered
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
@@ -42,7 +42,7 @@ _JUMP = 1e-9
 """Part of an output beyond which it jumps."""
 
 _ROUNDING = 1e-13
-"""Part of a derivative that rounding leaves."""
+"""Part of the terms of which a derivative is a sum that rounding leaves."""
 
 
 @of_system
@@ -121,7 +121,7 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
     grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
     with one_thread(system.n):
         slopes = list(zip(*(grid.slopes(asked) for grid in grids), strict=True))
-        found = _judged(asked, slopes, grids[0], rule)
+        found = _judged(asked, slopes, grids, rule)
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     notes = [*solved.notes, *(solved.doubts if isinstance(solved, NonlinearOrbit) else [])]
@@ -203,8 +203,9 @@ class OnGrid:
     def _multipliers(self) -> MultipliersOnGrid:
         return MultipliersOnGrid(self.turn, self.solved.spectrum)
 
-    def logarithm(self, at: int, modulus: bool) -> Array:
-        """Derivatives (r,) of log ρ of one of the solution's multipliers, or of log |ρ|."""
+    def logarithm(self, at: int, modulus: bool, sizes: bool = False) -> Array:
+        """Derivatives (r,) of log ρ of one of the solution's multipliers, or of log |ρ|; or the sizes of the
+        terms of which they are sums."""
         turn, found = self.turn, self._multipliers
         n, phases = turn.point.n, turn.phases[:, turn.stages].ravel()
         vectors = found.vectors(at)
@@ -212,15 +213,16 @@ class OnGrid:
         if not self.dependence.linear:
             states = turn.orbit.states[:, turn.stages, ..., 0].reshape(states.shape)
             moved = self.forward.moved.states[:, turn.stages].reshape(-1, len(self.names))
-        slopes = np.zeros(len(self.names), dtype=complex)
+        slopes, term = np.zeros(len(self.names), dtype=complex), np.abs if sizes else np.asarray
         for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
-            slopes += found.by_node(vectors, node) * self.nodes[node]
-        for unit, weights in found.weights(vectors, modulus):
-            given = phases, self.solved.speed, states, weights.reshape(-1, 3, n, n)
-            by, by_states = self.dependence.matrices(*given)
-            slopes += unit * by
+            slopes += term(found.by_node(vectors, node) * self.nodes[node])
+        along = partial(self.dependence.matrices, phases, self.solved.speed, states)
+        for unit, weights in found.weights(vectors, modulus and not sizes):
+            weights = weights.reshape(-1, 3, n, n)
+            by, by_states = along(weights)
+            slopes += term(unit) * (scattered(lambda each: along(each)[0], weights) if sizes else by)
             if moved is not None:
-                slopes += unit * (by_states.ravel() @ moved)
+                slopes += term(unit) * (term(by_states.ravel()) @ term(moved))
         return slopes
 
     def jumps(self, name: str) -> Array:
@@ -244,34 +246,38 @@ class OnGrid:
         apart = np.abs(values[0] - values[1]) > _JUMP * np.abs(values).max()
         return (self.nodes[nodes[apart]] != 0).any(axis=0)
 
-    def slopes(self, asked: Sequence[Named]) -> list[Array | NoDerivativeError]:
-        """Of each quantity its derivatives (r,), or why it has none."""
+    def slopes(self, asked: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
+        """Of each quantity its derivatives (r,), or the sizes of the terms of which they are sums, or why it
+        has none."""
         found: list[Any] = []
         of_orbit = [each for each in asked if each.of_orbit]
         if of_orbit:
             self.figures.settle(of_orbit)
         for each in asked:
             try:
-                found.append(self.figures.sums(each) if each.of_orbit else self._of_multiplier(each))
+                found.append(self.figures.sums(each) if each.of_orbit else self._of_multiplier(each, sizes))
             except NoDerivativeError as reason:
                 found.append(reason)
         at = [place for place, each in enumerate(found) if isinstance(each, Sums)]
         if at:
             adjoint = self.adjoint and not self.nodes.any()
             way = Adjoint(self.orbit, self.dependence) if adjoint else self.forward
-            for place, slopes in zip(at, way.of([found[k] for k in at]), strict=True):
+            for place, slopes in zip(at, way.of([found[k] for k in at], sizes), strict=True):
                 found[place] = np.where(self.jumps(asked[place].subject), np.nan, slopes)
         return found
 
-    def _of_multiplier(self, asked: Named) -> Array:
-        """Derivatives (r,) of a quantity of a multiplier. Raises NoDerivativeError."""
+    def _of_multiplier(self, asked: Named, sizes: bool) -> Array:
+        """Derivatives (r,) of a quantity of a multiplier, or the sizes of their terms. Raises
+        NoDerivativeError."""
         at = max(asked.number, 1) - 1
         _require_alone(self.solved, at, asked)
         modulus = asked.subject == RADIUS or asked.figure == "abs"
-        slopes, rho = self.logarithm(at, modulus), complex(_every(self.solved, at)[at])
+        slopes, rho = self.logarithm(at, modulus, sizes), self.solved.spectrum.multiplier(at)
+        if sizes:
+            return np.real(slopes) * (1 / self.solved.period if asked.subject == EXPONENT else abs(rho))
         if asked.subject == EXPONENT:
             # λ = log ρ Ω / P, P the period in phase.
-            logarithm = self.solved.spectrum.logarithms[at] / self.solved.speed
+            logarithm = self.solved.spectrum.logarithm(at) / self.solved.speed
             along = np.array([name == SPEED for name in self.names])
             return asked.part((slopes + logarithm * along) / self.solved.period)
         if modulus:
@@ -321,10 +327,11 @@ Slopes = tuple[Array | NoDerivativeError, ...]
 
 
 def _judged(
-    asked: Sequence[Named], slopes: Sequence[Slopes], finest: OnGrid, rule: Collocated
+    asked: Sequence[Named], slopes: Sequence[Slopes], grids: Sequence[OnGrid], rule: Collocated
 ) -> dict[str, Sensitivity]:
     """From the derivatives on each of the grids, the finest first, those of each quantity with errors, by the
-    rule of the solutions themselves."""
+    rule of the solutions themselves. What rounding leaves is told by the coarsest grid."""
+    finest, coarse_sizes = grids[0], grids[-1].slopes(asked, sizes=True)
     whys = [next((str(why) for why in each if isinstance(why, NoDerivativeError)), "") for each in slopes]
     known = [at for at, why in enumerate(whys) if not why]
     errors = {}
@@ -334,7 +341,8 @@ def _judged(
         found, before = np.abs(fine - coarse), np.abs(coarse - coarsest)
         made = estimated(found, before, Pace(finest.steps, 2.0, 2.0), np.array(orders)[:, None])
         made += np.array([_error_of_factor(finest.solved, asked[at]) for at in known])[:, None] * np.abs(fine)
-        errors = dict(zip(known, np.maximum(made, _ROUNDING * np.abs(fine)), strict=True))
+        sizes = np.array([coarse_sizes[at] for at in known])
+        errors = dict(zip(known, np.maximum(made, _ROUNDING * sizes), strict=True))
     return {
         each.text: _sensitivity(each, np.asarray(slopes[at][0]), errors[at], finest)
         if at in errors

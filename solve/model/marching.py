@@ -13,8 +13,8 @@ from solve.model.sampling import folded
 if TYPE_CHECKING:
     import casadi
 
-_MOST_STEPS = 10**5
-"""Of a turn."""
+_MOST_STEPS, _FEWEST = 2**20, 2**9
+"""Of a turn, and between two states at least."""
 
 _QUIET = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
@@ -50,7 +50,8 @@ class ModelMarcher:
         rate = casadi.vertcat(x[n:], casadi.solve(M, -rest) / scale)
         self._acceleration = casadi.Function("a", [s, first, last, offset, x], [rate[n:] * scale])
         grid = np.linspace(0.0, period, count + 1)
-        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": _MOST_STEPS, **_QUIET}
+        most = max(_MOST_STEPS // count, _FEWEST)
+        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": most, **_QUIET}
         problem = {"x": x, "t": s, "p": casadi.vertcat(first, last, offset), "ode": rate}
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
         self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
@@ -60,10 +61,11 @@ class ModelMarcher:
         drive = speed, speed if last is None else last, start
         try:
             found = self._integrator(x0=state / self._sizes, p=drive)["xf"].full()
-        except RuntimeError:
-            raise TransientError(
-                f"the transient cannot be followed beyond phase {start:.6g}; look at the start and the speed"
-            ) from None
+        except RuntimeError as error:
+            why = "; look at the start and the speed"
+            if "TOO_MUCH_WORK" in str(error):
+                why = f" with {_MOST_STEPS} steps a turn: its vibrations are too fast; give a higher speed"
+            raise TransientError(f"the transient cannot be followed beyond phase {start:.6g}{why}") from None
         x = np.column_stack((state / self._sizes, found))
         a = self._acceleration(self.nodes[None], *drive, x).full()
         q, v = np.split(x * self._sizes[:, None], 2)

@@ -8,7 +8,6 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Matrices, driven
-from solve.errors import TransientError
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
 from solve.period.frozen import frozen
@@ -17,48 +16,48 @@ from solve.period.points import OnePoint
 from solve.system import PeriodicSystem
 
 _FIRST, _MOST = 64, 2**14
-"""Steps a turn at first, and beyond which the motion is not followed."""
-
+"""Steps a turn at first, and at most."""
 
 _LOOKS = 32
 """Places of a turn at which its fastest mode is looked for."""
 
 METHOD = Radau()
 
-_KEPT = 2**17
+_KEPT = 2**21
 """Entries of matrices of a turn up to which its maps are kept for the next."""
 
 
 class StepMarcher:
     """Turn after turn with `count` states a turn, evenly in time; the steps are doubled until both agree to
-    rtol of the largest that each coordinate has reached, from `sizes` (n,) on. angle: by which the fastest
-    mode turns in a step, ω_max h, at most so far; steps damp out what they do not follow."""
+    rtol of the largest that each coordinate has reached, from `sizes` (n,) on, or there are 16384 of them:
+    vibrations too fast for these end no motion. off: how far steps disagreed, at most so far, relative to the
+    same. angle: by which the fastest mode turned in a step, ω_max h; steps damp out what they do not follow.
+    """
 
     def __init__(self, system: PeriodicSystem, sizes: Array, count: int, rtol: float):
         self.nodes = np.linspace(0.0, system.period, count + 1)
         self._system, self._rtol, self._steps = system, rtol, _FIRST
-        self._largest, self._turn, self.angle = sizes, _Turn(system, 0.0, 0.0), 0.0
+        self._largest, self._turn = sizes, _Turn(system, 0.0, 0.0)
+        self.angle, self.off = 0.0, 0.0
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """See `Marcher`. Raises TransientError where steps do not agree."""
+        """See `Marcher`."""
         ends = speed, speed if last is None else last
         if self._turn.ends != ends:
             self._turn = _Turn(self._system, *ends)
         turn = self._turn
         found, _ = turn.motion(state, self._steps, self.nodes)
-        while self._steps < _MOST:
+        while True:
             coarse, (found, reached) = found, turn.motion(state, 2 * self._steps, self.nodes)
             sizes = np.maximum(self._largest, reached)
             change = np.abs(found[0] - coarse[0]).max(axis=1)
-            if (change <= self._rtol * np.where(sizes > 0, sizes, sizes.max())).all():
-                self.angle = max(self.angle, turn.reach / (2 * self._steps))
-                self._largest, self._steps = sizes, max(_FIRST, self._steps // 2)
+            off = float((change / np.where(sizes > 0, sizes, sizes.max() or 1.0)).max())
+            agree, steps = off <= self._rtol, 2 * self._steps
+            if agree or steps == _MOST:
+                self.off, self.angle = max(self.off, off), max(self.angle, turn.reach / steps)
+                self._largest, self._steps = sizes, max(_FIRST, self._steps // 2) if agree else self._steps
                 return found
-            self._steps *= 2
-        raise TransientError(
-            f"the transient cannot be followed beyond phase {start:.6g} with {_MOST} steps a turn: its "
-            "vibration is too fast for the speed there; start on the orbit, or give fewer turns"
-        )
+            self._steps = steps
 
 
 class _Turn:

@@ -126,10 +126,13 @@ class _Follow:
     rtol: float
 
     def followed(self, state: Array, ends: Array) -> tuple[Array, Array, float, list[str]]:
-        """Nodes (k,), motions as `_marched` gives them, how far what lies between the states of a turn is
-        off, and what is doubtful: so many states that the former matters little, if memory allows."""
+        """Nodes (k,), motions as `_marched` gives them, how far these or what lies between the states of a
+        turn are off, and what is doubtful: so many states that the former matters little, if memory allows.
+
+        No linear motion is refused because its vibrations are too fast for steps or states: how far it is
+        off says so. Raises TransientError for nonlinear ones that CVODES cannot follow with few states."""
         count, work = _COUNT, 3 * self.system.n**2 * (len(ends) - 1)
-        found, tolerance = None, between_tolerance(self.rtol)
+        found, known, tolerance = None, 0.0, between_tolerance(self.rtol)
         while True:
             march = self._marcher(count)
             try:
@@ -137,12 +140,15 @@ class _Follow:
             except TransientError:
                 if found is None:
                     raise
+                return found
+            before, known = known, march.off if isinstance(march, StepMarcher) else 0.0
+            if found is not None and known > tolerance >= before:
                 # So many states meet vibrations that no steps follow; the result says what it knows of these.
                 return found
-            off = float(between_states(march.nodes, motion, bool(self.system.breaks)).max())
+            off = max(float(between_states(march.nodes, motion, bool(self.system.breaks)).max()), known)
             most = max(count, min(_MOST_STATES, 2 ** max(0, int(math.log2(_WORK / work)))))
             found = march.nodes, motion, off, _damped_out(march)
-            if off <= tolerance or count == most:
+            if off <= max(tolerance, known) or count == most:
                 return found
             # What is missed falls with the fourth power at least.
             more = 2 ** math.ceil(max(1.0, math.log2(off / tolerance) / 4))

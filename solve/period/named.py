@@ -22,14 +22,22 @@ _WORDS = {RHO: "1", EXPONENT: "1/s"}
 _NUMBERED = re.compile(r"([a-z_]+?)([0-9]+)")
 
 
+class OneByOne(Protocol):
+    """Floquet multipliers, each found where it is asked for."""
+
+    def multiplier(self, at: int) -> complex: ...
+
+    def logarithm(self, at: int) -> complex: ...
+
+
 class Solved(Protocol):
     """An orbit; of its stability alone where no coordinate or output is asked for."""
 
     @property
-    def multipliers(self) -> Array: ...
+    def spectrum(self) -> OneByOne: ...
 
     @property
-    def exponents(self) -> Array: ...
+    def period(self) -> float: ...
 
     @property
     def spectral_radius(self) -> float: ...
@@ -96,8 +104,11 @@ class Named:
             return float(solved.harmonics(self.subject, self.number)[self.figure == PHASE][self.number])
         if self.of_orbit:
             return float(getattr(solved.statistics(self.subject), self.figure))
-        every = solved.multipliers if self.subject == RHO else solved.exponents
-        return self.part(every[self.number - 1])
+        spectrum, at = solved.spectrum, self.number - 1
+        of_rho = self.subject == RHO
+        return self.part(
+            np.array(spectrum.multiplier(at) if of_rho else spectrum.logarithm(at) / solved.period)
+        )
 
     def part(self, number: Any) -> Any:
         """What is asked for of a complex number, or of each of an array."""

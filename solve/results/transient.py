@@ -114,10 +114,8 @@ class Transient(Result):
     @cached_property
     def outputs(self) -> Mapping[str, Array]:
         """Outputs (j,) by name."""
-        drive, state = (self.phase, self.speed), (self.q, self.qd, self._joined(2))
-        if not self.ramp:
-            return dict(self.system.output_values(*drive, *state))
-        return dict(self.system.output_values(self.phase, self.speeds, *state, self.acceleration))
+        states = self.q, self.qd, self._joined(2)
+        return dict(self.system.output_values(self.phase, self.speeds, *states, self.acceleration))
 
     def values(self, name: str) -> Array:
         """A coordinate or output (j,). Raises UnknownNameError."""
@@ -174,7 +172,7 @@ class Transient(Result):
         strides, stride = np.ones(self.turns, dtype=int), 2
         while stride * _FEWEST <= len(self.nodes) - 1:
             off = between_states(self.nodes[::stride], self.motions[..., ::stride], bool(self.system.breaks))
-            strides[(off <= between_tolerance(self.rtol)) & (strides == stride // 2)] = stride
+            strides[(off <= self.between) & (strides == stride // 2)] = stride
             stride *= 2
         return strides
 
@@ -185,8 +183,9 @@ class Transient(Result):
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(part, 1, 0).reshape(self.system.n, -1) for part in (q, qd, qdd))
-        speeds, acceleration = (speed.ravel(), self.acceleration) if self.ramp else (self.speed, 0.0)
-        found = self.system.output_values(phase.ravel(), speeds, *states, acceleration=acceleration)
+        found = self.system.output_values(
+            phase.ravel(), speed.ravel(), *states, acceleration=self.acceleration
+        )
         return np.stack([found[name].reshape(s.shape) for name in names], axis=1)
 
     @cached_property
@@ -234,20 +233,16 @@ class Transient(Result):
             known = f"to {self.between:.1e} of their size only" if self._curves_tell else "not at all"
             judged.append(
                 f"{len(self.nodes) - 1} states a turn tell what lies between them, and extrema, {known}: the "
-                "vibrations are fast; give fewer turns"
+                "vibrations are fast; give fewer turns, or start on the orbit"
             )
-        if self.ramp:
+        if self.ramp or self.reached is not None:
             return judged
         if self.orbit is None:
-            return [
-                "no orbit lies near the last turn: more turns may reach one, or there is none of this period",
-                *judged,
-            ]
-        if self.reached is None:
+            left = "no orbit lies near the last turn: more turns may reach one, or none has this period"
+        else:
             last = float(np.nanmax(self.distances[-1]))
             left = f"the orbit is not reached: the last turn is off by {last:.1e} of it; give more turns"
-            return [left, *judged]
-        return judged
+        return [left, *judged]
 
     def record(self) -> dict[str, Any]:
         """Of `solve transient --json`: figures of every coordinate and output over all turns, of a coordinate
@@ -273,14 +268,8 @@ class Transient(Result):
             drive = {"speed": None, "period": None, "speeds": self.ends[[0, -1]], "time": self.time[-1]}
         else:
             drive = {"speed": self.speed, "period": self.system.period / self.speed}
-        solved = {**drive, "nonlinear": self.nonlinear}
-        return {
-            **solved,
-            "turns": self.turns,
-            "reached": self.reached,
-            "rtol": self.rtol,
-            "between": self.between,
-        }
+        names = "nonlinear", "turns", "reached", "rtol", "between"
+        return {**drive, **{name: getattr(self, name) for name in names}}
 
     def facts(self) -> Facts:
         drive = f"{self._ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s"

@@ -218,7 +218,7 @@ def test_a_run_up_starts_on_an_orbit_and_goes_on_from_a_file(tmp_path):
         ({"speeds": "0:0 rad/s"}, UnitError, "give two, such as '0:600 rpm', not both 0"),
         ({"speeds": "0:3:5 rad/s"}, UnitError, "give two"),
         ({"speeds": "0:3"}, UnitError, "give two|no unit"),
-        ({"speeds": "-3:3 rad/s"}, ValueOutOfBoundsError, "allowed"),
+        ({"speeds": "-3:3 rad/s"}, ValueOutOfBoundsError, "speed is -3 rad/s; allowed: finite, 0 or more"),
         ({"speeds": "0:3 rad/s", "start": "orbit"}, ValueOutOfBoundsError, "has no orbit to start from"),
     ],
 )

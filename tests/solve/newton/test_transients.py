@@ -6,7 +6,13 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 import solve
-from solve.errors import FileError, LinearModelError, ResonanceError, ValueOutOfBoundsError
+from solve.errors import (
+    FileError,
+    LinearModelError,
+    ResonanceError,
+    TransientError,
+    ValueOutOfBoundsError,
+)
 from tests.solve.newton.mechanisms import duffing, model_of
 
 NUMBERS = {"zeta": 0.05, "k": 1.0, "f": 0.4}
@@ -170,6 +176,24 @@ def test_modes_that_no_steps_follow_are_warned_of():
     assert any(text.startswith("ω_max h = ") for text in found.warnings)
     assert any("and extrema, not at all" in text for text in found.warnings)
     assert found.peaks[0, 0] == pytest.approx(np.abs(found.q[0, :-1]).max())
+
+
+@pytest.mark.parametrize("nonlinear", [True, False])
+@pytest.mark.parametrize("drive", [{"speed": 1.0}, {"speeds": "0:1 rad/s"}])
+def test_stiffness_refuses_no_motion_linear_or_not(drive, nonlinear):
+    """A mode of 1000 times the speed, suddenly loaded, goes to twice where it comes to rest."""
+    numbers = {"zeta": 0.05, "k": 1e6, "alpha": 1.0, "f": 1e4}
+    found = solve.transient(model_of(duffing(), **numbers), turns=1, nonlinear=nonlinear, **drive)
+    over = 0.01 * (1 + np.exp(-np.pi * 0.05 / 1000))
+    assert found.between < 0.02
+    assert found.peaks[0, 0] == pytest.approx(over, rel=max(5e-4, found.between))
+
+
+def test_a_nonlinear_motion_too_stiff_for_its_steps_is_refused_soon(monkeypatch):
+    monkeypatch.setattr("solve.model.marching._MOST_STEPS", 2**14)
+    model = model_of(duffing(), zeta=0.05, k=1e8, alpha=1.0, f=1e6)
+    with pytest.raises(TransientError, match="with 16384 steps a turn: its vibrations are too fast"):
+        solve.transient(model, 1.0, 1, nonlinear=True)
 
 
 def test_a_nonlinear_motion_needs_no_linear_orbit():
