@@ -186,9 +186,11 @@ def unresolved(points: Points, method: Method, pace: Pace, found: Array, before:
     more than the second power of the steps, whatever the differences show."""
     if method.samples_evenly:
         return np.zeros((len(points), 2))
-    seen = min(math.floor(pace.steps * method.follows / np.pi), _TAIL)
+    loaded = method.loaded(points)
+    steps = pace.steps * loaded.period / points.period
+    seen = min(math.floor(steps * method.follows / np.pi), _TAIL)
     errors = estimated(found, before, pace, np.minimum((method.curve_order, method.order), _UNRESOLVED_ORDER))
-    return np.minimum(_beyond(points, seen) / ALIAS, errors)
+    return np.fmin(_beyond(loaded, seen) / ALIAS, errors)
 
 
 def _beyond(points: Points, seen: int) -> Array:
