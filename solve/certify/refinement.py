@@ -255,7 +255,8 @@ class Refinement:
         wanted = within_reach(fine, errors, wanted)
         radius = np.maximum(reference.multipliers.spectral_radius, fine.multipliers.spectral_radius)
         small = radius < UNDERFLOW
-        done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
+        faded = np.column_stack((np.zeros_like(small), small))
+        done = np.asarray(finished(found, before, errors, wanted, pace, faded))
         at = np.flatnonzero(done)
         if len(at):
             left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
