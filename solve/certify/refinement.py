@@ -12,6 +12,7 @@ import numpy as np
 from solve.arrays import Array, across, whole
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import (
+    ALIAS,
     Burdens,
     aliasing,
     at_one,
@@ -20,6 +21,7 @@ from solve.certify.estimates import (
     radius_changes,
     raised,
     rounding,
+    unresolved,
     within_reach,
 )
 from solve.certify.hidden import hidden
@@ -51,9 +53,6 @@ WITNESS_RTOL = 1e-10
 
 UNDERFLOW = 1e-30
 """Spectral radius below which multipliers are refined only as long as grids agree better and better."""
-
-_ALIAS = 0.01
-"""Part of the tolerance that orders may have that samples do not tell: a resonance may enlarge them."""
 
 _MEMORY = 2**25
 """Bytes that the points solved at once may take."""
@@ -259,7 +258,12 @@ class Refinement:
         wanted = within_reach(fine, errors, wanted)
         radius = np.maximum(coarse.multipliers.spectral_radius, fine.multipliers.spectral_radius)
         small = radius < UNDERFLOW
-        done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
+        faded = np.column_stack((np.zeros_like(small), small))
+        done = np.asarray(finished(found, before, errors, wanted, pace, faded))
+        at = np.flatnonzero(done)
+        if len(at):
+            left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
+            errors[at], done[at] = np.maximum(errors[at], left), across(np.logical_and, left <= wanted[at])
         done = done & (fine.rounding < 1.0)
         if done.any():
             done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
@@ -319,7 +323,7 @@ class Refinement:
         positions = trail.positions
         unseen = self._hidden(seen_by_both(pace, self.method), positions, fine)
         alias = aliasing(self.points[positions], self.method, pace.steps)
-        doubt = across(np.maximum, np.maximum(unseen[:, :2], alias / _ALIAS))
+        doubt = across(np.maximum, np.maximum(unseen[:, :2], alias / ALIAS))
         ended = (doubt <= self.request.rtol) | last
         assert trail.solutions is not None
         coarse = trail.solutions.multipliers

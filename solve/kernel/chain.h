@@ -6,6 +6,9 @@
 #define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
 #define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
 #define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
+#define APART 1e-3                 /* of what acts on any state: elimination costs those their digits on which less acts */
+#define RESTS 1.4e-14              /* of what acts on a state: less is rounding */
+#define REGULAR 1e13               /* condition number of states that does not make their chain singular */
 
 static inline lane root(lane x) {
     lane r;
@@ -216,15 +219,60 @@ static void expand(long count, const lane *saved, lane *x, const lane *end) {
         between(saved + k * NX * CYCLIC, x + 2 * k * NX, 2 * k + 2 < count ? x + (2 * k + 2) * NX : end, x + (2 * k + 1) * NX);
 }
 
-/* Starts x (blocks, NX) of the blocks of a closed chain; returns its condition number. */
+/* Units in which what acts on each of the states x (blocks, NX), in the units so far, is of one size, powers of 2: of
+   each lane by itself, or common to all. They change where it is far smaller for some, which elimination mixes with
+   the others; 1 where any do. cancels: how many times larger than a state is what acts on it, at most, but for states
+   that are nothing but the rounding of that. */
+static int resize(int common, long blocks, const lane *maps, const lane *x, lane *unit, lane *cancels) {
+    int changed = 0;
+    lane size[NX], acting[NX];
+    for (int i = 0; i < NX; i++) {
+        size[i] = acting[i] = (lane){0};
+        for (long k = 0; k < blocks; k++) {
+            lane sum = absolute(maps[(k * NX + i) * W + NX]);
+            for (int j = 0; j < NX; j++) sum += absolute(maps[(k * NX + i) * W + j] * x[k * NX + j]) * unit[j];
+            size[i] = larger(size[i], absolute(x[k * NX + i]));
+            acting[i] = larger(acting[i], sum / unit[i]);
+        }
+    }
+    for (int l = 0; l < LANES; l += common ? LANES : 1) {
+        const int end = common ? LANES : l + 1;
+        double act[NX], most = 0.0, least = INFINITY, times = 1.0;
+        for (int i = 0; i < NX; i++) {
+            double own = act[i] = 0.0;
+            for (int m = l; m < end; m++) own = fmax(own, size[i][m]), act[i] = fmax(act[i], acting[i][m]);
+            most = fmax(most, act[i]);
+            if (act[i] > 0.0) least = fmin(least, act[i]);
+            if (own > RESTS * act[i]) times = fmax(times, act[i] / own);
+        }
+        for (int m = l; m < end; m++) (*cancels)[m] = times;
+        if (!(isfinite(most) && least < APART * most)) continue;
+        changed = 1;
+        for (int i = 0; i < NX; i++)
+            if (act[i] > 0.0)
+                for (int m = l; m < end; m++) unit[i][m] *= ldexp(1.0, ilogb(act[i]) - ilogb(most));
+    }
+    return changed;
+}
+
+/* The condition number of states, larger than that of their chain where what acts on one cancels; but not so large
+   that it would count as singular. */
+static lane of_states(lane condition, lane cancels) {
+    return -larger(-larger(condition, (lane){0} + REGULAR), -condition * cancels);       /* NaN stays */
+}
+
+/* Starts x (blocks, NX) of the blocks of a closed chain; returns their condition number. */
 static lane close_chain(long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
-    lane unit[NX];
+    lane unit[NX], condition, cancels;
     balance(0, blocks, maps, unit);
-    rows_of(blocks, maps, unit, rows);
-    reduce(blocks, rows, z, saved);
-    const lane condition = close_row(rows, z, x);
-    expand(blocks, saved, x, x);
+    for (int again = 1, open = 1; open; again = 0) {
+        rows_of(blocks, maps, unit, rows);
+        reduce(blocks, rows, z, saved);
+        condition = close_row(rows, z, x);
+        expand(blocks, saved, x, x);
+        open = again && resize(0, blocks, maps, x, unit, &cancels);
+    }
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
-    return condition;
+    return of_states(condition, cancels);
 }

@@ -130,6 +130,10 @@ class Method:
         for name, value in facts.items():
             object.__setattr__(self, name, value)
 
+    def loaded(self, points: Points) -> Points:
+        """The points whose matrices and loads show what orders the solutions have to follow."""
+        return points
+
     def phase_error(self, angle: Array, steps: int) -> Array:
         """Angle by which so many steps misplace a mode that turns `angle` (…) in a period, where that
         matters before the mode is lost."""

@@ -157,6 +157,10 @@ class Newton(Method):
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
 
+    def loaded(self, points: Points) -> Points:
+        """The system at rest: along the last curve it has the kinks of that curve."""
+        return OnePoint(self.task.system, self.task.speed)
+
     def least_steps(self, modes: Frozen) -> Array:
         """Coarser grids than that of the first start may have no orbit near it."""
         return np.full(len(modes), int(self.first / 1.2))

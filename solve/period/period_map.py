@@ -12,13 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.period.multipliers import scaled_alike
+from solve.period.multipliers import EPS, scaled_alike
 
 BLOCKS = 32
 """Number of blocks at which products stop and the orthogonal factorisation takes over."""
 
 SINGULAR = 1e-14
 """Reciprocal condition number of the closed cyclic system below which it counts as singular."""
+
+APART = 1e-3
+"""What acts on a state, beside what acts on any, below which elimination costs it its digits, unless it is in units
+of its own."""
+
+RESTS = 64 * EPS
+"""Part of what acts on a state that is rounding."""
+
+REGULAR = 1e13
+"""Condition number of states that does not make their chain singular."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +82,16 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
     columns = steps.b.ndim == steps.A.ndim
     levels = _levels(steps if columns else Steps(steps.A, steps.b[..., None]), BLOCKS)
     A, b = levels[-1].A, levels[-1].b
-    unit = _units(A)[..., None, :, None]
-    x, condition = _cyclic(Steps(A * np.swapaxes(unit, -1, -2) / unit, b / unit))
-    x = x * unit
+    unit = _units(A)
+    x, condition = _in_units(A, b, unit)
+    if not columns:
+        acting, cancels = _acting(A, b, x)
+        ratios = acting / unit
+        apart = ratios.min(axis=-1) < APART * ratios.max(axis=-1)
+        if apart.any():
+            unit = np.where(apart[..., None], 2.0 ** np.floor(np.log2(acting)), unit)
+            x, condition = _in_units(A, b, unit)
+        condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
     for level in reversed(levels[:-1]):
         x = _refined(level, x)
     x = np.concatenate((x, x[..., :1, :, :]), axis=-3)
@@ -87,6 +104,25 @@ def _units(A: Array) -> Array:
     size = np.abs(A).sum(axis=-3)
     size = size / np.maximum(size.sum(axis=(-2, -1), keepdims=True), np.finfo(float).tiny)
     return scaled_alike(size)[1]
+
+
+def _in_units(A: Array, b: Array, unit: Array) -> tuple[Array, Array]:
+    """Starts of the blocks of a closed chain, and its condition number, from a solution in such units (..., N)
+    of the states."""
+    unit = unit[..., None, :, None]
+    x, condition = _cyclic(Steps(A * np.swapaxes(unit, -1, -2) / unit, b / unit))
+    return x * unit, condition
+
+
+def _acting(A: Array, b: Array, x: Array) -> tuple[Array, Array]:
+    """What acts on each of the states x (..., B, N, 1) of blocks (..., N), and how many times larger that is than a
+    state, at most (...), but for states that are nothing but its rounding."""
+    own = np.abs(x[..., 0]).max(axis=-2)
+    acting = (np.abs(A) @ np.abs(x) + np.abs(b))[..., 0].max(axis=-2)
+    moving = own > RESTS * acting
+    cancels = np.where(moving, acting / np.where(moving, own, 1.0), 1.0).max(axis=-1)
+    least = np.where(acting > 0, acting, np.inf).min(axis=-1, keepdims=True)
+    return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0)), cancels
 
 
 def _levels(steps: Steps, most: int) -> list[Steps]:

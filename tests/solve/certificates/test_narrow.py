@@ -68,3 +68,45 @@ def test_breaks_on_either_side_let_every_width_be_seen(place, part):
     few = floquet(struck(place, width, edges), 1.0, steps=6, rtol=1e-12)
     miss = abs(few.spectral_radius / truth.spectral_radius - 1)
     assert miss <= 10 * few.error_estimate.multipliers
+
+
+def answer(orders, parts):
+    """Of q″ + 0.2 q′ + 4 q to a load Σ Re part exp(i order φ), as a function of the phase."""
+    orders, parts = np.array(orders), np.array(parts, dtype=complex)
+    parts /= STIFFNESS - orders**2 + 1j * DAMPING * orders
+    return lambda phase: np.real(np.exp(1j * np.outer(phase, orders)) @ parts)
+
+
+def oscillator(load):
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, DAMPING * one, STIFFNESS * one, load(phase)[:, None]
+
+    return PeriodicSystem(matrices, ["q"])
+
+
+def ripple(order, part):
+    truth = answer([1, order], [1.0, part])
+    return oscillator(lambda phase: np.cos(phase) + part * np.cos(order * phase)), truth
+
+
+def kinked(place):
+    """A load |cos(φ + place)|, by its Fourier series."""
+    half = np.arange(1, 1000)
+    parts = -4 / np.pi * (-1.0) ** half / (4 * half**2 - 1) * np.exp(2j * half * place)
+    truth = answer([0, *2 * half], [2 / np.pi, *parts])
+    return oscillator(lambda phase: np.abs(np.cos(phase + place))), truth
+
+
+RIPPLES = [ripple(order, part) for order in (115, 128, 160, 224, 260, 300) for part in (1e-2, 1e-4)]
+
+
+@pytest.mark.parametrize("case", [*RIPPLES, *map(kinked, (0.0, 0.7, 1.777, 2.9))])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_orders_above_what_a_step_follows_count_as_error(case, rtol):
+    """The samples of a step look at orders above their number alike on every grid, more or less."""
+    given, truth = case
+    found, phase = periodic(given, 1.0, rtol=rtol), np.linspace(0, 2 * np.pi, 801)
+    q = truth(phase)
+    error = np.abs(found.at(phase)[0] - q).max() / np.abs(q).max()
+    assert error <= 10 * found.error_estimate.orbit <= 10 * rtol
