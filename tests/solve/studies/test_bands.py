@@ -184,3 +184,11 @@ def test_singular_inertia_is_refused():
 
     with pytest.raises(MatricesError):
         solve.bands(systems.system(matrices, 1), [1.0, 2.0])
+
+
+def test_the_picture_shows_the_largest_multiplier_of_each_band():
+    found = solve.bands(solve.load("meissner"), "0.6:1.5:3 rad/s")
+    assert len(found) > 2
+    for band in found:
+        inside = (found.speeds > band.low) & (found.speeds < band.high)
+        assert found.spectral_radius[inside].max() == band.spectral_radius

@@ -1,11 +1,14 @@
 """Critical speeds of systems whose frequencies are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.results.critical_rows import Critical, Maximum
 from solve.studies.explained import Turn
 from tests.solve import systems
 
@@ -396,3 +399,17 @@ def test_a_speed_with_a_singular_inertia_leaves_the_others():
     found = solve.critical_speeds(solve.PeriodicSystem(matrices, ["q"]), [1.0, 1.5, 2.0, 3.0], orders=4)
     assert found.notes[-1].startswith("1 of ")
     assert "M is singular" in found.notes[-1]
+
+
+def test_a_table_of_all_columns_fits_a_line_of_80(found):
+    speed = 337.0
+    row = Critical(
+        Maximum(speed, 0.0213), Maximum(speed, -0.79), speed, 1, 2, speed, radius=Maximum(speed, 1.2)
+    )
+    (heading,) = [line for line in repr(replace(found, rows=[row])).splitlines() if "at rest  " in line]
+    assert heading.split()[-2:] == ["mode", "k"]
+    assert len(heading) <= 80
+
+
+def test_nothing_found_is_said(found):
+    assert "no maximum and no division up to order 5 found from" in repr(replace(found, rows=[]))
