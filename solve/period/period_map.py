@@ -21,8 +21,8 @@ SINGULAR = 1e-14
 """Reciprocal condition number of the closed cyclic system below which it counts as singular."""
 
 APART = 1e-3
-"""What acts on a state, beside what acts on any, below which elimination costs it its digits, unless it is in units
-of its own."""
+"""Part of what acts on any state: where less acts on one, elimination costs it its digits, unless it is in
+units of its own."""
 
 RESTS = 64 * EPS
 """Part of what acts on a state that is rounding."""
