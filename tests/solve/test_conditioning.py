@@ -188,7 +188,7 @@ def test_multipliers_without_a_digit_are_unresolved_and_cost_no_refinement(rpm):
 
 
 def circle(weak):
-    """Three coordinates in a circle, the second and third driven by weak links: of sizes 1, weak and weak²."""
+    """Three coordinates in a circle, two of them driven by weak links: of sizes 1, weak and weak²."""
     K = np.diag([0.3, 2.0, 5.0])
     K[1, 0], K[2, 1], K[0, 2] = weak, weak, 1.0
     return np.eye(3), np.diag([0.1, 0.2, 0.3]), K, np.diag([1.0, weak, weak**2])

@@ -49,9 +49,8 @@ def test_every_way_to_solve_says_where_m_is_singular(name):
             solved(given, 1.0)
         texts.add(str(refused.value))
     (text,) = texts
-    assert (
-        text.startswith("M is singular near phase ") and "give every coordinate a mass at every phase" in text
-    )
+    assert text.startswith("M is singular near phase ")
+    assert text.endswith("give every coordinate a mass at every phase")
     assert float(text.split()[5].rstrip(":")) == pytest.approx(phase, abs=2 * np.pi / 128)
 
 
