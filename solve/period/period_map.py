@@ -107,7 +107,7 @@ def _units(A: Array) -> Array:
 
 
 def _in_units(A: Array, b: Array, unit: Array) -> tuple[Array, Array]:
-    """Starts of the blocks of a closed chain, and its condition number, solved in units (..., N) of states."""
+    """Starts of the blocks of a closed chain, and its condition number, solved in such units (..., N)."""
     unit = unit[..., None, :, None]
     x, condition = _cyclic(Steps(A * np.swapaxes(unit, -1, -2) / unit, b / unit))
     return x * unit, condition
