@@ -167,9 +167,11 @@ def unresolved(points: Points, method: Method, pace: Pace, found: Array, before:
         return np.zeros((len(points), 2))
     loaded = method.loaded(points)
     steps = pace.steps * loaded.period / points.period
-    seen = min(math.floor(steps * method.follows / np.pi), _TAIL)
-    errors = estimated(found, before, pace, np.minimum((method.curve_order, method.order), _UNRESOLVED_ORDER))
-    return np.fmin(_beyond(loaded, seen) / ALIAS, errors)
+    parts = _beyond(loaded, min(math.floor(steps * method.follows / np.pi), _TAIL))
+    if not parts.any():
+        return parts
+    orders = np.minimum((method.curve_order, method.order), _UNRESOLVED_ORDER)
+    return np.fmin(parts / ALIAS, estimated(found, before, pace, orders))
 
 
 def _beyond(points: Points, seen: int) -> Array:
@@ -177,17 +179,23 @@ def _beyond(points: Points, seen: int) -> Array:
     largest order of each is 1."""
     if points.breaks or seen >= _ALIASING_PHASES // 2:
         return np.zeros((len(points), 2))
-    size = _ALIASING_PHASES * max(points.bytes_a_phase, 8 * (3 * points.n**2 + points.n))
-    parts = np.array_split(np.arange(len(points)), math.ceil(len(points) * size / _ALIASING_MEMORY))
-    return np.concatenate([_content(points[part], seen) for part in parts])
+    own = points.bytes_a_phase
+    most = max(1, _ALIASING_MEMORY // (_ALIASING_PHASES * max(own, 8 * (3 * points.n**2 + points.n))))
+    if len(points) <= most or not own:
+        tables = points.tables(np.arange(_ALIASING_PHASES) * (points.period / _ALIASING_PHASES))
+        terms = np.abs(np.fft.rfft(tables.table, axis=-2))
+        if (terms[..., seen + 1 :, :].sum(axis=-2) <= 64 * EPS * terms.max(axis=-2)).all():
+            return np.zeros((len(points), 2))
+        if len(points) <= most:
+            whole, coefficients = _content(*parted(tables.entries(), points.n))
+            return np.column_stack([part[:, seen + 1 :].sum(axis=1) for part in (whole, coefficients)])
+    parts = np.array_split(np.arange(len(points)), -(-len(points) // most))
+    return np.concatenate([_beyond(points[part], seen) for part in parts])
 
 
-def _content(points: Points, seen: int) -> Array:
-    tables = points.tables(np.arange(_ALIASING_PHASES) * (points.period / _ALIASING_PHASES))
-    terms = np.abs(np.fft.rfft(tables.table, axis=-2))
-    if (terms[..., seen + 1 :, :].sum(axis=-2) <= 64 * EPS * terms.max(axis=-2)).all():
-        return np.zeros((len(points), 2))
-    M, C, K, d = parted(tables.entries(), points.n)
+def _content(M: Array, C: Array, K: Array, d: Array) -> tuple[Array, Array]:
+    """Parts (P, k) of orders 0, 1, … in M, C, K or d, whichever is larger, and in M, C or K alone; the
+    largest order of each is 1."""
     tiny = np.finfo(float).tiny
     inertia = np.abs(np.einsum("pkii->pki", M)).mean(axis=1, keepdims=True)
     unit = 1.0 / np.sqrt(np.maximum(inertia, tiny))
@@ -196,8 +204,7 @@ def _content(points: Points, seen: int) -> Array:
     for part in scaled:
         series = np.abs(np.fft.rfft(part.reshape(*part.shape[:2], -1), axis=1)).max(axis=2)
         sizes.append(series / np.maximum(series.max(axis=1, keepdims=True), tiny))
-    found = np.max(sizes, axis=0), np.max(sizes[:-1], axis=0)
-    return np.column_stack([each[:, seen + 1 :].sum(axis=1) for each in found])
+    return np.max(sizes, axis=0), np.max(sizes[:-1], axis=0)
 
 
 def raised(errors: Array, floors: Array, alias: Array, hidden: Array, sizes: Array) -> Array:

@@ -25,6 +25,7 @@ from solve.certify.estimates import (
     within_reach,
 )
 from solve.certify.hidden import hidden
+from solve.certify.inertia import singular
 from solve.certify.pace import (
     Pace,
     estimated,
@@ -67,7 +68,9 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
     Raises StepsError for `steps` that the method cannot use at any point.
     """
     refinement = Refinement(points, method, request)
-    every = np.arange(len(points))
+    without = [Failed(*reason) for reason in singular(points, refinement.modes)]
+    yield from without
+    every = np.setdiff1d(np.arange(len(points)), [failure.position for failure in without])
     if request.steps is not None:
         refused = list(refinement.unusable(request.steps, every))
         yield from refused

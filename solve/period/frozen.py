@@ -48,6 +48,29 @@ class Frozen:
         n, fields = self._n, self._fields
         return fields[: 3 * n**2].reshape(3, n, n, *fields.shape[1:])
 
+    @property
+    def phases(self) -> Array:
+        """At which the coefficients are frozen (k,)."""
+        count = self._tables.table.shape[-2]
+        return (np.arange(count) + 0.5) * (self.period / count)
+
+    def inertia_steady(self, part: float) -> Array:
+        """Whether det M (P,) keeps its sign and falls at no phase to less than a part of its median."""
+        if self._n == 1 and not self._tables.own:
+            low, high = self._tables.ranges()
+            steady = (low[0] > part * high[0]) | (high[0] < part * low[0])
+            if steady.all():
+                return steady
+        M = self._fields[: self._n**2].reshape(self._n, self._n, *self._fields.shape[1:]).copy()
+        determinant = np.ones(M.shape[2:])
+        with np.errstate(all="ignore"):
+            for k in range(self._n):
+                determinant *= M[k, k]
+                for i in range(k + 1, self._n):
+                    M[i, k + 1 :] -= M[i, k] / M[k, k] * M[k, k + 1 :]
+            usual = np.median(determinant, axis=1, keepdims=True)
+            return np.asarray((determinant * np.sign(usual) > part * np.abs(usual)).all(axis=1))
+
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
         """Eigenvalues (P, k, 2n), by the phase, at some of the phases, all by default."""
         if self._n == 1:

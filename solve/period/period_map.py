@@ -21,8 +21,8 @@ SINGULAR = 1e-14
 """Reciprocal condition number of the closed cyclic system below which it counts as singular."""
 
 APART = 1e-3
-"""What acts on a state, beside what acts on any, below which elimination costs it its digits, unless it is in units
-of its own."""
+"""Part of what acts on any state: where less acts on one, elimination costs it its digits, unless it is in
+units of its own."""
 
 RESTS = 64 * EPS
 """Part of what acts on a state that is rounding."""
@@ -107,16 +107,15 @@ def _units(A: Array) -> Array:
 
 
 def _in_units(A: Array, b: Array, unit: Array) -> tuple[Array, Array]:
-    """Starts of the blocks of a closed chain, and its condition number, from a solution in such units (..., N)
-    of the states."""
+    """Starts of the blocks of a closed chain, and its condition number, solved in such units (..., N)."""
     unit = unit[..., None, :, None]
     x, condition = _cyclic(Steps(A * np.swapaxes(unit, -1, -2) / unit, b / unit))
     return x * unit, condition
 
 
 def _acting(A: Array, b: Array, x: Array) -> tuple[Array, Array]:
-    """What acts on each of the states x (..., B, N, 1) of blocks (..., N), and how many times larger that is than a
-    state, at most (...), but for states that are nothing but its rounding."""
+    """What acts on each of the states x (..., B, N, 1) of blocks (..., N), and how many times larger that is
+    than a state, at most (...), but for states that are nothing but its rounding."""
     own = np.abs(x[..., 0]).max(axis=-2)
     acting = (np.abs(A) @ np.abs(x) + np.abs(b))[..., 0].max(axis=-2)
     moving = own > RESTS * acting

@@ -185,3 +185,40 @@ def test_multipliers_without_a_digit_are_unresolved_and_cost_no_refinement(rpm):
     assert orbit.steps < 5000
     assert orbit.error_estimate.orbit <= 1e-8
     assert any("no multiplier keeps a digit" in text for text in orbit.warnings)
+
+
+def circle(weak):
+    """Three coordinates in a circle, two of them driven by weak links: of sizes 1, weak and weak²."""
+    K = np.diag([0.3, 2.0, 5.0])
+    K[1, 0], K[2, 1], K[0, 2] = weak, weak, 1.0
+    return np.eye(3), np.diag([0.1, 0.2, 0.3]), K, np.diag([1.0, weak, weak**2])
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+@pytest.mark.parametrize("weak", [1e-3, 1e-5, 1e-7])
+def test_coordinates_that_little_acts_on_keep_their_digits(weak, engine):
+    M, C, K, units = circle(weak)
+    given = constant(M, C, K, lambda phase: np.outer(np.cos(phase), [1.0, 0.0, 0.0]))
+    orbit, phase = periodic(given, 1.0, rtol=1e-9, engine=engine), np.linspace(0.0, 2 * np.pi, 50)
+    stiffness = np.linalg.inv(units) @ (K - M + 1j * C) @ units
+    amplitudes = units @ np.linalg.solve(stiffness, [1.0, 0.0, 0.0])
+    truth = np.real(np.outer(amplitudes, np.exp(1j * phase)))
+    error = np.abs(orbit.at(phase) - truth).max(axis=1) / np.abs(amplitudes)
+    assert error.max() <= 10 * orbit.error_estimate.orbit <= 1e-8
+    assert error.max() < 1e-11
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+@pytest.mark.parametrize("detuned", [1e-5, 1e-7, 1e-9, 1e-11])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6])
+def test_rounding_counts_by_the_size_that_a_tuned_absorber_leaves(detuned, rtol, engine):
+    k, damping = 1.0 + detuned, np.diag([0.1, 1e-12])
+    K = np.array([[3.0 + k, -k], [-k, k]])
+    given = constant(np.eye(2), damping, K, lambda phase: np.outer(np.cos(phase), [1.0, 0.0]))
+    orbit, phase = periodic(given, 1.0, rtol=rtol, engine=engine), np.linspace(0.0, 2 * np.pi, 50)
+    # q2 = k q1 / (k - 1 + i damping), by hand: a solver would lose the digits of q1 that it is about.
+    own = (k - 1) + 1j * damping[1, 1]
+    first = own / ((K[0, 0] - 1 + 1j * damping[0, 0]) * own - k**2)
+    truth = np.real(first * np.exp(1j * phase))
+    error = np.abs(orbit.at(phase)[0] - truth).max() / abs(first)
+    assert error <= 10 * orbit.error_estimate.orbit

@@ -1,0 +1,59 @@
+"""M that is singular at phases which no step samples, one line about it from every way to solve."""
+
+import numpy as np
+import pytest
+
+from solve import PeriodicSystem, floquet, periodic, sweep
+from solve.errors import MatricesError
+
+
+def one(inertia, breaks=()):
+    def matrices(phase, speed):
+        unit = np.ones((len(phase), 1, 1))
+        return inertia(phase)[:, None, None], 0.3 * unit, 2.3 * unit, np.cos(phase)[:, None]
+
+    return PeriodicSystem(matrices, ["q"], breaks=breaks)
+
+
+def two(coupling):
+    """Each with an inertia of 1, singular where their coupling is 1."""
+
+    def matrices(phase, speed):
+        unit = np.broadcast_to(np.eye(2), (len(phase), 2, 2))
+        M = unit + coupling(phase)[:, None, None] * np.array([[0.0, 1.0], [1.0, 0.0]])
+        return M, 0.3 * unit, np.diag([2.3, 5.1]) * unit, np.cos(phase)[:, None] * np.ones(2)
+
+    return PeriodicSystem(matrices, ["q1", "q2"])
+
+
+SINGULAR = {
+    "touches zero": (one(lambda p: 1 - np.cos(p - 1)), 1.0),
+    "changes sign": (one(lambda p: 0.3 + np.cos(p)), np.arccos(-0.3)),
+    "negative for a moment": (one(lambda p: 0.99999 - np.cos(p - 1)), 1 - np.arccos(0.99999)),
+    "coupled, touches": (two(lambda p: np.cos(p - 1)), 1.0),
+    "coupled, changes": (two(lambda p: 1.2 * np.cos(p)), np.arccos(1 / 1.2)),
+}
+REGULAR = {
+    "nearly singular": one(lambda p: 1.0001 - np.cos(p - 1)),
+    "negative": one(lambda p: -1.5 + np.cos(p)),
+    "jumps to negative": one(lambda p: np.where(p % (2 * np.pi) < 2.0, 1.0, -1.0), (0.0, 2.0)),
+}
+
+
+@pytest.mark.parametrize("name", SINGULAR)
+def test_every_way_to_solve_says_where_m_is_singular(name):
+    given, phase = SINGULAR[name]
+    texts = {sweep(given, [1.0, 1.1], rtol=1e-6).record()["points"][at]["error"] for at in range(2)}
+    for solved in (periodic, floquet):
+        with pytest.raises(MatricesError) as refused:
+            solved(given, 1.0)
+        texts.add(str(refused.value))
+    (text,) = texts
+    assert text.startswith("M is singular near phase ")
+    assert text.endswith("give every coordinate a mass at every phase")
+    assert float(text.split()[5].rstrip(":")) == pytest.approx(phase, abs=2 * np.pi / 128)
+
+
+@pytest.mark.parametrize("name", REGULAR)
+def test_small_and_negative_inertia_and_jumps_are_not_singular(name):
+    assert periodic(REGULAR[name], 1.0, rtol=1e-6).error_estimate.orbit <= 1e-6
