@@ -12,8 +12,9 @@ from solve.contracts import Formulas
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
+from solve.labels import SPEED
 from solve.period.points import AtSpeeds
-from solve.system import SPEED, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _KEPT = 8
 """Systems that are kept, one for each of the latest values of the parameters."""

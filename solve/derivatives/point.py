@@ -17,6 +17,7 @@ from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
+from solve.labels import SPEED
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.newton.orbits import nonlinear as nonlinear_orbit
@@ -29,7 +30,7 @@ from solve.results.nonlinear import NonlinearOrbit
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
-from solve.system import SPEED, PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 
 _GRIDS = 1, 2, 4

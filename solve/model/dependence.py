@@ -10,10 +10,11 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Columns, Formulas
 from solve.differences import slope
+from solve.labels import SPEED
 from solve.model.formulas import c_text
 from solve.model.sampling import Sampler
 from solve.model.setup import Setup
-from solve.system import SPEED, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _TOGETHER = 1024
 """Phases whose derivatives are summed at a time: few enough to stay in a processor's cache."""

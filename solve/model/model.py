@@ -20,6 +20,7 @@ from solve.errors import (
     ValueOutOfBoundsError,
     require_name,
 )
+from solve.labels import SPEED
 from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
 from solve.model.damping import DampedSampler, beyond_critical, damped_residual
@@ -29,7 +30,7 @@ from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup, followed
 from solve.model.sketches import stated_lines
 from solve.statistics import Statistics
-from solve.system import PERIODIC, SPEED, PeriodicSystem
+from solve.system import PERIODIC, PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi

@@ -12,6 +12,7 @@ from solve.contracts import Matrices, Motion
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
 from solve.kernel.formulas import columns_by
+from solve.labels import SPEED
 from solve.methods.method import Solutions
 from solve.methods.radau import Radau
 from solve.newton.iteration import Task, on, summed
@@ -22,7 +23,7 @@ from solve.period.points import OnePoint
 from solve.progress import stage
 from solve.results.branch import Branch
 from solve.results.orbit import Orbit
-from solve.system import SPEED, PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 from solve.units import checked_rtol, ramp_in_si
 

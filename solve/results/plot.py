@@ -9,9 +9,10 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
+from solve.labels import SPEED
 from solve.results.quantities import greek, headed, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
-from solve.system import SPEED, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
 """Inches, by the number of rows: one page holds them all."""

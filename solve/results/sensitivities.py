@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.labels import SPEED
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
 from solve.results.plot import title_of, titled
 from solve.results.report import Facts, RenderableType, table
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Figure, page
-from solve.system import SPEED, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _MOST_BARS, _MOST_ROWS, _MOST_NAMED = 12, 12, 6
 _UNCERTAIN = 0.01

@@ -12,6 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import require_name
+from solve.labels import SPEED
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
 from solve.results.contents import Column, Columns, plain
@@ -22,7 +23,7 @@ from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
 from solve.results.sweep_plot import sweep_figure, waterfall_figure
-from solve.system import SPEED, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _WIDTH = 48
 """Characters of a line of 80 that columns of quantities may take, beside speed, radius and stability."""

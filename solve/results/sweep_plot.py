@@ -8,6 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
+from solve.labels import SPEED
 from solve.results.plot import (
     axis_label,
     draw_map,
@@ -19,7 +20,7 @@ from solve.results.plot import (
 )
 from solve.results.quantities import greek, prefixed
 from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
-from solve.system import SPEED, PeriodicSystem
+from solve.system import PeriodicSystem
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 """Of unstable bands and boundaries by the multiplier that leaves the unit circle."""

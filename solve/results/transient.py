@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import driven
+from solve.labels import SPEED
 from solve.period.curve import Curve
 from solve.period.quantities import Quantities
 from solve.results.contents import Column, Contents, plain, require_different_names
@@ -19,7 +20,7 @@ from solve.results.report import Facts, RenderableType, digits, sized, speeds_of
 from solve.results.result import Result
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.statistics import Statistics
-from solve.system import SPEED, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _AXIS = ("phase",)
 _AT_ONCE = 2**19

@@ -10,11 +10,12 @@ import numpy as np
 from solve.arrays import Array
 from solve.beams.observations import Contributions
 from solve.errors import NoResultError, ValueOutOfBoundsError
+from solve.labels import SPEED
 from solve.model.model import Model
 from solve.results.orbit import Orbit
 from solve.results.plot import axis_label, label_phases, label_quantity, shades, title_of
 from solve.results.style import BLACK, GREY, VERMILION, Figure, page
-from solve.system import SPEED, PeriodicSystem
+from solve.system import PeriodicSystem
 
 _SAMPLES = 721
 

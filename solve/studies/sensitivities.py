@@ -12,6 +12,7 @@ from solve.arrays import Array
 from solve.derivatives.point import periods_of, quantities_by, sensitivities
 from solve.differences import slope
 from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
+from solve.labels import SPEED
 from solve.methods.choice import Rule
 from solve.period.named import RADIUS
 from solve.progress import part, stage
@@ -19,7 +20,7 @@ from solve.results.bands import Bands
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.sensitivities_over import SensitivitiesOver
-from solve.system import SPEED, PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system
 from solve.units import speeds_given
 
 _LOOK = 1e-4

@@ -18,6 +18,7 @@ BOTTOM = {
     "contracts",
     "differences",
     "errors",
+    "labels",
     "progress",
     "sizes",
     "statistics",

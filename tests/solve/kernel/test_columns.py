@@ -5,7 +5,7 @@ import pytest
 
 import solve
 from solve.kernel.formulas import columns
-from solve.system import SPEED
+from solve.labels import SPEED
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.kernel.test_widths import LACKING, on_x86
 
