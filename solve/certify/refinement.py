@@ -261,8 +261,8 @@ class Refinement:
         wanted = within_reach(fine, errors, wanted)
         radius = np.maximum(coarse.multipliers.spectral_radius, fine.multipliers.spectral_radius)
         small = radius < UNDERFLOW
-        faded = np.column_stack((np.zeros_like(small), small))
-        done = np.asarray(finished(found, before, errors, wanted, pace, faded))
+        tiny = np.column_stack((np.zeros_like(small), small))
+        done = np.asarray(finished(found, before, errors, wanted, pace, tiny))
         at = np.flatnonzero(done)
         if len(at):
             left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])

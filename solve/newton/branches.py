@@ -52,7 +52,7 @@ _STRAIGHT = 0.85
 _REST = 1e-12
 """Part of the largest modulus of all coordinates below which one counts as at rest."""
 
-_TOLD = "speed", "peaks", "radius", "errors", "turns"
+_FIELDS = "speed", "peaks", "radius", "errors", "turns"
 
 
 @of_system
@@ -85,8 +85,8 @@ def branch(
     task = Task(system.shown_in(first), float(first), 1, Radau(), used, rtol)
     with one_thread(system.n), stage("points", points) as count:
         found, ended = _Follower(task, float(last)).followed(orbit, int(points), count.add)
-    told = (np.array([getattr(each, name) for each in found]) for name in _TOLD)
-    return Branch(task.system, *told, rtol=rtol, ended=ended, notes=notes)
+    fields = (np.array([getattr(each, name) for each in found]) for name in _FIELDS)
+    return Branch(task.system, *fields, rtol=rtol, ended=ended, notes=notes)
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,8 @@ class _Place:
 
 @dataclass(frozen=True)
 class _Point:
-    """An orbit of the branch on its grid, and the direction of the branch there, of length 1; what is told of
-    it: speed, largest moduli (n,), spectral radius, errors of orbit and radius (2,), whether the branch turns
+    """An orbit of the branch on its grid, and the direction of the branch there, of length 1; what is known
+    of it: speed, largest moduli (n,), spectral radius, errors of orbit and radius (2,), whether the branch turns
     back here."""
 
     place: _Place
