@@ -141,7 +141,7 @@ def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
 class Fitted(Result):
     """system: the model with the fitted values. parameters: by name. correlations (r, r) between them.
     residual: root mean square of all differences, each channel by its own size. unidentifiable: in words,
-    what the data cannot tell."""
+    what the data cannot tell; doubts: why the data and the model may not belong together."""
 
     system: PeriodicSystem
     data: str
@@ -150,11 +150,12 @@ class Fitted(Result):
     residual: float
     unidentifiable: Sequence[str]
     channels: Sequence[Channel]
+    doubts: Sequence[str] = ()
 
     @cached_property
     def warnings(self) -> list[str]:
-        """What the data cannot tell, a sentence each."""
-        return list(self.unidentifiable)
+        """Why the model may not belong to the data, and what these cannot tell, a sentence each."""
+        return [*self.doubts, *self.unidentifiable]
 
     @property
     def whole(self) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from solve.results.fit import Channel, Fitted, Interval
 from solve.results.orbit import Orbit
 from solve.single import periodic
 from solve.studies.measured import FREQUENCY, Measured, measured
+from solve.studies.misfit import misfits
 from solve.units import speed_in_si
 
 _CONFIDENCE = 0.95
@@ -78,9 +79,10 @@ def fit(
     count = sum(len(each) for each in problem.measured)
     if count <= len(names):
         raise ValueOutOfBoundsError(
-            f"{count} numbers are measured for {len(names)} parameters; free fewer, or measure more"
+            f"values measured: {count}, parameters free: {len(names)}; free fewer, or measure more"
         )
     low, high = _limits(problem, bounds or {})
+    ratios = problem.ratios
     settings: dict[str, Any] = {"jac": problem.jacobian, "bounds": (low, high), "x_scale": "jac"}
     with stage("trials"):
         found = least_squares(problem.residuals, problem.start, **settings)
@@ -89,7 +91,7 @@ def fit(
                 scale = _OUTLIER * _spread(found.fun)
                 found = least_squares(problem.residuals, found.x, loss="soft_l1", f_scale=scale, **settings)
     sigma = _spread(found.fun) if robust else np.sqrt(2 * found.cost / (count - len(names)))
-    return _fitted(problem, found.x, found.jac, float(sigma), count, Path(data).name)
+    return _fitted(problem, found.x, found.jac, float(sigma), count, Path(data).name, ratios)
 
 
 def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
@@ -163,6 +165,18 @@ class Problem:
     @property
     def measured(self) -> list[Array]:
         return [_flat(values) / self.scales[name] for s in self.sets for name, values in s.channels.items()]
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """By name, how many times as large as it is computed at the start it was measured."""
+        numbers = {name: [] for name in self.scales}
+        measured, left = self.measured, self.residuals(self.start)
+        names = [name for each in self.sets for name in each.channels]
+        computed = np.split(left, np.cumsum([len(values) for values in measured])[:-1])
+        for name, values, off in zip(names, measured, computed, strict=True):
+            numbers[name] += (values + off).tolist()
+        with np.errstate(divide="ignore"):
+            return {name: float(np.sqrt(len(each)) / np.linalg.norm(each)) for name, each in numbers.items()}
 
     def residuals(self, x: Array) -> Array:
         return self._solved(x)[0]
@@ -261,7 +275,15 @@ def _limits(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tupl
     return low, high
 
 
-def _fitted(problem: Problem, x: Array, jac: Array, sigma: float, count: int, file: str) -> Fitted:
+def _fitted(
+    problem: Problem,
+    x: Array,
+    jac: Array,
+    sigma: float,
+    count: int,
+    file: str,
+    ratios: Mapping[str, float],
+) -> Fitted:
     from scipy.stats import t
 
     values, model = problem.outer(x), problem.varied(x)
@@ -281,9 +303,8 @@ def _fitted(problem: Problem, x: Array, jac: Array, sigma: float, count: int, fi
     ]
     scale = np.where(deviations > 0, deviations, 1.0)
     residual = float(np.sqrt(np.mean(problem.residuals(x) ** 2)))
-    return Fitted(
-        model, file, intervals, covariance / scale / scale[:, None], residual, unidentifiable, channels
-    )
+    correlations, doubts = covariance / scale / scale[:, None], misfits(channels, model.period, ratios)
+    return Fitted(model, file, intervals, correlations, residual, unidentifiable, channels, doubts)
 
 
 def _uncertainty(

@@ -82,7 +82,9 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
 
 
 def _require_sound(file: str, axis: str, at: Array, speeds: Array, channels: Mapping[str, Array]) -> None:
-    """Raise ValueOutOfBoundsError for orders, speeds or channels that cannot be."""
+    """Raise ValueOutOfBoundsError for phases, orders, speeds or channels that cannot be."""
+    if not np.isfinite(at).all():
+        raise ValueOutOfBoundsError(f"data: {file} has a {axis} that is no finite number; leave the row out")
     if axis == "order" and not ((at == np.round(at)) & (at >= 0)).all():
         other = at[(at != np.round(at)) | (at < 0)][0]
         raise ValueOutOfBoundsError(

@@ -16,6 +16,8 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
+from solve.results.fit import Channel
+from solve.studies.misfit import misfits
 from solve.units import RPM
 from tests.solve.derivatives.test_sensitivities import SPEED, M, amplitude, model
 
@@ -306,3 +308,59 @@ def test_the_command_gives_record_picture_and_case(tmp_path, monkeypatch, capsys
     assert again["parameters"] == record["fitted"]
     assert run(["fit", "manipulator"]) == 2
     assert "add --data FILE" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("count", [20, 100])
+def test_noise_is_seldom_called_none_and_a_wave_nearly_always(count):
+    """Differences after a fit of three waves; 21 of 1000 at 1 % are one case in a thousand."""
+    rng, at = np.random.default_rng(5), 2 * np.pi / count * np.arange(count)
+    waves = np.linalg.qr(np.stack((np.cos(at), np.sin(at), np.cos(2 * at)), axis=1))[0]
+    told = {0.0: 0, 3.0: 0}
+    for size in told:
+        for _ in range(1000):
+            noise = rng.standard_normal(count) + size * np.cos(4 * at + rng.uniform(0, 6))
+            left = noise - waves @ (waves.T @ noise)
+            channel = Channel(1.0, False, "q", at, 50 * np.cos(at), 50 * np.cos(at) + left)
+            told[size] += bool(misfits([channel], 2 * np.pi, {"q": 1.0}))
+    assert told[0.0] <= 21
+    assert told[3.0] >= (990 if count > 20 else 300)
+
+
+def test_a_model_that_cannot_follow_the_data_is_said(file):
+    rows = [(phase, speed, q + 0.01 * np.cos(3 * phase)) for phase, speed, q in curve(0.01)]
+    (text,) = solve.fit(model(), file(rows), list(TRUE)).warnings
+    assert text.startswith("q: differences are no noise, neighbours have a correlation of ")
+    assert solve.fit(model(), file(curve(0.01)), list(TRUE)).warnings == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        (lambda q: 1000 * q, "q is measured 1e+03 times as large as computed at the start; look at its unit"),
+        (lambda q: 0 * q + 5, "q is measured as the same number everywhere"),
+        (lambda q: -q, "the model does not follow it; look at unit, sign, speed and phase 0"),
+    ],
+)
+def test_data_of_another_unit_or_sign_or_of_nothing_are_said(file, changed, words):
+    rows = [(phase, speed, changed(q)) for phase, speed, q in curve(0.01, m=2.0, c=0.5, k=11.0)]
+    assert any(words in text for text in solve.fit(model(), file(rows), ["c"]).warnings)
+
+
+def test_values_that_stand_twice_are_said(file):
+    rows = curve(0.01)
+    assert any("stand twice" in text for text in solve.fit(model(), file([*rows, *rows]), ["k"]).warnings)
+
+
+def test_fewer_values_than_parameters_are_refused(file):
+    with pytest.raises(ValueOutOfBoundsError, match="values measured: 1, parameters free: 1; free fewer"):
+        solve.fit(model(), file(curve()[:1]), ["k"])
+
+
+def test_a_phase_that_is_no_number_is_refused(tmp_path):
+    from scipy.io import savemat
+
+    units = {"phase": "deg", "q": "1", "speed": "rad/s"}
+    phases = np.array([0.0, np.nan, 90.0])
+    savemat(tmp_path / "q.mat", {"phase": phases, "q": np.ones(3), "speed": SPEED, "units": units})
+    with pytest.raises(ValueOutOfBoundsError, match="has a phase that is no finite number"):
+        solve.fit(model(), tmp_path / "q.mat", ["k"])
