@@ -105,8 +105,8 @@ class _Place:
 
 @dataclass(frozen=True)
 class _Point:
-    """An orbit of the branch on its grid, the direction of the branch there, of length 1, and what is known of
-    the orbit: speed, largest moduli (n,), spectral radius, errors of orbit and radius (2,), whether the
+    """An orbit of the branch on its grid, the direction of the branch there, of length 1, and what is known
+    of the orbit: speed, largest moduli (n,), spectral radius, errors of orbit and radius (2,), whether the
     branch turns back here."""
 
     place: _Place
