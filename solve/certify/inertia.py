@@ -38,6 +38,8 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
     """Where the determinant of M of a point changes its sign, or its least value is rounding."""
     h = float(phases[1] - phases[0])
     determinants = _determinants(point, phases)
+    if not np.isfinite(determinants).all():
+        return None
     usual = np.median(np.abs(determinants))
     for _ in range(_ROUNDS):
         changes = np.flatnonzero((determinants[1:] * determinants[:-1] < 0) & _together(point, phases))
@@ -59,7 +61,8 @@ def _determinants(point: Points, phases: Array) -> Array:
     M = matrices(point, np.mod(phases, point.period))[0][0]
     unit = np.sqrt(np.abs(np.einsum("kii->ki", M)).max(axis=0))
     unit[unit == 0] = 1.0
-    return np.linalg.det(M / (unit[:, None] * unit))
+    with np.errstate(invalid="ignore"):
+        return np.linalg.det(M / (unit[:, None] * unit))
 
 
 def _together(point: Points, phases: Array) -> Array:

@@ -109,7 +109,7 @@ def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
 
 def finished(
     found: Array, before: Array, errors: Array, wanted: Array, pace: Pace, tiny: Array | bool = False
-) -> Array | np.bool:
+) -> Array:
     """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more, which is looked for in
     small differences and in those of `tiny` quantities (…, 2). Differences before are needed: without
     them how fast the errors fall is unknown."""
@@ -117,4 +117,4 @@ def finished(
         return np.zeros(found.shape[:-1], dtype=bool)
     no_gain = _NO_GAIN * (1 - 1 / pace.ratio) / (pace.ratio_before - 1)
     stalled = (found >= no_gain * before) & ((found < 1e-6) | tiny)
-    return across(np.logical_and, (errors <= wanted) | stalled)
+    return np.asarray(across(np.logical_and, (errors <= wanted) | stalled))

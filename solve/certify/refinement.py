@@ -68,13 +68,13 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
     Raises StepsError for `steps` that the method cannot use at any point.
     """
     refinement = Refinement(points, method, request)
-    without = [Failed(*reason) for reason in singular(points, refinement.modes)]
-    yield from without
-    every = np.setdiff1d(np.arange(len(points)), [failure.position for failure in without])
+    every, failures = np.arange(len(points)), dict(singular(points, refinement.modes))
     if request.steps is not None:
-        refused = list(refinement.unusable(request.steps, every))
-        yield from refused
-        every = np.setdiff1d(every, [failure.position for failure in refused])
+        refused = refinement.unusable(request.steps, np.delete(every, list(failures)))
+        failures |= {failure.position: failure.reason for failure in refused}
+    if failures:
+        yield from (Failed(*failure) for failure in failures.items())
+        every = np.delete(every, list(failures))
     if not method.converges:
         yield from refinement.approximated(every)
     elif request.steps is None:
@@ -261,10 +261,9 @@ class Refinement:
         wanted = within_reach(fine, errors, wanted)
         radius = np.maximum(coarse.multipliers.spectral_radius, fine.multipliers.spectral_radius)
         small = radius < UNDERFLOW
-        tiny = np.column_stack((np.zeros_like(small), small))
-        done = np.asarray(finished(found, before, errors, wanted, pace, tiny))
-        at = np.flatnonzero(done)
-        if len(at):
+        done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
+        if done.any():
+            at = np.flatnonzero(done)
             left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
             errors[at], done[at] = np.maximum(errors[at], left), across(np.logical_and, left <= wanted[at])
         done = done & (fine.rounding < 1.0)
