@@ -8,16 +8,15 @@
 
 #define FIGURES 7
 
-static inline lane chosen(mask m, lane x, lane y) { return (lane)(((mask)x & m) | ((mask)y & ~m)); }
-
 #ifdef FORMULAS
 #include FORMULAS
 #endif
 
 typedef struct {
     long points, steps, samples;   /* samples: of a step */
-    int wanted, zooms, around;     /* quantities; narrowings of an extremum, and phases of each */
-    double period;
+    int wanted, zooms, rough, around;  /* quantities; narrowings of an extremum, and of one that may be lower than
+                                      another; phases of each */
+    double period, tie;            /* part of the largest value by which one extremum is beyond another */
     const int *quantity;           /* (wanted): coordinates, and behind them formulas */
     const double *curves;          /* (points, N, steps, D), lowest power first */
     const double *speeds;          /* (points) */
@@ -94,99 +93,108 @@ static lane value(const problem *p, const point *at, int quantity, lane phase) {
 }
 
 /* The largest maximum of sign times a quantity next to a sample, and its phase. */
-static void extreme(const problem *p, const point *at, int quantity, double sign, double *centre, double *highest) {
-    double width = p->period / (p->steps * p->samples);
-    for (int zoom = 0; zoom < p->zooms; zoom++) {
+static double extreme(const problem *p, const point *at, int quantity, double sign, int zooms, double *centre) {
+    double width = p->period / (p->steps * p->samples), highest = 0.0;
+    for (int zoom = 0; zoom < zooms; zoom++) {
         const double middle = *centre;
         for (int k = 0; k < p->around; k += LANES) {
             lane phase;
             for (int l = 0; l < LANES; l++) phase[l] = middle + width * p->parts[k + l < p->around ? k + l : p->around - 1];
             const lane found = sign * value(p, at, quantity, phase);
             for (int l = 0; l < LANES; l++)
-                if (!(k + l) || found[l] > *highest) *highest = found[l], *centre = phase[l];
+                if (!(k + l) || found[l] > highest) highest = found[l], *centre = phase[l];
         }
         width /= 16;
     }
+    return highest;
 }
 
-/* Sums and squares of the quantities at all samples, and their extrema there, room for `wanted` of each. The lanes
-   are parts of the turn. */
-static void sampled(const problem *p, const point *at, lane *sum, lane *square, lane *high, lane *low, lane *high_at, lane *low_at) {
-    const double width = p->period / (p->steps * p->samples);
-    const long length = (p->steps + LANES - 1) / LANES;
+/* The largest maximum of sign times a quantity, from its samples, and its phase: that next to the largest sample,
+   unless one next to a lower sample is higher. */
+static double outermost(const problem *p, const point *at, int quantity, double sign, const double *samples, double *phase) {
+    const long count = p->steps * p->samples;
+    const double width = p->period / count;
+    long first = 0;
+    for (long k = 1; k < count; k++)
+        if (sign * samples[k] > sign * samples[first]) first = k;
+    *phase = first * width;
+    double highest = extreme(p, at, quantity, sign, p->zooms, phase);
+    const double least = p->tie * fabs(samples[first]);
+    for (long k = 0; k < count; k++) {
+        const double here = sign * samples[k];
+        const double before = sign * samples[k ? k - 1 : count - 1], after = sign * samples[k + 1 < count ? k + 1 : 0];
+        if (k == first || !(here >= before && here >= after)) continue;
+        const double bend = 2.0 * here - before - after;
+        const double above = bend > 0.0 ? (before - after) * (before - after) / (4.0 * bend) : 0.0;
+        double near = k * width;
+        if (!(here + above > highest && extreme(p, at, quantity, sign, p->rough, &near) > highest + least)) continue;
+        const double found = extreme(p, at, quantity, sign, p->zooms, &near);
+        if (found > highest + least) highest = found, *phase = near;
+    }
+    return highest;
+}
+
+/* The quantities at all samples, (wanted, steps samples). The lanes are parts of the turn. */
+static void sampled(const problem *p, const point *at, double *values) {
+    const long count = p->steps * p->samples, length = (p->steps + LANES - 1) / LANES;
     const lane none = {0};
     lane c[N * D], x[3 * N], y[OUTPUTS + 1];
     for (long k = 0; k < length; k++) {
         long step[LANES];
         lane start;
-        mask within;
         for (int l = 0; l < LANES; l++) {
-            const long own = l * length + k;
-            within[l] = own < p->steps ? -1 : 0;
-            step[l] = own < p->steps ? own : p->steps - 1;
-            start[l] = own * p->samples;
+            step[l] = l * length + k < p->steps ? l * length + k : p->steps - 1;
+            start[l] = step[l] * p->samples;
         }
         load(p, at, step, 0, N, c);
         for (long j = 0; j < p->samples; j++) {
-            const lane phase = (start + (double)j) * width;
             states(p, at, c, none + (double)j / p->samples, 0, N, x);
-            evaluate(at, phase, x, y);
+            evaluate(at, (start + (double)j) * (p->period / count), x, y);
             for (int w = 0; w < p->wanted; w++) {
                 const lane found = p->quantity[w] < N ? x[p->quantity[w]] : y[p->quantity[w] - N];
-                const mask first = none == (k + j ? 1.0 : 0.0);
-                const mask higher = ((found > high[w]) | first) & within, lower = ((found < low[w]) | first) & within;
-                sum[w] += chosen(within, found, none);
-                square[w] += chosen(within, found * found, none);
-                high[w] = chosen(higher, found, high[w]);
-                low[w] = chosen(lower, found, low[w]);
-                high_at[w] = chosen(higher, phase, high_at[w]);
-                low_at[w] = chosen(lower, phase, low_at[w]);
+                for (int l = 0; l < LANES; l++) values[w * count + step[l] * p->samples + j] = found[l];
             }
         }
     }
 }
 
-/* The lane with the largest of sign times the values, the first of equal ones, among so many. */
-static int best(lane values, double sign, int among) {
-    int found = 0;
-    for (int l = 1; l < among; l++)
-        if (sign * values[l] > sign * values[found]) found = l;
-    return found;
-}
-
-static double total(lane values) {
-    double sum = 0.0;
-    for (int l = 0; l < LANES; l++) sum += values[l];
-    return sum;
+/* Sums of so many values, and of their squares. */
+static void total(const double *values, long count, double *sum, double *square) {
+    lane sums = {0}, squares = {0};
+    long k = 0;
+    for (; k + LANES <= count; k += LANES) {
+        const lane v = *(const loose *)(values + k);
+        sums += v;
+        squares += v * v;
+    }
+    *sum = *square = 0.0;
+    for (int l = 0; l < LANES; l++) *sum += sums[l], *square += squares[l];
+    for (; k < count; k++) *sum += values[k], *square += values[k] * values[k];
 }
 
 /* All the points; 1 where memory is missing, else 0. */
 int turn(const problem *p) {
-    const int W = p->wanted;
-    const double count = (double)p->steps * p->samples;
-    const long length = (p->steps + LANES - 1) / LANES;
-    const int parts = (p->steps + length - 1) / length;
-    lane *room = aligned_alloc(sizeof(lane), (6 * W + 1) * sizeof(lane));
-    if (!room) return 1;
-    lane *sum = room, *square = sum + W, *high = square + W, *low = high + W, *high_at = low + W, *low_at = high_at + W;
+    const long count = p->steps * p->samples;
+    double *values = malloc((p->wanted * count + 1) * sizeof(double));
+    if (!values) return 1;
     for (long k = 0; k < p->points; k++) {
         const lane none = {0};
         point at = {.curves = p->curves + k * N * p->steps * D, .speed = none + p->speeds[k]};
         for (int i = 0; i < PARAMETERS; i++) at.parameters[i] = none + p->parameters[k * PARAMETERS + i];
-        memset(room, 0, 6 * W * sizeof(lane));
-        sampled(p, &at, sum, square, high, low, high_at, low_at);
-        for (int w = 0; w < W; w++) {
-            const int top = best(high[w], 1.0, parts), bottom = best(low[w], -1.0, parts);
-            double most = high[w][top], least = low[w][bottom], most_at = high_at[w][top], least_at = low_at[w][bottom];
-            extreme(p, &at, p->quantity[w], 1.0, &most_at, &most);
-            extreme(p, &at, p->quantity[w], -1.0, &least_at, &least);
+        sampled(p, &at, values);
+        for (int w = 0; w < p->wanted; w++) {
+            const double *own = values + w * count;
+            double sum, square, most_at, least_at;
+            const double most = outermost(p, &at, p->quantity[w], 1.0, own, &most_at);
+            const double least = outermost(p, &at, p->quantity[w], -1.0, own, &least_at);
+            total(own, count, &sum, &square);
             const double made[FIGURES] = {
-                most, -least, most > least ? most : least, total(sum[w]) / count,
-                turned(p, most_at), turned(p, least_at), sqrt(total(square[w]) / count),
+                most, -least, most > least ? most : least, sum / count,
+                turned(p, most_at), turned(p, least_at), sqrt(square / count),
             };
-            memcpy(p->figures + (k * W + w) * FIGURES, made, sizeof(made));
+            memcpy(p->figures + (k * p->wanted + w) * FIGURES, made, sizeof(made));
         }
     }
-    free(room);
+    free(values);
     return 0;
 }

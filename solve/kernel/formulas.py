@@ -21,8 +21,8 @@ class _Turn(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_long) for name in ("points", "steps", "samples")),
-        *((name, ctypes.c_int) for name in ("wanted", "zooms", "around")),
-        ("period", ctypes.c_double),
+        *((name, ctypes.c_int) for name in ("wanted", "zooms", "rough", "around")),
+        *((name, ctypes.c_double) for name in ("period", "tie")),
         *((name, ctypes.c_void_p) for name in ("quantity", "curves", "speeds", "parameters", "parts")),
         ("figures", ctypes.c_void_p),
     )
@@ -107,7 +107,8 @@ def figures(
     speeds: Array,
     samples: int,
     parts: Array,
-    zooms: int,
+    zooms: tuple[int, int],
+    tie: float,
     wanted: Array,
     formulas: Formulas | None = None,
 ) -> Array | None:
@@ -115,7 +116,8 @@ def figures(
     of `solve.statistics.Statistics`; None without compiled code or memory.
 
     curves (P, n, m, D): of equal steps, powers of θ, lowest first; speeds (P,) in rad/s; samples: of a step;
-    zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings.
+    zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings, and
+    of one that may be lower than another; tie: part of the largest value by which one is beyond another.
     formulas: with values (P, p) of their parameters.
     """
     points, n, m, D = curves.shape
@@ -130,5 +132,6 @@ def figures(
     arrays = {name: np.ascontiguousarray(each, dtype=float) for name, each in given.items()}
     arrays["quantity"] = np.ascontiguousarray(wanted, dtype=np.intc)
     numbers = {"points": points, "steps": m, "samples": samples, "wanted": len(wanted)}
-    problem = _Turn(**numbers, zooms=zooms, around=len(parts), period=period, **_addresses(arrays))
+    numbers |= {"zooms": zooms[0], "rough": zooms[1], "around": len(parts)}
+    problem = _Turn(**numbers, period=period, tie=tie, **_addresses(arrays))
     return None if library.turn(ctypes.byref(problem)) else made

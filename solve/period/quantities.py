@@ -26,8 +26,16 @@ FIGURES = Statistics._fields
 
 LEAST_SAMPLES = 2048
 _SAMPLES_PER_STEP = 4
-_ZOOMS = 6
+_ZOOMS, _ROUGH = 6, 3
+"""Narrowings of an extremum to a sixteenth, and of one that may turn out to be lower than another."""
+
 _ZOOM = np.linspace(-1.0, 1.0, 33)
+
+_TOGETHER = 16
+"""Extrema of a quantity that are narrowed down at once."""
+
+_TIE = 1e-10
+"""Part of the largest value by which one extremum is beyond another if both are not the same."""
 
 
 def samples_a_step(steps: int) -> int:
@@ -58,16 +66,51 @@ def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array
 
 
 def _extreme(values: Array, at: Callable[[Array], Array], width: float, sign: float) -> tuple[Array, Array]:
-    """Phases (…) and values, times the sign, of the largest maxima of sign · value."""
-    centre = (sign * values).argmax(axis=-1) * width
-    highest = np.full(centre.shape, -np.inf)
-    for _ in range(_ZOOMS):
-        phase = centre[..., None] + width * _ZOOM
-        around = sign * at(phase)
-        best = around.argmax(axis=-1)[..., None]
-        centre, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (phase, around))
-        width /= 16
+    """Phases (…) and values, times the sign, of the largest maxima of sign · value: that next to the largest
+    sample, unless one next to a lower sample is higher."""
+    values = sign * values
+    first = values.argmax(axis=-1)[..., None]
+    centre, highest = _highest(first * width, at, width, sign, _ZOOMS)
+    reach = _reach(values)
+    np.put_along_axis(reach, first, -np.inf, axis=-1)
+    rivals = int((reach > highest[..., None]).sum(axis=-1).max())
+    if not rivals:
+        return centre, highest
+    size = np.abs(values).max(axis=-1)
+    places = np.argpartition(-reach, rivals - 1, axis=-1)[..., :rivals]
+    for some in np.array_split(places, math.ceil(rivals / _TOGETHER), axis=-1):
+        phase, found = _highest(some * width, at, width, sign, _ROUGH)
+        if (found > highest + _TIE * size).any():
+            phase, found = _highest(phase[..., None], at, width, sign, _ZOOMS)
+            better = found > highest + _TIE * size
+            centre, highest = np.where(better, phase, centre), np.where(better, found, highest)
     return centre, highest
+
+
+def _reach(values: Array) -> Array:
+    """Up to where the curve may rise next to samples (…, k) that are no less than their neighbours: twice as
+    far above them as the parabola through the three; -inf at others."""
+    before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
+    peak, bend = (values >= before) & (values >= after), 2 * values - before - after
+    above = np.square(before - after) / (4 * np.where(bend > 0, bend, np.inf))
+    return np.where(peak, values + above, -np.inf)
+
+
+def _highest(
+    centres: Array, at: Callable[[Array], Array], width: float, sign: float, zooms: int
+) -> tuple[Array, Array]:
+    """Phases (…) and values, times the sign, of the highest maxima of sign · value within a width of one of
+    the centres (…, r)."""
+    highest = np.full(centres.shape, -np.inf)
+    for _ in range(zooms):
+        phase = centres[..., None] + width * _ZOOM
+        around = sign * at(phase.reshape(*centres.shape[:-1], -1)).reshape(phase.shape)
+        best = around.argmax(axis=-1)[..., None]
+        centres, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (phase, around))
+        width /= 16
+    best = highest.argmax(axis=-1)[..., None]
+    centres, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (centres, highest))
+    return centres, highest
 
 
 def statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
@@ -169,7 +212,7 @@ class Quantities:
             return None
         samples = samples_a_step(len(curve.nodes) - 1)
         turn = curve.coefficients, self.period, self.speeds, samples
-        found = kernel.figures(*turn, _ZOOM, _ZOOMS, wanted, self.formulas)
+        found = kernel.figures(*turn, _ZOOM, (_ZOOMS, _ROUGH), _TIE, wanted, self.formulas)
         return found if found is not None and np.isfinite(found).all() else None
 
     @property

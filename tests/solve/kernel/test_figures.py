@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
 
 import solve
 from solve.contracts import Formulas
@@ -48,6 +49,38 @@ def test_curves_alone(seed, points, steps):
     compiled = Quantities(curve, speeds, engine=COMPILED)
     assert compiled._compiled_figures() is not None
     compared(compiled.figures(), Quantities(curve, speeds, engine=NUMPY).figures())
+
+
+def beats(order, depth, turned, steps):
+    """A fast wave whose amplitude changes once a turn: many maxima that are nearly alike."""
+    nodes = np.linspace(0, 2 * np.pi, steps + 1)
+    size, rate, bend = (depth * np.cos(nodes + turned + part * np.pi / 2) for part in range(3))
+    wave, slope = np.cos(order * nodes), -order * np.sin(order * nodes)
+    q, v = (1 + size) * wave, rate * wave + (1 + size) * slope
+    a = bend * wave + 2 * rate * slope - order**2 * (1 + size) * wave
+    q, v, a = (part[None, :, None] for part in (q, v, a))
+    return Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
+
+
+@pytest.mark.parametrize("engine", [NUMPY, pytest.param(COMPILED, marks=needs_compiler)])
+@pytest.mark.parametrize(
+    ("order", "depth", "turned"), [(277, 0.028, 0.4), (321, 0.064, 2.9), (237, 0.037, 5.0)]
+)
+def test_the_highest_of_many_maxima_is_found_though_its_samples_are_lower(engine, order, depth, turned):
+    curve = beats(order, depth, turned, 512)
+    found = Quantities(curve, np.ones(1), engine=engine).figures()[0, 0]
+    phases = np.linspace(0, 2 * np.pi, 400 * order)
+    values = curve(phases)[0, 0]
+    for sign, figure, at in ((1, "max", "max_phase"), (-1, "min", "min_phase")):
+        best = phases[(sign * values).argmax()]
+        truth = minimize_scalar(
+            lambda phase, sign=sign: -sign * curve(np.array([phase]))[0, 0, 0],
+            bounds=(best - 0.01 / order, best + 0.01 / order),
+            method="bounded",
+            options={"xatol": 1e-12},
+        )
+        assert sign * found[FIGURES.index(figure)] == pytest.approx(-truth.fun, rel=1e-9)
+        assert curve(found[[FIGURES.index(at)]])[0, 0, 0] == pytest.approx(found[FIGURES.index(figure)])
 
 
 @needs_compiler
