@@ -261,18 +261,19 @@ static lane of_states(lane condition, lane cancels) {
     return -larger(-larger(condition, (lane){0} + REGULAR), -condition * cancels);       /* NaN stays */
 }
 
-/* Starts x (blocks, NX) of the blocks of a closed chain; returns their condition number. */
-static lane close_chain(long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
-    lane unit[NX], condition, cancels;
+/* Starts x (blocks, NX) of the blocks of a closed chain; returns their condition
+   number; sized: with regard to their sizes. */
+static lane close_chain(long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x, int sized) {
+    lane unit[NX], condition, cancels = (lane){0} + 1.0;
     balance(0, blocks, maps, unit);
     for (int again = 1, open = 1; open; again = 0) {
         rows_of(blocks, maps, unit, rows);
         reduce(blocks, rows, z, saved);
         condition = close_row(rows, z, x);
         expand(blocks, saved, x, x);
-        open = again && resize(0, blocks, maps, x, unit, &cancels);
+        open = sized && again && resize(0, blocks, maps, x, unit, &cancels);
     }
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
-    return of_states(condition, cancels);
+    return sized ? of_states(condition, cancels) : condition;
 }

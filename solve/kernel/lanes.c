@@ -442,7 +442,7 @@ int level(const problem *p) {
     if (open_room(p, BLOCKS, &r)) return 1;
     for (long group = 0; group < p->groups; group++) {
         advance(p, group, &r);
-        if (ORBIT) ((loose *)p->condition)[group] = close_chain(r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
+        if (ORBIT) ((loose *)p->condition)[group] = close_chain(r.blocks, r.maps, r.saved, r.chain, r.z, r.x0, 1);
         write(p, group, &r);
     }
     free(r.memory);
