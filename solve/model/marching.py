@@ -13,8 +13,8 @@ from solve.model.sampling import folded
 if TYPE_CHECKING:
     import casadi
 
-_MOST_STEPS, _FEWEST = 2**20, 2**9
-"""Of a turn, and between two states at least."""
+_MOST_STEPS, _FEWEST = 2**22, 2**12
+"""Of a turn, at the rate of any part of it between two states, and between these at least."""
 
 _QUIET = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
