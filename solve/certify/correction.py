@@ -3,7 +3,7 @@
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.estimates import closing_rounding, in_sizes
+from solve.certify.estimates import closing_rounding, in_sizes, moduli
 from solve.contracts import Motion
 from solve.kernel.formulas import columns_by
 from solve.methods.method import Method, Solutions
@@ -33,8 +33,7 @@ def correction(motion: Motion, found: Solutions) -> Array:
     assert found.curve is not None
     steps = found.grid.h[:, None] * ((np.arange(_COMPARED) + 0.5) / _COMPARED)
     phase = (found.grid.nodes[:-1, None] + steps).ravel()
-    q = found.curve(phase)
-    apart, largest = np.abs(motion(phase) - q).max(axis=2), np.abs(q).max(axis=2)
+    apart, largest = moduli(motion(phase), found.curve(phase))
     return in_sizes(apart, largest, closing_rounding(found), _by_the_largest)[0]
 
 

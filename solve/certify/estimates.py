@@ -69,14 +69,17 @@ def _apart(
     of_both = samples, samples * coarse.steps // fine.steps
     if max(of_both) > kernel.MOST or not fine.smooth:
         fractions = coarse.h[:, None] * (np.arange(_COMPARED) / _COMPARED)
-        q = better((coarse.nodes[:-1, None] + fractions).ravel())
-        return np.abs(curve.sampled(_COMPARED) - q).max(axis=2), np.abs(q).max(axis=2)
+        return moduli(curve.sampled(_COMPARED), better((coarse.nodes[:-1, None] + fractions).ravel()))
     if engine == COMPILED and isinstance(curve, Curve) and isinstance(better, Curve):
         found = kernel.differences(curve.coefficients, better.coefficients, of_both)
         if found is not None:
             return found
-    q = better.sampled(of_both[1])
-    return np.abs(curve.sampled(samples) - q).max(axis=2), np.abs(q).max(axis=2)
+    return moduli(curve.sampled(samples), better.sampled(of_both[1]))
+
+
+def moduli(q: Array, better: Array) -> tuple[Array, Array]:
+    """Largest moduli (P, n) of the differences of values (P, n, k), and of the better ones."""
+    return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
 def in_sizes(apart: Array, largest: Array, rounding: Array, burdens: Burdens) -> Array:

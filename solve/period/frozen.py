@@ -51,8 +51,7 @@ class Frozen:
     @property
     def phases(self) -> Array:
         """At which the coefficients are frozen (k,)."""
-        count = self._tables.table.shape[-2]
-        return (np.arange(count) + 0.5) * (self.period / count)
+        return _middles(self._tables.table.shape[-2], self.period)
 
     def inertia_steady(self, part: float) -> Array:
         """Whether det M (P,) keeps its sign and falls at no phase to less than a part of its median."""
@@ -200,8 +199,12 @@ class Frozen:
 
 def frozen(points: Points, phases: int = PHASES) -> Frozen:
     """The points with their coefficients frozen at so many phases."""
-    middles = (np.arange(phases) + 0.5) * (points.period / phases)
-    return Frozen(points.tables(middles), points.period)
+    return Frozen(points.tables(_middles(phases, points.period)), points.period)
+
+
+def _middles(count: int, period: float) -> Array:
+    """Of so many equal parts of the period."""
+    return (np.arange(count) + 0.5) * (period / count)
 
 
 def surviving(eigenvalues: Array, period: float, limit: float) -> Array:
