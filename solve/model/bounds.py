@@ -37,7 +37,7 @@ def measured(value: float, unit: str, digits: int = 6) -> str:
     >>> measured(20.0, "1"), measured(8e4, "N m/rad")
     ('20', '80000 N m/rad')
     """
-    return f"{value:.{digits}g} {unit}".removesuffix(" 1")
+    return f"{value:z.{digits}g} {unit}".removesuffix(" 1")
 
 
 def _in_unit(text: str, name: str, unit: str) -> float:
