@@ -7,32 +7,15 @@ from collections.abc import Callable
 import numpy as np
 
 from solve.arrays import Array, across
-from solve.certify.pace import Pace, estimated
 from solve.kernel import curves as kernel
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.methods.method import Method, Solutions
+from solve.methods.method import Solutions
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
-from solve.period.points import Points, parted
 
 _AT_ONE = 0.1
 """Part of a method's own error within which its extrapolated multiplier must meet +1 to be taken for it."""
-
-_ALIASING_PHASES = 1001
-"""Evenly spaced phases at which the orders of the matrices are looked for: no multiple of any grid's."""
-
-_ALIASING_MEMORY = 2**25
-"""Bytes of matrices at these phases that are looked at at once."""
-
-ALIAS = 0.01
-"""Part of the tolerance that orders may have that samples do not tell: a resonance may enlarge them."""
-
-_TAIL = 3 * _ALIASING_PHASES // 8
-"""Order from which on parts are taken for the beginning of more that these phases do not show."""
-
-_UNRESOLVED_ORDER = 2.0
-"""With which errors fall at most as long as orders are not resolved: as with a kink."""
 
 _COMPARED = 4
 """Phases a step at which curves are compared at least."""
@@ -143,71 +126,6 @@ def closing_rounding(solutions: Solutions) -> Array:
 def rounding(solutions: Solutions) -> Array:
     """Errors that rounding leaves, of orbit and multipliers."""
     return np.column_stack((closing_rounding(solutions), np.maximum(solutions.multiplier_rounding, 64 * EPS)))
-
-
-def aliasing(points: Points, method: Method, finest: int, given: bool = False) -> Array:
-    """Errors (P, 2) of orbit and multipliers that samples cannot tell: orders of M, C, K and, for the orbit
-    alone, of d that look like lower ones on every grid, such as 48 teeth.
-
-    On evenly spaced samples these are orders above half the finest grid's steps; a series needs the orders
-    about them too. Uneven samples tell them by and by, see `unresolved`, but not where the steps are `given`:
-    those follow orders as they do modes.
-    """
-    if not (method.samples_evenly or given):
-        return np.zeros((len(points), 2))
-    if not method.samples_evenly:
-        seen = math.floor(finest * method.follows / (2 * np.pi))
-    else:
-        seen = finest // 4 if method.spectral else finest // 2
-    return _beyond(points, seen)
-
-
-def unresolved(points: Points, method: Method, pace: Pace, found: Array, before: Array) -> Array:
-    """Errors (P, 2) of orbit and multipliers on the finer of two grids, as `estimated` has them, that orders
-    of the matrices may leave which the uneven samples of a step do not follow: errors that fall with no
-    more than the second power of the steps, whatever the differences show."""
-    if method.samples_evenly:
-        return np.zeros((len(points), 2))
-    loaded = method.loaded(points)
-    steps = pace.steps * loaded.period / points.period
-    parts = _beyond(loaded, min(math.floor(steps * method.follows / np.pi), _TAIL))
-    if not parts.any():
-        return parts
-    orders = np.minimum((method.curve_order, method.order), _UNRESOLVED_ORDER)
-    return np.fmin(parts / ALIAS, estimated(found, before, pace, orders))
-
-
-def _beyond(points: Points, seen: int) -> Array:
-    """Parts (P, 2) of orders above `seen` in M, C, K or d, whichever is larger, and in M, C or K alone; the
-    largest order of each is 1."""
-    if points.breaks or seen >= _ALIASING_PHASES // 2:
-        return np.zeros((len(points), 2))
-    own = points.bytes_a_phase
-    most = max(1, _ALIASING_MEMORY // (_ALIASING_PHASES * max(own, 8 * (3 * points.n**2 + points.n))))
-    if len(points) <= most or not own:
-        tables = points.tables(np.arange(_ALIASING_PHASES) * (points.period / _ALIASING_PHASES))
-        terms = np.abs(np.fft.rfft(tables.table, axis=-2))
-        if (terms[..., seen + 1 :, :].sum(axis=-2) <= 64 * EPS * terms.max(axis=-2)).all():
-            return np.zeros((len(points), 2))
-        if len(points) <= most:
-            whole, coefficients = _content(*parted(tables.entries(), points.n))
-            return np.column_stack([part[:, seen + 1 :].sum(axis=1) for part in (whole, coefficients)])
-    parts = np.array_split(np.arange(len(points)), -(-len(points) // most))
-    return np.concatenate([_beyond(points[part], seen) for part in parts])
-
-
-def _content(M: Array, C: Array, K: Array, d: Array) -> tuple[Array, Array]:
-    """Parts (P, k) of orders 0, 1, … in M, C, K or d, whichever is larger, and in M, C or K alone; the
-    largest order of each is 1."""
-    tiny = np.finfo(float).tiny
-    inertia = np.abs(np.einsum("pkii->pki", M)).mean(axis=1, keepdims=True)
-    unit = 1.0 / np.sqrt(np.maximum(inertia, tiny))
-    scaled = (*(unit[..., None] * part * unit[..., None, :] for part in (M, C, K)), d * unit)
-    sizes = []
-    for part in scaled:
-        series = np.abs(np.fft.rfft(part.reshape(*part.shape[:2], -1), axis=1)).max(axis=2)
-        sizes.append(series / np.maximum(series.max(axis=1, keepdims=True), tiny))
-    return np.max(sizes, axis=0), np.max(sizes[:-1], axis=0)
 
 
 def raised(errors: Array, floors: Array, alias: Array, hidden: Array, sizes: Array) -> Array:

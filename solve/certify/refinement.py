@@ -12,20 +12,18 @@ import numpy as np
 from solve.arrays import Array, across, whole
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import (
-    ALIAS,
     Burdens,
-    aliasing,
     at_one,
     differences,
     not_followed,
     radius_changes,
     raised,
     rounding,
-    unresolved,
     within_reach,
 )
 from solve.certify.hidden import hidden
 from solve.certify.inertia import singular
+from solve.certify.orders import ALIAS, aliasing, unresolved
 from solve.certify.pace import (
     Pace,
     estimated,

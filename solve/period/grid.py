@@ -39,7 +39,7 @@ class Grid:
         if not breaks:
             return cls(np.linspace(0.0, period, steps + 1), np.zeros(steps, dtype=bool))
         ends, jump_at_zero = pieces(period, breaks)
-        counts = _counts(steps, np.diff(ends) / period)
+        counts = steps_of(steps, np.diff(ends) / period)
         parts = [
             np.linspace(a, b, k, endpoint=False) for a, b, k in zip(ends, ends[1:], counts, strict=False)
         ]
@@ -123,7 +123,7 @@ def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
     return np.array([*ends, period]), jump_at_zero
 
 
-def _counts(steps: int, lengths: Array) -> Array:
+def steps_of(steps: int, lengths: Array) -> Array:
     """Steps of the pieces: in proportion to their lengths (k,), parts of the period, but for short ones,
     which get half the steps that equal shares would give."""
     k = len(lengths)

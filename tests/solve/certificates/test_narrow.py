@@ -77,17 +77,17 @@ def answer(orders, parts):
     return lambda phase: np.real(np.exp(1j * np.outer(phase, orders)) @ parts)
 
 
-def oscillator(load):
+def oscillator(load, breaks=()):
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, DAMPING * one, STIFFNESS * one, load(phase)[:, None]
 
-    return PeriodicSystem(matrices, ["q"])
+    return PeriodicSystem(matrices, ["q"], breaks=breaks)
 
 
-def ripple(order, part):
+def ripple(order, part, breaks=()):
     truth = answer([1, order], [1.0, part])
-    return oscillator(lambda phase: np.cos(phase) + part * np.cos(order * phase)), truth
+    return oscillator(lambda phase: np.cos(phase) + part * np.cos(order * phase), breaks), truth
 
 
 def kinked(place):
@@ -98,7 +98,12 @@ def kinked(place):
     return oscillator(lambda phase: np.abs(np.cos(phase + place))), truth
 
 
-RIPPLES = [ripple(order, part) for order in (115, 128, 160, 224, 260, 300) for part in (1e-2, 1e-4)]
+RIPPLES = [
+    ripple(order, part, breaks)
+    for breaks in ((), (0.7, 2.9))
+    for order in (115, 128, 160, 224, 260, 300)
+    for part in (1e-2, 1e-4)
+]
 
 
 @pytest.mark.parametrize("case", [*RIPPLES, *map(kinked, (0.0, 0.7, 1.777, 2.9))])

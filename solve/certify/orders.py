@@ -1,0 +1,124 @@
+"""Orders of M, C, K and d, their variations over the period, that the samples of a method do not tell.
+
+A smooth system has orders over its period; one with jumps has orders over each piece between two of them,
+those of Chebyshev's polynomials: either way even samples on a circle give them.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.pace import Pace, estimated
+from solve.methods.method import Method
+from solve.period.grid import pieces, steps_of
+from solve.period.multipliers import EPS
+from solve.period.points import Points, parted
+
+_PHASES = 1001
+"""At which orders of a period are looked for, no multiple of any grid's; of pieces, twice as many in all."""
+
+_FEWEST = 8
+"""Orders that are looked for in a piece at least."""
+
+_MEMORY = 2**25
+"""Bytes of matrices at these phases that are looked at at once."""
+
+ALIAS = 0.01
+"""Part of the tolerance that orders may have that samples do not tell: a resonance may enlarge them."""
+
+_TAIL = 0.75
+"""Part of the orders that these phases show, from which on parts are taken for the beginning of more."""
+
+_UNRESOLVED_ORDER = 2.0
+"""With which errors fall at most as long as orders are not resolved: as with a kink."""
+
+
+def aliasing(points: Points, method: Method, finest: int, given: bool = False) -> Array:
+    """Errors (P, 2) of orbit and multipliers that samples cannot tell: orders of M, C, K and, for the orbit
+    alone, of d that look like lower ones on every grid, such as 48 teeth.
+
+    On evenly spaced samples these are orders above half the finest grid's steps; a series needs the orders
+    about them too. Uneven samples tell them by and by, see `unresolved`, but not where the steps are `given`:
+    those follow orders as they do modes.
+    """
+    if not (method.samples_evenly or given):
+        return np.zeros((len(points), 2))
+    if not method.samples_evenly:
+        return _beyond(points, finest, method.follows)
+    return _beyond(points, finest, np.pi / 2 if method.spectral else np.pi)
+
+
+def unresolved(points: Points, method: Method, pace: Pace, found: Array, before: Array) -> Array:
+    """Errors (P, 2) of orbit and multipliers on the finer of two grids, as `estimated` has them, that orders
+    of the matrices may leave which the uneven samples of a step do not follow: errors that fall with no
+    more than the second power of the steps, whatever the differences show."""
+    if method.samples_evenly:
+        return np.zeros((len(points), 2))
+    loaded = method.loaded(points)
+    steps = round(pace.steps * loaded.period / points.period)
+    parts = _beyond(loaded, steps, 2 * method.follows, _TAIL)
+    if not parts.any():
+        return parts
+    orders = np.minimum((method.curve_order, method.order), _UNRESOLVED_ORDER)
+    return np.fmin(parts / ALIAS, estimated(found, before, pace, orders))
+
+
+def _beyond(points: Points, steps: int, angle: float, most: float = 1.0) -> Array:
+    """Parts (P, 2) of M, C, K or d, whichever is larger, and of M, C or K alone, in orders that turn by more
+    than an angle a step, or that are beyond a part, `most`, of those looked for; the largest order is 1."""
+    circles = _circles(points, steps, angle)
+    seen = [min(last, int(most * (len(phases) // 2))) for phases, last in circles]
+    if all(2 * last + 1 >= len(phases) for last, (phases, _) in zip(seen, circles, strict=True)):
+        return np.zeros((len(points), 2))
+    phases = np.concatenate([phases for phases, _ in circles])
+    ends = np.cumsum([len(each) for each, _ in circles[:-1]])
+
+    def sizes(samples: Array) -> tuple[Array, Array]:
+        """Largest order, and the sum of those not seen, of samples (…, k, m): (…, m) each."""
+        found = [np.abs(np.fft.rfft(part, axis=-2, norm="forward")) for part in np.split(samples, ends, -2)]
+        largest = np.max([each.max(axis=-2) for each in found], axis=0)
+        sums = [each[..., last + 1 :, :].sum(axis=-2) for each, last in zip(found, seen, strict=True)]
+        return largest, np.max(sums, axis=0)
+
+    own = points.bytes_a_phase
+    fit = max(1, _MEMORY // (len(phases) * max(own, 8 * (3 * points.n**2 + points.n))))
+    if len(points) <= fit or not own:
+        tables = points.tables(phases)
+        largest, rest = sizes(tables.table)
+        if (rest <= 64 * EPS * largest).all():
+            return np.zeros((len(points), 2))
+        if len(points) <= fit:
+            return _parts(parted(tables.entries(), points.n), sizes)
+    split = np.array_split(np.arange(len(points)), -(-len(points) // fit))
+    return np.concatenate([_beyond(points[some], steps, angle, most) for some in split])
+
+
+def _circles(points: Points, steps: int, angle: float) -> list[tuple[Array, int]]:
+    """Phases (k,) of each piece between jumps, even on a circle, and the last order there that turns by no
+    more than an angle in any of so many steps."""
+    period = points.period
+    if not points.breaks:
+        return [(np.arange(_PHASES) * (period / _PHASES), int(steps * (angle / (2 * np.pi))))]
+    ends, _ = pieces(period, points.breaks)
+    lengths = np.diff(ends)
+    found = []
+    for first, length, own in zip(ends[:-1], lengths, steps_of(steps, lengths / period), strict=True):
+        # An even number, so that no phase is an end, where the matrices jump.
+        count = 2 * max(_FEWEST, round(_PHASES * length / period))
+        phases = first + length / 2 * (1 + np.cos(np.pi * (2 * np.arange(count) + 1) / count))
+        found.append((phases, int(own * angle / 2)))
+    return found
+
+
+def _parts(matrices: tuple[Array, ...], sizes: Callable[[Array], tuple[Array, Array]]) -> Array:
+    """What `_beyond` gives of M, C, K (P, k, n, n) and d (P, k, n)."""
+    M, C, K, d = matrices
+    tiny = np.finfo(float).tiny
+    inertia = np.abs(np.einsum("pkii->pki", M)).mean(axis=1, keepdims=True)
+    unit = 1.0 / np.sqrt(np.maximum(inertia, tiny))
+    found = []
+    for part in (*(unit[..., None] * each * unit[..., None, :] for each in (M, C, K)), d * unit):
+        largest, rest = sizes(part.reshape(*part.shape[:2], -1))
+        found.append(rest.max(axis=1) / np.maximum(largest.max(axis=1), tiny))
+    return np.column_stack([np.max(found, axis=0), np.max(found[:-1], axis=0)])
