@@ -108,7 +108,7 @@ def bands(
         middle = np.arange(1, len(known.points) - 1)
         spacing = float(np.diff(known.points[:, 0]).max())
         step("narrow bands")
-        known += hidden(asked, known[middle - 1], known[middle], known[middle + 1])
+        known += hidden(asked, known, middle)
         if known.failed.any():
             every = _rising(known)
             reason = _reason(batch, every.points[every.failed][:1])

@@ -29,9 +29,9 @@ _CLOSE = 1e-10
 _NEAR = 1e-5
 """Part of the scale to which an edge is bracketed before its kind is determined."""
 
-_REACH, _LOST, _LEAST = 0.05, 0.25, 1e-3
-"""Parts of a bracket: how far from where a change is expected the first trials are, and those after it was
-missed; how far from the ends all are."""
+_REACH, _CLOSEST, _LEAST = 0.05, 1e-8, 1e-3
+"""Parts of a bracket: how far from where a change is expected the first trials are; the square of how far
+those after a miss are at least; how far from the ends trials are unless they are nearer to each other."""
 
 _ENOUGH = 0.4
 """Of the tolerance: nearer to where a change is expected no trial is needed."""
@@ -68,7 +68,10 @@ class Judged:
     def __add__(self, other: "Judged") -> "Judged":
         if len(other.points) == 0:
             return self
-        return Judged(*map(np.concatenate, zip(self._parts, other._parts, strict=True)))
+        found = Judged(*map(np.concatenate, zip(self._parts, other._parts, strict=True)))
+        if "gaps" in self.__dict__:
+            found.__dict__["gaps"] = np.concatenate((self.gaps, other.gaps))
+        return found
 
     def replaced(self, rows: Array, others: "Judged") -> "Judged":
         """The same with other points in some rows (k,)."""
@@ -127,6 +130,33 @@ def judge(batch: Batch) -> Judge:
 
 
 @dataclass(frozen=True)
+class Lines:
+    """Known points on lines (k,) along one of the quantities."""
+
+    known: Judged
+    line: Array
+    along: int
+
+    @cached_property
+    def neighbours(self) -> tuple[Array, Array]:
+        """Positions (c,) of points and of the next ones on their lines."""
+        order = np.lexsort((self.known.points[:, self.along], self.line))
+        first, last = order[:-1], order[1:]
+        same = self.line[first] == self.line[last]
+        return first[same], last[same]
+
+    def changes(self) -> tuple[Array, Judged, Judged]:
+        """Lines (c,) on which stability changes between neighbours, the stable and the unstable ones."""
+        known, (first, last) = self.known, self.neighbours
+        changes = (known.unstable[first] != known.unstable[last]) & ~(
+            known.failed[first] | known.failed[last]
+        )
+        one, other = first[changes], last[changes]
+        stable, unstable = (known[np.where(known.stable[one] == side, one, other)] for side in (True, False))
+        return self.line[one], stable, unstable
+
+
+@dataclass(frozen=True)
 class Search:
     """Looks for changes along lines. scale (v,): of the quantities; tolerance: of a place, as part of the
     scale."""
@@ -148,7 +178,7 @@ class Search:
 
         differs(known (k,), line (k,)): which points belong to the high end of their line. Without `aim`
         trials lie evenly between the ends; with it one on either side of where it expects the change, first
-        within `reach` of the bracket, then ever nearer as long as they hold it.
+        within `reach` of the bracket, then nearer when they hold it and farther when they miss it.
         """
         close = (self.tolerance if tolerance is None else tolerance) * self.scale
         close = np.maximum(close, np.finfo(float).tiny)
@@ -165,12 +195,13 @@ class Search:
             else:
                 inside, around = 2, np.maximum(near[lines], _ENOUGH / width)
                 aims = aim(one, other, lines)[:, None] + around[:, None] * np.array([-1.0, 1.0])
-                fractions = np.clip(aims, _LEAST, 1 - _LEAST)
+                least = np.minimum(_LEAST, around)[:, None]
+                fractions = np.clip(aims, least, 1 - least)
             trials = one.points[:, None] + fractions[..., None] * (other.points - one.points)[:, None]
             found = self.judge(trials.reshape(-1, one.points.shape[1]))
             changed = differs(found, np.repeat(lines, inside)).reshape(fractions.shape)
             first = np.where(changed.any(axis=1), changed.argmax(axis=1), inside)
-            near[lines] = np.where(first == 1, near[lines] ** 2, _LOST)
+            near[lines] = np.where(first == 1, near[lines] ** 2, np.sqrt(np.maximum(near[lines], _CLOSEST)))
             before, after = _around(one, found, other, first)
             moved = (before.points != one.points).any(axis=1) | (after.points != other.points).any(axis=1)
             low, high = low.replaced(lines, before), high.replaced(lines, after)
@@ -229,25 +260,27 @@ class Search:
         halvings = np.log(max(parts, _NEAR) / self.tolerance) / np.log(inside + 1)
         return len(across) * inside * max(1.0, np.ceil(halvings))
 
-    def crossings(self, known: Judged, lines: Array, along: int) -> Crossings:
-        """Where stability changes between known neighbours on lines (k,) along one of the quantities; none
-        beside points that failed. Stable stretches between two unstable neighbours are found where one of
-        these has a multiplier beyond +1 and the other beyond -1."""
-        order = np.lexsort((known.points[:, along], lines))
-        first, last = order[:-1], order[1:]
-        neighbours = lines[first] == lines[last]
-        changes = neighbours & (known.unstable[first] != known.unstable[last])
-        changes &= ~(known.failed[first] | known.failed[last])
-        one, other = first[changes], last[changes]
-        stable, unstable = (np.where(known.stable[one] == side, one, other) for side in (True, False))
-        places, kinds = self.edges(known[stable], known[unstable])
-        sure = np.isfinite(places).all(axis=1)
-        apart, further, others = self._narrow_stable(known, first[neighbours], last[neighbours])
-        return Crossings(
-            np.concatenate((lines[one[sure]], lines[apart])),
-            np.concatenate((places[sure], further))[:, along],
-            np.concatenate((kinds[sure], others)),
-        )
+    def crossings(self, *looked: Lines) -> list[Crossings]:
+        """Where stability changes between known neighbours on lines; none beside points that failed. Stable
+        stretches between two unstable neighbours are found where one of these has a multiplier beyond +1 and
+        the other beyond -1."""
+        pairs = [lines.changes() for lines in looked]
+        stable = functools.reduce(Judged.__add__, [each for _, each, _ in pairs])
+        unstable = functools.reduce(Judged.__add__, [each for *_, each in pairs])
+        places, kinds = self.edges(stable, unstable)
+        ends, found = np.cumsum([len(line) for line, *_ in pairs])[:-1], []
+        parts = zip(looked, pairs, np.split(places, ends), np.split(kinds, ends), strict=True)
+        for lines, (line, *_), place, kind in parts:
+            apart, further, others = self._narrow_stable(lines.known, *lines.neighbours)
+            sure = ~np.isnan(place).any(axis=1)
+            found.append(
+                Crossings(
+                    np.concatenate((line[sure], lines.line[apart])),
+                    np.concatenate((place[sure], further))[:, lines.along],
+                    np.concatenate((kind[sure], others)),
+                )
+            )
+        return found
 
     def _narrow_stable(self, known: Judged, first: Array, last: Array) -> tuple[Array, Array, Array]:
         """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
@@ -311,23 +344,24 @@ def _inside(lines: int) -> int:
     return max(1, min(15, _TOGETHER // max(lines, 1)))
 
 
-def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promising: float = 1.0) -> Judged:
-    """Unstable points between stable ones that are neighbours on lines, three a line (k,).
+def hidden(judge: Judge, known: Judged, middle: Array, stride: int = 1, promising: float = 1.0) -> Judged:
+    """Unstable points between stable ones that are neighbours on lines: three a line, the middle ones at
+    positions (k,) among the known, the others `stride` before and after these.
 
     Where one of the gaps is least at the middle, its minimum is followed by parabolas; `promising`: part
     of the middle's gap below which the first parabola must predict the minimum.
     """
-    gaps = np.stack([part.gaps for part in (before, middle, after)], axis=1)
-    all_stable = before.stable & middle.stable & after.stable
-    all_stable &= np.abs(middle.multipliers[:, 0]) > LIGHTLY_DAMPED
-    least = (gaps[:, 1] < np.minimum(gaps[:, 0], gaps[:, 2])) & all_stable[:, None]
-    line, way = np.nonzero(least)
-    place = np.linalg.norm(middle.points - before.points, axis=1)[line]
-    whole = np.linalg.norm(after.points - before.points, axis=1)[line]
+    stable, gaps = known.stable, known.gaps
+    middle = middle[stable[middle - stride] & stable[middle] & stable[middle + stride]]
+    middle = middle[np.abs(known.multipliers[middle, 0]) > LIGHTLY_DAMPED]
+    lowest = gaps[middle]
+    line, way = np.nonzero((lowest < gaps[middle - stride]) & (lowest < gaps[middle + stride]))
+    three = middle[line, None] + stride * np.array([-1, 0, 1])
+    points, h = known.points[three], gaps[three, way[:, None]]
+    place, whole = (np.linalg.norm(points[:, at] - points[:, 0], axis=1) for at in (1, 2))
     t = np.column_stack((np.zeros(len(line)), place / np.where(whole > 0, whole, 1.0), np.ones(len(line))))
-    h = gaps[line, :, way]
     chosen = _vertex(t, h)[1] <= promising * h[:, 1]
-    start, span = before.points[line[chosen]], (after.points - before.points)[line[chosen]]
+    start, span = points[chosen, 0], (points[:, 2] - points[:, 0])[chosen]
     return _descended(judge, start, span, way[chosen], t[chosen], h[chosen])
 
 

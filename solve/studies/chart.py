@@ -25,8 +25,8 @@ from solve.results.stability import Stability
 from solve.single import floquet
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.statistics import Statistics
-from solve.studies.boundaries import Judged, Search, hidden, judge
-from solve.studies.contours import Crossings, contours
+from solve.studies.boundaries import Judged, Lines, Search, hidden, judge
+from solve.studies.contours import contours
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
 
@@ -163,8 +163,8 @@ def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held
     points = np.empty((len(values), 2))
     points[:, held], points[:, along] = value, values
     known, inner = search.judge(points), np.arange(1, len(points) - 1)
-    every = known + hidden(search.judge, known[inner - 1], known[inner], known[inner + 1])
-    crossings = search.crossings(every, np.zeros(len(every.points)), along)
+    every = known + hidden(search.judge, known, inner)
+    (crossings,) = search.crossings(Lines(every, np.zeros(len(every.points)), along))
     found = [(at, KINDS[kind]) for at, kind in zip(crossings.place.tolist(), crossings.kind, strict=True)]
     radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
     return Cut(names[along], names[held], value, values, radius, _truth(known), found)
@@ -259,23 +259,20 @@ def _boundaries(
 ) -> list[BoundaryCurve]:
     axes, index = (chart.x, chart.y), np.arange(len(known.points)).reshape(chart.shape)
 
-    def crossings(index: Array, along: int) -> Crossings:
-        """Of the lines whose points the rows of the index name."""
-        before, middle, after = (
-            known[part.ravel()] for part in (index[:, :-2], index[:, 1:-1], index[:, 2:])
-        )
-        found = hidden(search.judge, before, middle, after, _PROMISING)
-        every, looked = known + found, np.zeros((len(index), index.shape[1] - 2), dtype=bool)
+    def lines(index: Array, along: int) -> Lines:
+        """Those whose points the rows of the index name, and unstable points found between these."""
+        middle, stride = index[:, 1:-1], (1, len(chart.x))[along]
+        found = hidden(search.judge, known, middle.ravel(), stride, _PROMISING)
+        every, looked = known + found, np.zeros(middle.shape, dtype=bool)
         while len(found.points):
             near = _beside(found.points, axes, along, looked)
-            found = hidden(search.judge, before[near], middle[near], after[near])
+            found = hidden(search.judge, known, middle.ravel()[near], stride)
             every = every + found
-        lines = np.searchsorted(axes[1 - along], every.points[:, 1 - along])
-        return search.crossings(every, lines, along)
+        return Lines(every, np.searchsorted(axes[1 - along], every.points[:, 1 - along]), along)
 
-    step("boundaries across")
-    rows = crossings(index, 0)
-    step("boundaries upwards")
-    columns = crossings(index.T, 1)
+    step("narrow tongues")
+    across, upwards = lines(index, 0), lines(index.T, 1)
+    step("boundaries")
+    rows, columns = search.crossings(across, upwards)
     stable = _truth(known).reshape(chart.shape)
     return contours(axes, stable, rows, columns, lambda points: ~search.judge(points).unstable)
