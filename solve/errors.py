@@ -3,6 +3,9 @@
 import difflib
 from collections.abc import Collection, Iterable
 
+_MOST_NAMES = 12
+"""Of those known that a message lists."""
+
 
 class SolveError(Exception):
     """Any refusal of this package; the commands print it in one line and exit with status 2."""
@@ -113,5 +116,6 @@ def _natural(name: str) -> tuple[str, int]:
     return name.removesuffix(digits), int(digits or 0)
 
 
-def _shortened(names: list[str], most: int = 12) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+def _shortened(names: list[str]) -> str:
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -281,7 +281,7 @@ class PeriodicSystem(Labels):
         positions (m,); NaN where the static stiffness is not positive. Raises MatricesError where M is
         singular."""
         M, _, K, _ = self.at(positions, 0.0)
-        self._check_inertia(M)
+        require_inertia(M)
         squares = np.linalg.eigvals(np.linalg.solve(M, K))
         real = np.where(np.abs(squares.imag) > 1e-9 * np.abs(squares), np.nan, squares.real)
         return np.sort(np.sqrt(np.where(real >= 0, real, np.nan)), axis=1)[:, :count]
@@ -318,7 +318,7 @@ class PeriodicSystem(Labels):
                 f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by "
                 f"{change:.3g}; give the right period, or the jump at 0 as a break"
             )
-        self._check_inertia(parts["M"])
+        require_inertia(parts["M"])
 
     def changes(self, phase: Array, later: Array, speed: float) -> list[tuple[str, float]]:
         """Which of M, C, K, d differ between phases (k,) and those a period later, and by how much: beyond
@@ -344,16 +344,6 @@ class PeriodicSystem(Labels):
         apart = phase + np.maximum(np.abs(later - phase - self.period), 8 * _EPS * self.period)
         return np.concatenate((phase, later, apart))
 
-    def _check_inertia(self, M: Array) -> None:
-        diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))
-        diagonal[diagonal == 0.0] = 1.0
-        scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
-        if np.linalg.cond(scaled).max() > 0.1 / np.finfo(float).eps:
-            raise MatricesError(
-                "M is singular: some coordinate has no inertia; give every coordinate a mass, "
-                "or leave a massless coordinate out"
-            )
-
 
 of_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 """Before a public function of a system."""
@@ -372,3 +362,15 @@ def _real(given: Sequence[Array], kind: str) -> Matrices:
     except (TypeError, ValueError) as error:
         raise MatricesError(f"the {kind} are no four real arrays M, C, K, d: {error}") from None
     return M, C, K, d
+
+
+def require_inertia(M: Array) -> None:
+    """Raise MatricesError where one of the matrices (k, n, n) is singular."""
+    diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))
+    diagonal[diagonal == 0.0] = 1.0
+    scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
+    if np.linalg.cond(scaled).max() > 0.1 / _EPS:
+        raise MatricesError(
+            "M is singular: some coordinate has no inertia; give every coordinate a mass, "
+            "or leave a massless coordinate out"
+        )

@@ -75,7 +75,7 @@ class ShownUnit(NamedTuple):
             form = ".10g"
         return f"{self.of(low):{form}} {word} {self.text(high, form)}"
 
-    def spans(self, ranges: Iterable[tuple[float, float]], form: str = ".5g") -> str:
+    def spans(self, ranges: Iterable[tuple[float, float]]) -> str:
         """Ranges of numbers in SI units, the first few of many; a number where both ends are one.
 
         >>> RPM.spans([(math.pi, 2 * math.pi), (3 * math.pi, 3 * math.pi)])
@@ -83,7 +83,7 @@ class ShownUnit(NamedTuple):
         """
         every = list(ranges)
         parts = [
-            f"from {self.span(low, high, form=form)}" if high > low else f"at {self.text(low, form)}"
+            f"from {self.span(low, high, form='.5g')}" if high > low else f"at {self.text(low, '.5g')}"
             for low, high in every[:_MOST_RANGES]
         ]
         more = len(every) - _MOST_RANGES

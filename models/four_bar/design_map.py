@@ -187,14 +187,14 @@ def _refined(stresses: DesignMap) -> DesignMap:
     return stresses
 
 
-def allowed_lengths(linkage: Linkage, angles: tuple[float, float] = ADVISED) -> tuple[float, float]:
-    """Least and greatest L4 (m) at which the crank turns fully and the transmission angle stays between
-    two angles (rad; thesis 3.3 advises 40° to 140°). Raises DesignError where there is none."""
+def allowed_lengths(linkage: Linkage) -> tuple[float, float]:
+    """Least and greatest L4 (m) at which the crank turns fully and the transmission angle stays within the
+    advised range (thesis 3.3: 40° to 140°). Raises DesignError where there is none."""
     L1, L2, L3 = linkage.L1, linkage.L2, linkage.L3
-    near, far = (math.sqrt(L2**2 + L3**2 - 2 * L2 * L3 * math.cos(angle)) for angle in angles)
+    near, far = (math.sqrt(L2**2 + L3**2 - 2 * L2 * L3 * math.cos(angle)) for angle in ADVISED)
     low, high = L1 + near, far - L1
     if not low < high:
-        least, most = (math.degrees(angle) for angle in angles)
+        least, most = (math.degrees(angle) for angle in ADVISED)
         raise DesignError(
             f"no L4 keeps the transmission angle between {least:g}° and {most:g}° with L1, L2, L3 = "
             f"{L1:g}, {L2:g}, {L3:g} m; shorten the crank or give --L4"

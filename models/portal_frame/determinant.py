@@ -17,6 +17,9 @@ from solve.results.style import BLACK, BLUE, GREY, VERMILION, Figure, page
 _POINTS = 2000
 """Frequencies that are drawn."""
 
+_ELEMENTS = 1, 2
+"""A bar, of the determinants that are compared."""
+
 
 @dataclass(frozen=True)
 class Determinants:
@@ -37,15 +40,15 @@ def logarithm(model: StructureModel, omega: Array) -> Array:
     return values[1:] - values[0]
 
 
-def determinants(model: StructureModel, most: float, elements: tuple[int, ...] = (1, 2)) -> Determinants:
-    """Of a frame with exact elements, from 0 to `most` rad/s, for numbers of elements a bar."""
+def determinants(model: StructureModel, most: float) -> Determinants:
+    """Of a frame with one and with two exact elements a bar, from 0 to `most` rad/s."""
     omega = most * (np.arange(_POINTS) + 0.5) / _POINTS
-    exact = [model.varied(options={"element": "dynamic", "elements": count}) for count in elements]
+    exact = [model.varied(options={"element": "dynamic", "elements": count}) for count in _ELEMENTS]
     logarithms = np.stack([logarithm(each, omega) for each in exact])
     count = 4
     while (found := frequencies(exact[0], count=count).values[0])[-1] < most:
         count *= 2
-    return Determinants(omega, elements, logarithms, found[found < most])
+    return Determinants(omega, _ELEMENTS, logarithms, found[found < most])
 
 
 def determinants_figure(made: Determinants, title: str) -> Figure:

@@ -33,7 +33,7 @@ _NEAR = 1e-4
 """Relative distance from a pole of D within which a frequency is better found with divided elements."""
 
 
-def exact_frequencies(positions: Positions, count: int, rtol: float = 1e-13) -> Array:
+def exact_frequencies(positions: Positions, count: int) -> Array:
     """The lowest `count` frequencies at every position, (m, count) in rad/s, rising, each as often as it
     occurs."""
     m = len(positions.phase)
@@ -44,14 +44,14 @@ def exact_frequencies(positions: Positions, count: int, rtol: float = 1e-13) -> 
     index, order = (each.ravel() for each in np.meshgrid(everywhere, np.arange(1, count + 1), indexing="ij"))
     moving = np.flatnonzero(order > count_below(positions, everywhere, low)[index])
     index, order = index[moving], order[moving]
-    omega = _roots(positions, index, order, low[index], above[index], rtol)
-    _separate(positions, index, order, omega, rtol)
+    omega = _roots(positions, index, order, low[index], above[index])
+    _separate(positions, index, order, omega)
     frequencies = np.zeros(m * count)
     frequencies[moving] = omega
     return frequencies.reshape(m, count)
 
 
-def _separate(positions: Positions, index: Array, order: Array, omega: Array, rtol: float) -> None:
+def _separate(positions: Positions, index: Array, order: Array, omega: Array) -> None:
     """Find those of the frequencies again that lie near a pole, with elements divided until it is away."""
     near = np.flatnonzero(near_clamped(positions, omega))
     for parts in PARTS:
@@ -61,7 +61,7 @@ def _separate(positions: Positions, index: Array, order: Array, omega: Array, rt
         still_near = near_clamped(divided, omega[near])
         apart = near[~still_near]
         low, high = (omega[apart] * (1 + 10 * sign * _NEAR) for sign in (-1, 1))
-        omega[apart] = _roots(divided, index[apart], order[apart], low, high, rtol)
+        omega[apart] = _roots(divided, index[apart], order[apart], low, high)
         near = near[still_near]
 
 
@@ -72,7 +72,7 @@ def near_clamped(positions: Positions, omega: Array) -> Array:
     return above != below
 
 
-def _roots(positions: Positions, index: Array, order: Array, low: Array, high: Array, rtol: float) -> Array:
+def _roots(positions: Positions, index: Array, order: Array, low: Array, high: Array) -> Array:
     """The frequencies (b,) of the given orders at positions `index`, each between low and high."""
     from scipy.optimize.elementwise import find_root
 
@@ -92,7 +92,7 @@ def _roots(positions: Positions, index: Array, order: Array, low: Array, high: A
         value[inside] = chosen / (1 + np.abs(chosen))
         return value
 
-    tolerances = {"xatol": 0.0, "xrtol": rtol, "fatol": 0.0, "frtol": 0.0}
+    tolerances = {"xatol": 0.0, "xrtol": 1e-13, "fatol": 0.0, "frtol": 0.0}
     root = find_root(crossing, (low, high), args=(index, order), tolerances=tolerances, maxiter=200)
     return np.asarray(root.x)
 

@@ -1,7 +1,6 @@
 """A periodic system whose matrices, outputs and bounds come from a generated module."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -12,36 +11,25 @@ import numpy as np
 from solve.argument import first_is
 from solve.arrays import Array, Plane
 from solve.contracts import Columns, Dependence, Formulas, Marcher, Matrices, Motion
-from solve.differences import slope
-from solve.errors import (
-    MatricesError,
-    NoDerivativeError,
-    UnknownNameError,
-    ValueOutOfBoundsError,
-    require_name,
-)
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
+from solve.model.checks import require_sound, sound_at_all_speeds
 from solve.model.damping import DampedSampler, beyond_critical, damped_residual
 from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints, by_the_phase
 from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
-from solve.model.setup import Setup, followed
+from solve.model.setup import Setup
 from solve.model.sketches import stated_lines
+from solve.model.smooth import SmoothParameters
 from solve.statistics import Statistics
-from solve.system import PERIODIC, PeriodicSystem
+from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
 
     from solve.model.dependence import GeneratedSlopes
-
-_LOOKS = 128
-"""Phases of a period at which the matrices are looked at before a solution."""
-
-_NUDGE = 1e-2
-"""Part of a parameter by which it is changed to see what it moves."""
 
 
 class Model(PeriodicSystem):
@@ -59,7 +47,6 @@ class Model(PeriodicSystem):
         self.setup, self.module = setup, module
         self._formulas: dict[tuple[str, ...], Formulas | None] = {}
         self._slopes: dict[tuple[tuple[str, ...], bool], GeneratedSlopes] = {}
-        self._breaks_moved: dict[str, Array | None] = {}
         self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.parameter_sources = setup.case.sources
@@ -130,50 +117,16 @@ class Model(PeriodicSystem):
         return ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
-        """Beyond the checks of any system: generated matrices repeat at every phase, and M, which is that
-        of a kinetic energy, is positive definite. Raises MatricesError."""
-        if self._sound:
-            return
-        super().checked(speed)
-        phase = self._looks
-        for symbol, change in self.changes(phase, phase + self.period, speed):
-            raise MatricesError(
-                f"{symbol} is not periodic: after the period {self.period:.6g} it has changed by "
-                f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
-                "parameters that count (teeth, orders)"
-            )
-        negative = _not_positive(self.at(phase, speed)[0])
-        if negative.any():
-            raise MatricesError(
-                f"M is not positive definite at phase {phase[np.argmax(negative)]:.4g}: some motion there "
-                "has no or negative kinetic energy; look at the masses and the signs in the kinetic energy"
-            )
-
-    @cached_property
-    def _looks(self) -> Array:
-        """Phases at which the matrices are looked at, none of them at a jump."""
-        phase = (np.arange(_LOOKS) + 0.5) * (self.period / _LOOKS)
-        return phase[np.abs(phase[:, None] - self.breaks).min(axis=1, initial=np.inf) > 1e-9 * self.period]
+        """Beyond the checks of any system: generated matrices repeat at every phase, and M is positive
+        definite. Raises MatricesError."""
+        if not self._sound:
+            super().checked(speed)
+            require_sound(self, speed)
 
     @cached_property
     def _sound(self) -> bool:
-        """Whether `checked` finds nothing wrong at any speed: the matrices are sums of powers of the speed,
-        each with coefficients that repeat by themselves, and M is the same at all speeds and good."""
-        every = self.beside(self._looks, self._looks + self.period)
-        terms = self._matrices.terms(every) if isinstance(self._matrices, MatrixSampler) else None
-        if terms is None:
-            return False
-        table, entry, power = terms
-        now, later, beside = np.split(table, 3)
-        allowed = PERIODIC * np.abs(now).max(axis=0) + 2 * np.abs(beside - now)
-        # Of what is not finite no comparison holds.
-        if (power[entry < self.n**2] != 2).any() or not (np.abs(later - now) <= allowed).all():
-            return False
-        M = self.at(self._looks, 1.0)[0]
-        with suppress(MatricesError):
-            self._check_inertia(M)
-            return not _not_positive(M).any()
-        return False
+        """Whether the matrices pass all checks at every speed."""
+        return isinstance(self._matrices, MatrixSampler) and sound_at_all_speeds(self, self._matrices)
 
     def field(self, name: str, position: Array | float) -> Array:
         """Mode functions of a deflection at fractions (k,) of its link's length: (k, n).
@@ -211,52 +164,20 @@ class Model(PeriodicSystem):
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         return ModelAlong(self, motion, compiled) if self.nonlinear else super().along(motion)
 
+    @cached_property
+    def _smooth(self) -> SmoothParameters:
+        return SmoothParameters(self.setup, self.assembled)
+
     @property
     def smooth_parameters(self) -> tuple[str, ...]:
-        return self._smooth
-
-    @cached_property
-    def _smooth(self) -> tuple[str, ...]:
-        whole = {name for name, _, _, bound in self.module.PARAMETERS if "integer" in clauses(bound)}
-        return tuple(
-            name
-            for name, value in self.parameters.items()
-            if name not in whole and (value or not self.assembled) and self._followed(name)
-        )
+        return self._smooth.names
 
     @property
     def moves_breaks(self) -> bool:
-        return hasattr(self.module, "breaks")
-
-    def _followed(self, name: str) -> bool:
-        """Whether it is known how far jumps and kinks move with a parameter, and what follows from that."""
-        if not self.moves_breaks:
-            return True
-        moved = self._break_slopes(name)
-        return moved is not None and not (self.assembled and moved.any())
+        return self.setup.moves_breaks
 
     def break_slopes(self, names: Sequence[str]) -> Array:
-        still = np.zeros(len(self.breaks))
-        if not self.moves_breaks:
-            return np.zeros((len(still), len(names)))
-        every = [still if name == SPEED else self._break_slopes(name) for name in names]
-        return np.array([still if each is None else each for each in every]).reshape(len(names), -1).T
-
-    def _break_slopes(self, name: str) -> Array | None:
-        """Derivatives (b,) of the phases of breaks, which are formulas, by a parameter; None where some meet
-        or part."""
-        if name not in self._breaks_moved:
-            at, p, of = self.parameters[name], self.setup.p, list(self.parameters).index(name)
-
-            def breaks(value: float) -> Array:
-                changed = np.where(np.arange(len(p)) == of, value, p)
-                return followed(np.array(self.breaks), np.array(self.setup.breaks_with(changed)), self.period)
-
-            try:
-                self._breaks_moved[name] = slope(breaks, at, _NUDGE * (abs(at) or 1.0))
-            except ValueOutOfBoundsError:
-                self._breaks_moved[name] = None
-        return self._breaks_moved[name]
+        return self._smooth.break_slopes(names)
 
     def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
         return self._dependence(names, compiled, False)
@@ -264,7 +185,7 @@ class Model(PeriodicSystem):
     def _dependence(self, names: Sequence[str], compiled: Columns | None, nonlinear: bool) -> Dependence:
         from solve.model.dependence import AssembledDependence, DampedDependence, GeneratedDependence
 
-        self.require_smooth(names)
+        self._smooth.require(names)
         damped = isinstance(self._matrices, DampedSampler)
         if self.assembled and not damped:
             return AssembledDependence(self, names)
@@ -294,23 +215,6 @@ class Model(PeriodicSystem):
     def assembled(self) -> bool:
         """Whether no formulas give the matrices: modal damping follows from their eigenvalues."""
         return self.setup.ratios is not None
-
-    def require_smooth(self, names: Sequence[str]) -> None:
-        """Raise UnknownNameError or NoDerivativeError unless there are derivatives by parameters, or
-        "speed", of these names."""
-        smooth = {SPEED, *self.smooth_parameters}
-        for name in names:
-            require_name(f"quantity of {self.name}", name, [SPEED, *self.parameters])
-            if self.assembled and self.parameters.get(name) == 0:
-                raise NoDerivativeError(
-                    f"{name} is 0; matrices that are assembled, or damped by modes, are differentiated by "
-                    f"small parts of a parameter: give a small number, such as --set {name}=1e-6"
-                )
-            if name not in smooth:
-                raise NoDerivativeError(
-                    f"{name} is a whole number, or moves a jump that meets another, or a jump beside damping "
-                    "ratios: derivatives by it are not calculated; leave it out"
-                )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:
         if not self.nonlinear:
@@ -459,11 +363,6 @@ class ModelAlong(Model):
 
     def many_points(self, names: Sequence[str]) -> None:
         return None
-
-
-def _not_positive(M: Array) -> Array:
-    """Which of the matrices (k, n, n) are not positive definite (k,)."""
-    return np.linalg.eigvalsh(M).min(axis=1) <= 0
 
 
 def _rebuilt(kind: type[Model], origin: str | Path, case: Case, options: Mapping[str, Any]) -> Model:

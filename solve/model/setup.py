@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 _PHASES = 720
 """Phases of a period at which conditions on the parameters are looked at."""
 
-
 _ALIKE = 1e-12
 """Part of the period up to which breaks are one."""
 
@@ -63,6 +62,11 @@ class Setup:
         return self.function("damping_ratios")(self.p).full().ravel()
 
     @property
+    def moves_breaks(self) -> bool:
+        """Whether the phases of the breaks depend on parameters."""
+        return hasattr(self.module, "breaks")
+
+    @cached_property
     def breaks(self) -> tuple[float, ...]:
         """Phases at which the generated matrices jump or have kinks, rising. Raises ValueOutOfBoundsError."""
         return self.breaks_with(self.p)
@@ -70,7 +74,7 @@ class Setup:
     def breaks_with(self, p: Array) -> tuple[float, ...]:
         """The same with other parameters, in the order of the generated functions."""
         found = getattr(self.module, "BREAKS", ())
-        if hasattr(self.module, "breaks"):
+        if self.moves_breaks:
             try:
                 found = self.module.breaks(None, p.tolist(), **self._module_options)
             except ValueError as error:

@@ -27,7 +27,6 @@ _HEADROOM = 1.15
 _ROOM = 1.6
 """Factor on a logarithmic axis that is left above and below."""
 
-
 _CAPTIONS = {
     "–": "mode –: no division of a frequency and no combination up to order {0} explains it",
     "?": "mode ?: several combinations explain it equally well",
@@ -37,6 +36,7 @@ _CAPTIONS = {
 }
 
 
+_OF_RECORDS = "ratios", "combination", "candidates"
 _NOWHERE = Maximum(math.nan, math.nan)
 
 
@@ -171,58 +171,61 @@ class CriticalSpeeds(Result):
     @property
     def columns(self) -> Columns:
         """A row a critical speed."""
-        unit = self.system.units.get(self.quantity, "")
+        speed = self._speeds([row.speed for row in self.rows], "of this row")
+        return {"speed": speed, **self._of_maxima, **self._of_divisions}
 
+    @property
+    def _of_maxima(self) -> Columns:
         def of(way: str, name: str) -> list[float | None]:
             found = (getattr(row, way) for row in self.rows)
             return [maximum and getattr(maximum, name) for maximum in found]
 
-        def speeds(values: list[float | None], meaning: str, heading: str = "") -> Column:
-            return speeds_of(self.system, values, meaning, heading, ".3f")
-
-        response, multiplier, rows = "response", "multiplier", self.rows
+        rows, unit = self.rows, self.system.units.get(self.quantity, "")
         raised = any(row.radius for row in rows)
-        found = {
-            "speed": speeds([row.speed for row in rows], "of this row"),
-            "response": speeds(of(response, "speed"), "maximum of the response", "response"),
-            "response_height": _height(of(response, "height"), unit, f"{self.figure} of {self.quantity}"),
+        # In tables a maximum of |ρ| alone stands where others have that of Re ρ.
+        either = [(row.multiplier or row.radius or _NOWHERE).speed for row in rows]
+        real_part, height = "maximum of the dominant multiplier's real part", "its height"
+        return {
+            "response": self._speeds(of("response", "speed"), "maximum of the response", "response"),
+            "response_height": _height(of("response", "height"), unit, f"{self.figure} of {self.quantity}"),
             "unbounded": Column(
                 [row.unbounded for row in rows], "", "whether the response grows beyond all bounds"
             ),
-            "multiplier": speeds(
-                of(multiplier, "speed"), "maximum of the dominant multiplier's real part", "multiplier"
-            ),
-            "multiplier_real_part": Column(
-                of(multiplier, "height"), "1", "its height", "Re ρ", digits(".2e")
-            ),
-            "radius": speeds(of("radius", "speed"), "maximum of the spectral radius"),
-            "radius_height": Column(of("radius", "height"), "1", "its height", "|ρ|" * raised, digits(".3f")),
-            "division": speeds(
-                [row.division for row in rows],
-                "integer division of the mean natural frequency at this speed",
-                "ω̄/k",
-            ),
-            "division_at_rest": speeds(
+            "multiplier": self._speeds(of("multiplier", "speed"), real_part, "multiplier", either),
+            "multiplier_real_part": Column(of("multiplier", "height"), "1", height, "Re ρ", digits(".2e")),
+            "radius": self._speeds(of("radius", "speed"), "maximum of the spectral radius"),
+            "radius_height": Column(of("radius", "height"), "1", height, "|ρ|" * raised, digits(".3f")),
+        }
+
+    @property
+    def _of_divisions(self) -> Columns:
+        """Divisions, and what else explains a row."""
+        rows, mean = self.rows, "integer division of the mean natural frequency at this speed"
+        # In tables a combination stands where others have a division.
+        either = [row.division or (row.combination or _NOWHERE).speed for row in rows]
+        modes, orders = ([row.explained[at] for row in rows] for at in (0, 1))
+        words = ["" if row.explained[0] == "–" else ", k = ".join(row.explained) for row in rows]
+        return {
+            "division": self._speeds([row.division for row in rows], mean, "ω̄/k", either),
+            "division_at_rest": self._speeds(
                 [row.at_rest for row in rows], "that of the frequency at rest", "at rest"
             ),
+            "mode": Column([row.mode for row in rows], "", "of the division", "mode", modes),
+            "order": Column([row.order for row in rows], "", "of the division", "k", orders),
+            "explained_by": Column(words, "", "modes and order of the resonance; ? where unsure"),
+            **{name: Column([getattr(row, name) for row in rows], axes=()) for name in _OF_RECORDS},
         }
-        for at, (name, heading) in enumerate((("mode", "mode"), ("order", "k"))):
-            texts = [row.explained[at] for row in rows]
-            values = [getattr(row, name) for row in rows]
-            found[name] = Column(values, "", "of the division", heading, texts)
-        # In tables a maximum of |ρ| alone stands where others have that of Re ρ, and what explains it where
-        # others have a division.
-        instead = (
-            ("multiplier", [(row.multiplier or row.radius or _NOWHERE).speed for row in rows]),
-            ("division", [row.division or (row.combination or _NOWHERE).speed for row in rows]),
-        )
-        for name, values in instead:
-            found[name] = found[name]._replace(text=found[name]._replace(values=values).texts)
-        texts = ["" if row.explained[0] == "–" else ", k = ".join(row.explained) for row in rows]
-        found["explained_by"] = Column(texts, "", "modes and order of the resonance; ? where unsure")
-        for name in ("ratios", "combination", "candidates"):
-            found[name] = Column([getattr(row, name) for row in rows], axes=())
-        return found
+
+    def _speeds(
+        self,
+        values: Sequence[float | None],
+        meaning: str,
+        heading: str = "",
+        shown: Sequence[float | None] | None = None,
+    ) -> Column:
+        """shown: what stands in tables instead of the values."""
+        column = speeds_of(self.system, values, meaning, heading, ".3f")
+        return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 
     def facts(self) -> Facts:
         return [("between", self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and"))]

@@ -90,8 +90,7 @@ def critical_speeds(
     rest = MeanFrequencies(system, np.array([0.0]))
     # Where there are no matrices at rest, frequencies at a speed stand for those.
     first = rest if np.isfinite(rest.values).all() else MeanFrequencies(system, np.array([low]))
-    grid = _refined_grid(omegas, float(first.values[0, 0]), orders)
-    grid = np.unique(np.concatenate((grid, resonances(first, omegas[0], omegas[-1]))))
+    grid = _refined_grid(omegas, first, orders)
     batch = task.batch(grid[:, None])
     without = replace(task, request=replace(task.request, orbit=False)).batch(grid[:, None])
     search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance))
@@ -104,15 +103,6 @@ def critical_speeds(
         with stage("speeds", len(grid)):
             frequencies.values  # noqa: B018 - cached from here on
         rows = _rows(search, grid, found, frequencies, rest, orders, step)
-    skipped = frequencies.values[:, 0] > (orders + 0.5) * grid
-    if skipped.any():
-        limit = system.speed_unit.text(float(grid[skipped].max()), ".4g")
-        notes = [*notes, f"below {limit} only orders above {orders} lie: no maxima are looked for"]
-    if found.failures:
-        notes = [
-            *notes,
-            without_result(grid, found.failed, system.speed_unit, next(iter(found.failures.values()))),
-        ]
     return CriticalSpeeds(
         system,
         name,
@@ -127,22 +117,33 @@ def critical_speeds(
         frequencies.values,
         orders,
         frequencies.imaginary,
-        notes,
+        [*notes, *_left_out(system, grid, frequencies, found, orders)],
     )
 
 
-def _refined_grid(omegas: Array, lowest: float, orders: int) -> Array:
-    """The speeds, and others so that orders of the lowest frequency up to `orders` are resolved."""
-    low, high = omegas[0], omegas[-1]
-    if not lowest > 0:
-        return omegas
+def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int) -> Array:
+    """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and those of
+    resonances."""
+    low, high, lowest = omegas[0], omegas[-1], float(frequencies.values[0, 0])
+    between = np.empty(0)
     first, last = lowest / high, min(lowest / low, orders + 1.0)
-    if last <= first:
-        return omegas
-    count = int(np.ceil((last - first) * _A_DIVISION)) + 1
-    require_size("speeds between the divisions up to that order", count, orders)
-    ratios = np.linspace(first, last, count)
-    return np.unique(np.concatenate((omegas, np.clip(lowest / ratios, low, high))))
+    if last > first > 0:
+        count = int(np.ceil((last - first) * _A_DIVISION)) + 1
+        require_size("speeds between the divisions up to that order", count, orders)
+        between = np.clip(lowest / np.linspace(first, last, count), low, high)
+    return np.unique(np.concatenate((omegas, between, resonances(frequencies, low, high))))
+
+
+def _left_out(
+    system: PeriodicSystem, grid: Array, frequencies: MeanFrequencies, found: PointResults, orders: int
+) -> Iterator[str]:
+    """Where no maxima are looked for, and where there is no result."""
+    unit, skipped = system.speed_unit, frequencies.values[:, 0] > (orders + 0.5) * grid
+    if skipped.any():
+        limit = unit.text(float(grid[skipped].max()), ".4g")
+        yield f"below {limit} only orders above {orders} lie: no maxima are looked for"
+    if found.failures:
+        yield without_result(grid, found.failed, unit, next(iter(found.failures.values())))
 
 
 @dataclass

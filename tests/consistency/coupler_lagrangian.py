@@ -33,6 +33,18 @@ class Linearised:
     drive_torque: np.ndarray
     axial_force: np.ndarray
 
+    def errors(self, *others: np.ndarray) -> dict[str, float]:
+        """How far other M, B, C, h are off, each by its scale."""
+        here = {"M": self.M, "B": self.B, "C": self.C, "h": self.h}
+        scales = {label: abs(part).max() for label, part in here.items()} | {"C": variation(self.C)}
+        pairs = zip(here.items(), others, strict=True)
+        return {label: abs(other - part).max() / scales[label] for (label, part), other in pairs}
+
+
+def variation(matrix: np.ndarray) -> float:
+    """Largest change of an entry over the turn: the scale of C without its constant elastic part."""
+    return np.ptp(matrix, axis=0).max()
+
 
 def linearised(phase, speed: float, parameters: Mapping[str, float], modes: int, side: float) -> Linearised:
     """Linear equations at phases (m,) in rad; `side` +1 puts joint B on the left of the line from A to C."""

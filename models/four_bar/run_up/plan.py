@@ -184,10 +184,8 @@ def plan_below(
     return least_change(speeds, *passage, float(L4[own]), rate, (float(L4[own]), None))
 
 
-def least_cap(
-    speeds: Array, L4: Array, ratio: Array, own: int, rate: float, returns: bool, tolerance: float = 1e-3
-) -> float:
-    """The smallest cap (to the relative tolerance, from above) for which `plan_below` has a plan."""
+def least_cap(speeds: Array, L4: Array, ratio: Array, own: int, rate: float, returns: bool) -> float:
+    """The smallest cap (to 1e-3 of itself, from above) for which `plan_below` has a plan."""
     reached = arrival(ratio)[-1]
     low = float(max(reached[own] if returns else reached.min(), ratio[0, own]))
     high, best = low, np.inf
@@ -198,7 +196,7 @@ def least_cap(
             return np.inf
         else:
             low, high = high, 1.1 * high
-    while best - low > tolerance * best and low < best:
+    while best - low > 1e-3 * best and low < best:
         middle = (low + best) / 2
         if plan_below(speeds, L4, ratio, middle, own, rate, returns):
             best = middle

@@ -4,13 +4,13 @@ import json
 import math
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import models.four_bar
-from models.four_bar.__main__ import run
 from models.four_bar.linkage import Linkage
 from models.four_bar.rigid.forces import bodies, joint_forces
 from solve import case_numbers
@@ -27,16 +27,9 @@ KEYS = {
 
 
 @pytest.fixture
-def answer(capsys, monkeypatch):
-    """Standard output and standard error of the command, which must succeed."""
-    monkeypatch.setenv("COLUMNS", "80")
-
-    def ask(*arguments: str) -> tuple[str, str]:
-        assert run(["linkage", *arguments]) == 0
-        written = capsys.readouterr()
-        return written.out, written.err
-
-    return ask
+def answer(answer):
+    """Of the command `linkage`."""
+    return partial(answer, "linkage")
 
 
 def work_of_the_drive():
@@ -215,14 +208,9 @@ def test_pictures_are_written(answer, tmp_path):
         (("more",), "unexpected extra argument"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(arguments, says, capsys, tmp_path, monkeypatch):
+def test_bad_input_is_one_line_and_status_2(arguments, says, refusal, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert run(["linkage", *arguments]) == 2
-    written = capsys.readouterr()
-    assert written.out == ""
-    assert written.err.count("\n") == 1
-    assert written.err.startswith("python -m models.four_bar: ")
-    assert says in written.err
+    assert says in refusal("linkage", *arguments)
     assert list(tmp_path.iterdir()) == []
 
 

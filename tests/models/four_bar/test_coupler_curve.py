@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import solve
-from models.four_bar.__main__ import run
 from models.four_bar.linkage import Linkage
 from models.four_bar.results.curve import coupler_curve
 
@@ -41,19 +40,6 @@ def test_a_point_beside_the_axis_turns_with_its_section(orbit):
         on, beside = (coupler_curve(orbit.system, orbit, along, across, PHASE) for across in (0.0, 0.05))
         carried = 1j * q[f"coupler_{end}_turn"] * (beside.rigid - on.rigid)
         np.testing.assert_allclose(beside.deviation - on.deviation, carried, atol=1e-15)
-
-
-@pytest.fixture
-def answer(capsys, monkeypatch):
-    """Standard output and standard error of a command, which must succeed."""
-    monkeypatch.setenv("COLUMNS", "80")
-
-    def ask(*arguments: str) -> tuple[str, str]:
-        assert run(arguments) == 0
-        written = capsys.readouterr()
-        return written.out, written.err
-
-    return ask
 
 
 def test_the_command_curve(answer, orbit, tmp_path):
@@ -101,9 +87,5 @@ def test_the_command_modes_tells_what_uncoupling_errs_by(answer, tmp_path):
         (("modes", "--count", "10"), "allowed: 1 to 9"),
     ],
 )
-def test_bad_input_is_answered_in_one_line(arguments, said, capsys):
-    assert run(arguments) == 2
-    written = capsys.readouterr()
-    assert written.out == ""
-    assert said in written.err
-    assert written.err.count("\n") == 1
+def test_bad_input_is_answered_in_one_line(arguments, said, refusal):
+    assert said in refusal(*arguments)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import solve
-from models.four_bar.__main__ import run
 from models.four_bar.design import damping_effects, designed, plan_to_last
 from models.four_bar.design_map import DesignError, allowed_lengths, checked_allowable, design_map
 from models.four_bar.linkage import Linkage
@@ -182,12 +181,9 @@ def test_a_coarse_start_finds_the_same_map(design):
     assert between == pytest.approx(design.map.own_ratio, rel=0.03)
 
 
-def test_json(capsys):
-    assert (
-        run(["design", "--allowable", "crank=100 MPa,coupler=90MPa,follower=100 MPa", "--json", *SMALL]) == 0
-    )
-    written = capsys.readouterr()
-    record = json.loads(written.out)
+def test_json(answer):
+    out, _ = answer("design", "--allowable", "crank=100 MPa,coupler=90MPa,follower=100 MPa", "--json", *SMALL)
+    record = json.loads(out)
     assert set(record) >= KEYS
     assert record["allowable"] == {"crank": 100e6, "coupler": 90e6, "follower": 100e6}
     assert np.shape(record["stress"]["crank"]) == (len(record["speeds"]), len(record["L4"]))
@@ -221,12 +217,10 @@ def test_compression_beyond_what_a_link_bears_is_told():
 
 
 @pytest.mark.slow
-def test_report_fits_a_terminal_and_files_are_written(capsys, monkeypatch, tmp_path):
-    monkeypatch.setenv("COLUMNS", "80")
+def test_report_fits_a_terminal_and_files_are_written(answer, tmp_path):
     picture, data = tmp_path / "design.png", tmp_path / "design.npz"
     files = ("--plot", str(picture), "--save", str(data))
-    assert run(["design", "--allowable", "100 MPa", *SMALL, *files]) == 0
-    out = capsys.readouterr().out
+    out, _ = answer("design", "--allowable", "100 MPa", *SMALL, *files)
     assert max(map(len, out.splitlines())) <= 80
     assert "a plan exists" in out
     assert picture.stat().st_size > 20_000
@@ -261,12 +255,8 @@ def test_report_fits_a_terminal_and_files_are_written(capsys, monkeypatch, tmp_p
         (("--allowable", "100 MPa", "--option", "element=dynamic"), "no equations of motion"),
     ],
 )
-def test_refusals_are_one_line(arguments, message, capsys):
-    assert run(["design", *arguments]) == 2
-    written = capsys.readouterr()
-    assert message in written.err
-    assert written.out == ""
-    assert len([line for line in written.err.splitlines() if " so far" not in line]) == 1
+def test_refusals_are_one_line(arguments, message, refusal):
+    assert message in refusal("design", *arguments)
 
 
 def test_allowable_stresses_are_checked():

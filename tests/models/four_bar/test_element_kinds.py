@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import solve
-from models.four_bar.__main__ import run
 from models.four_bar.results.element_kinds import element_kinds
 from solve.errors import ValueOutOfBoundsError
 
@@ -35,14 +34,13 @@ def test_a_panel_a_frequency_and_a_curve_a_kind(made):
     np.testing.assert_array_equal(axes[1].lines[0].get_ydata()[:-1], made.values[0, :, 1])
 
 
-def test_the_command_gives_the_means_of_the_thesis(capsys, tmp_path):
-    assert run(["elements", "--json", "--kinds", "cubic:1,dynamic:1", "--plot", str(tmp_path / "k.png")]) == 0
-    rows = json.loads(capsys.readouterr().out)["kinds"]
+def test_the_command_gives_the_means_of_the_thesis(answer, tmp_path):
+    out, _ = answer("elements", "--json", "--kinds", "cubic:1,dynamic:1", "--plot", str(tmp_path / "k.png"))
+    rows = json.loads(out)["kinds"]
     assert rows[0]["means"] == pytest.approx([184.085, 363.082, 577.383, 867.215], abs=5e-4)
     assert rows[1]["means"] == pytest.approx([166.535, 353.486, 529.454, 682.538], abs=5e-4)
     assert (tmp_path / "k.png").stat().st_size > 10_000
-    assert run(["elements", "--kinds", "cubic:1"]) == 0
-    assert "+10.538 %" in capsys.readouterr().out
+    assert "+10.538 %" in answer("elements", "--kinds", "cubic:1")[0]
 
 
 @pytest.mark.parametrize(
@@ -53,9 +51,8 @@ def test_the_command_gives_the_means_of_the_thesis(capsys, tmp_path):
         (["--count", "0"], "0 frequencies at 36 positions; allowed: 1 … 9 at 1 … 3600"),
     ],
 )
-def test_bad_input_is_answered_in_one_line(arguments, said, capsys):
-    assert run(["elements", *arguments]) == 2
-    assert capsys.readouterr().err == f"python -m models.four_bar: {said}\n"
+def test_bad_input_is_answered_in_one_line(arguments, said, refusal):
+    assert refusal("elements", *arguments) == said
 
 
 def test_numbers_are_checked_in_python_too():

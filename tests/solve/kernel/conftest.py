@@ -1,8 +1,13 @@
 """An empty cache of compiled code, and other widths of the lanes."""
 
+import platform
+
 import pytest
 
 from solve.kernel import compiler, library
+
+LACKING = {8: (), 4: ("-mno-avx512f",), 2: ("-mno-avx512f", "-mno-avx")}
+"""Flags of the compiler under which registers hold so many numbers, or less."""
 
 
 @pytest.fixture
@@ -26,7 +31,10 @@ def own_cache(tmp_path, nothing_remembered, monkeypatch):
     return tmp_path / "cache" / "parametric-vibration"
 
 
-@pytest.fixture
-def compiled_for(nothing_remembered, monkeypatch):
-    """Lets code be compiled as for a processor that lacks something."""
-    return lambda *flags: monkeypatch.setattr(compiler, "MACHINE", (*compiler.MACHINE, *flags))
+@pytest.fixture(params=LACKING)
+def width(request, nothing_remembered, monkeypatch):
+    """How many numbers registers hold at most: code is compiled as for a processor without wider ones."""
+    if platform.machine() not in ("x86_64", "AMD64"):
+        pytest.skip("flags are those of x86")
+    monkeypatch.setattr(compiler, "MACHINE", (*compiler.MACHINE, *LACKING[request.param]))
+    return request.param

@@ -7,7 +7,6 @@ import solve
 from solve.kernel.formulas import columns
 from solve.labels import SPEED
 from tests.solve.kernel.test_lanes import needs_compiler
-from tests.solve.kernel.test_widths import LACKING, on_x86
 
 MODELS = "cam", "coupler", "gear_pair", "manipulator", "mathieu"
 
@@ -44,9 +43,6 @@ def test_every_model(name):
 
 
 @needs_compiler
-@on_x86
-@pytest.mark.parametrize("width", LACKING)
-def test_every_width(compiled_for, width):
-    compiled_for(*LACKING[width])
+def test_every_width(width):
     for count in (1, 9):
         same(*both("mathieu", ["delta"], count))

@@ -15,7 +15,6 @@ from solve.model.sampling import Sampler
 from solve.period.curve import Curve
 from solve.period.quantities import FIGURES, Quantities
 from tests.solve.kernel.test_lanes import needs_compiler
-from tests.solve.kernel.test_widths import LACKING, on_x86
 
 SAME = 1e-12
 
@@ -128,10 +127,7 @@ def quantities(points, engine):
 
 
 @needs_compiler
-@on_x86
-@pytest.mark.parametrize("width", LACKING)
-def test_formulas_are_those_of_casadi_at_every_width(compiled_for, width):
-    compiled_for(*LACKING[width])
+def test_formulas_are_those_of_casadi_at_every_width(width):
     assert quantities(11, COMPILED)._compiled_figures() is not None
     compared(quantities(11, COMPILED).figures(), quantities(11, NUMPY).figures())
 

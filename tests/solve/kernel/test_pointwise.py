@@ -9,7 +9,6 @@ from solve.kernel.engines import COMPILED, NUMPY
 from solve.kernel.formulas import columns
 from solve.period.curve import Curve
 from tests.solve.kernel.test_lanes import needs_compiler
-from tests.solve.kernel.test_widths import LACKING, on_x86
 
 VARIED = {
     "cam": ("k3", "a2"),
@@ -45,10 +44,7 @@ def test_every_model(name):
 
 
 @needs_compiler
-@on_x86
-@pytest.mark.parametrize("width", LACKING)
-def test_every_width(compiled_for, width):
-    compiled_for(*LACKING[width])
+def test_every_width(width):
     for points in (1, 9):
         same(*both("mathieu", points))
 
@@ -87,10 +83,7 @@ def test_every_model_along_a_motion(name):
 
 
 @needs_compiler
-@on_x86
-@pytest.mark.parametrize("width", LACKING)
-def test_every_width_along_a_motion(compiled_for, width):
-    compiled_for(*LACKING[width])
+def test_every_width_along_a_motion(width):
     for points in (1, 9):
         same(*linearised_along("manipulator", points))
 

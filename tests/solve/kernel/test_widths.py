@@ -1,7 +1,5 @@
 """Lanes are as wide as the processor's registers, and their number changes no result."""
 
-import platform
-
 import numpy as np
 import pytest
 
@@ -12,17 +10,9 @@ from solve.kernel.library import Size, lanes
 from tests.solve import systems
 from tests.solve.kernel.test_lanes import grids, needs_compiler, same
 
-LACKING = {8: (), 4: ("-mno-avx512f",), 2: ("-mno-avx512f", "-mno-avx")}
-"""Flags of the compiler under which registers hold so many numbers, or less."""
-
-on_x86 = pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="flags are those of x86")
-
 
 @needs_compiler
-@on_x86
-@pytest.mark.parametrize("width", LACKING)
-def test_the_compiler_chooses_the_width(compiled_for, width):
-    compiled_for(*LACKING[width])
+def test_the_compiler_chooses_the_width(width):
     macros = compiler.c_compiler()[1]
     has = 8 if "__AVX512F__" in macros else 4 if "__AVX__" in macros else 2
     assert has <= width
@@ -30,11 +20,8 @@ def test_the_compiler_chooses_the_width(compiled_for, width):
 
 
 @needs_compiler
-@on_x86
-@pytest.mark.parametrize("width", LACKING)
 @pytest.mark.parametrize("method", [solve.Radau(5), solve.Gauss(4)], ids=["radau", "gauss"])
-def test_every_width_gives_what_numpy_gives(compiled_for, width, method):
-    compiled_for(*LACKING[width])
+def test_every_width_gives_what_numpy_gives(width, method):
     family = over_speed(systems.random_system(7, 3))
     for points, steps in ((1, 24), (1, 7), (11, 24)):
         for own in (False, True):

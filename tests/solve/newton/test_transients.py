@@ -199,7 +199,7 @@ def test_a_nonlinear_motion_too_stiff_for_its_steps_is_refused_soon(monkeypatch)
 
 @pytest.mark.slow
 def test_steps_of_a_start_that_excites_fast_modes_are_many_for_a_while_only():
-    """Of the first turn's 760 000 steps, those of the first of 256 equal times are more than the mean allows."""
+    """Of the first turn's 760 000 steps, the first of 256 equal times takes more than the mean allows."""
     found = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1, nonlinear=True)
     linear = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1)
     assert found.q[:, -1] == pytest.approx(linear.q[:, -1], rel=1e-3)

@@ -174,7 +174,8 @@ def test_growth_is_said_in_the_picture():
     assert "unstable" not in steady.plot()._supxlabel.get_text()
 
 
-def test_an_animation_has_its_frames_and_runs_without_end(mathieu):
+def test_an_animation_has_its_frames_and_runs_without_end(mathieu, coupler):
+    assert len(coupler.drawn(still=False).phase) == 90
     image = Image.open(BytesIO(gif(mathieu)))
     assert image.format == "GIF"
     assert (image.n_frames, image.info["loop"], image.info["duration"]) == (5, 0, 40)

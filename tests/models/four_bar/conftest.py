@@ -1,0 +1,34 @@
+"""Commands of the four-bar, run inside the process."""
+
+import pytest
+
+from models.four_bar.__main__ import run
+
+
+@pytest.fixture
+def answer(capsys, monkeypatch):
+    """Standard output and standard error of a command, which must succeed."""
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def ask(*arguments: str) -> tuple[str, str]:
+        assert run(arguments) == 0
+        written = capsys.readouterr()
+        return written.out, written.err
+
+    return ask
+
+
+@pytest.fixture
+def refusal(capsys):
+    """What a command says in the one line with which it refuses; lines of how far it is are not meant."""
+
+    def ask(*arguments: str) -> str:
+        assert run(arguments) == 2
+        written = capsys.readouterr()
+        assert written.out == ""
+        (line,) = (line for line in written.err.splitlines() if " so far" not in line)
+        program, said = line.split(": ", 1)
+        assert program == "python -m models.four_bar"
+        return said
+
+    return ask
