@@ -24,7 +24,6 @@ from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
-from solve.studies.boundaries import LIGHTLY_DAMPED
 from solve.studies.explained import (
     CLOSE,
     Explained,
@@ -36,6 +35,7 @@ from solve.studies.explained import (
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
 from solve.studies.mean_frequencies import MeanFrequencies, combinations, crossed, resonances
+from solve.studies.tongues import LIGHTLY_DAMPED
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
 

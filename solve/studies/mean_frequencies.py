@@ -14,8 +14,8 @@ from solve.arrays import Array
 from solve.errors import SolveError
 from solve.progress import part
 from solve.results.critical_rows import Combination
-from solve.studies.boundaries import LIGHTLY_DAMPED
 from solve.studies.mean_modes import mean_modes
+from solve.studies.tongues import LIGHTLY_DAMPED
 from solve.system import PeriodicSystem
 
 _SECANTS = 4
