@@ -311,10 +311,10 @@ def _inside(lines: int) -> int:
     return max(1, min(15, _TOGETHER // max(lines, 1)))
 
 
-def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promising: float = 1.0) -> Judged:
+def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, predicted: float = 1.0) -> Judged:
     """Unstable points between stable ones that are neighbours on lines, three a line (k,).
 
-    Where one of the gaps is least at the middle, its minimum is followed by parabolas; `promising`: part
+    Where one of the gaps is least at the middle, its minimum is followed by parabolas; `predicted`: part
     of the middle's gap below which the first parabola must predict the minimum.
     """
     gaps = np.stack([part.gaps for part in (before, middle, after)], axis=1)
@@ -326,7 +326,7 @@ def hidden(judge: Judge, before: Judged, middle: Judged, after: Judged, promisin
     whole = np.linalg.norm(after.points - before.points, axis=1)[line]
     t = np.column_stack((np.zeros(len(line)), place / np.where(whole > 0, whole, 1.0), np.ones(len(line))))
     h = gaps[line, :, way]
-    chosen = _vertex(t, h)[1] <= promising * h[:, 1]
+    chosen = _vertex(t, h)[1] <= predicted * h[:, 1]
     start, span = before.points[line[chosen]], (after.points - before.points)[line[chosen]]
     return _descended(judge, start, span, way[chosen], t[chosen], h[chosen])
 

@@ -33,7 +33,7 @@ from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_
 Names = tuple[str, str]
 Speed = float | str | None
 
-_PROMISING = 0.3
+_PREDICTED = 0.3
 """Of a gap between grid points, the part to which a parabola must bring it down to be followed."""
 
 
@@ -264,7 +264,7 @@ def _boundaries(
         before, middle, after = (
             known[part.ravel()] for part in (index[:, :-2], index[:, 1:-1], index[:, 2:])
         )
-        found = hidden(search.judge, before, middle, after, _PROMISING)
+        found = hidden(search.judge, before, middle, after, _PREDICTED)
         every, looked = known + found, np.zeros((len(index), index.shape[1] - 2), dtype=bool)
         while len(found.points):
             near = _beside(found.points, axes, along, looked)
