@@ -40,8 +40,8 @@ def report(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Report:
-    """Vibration and stability at a speed, natural frequencies and what matters most; over the speeds response,
-    critical speeds, unstable bands and validity.
+    """Vibration and stability at a speed, natural frequencies and what matters most; over the speeds
+    response, critical speeds, unstable bands and validity.
 
     speeds: in rad/s, texts with unit, or one text such as "100:900:81 rpm". speed: in rad/s or a text with
     unit, by default that of the case. rtol: at the speed; over the speeds 1e-6 where that is more.

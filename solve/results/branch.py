@@ -35,9 +35,9 @@ class Branch(Result):
     """Points (P,) along a branch.
 
     speeds: in rad/s. peaks (P, n): largest moduli of the coordinates. radius: spectral radii. errors (P, 2):
-    relative ones of the orbits, and those of the radii. turns: whether the branch turns back there. rtol: what
-    was asked of the orbits. ended: why the branch ends within the range of speeds, or an empty text. notes:
-    what the engine has to say.
+    relative ones of the orbits, and those of the radii. turns: whether the branch turns back there. rtol:
+    what was asked of the orbits. ended: why the branch ends within the range of speeds, or an empty text.
+    notes: what the engine has to say.
     """
 
     _rows: ClassVar[str] = "points"

@@ -31,9 +31,9 @@ _ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps"
 class Kept:
     """What is kept of a point beside its stability.
 
-    names: quantities of which figures are kept. spectra: those of which so many harmonics are. warnings:
-    whether the texts are. meetings: whether multipliers that meet on the unit circle are looked at; the
-    verdict on these may be "unstable" though none is outside.
+    names: quantities of which figures are kept. spectra: those of which the amplitudes of so many harmonics
+    are kept too. warnings: whether the texts are. meetings: whether multipliers that meet on the unit circle
+    are looked at; the verdict on these may be "unstable" though none is outside.
     """
 
     names: tuple[str, ...] = ()

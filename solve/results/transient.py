@@ -378,9 +378,10 @@ def between_states(nodes: Array, motions: Array, jumps: bool) -> Array:
     """Error (turns,) between the states of the curves through motions (turns, 3, n, k), relative to the
     largest of each coordinate and its rates.
 
-    It follows from what curves through every other state miss at those between. For q and its first and second
-    derivative that falls with the sixth, fifth and fourth power of the steps; of the second derivative a tenth
-    counts. Where the equations jump it falls with the second power, and second derivatives are left out.
+    It follows from what curves through every other state miss at those between. For q and its first and
+    second derivative that falls with the sixth, fifth and fourth power of the steps; of the second derivative
+    a tenth counts. Where the equations jump it falls with the second power, and second derivatives are left
+    out.
     """
     coarse, off = _curves(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
     for order in range(2 if jumps else 3):

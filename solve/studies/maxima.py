@@ -41,9 +41,9 @@ def sharpened(
     relative to its speed. value: of speeds (m,), NaN where there is none.
 
     The highest point known is kept between its neighbours, which bracket the maximum. The first two rounds
-    divide a bracket evenly: it may hold several maxima, such as one where a pair of multipliers has met on the
-    real axis. Each further round tries the vertex of the parabola through the three points, points beside it,
-    and the middles of both sides: these halve the bracket where no parabola fits, as beside a jump.
+    divide a bracket evenly: it may hold several maxima, such as one where a pair of multipliers has met on
+    the real axis. Each further round tries the vertex of the parabola through the three points, points beside
+    it, and the middles of both sides: these halve the bracket where no parabola fits, as beside a jump.
     """
     if len(top) == 0:
         return []
