@@ -1,8 +1,8 @@
 """Phases where steps and kinks of the phase lie: the `breaks` of a generated module.
 
 A switch is brought to the form A cos(aφ+b) + B sin(aφ+b) + c, or to an angle less whole turns, whose
-zeros are known; of a function that itself switches, the zeros of every branch are taken, which may be
-more than there are and does no harm.
+zeros are known. Where a switch holds another, the zeros of all branches are taken: these may be more than
+there are, which does no harm.
 """
 
 from collections.abc import Iterable, Iterator

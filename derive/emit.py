@@ -20,6 +20,7 @@ from derive.function_text import (
     breaks_text,
     function_text,
     options_text,
+    tuple_lines,
     varying_text,
 )
 from derive.galerkin import Projection, project
@@ -197,7 +198,7 @@ def _reasons(equations: Equations) -> list[str]:
     if equations.no_drive_torque:
         lines.append(f"NO_DRIVE_TORQUE = {literal(equations.no_drive_torque)}")
     if equations.nonlinear:
-        lines += ["NONLINEAR = (", *(f"    {literal(each)}," for each in equations.nonlinear), ")"]
+        lines += tuple_lines("NONLINEAR", [*map(literal, equations.nonlinear)])
     return lines
 
 
@@ -211,7 +212,7 @@ def _for_reading(mechanism: Mechanism, equations: Equations, operations: int) ->
 
 def equations_text(found: Sequence[Equation], projection: Projection | None = None) -> str:
     """EQUATIONS, a MathML element each."""
-    return "\n".join(["EQUATIONS = (", *(f"    {literal(each)}," for each in mathml(found, projection)), ")"])
+    return "\n".join(tuple_lines("EQUATIONS", [*map(literal, mathml(found, projection))]))
 
 
 def functions_text(
@@ -329,9 +330,7 @@ def constants(
         rows["SKETCH"] = [(each.name, each.unit, each.kind) for each in mechanism.declared_sketches]
     lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
     for name, tuples in rows.items():
-        lines += (
-            [f"{name} = (", *(f"    {literal(row)}," for row in tuples), ")"] if tuples else [f"{name} = ()"]
-        )
+        lines += tuple_lines(name, [*map(literal, tuples)])
     lines += [
         f"VALIDITY = {json.dumps(mechanism.validity)}",
         f"PERIOD = {CasadiPrinter().doprint(sympy.sympify(mechanism.period))}",

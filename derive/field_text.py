@@ -20,6 +20,15 @@ COLUMN = '''\
 def _column(integral, count):
     """An integral of one mode for every row j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])'''
+RESIDUAL = '''\
+def _residual(name, matrices):
+    """r of the equations with the matrices, which are a function of the drive and the parameters."""
+    *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
+    q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
+    M, C, K, d = matrices(*drive, p)
+    names = [*matrices.name_in()[:-1], "q", "qd", "qdd", "p"]
+    r = M @ qdd + C @ qd + K @ q - d
+    return casadi.Function(name, [*drive, q, qd, qdd, p], [r], names, ["r"])'''
 AMPLITUDES = ("coordinates", "rates", "accelerations")
 
 
@@ -59,6 +68,7 @@ def field_tools(projection: Projection) -> list[str]:
         _modes(projection.deflection),
         *([PAIRS] if projection.pairs else []),
         *([COLUMN] if projection.moments else []),
+        RESIDUAL,
         *(_pair(name, pair) for name, pair in projection.pairs.items()),
         *(_moment(name, moment) for name, moment in projection.moments.items()),
     ]
@@ -71,36 +81,16 @@ def field_functions(deflection: Field, given: str, options: Sequence[str]) -> li
     """
     passed = ", ".join(f"{name}={name}" for name in options)
     modes = deflection.modes
-    residual = f'''\
-def residual({given}):
-    """r of the equation of motion r = 0; linear, as the projected equations are."""
-    matrices = linearised({passed})
-    phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")
-    q, qd, qdd = (casadi.SX.sym(name, matrices.size1_out("d")) for name in ("q", "qd", "qdd"))
-    p = casadi.SX.sym("p", len(PARAMETERS))
-    M, C, K, d = matrices(phase, speed, p)
-    return casadi.Function(
-        "residual",
-        [phase, speed, q, qd, qdd, p],
-        [M @ qdd + C @ qd + K @ q - d],
-        ["phase", "speed", "q", "qd", "qdd", "p"],
-        ["r"],
-    )'''
-    varying = f'''\
-def residual_varying({given}):
-    """r where the speed varies; linear too."""
-    matrices = linearised_varying({passed})
-    phase, speed, acceleration = (casadi.SX.sym(name) for name in ("phase", "speed", "acceleration"))
-    q, qd, qdd = (casadi.SX.sym(name, matrices.size1_out("d")) for name in ("q", "qd", "qdd"))
-    p = casadi.SX.sym("p", len(PARAMETERS))
-    M, C, K, d = matrices(phase, speed, acceleration, p)
-    return casadi.Function(
-        "residual_varying",
-        [phase, speed, acceleration, q, qd, qdd, p],
-        [M @ qdd + C @ qd + K @ q - d],
-        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
-        ["r"],
-    )'''
+    residuals = [
+        f'''\
+def residual{suffix}({given}):
+    """{doc}, as the projected equations are."""
+    return _residual("residual{suffix}", linearised{suffix}({passed}))'''
+        for suffix, doc in (
+            ("", "r of the equation of motion r = 0; linear"),
+            ("_varying", "r where the speed varies; linear"),
+        )
+    ]
     fields = f'''\
 def fields({given}):
     """Mode functions of each of FIELDS at a fraction xi of its length."""
@@ -108,7 +98,7 @@ def fields({given}):
     xi = casadi.SX.sym("xi")
     shapes = _{deflection.name}(xi, 0, {modes})
     return casadi.Function("fields", [xi], [shapes], ["xi"], ["{deflection.name}"])'''
-    return [residual, varying, fields]
+    return [*residuals, fields]
 
 
 def _points(deflection: Field) -> dict[sympy.Symbol, str]:

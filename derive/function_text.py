@@ -82,12 +82,17 @@ def function_text(
     return f"def {function.name}({options_text(mechanism)}):\n{text}", count
 
 
+def tuple_lines(name: str, entries: Sequence[str]) -> list[str]:
+    """A tuple of the generated module, an entry a line."""
+    return [f"{name} = (", *(f"    {entry}," for entry in entries), ")"] if entries else [f"{name} = ()"]
+
+
 def breaks_text(mechanism: Mechanism, passages: Sequence[Passage]) -> str:
     """BREAKS where no number moves them, else a function of the speed and the parameters."""
     symbols = set().union(*(each.symbols for each in passages))
-    lines = ["0.0,", *(f"{each.text}," for each in passages)]
+    phases = ["0.0", *(each.text for each in passages)]
     if not symbols:
-        return "\n".join(["BREAKS = (", *(f"    {line}" for line in lines), ")"])
+        return "\n".join(tuple_lines("BREAKS", phases))
     names = [each.symbol.name for each in mechanism.declared_parameters]
     body = [
         '"""Phases at which the matrices jump or have kinks, some of them more than once."""',
@@ -95,7 +100,7 @@ def breaks_text(mechanism: Mechanism, passages: Sequence[Passage]) -> str:
         f"{_wrapped(names)} = p" if names else "",
         *in_si(mechanism),
         "return [",
-        *(f"    {line}" for line in lines),
+        *(f"    {phase}," for phase in phases),
         "]",
     ]
     options = options_text(mechanism)

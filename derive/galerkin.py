@@ -1,8 +1,8 @@
 """Galerkin's projection of a deflection on its mode functions.
 
 At one place of the link, w, w′ and w″ obey Lagrange's equations of the energies a length as if they were
-coordinates; their linearised rows r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, a and b counting
-derivatives by x, make those of the amplitudes: ∫ Σ_a ψ_j^(a) r_a dx = 0. The coefficients are
+coordinates. Their linearised rows are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where a and b count
+derivatives by x. The equations of the amplitudes follow: ∫ Σ_a ψ_j^(a) r_a dx = 0. The coefficients are
 polynomials of x, so that constant integrals of mode functions remain.
 
 The shortening u = ½∫w′² is of second order. Lagrange's row of u is a force F_u along the link, of which

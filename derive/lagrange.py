@@ -49,10 +49,10 @@ def accelerated(expression: Any) -> Any:
 def drive_torque(mechanism: Mechanism, residual: Iterable[Any]) -> sympy.Expr:
     """Torque of the drive, N m, from the row of the phase (chapter Eq. (51)) and those of the coordinates.
 
-    The row of a coordinate that merely adds to the phase, as the twist of a shaft does, is
-    subtracted: it vanishes on every motion, and what remains is the torque in that shaft, without
-    the error that a motion of the linear equations would leave in the inertia terms. residual: the rows of
-    the coordinates, none where they lack a part of what acts.
+    The row of a coordinate that merely adds to the phase, as the twist of a shaft does, is subtracted. It
+    vanishes on every motion, and what remains is the torque in that shaft. On a motion of the linear
+    equations the inertia terms would leave an error without that. residual: the rows of the coordinates, none
+    where they lack a part of what acts.
     """
     torque = _row(mechanism, PHASE)
     accelerations = [each.symbol.rate.rate for each in mechanism.declared_coordinates]

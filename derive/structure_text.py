@@ -15,7 +15,7 @@ from derive.emit import (
     sketch_functions,
 )
 from derive.freshness import banner, hashed_module
-from derive.function_text import GeneratedFunction
+from derive.function_text import GeneratedFunction, tuple_lines
 from derive.reading import links
 from derive.structure import ELEMENT_NAMES, Structure
 from derive.structure_outputs import Observed, observed
@@ -116,4 +116,4 @@ def _data(structure: Structure, of_interest: list[Observed]) -> str:
 
 
 def _rows(name: str, rows: Sequence[tuple]) -> list[str]:
-    return [f"{name} = (", *(f"    {literal(row)}," for row in rows), ")"] if rows else [f"{name} = ()"]
+    return tuple_lines(name, [*map(literal, rows)])

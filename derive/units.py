@@ -64,7 +64,7 @@ SECOND = UNITS["s"]
 
 
 _LONGEST = 80
-"""Characters."""
+"""Characters of a unit, and of an expression in a message."""
 
 _COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))")
 """A power that is more than a number of one or two digits, and as many behind the point."""
@@ -207,7 +207,7 @@ def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimen
     return pairs[0][1]
 
 
-def short(expression: sympy.Basic, limit: int = 80) -> str:
+def short(expression: sympy.Basic) -> str:
     """Text of an expression for a message, cut where it is long."""
     text = str(expression)
-    return text if len(text) <= limit else text[: limit - 3] + "..."
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."

@@ -40,5 +40,5 @@ copybutton_prompt_text = r"\$ |>>> |\.\.\. "
 copybutton_prompt_is_regexp = True
 
 nitpicky = True
-# Types in signatures, of other libraries and of rooms within, have no page here; errors that are named do.
+# Types in signatures, of other libraries and of packages within, have no page here; errors that are named do.
 nitpick_ignore_regex = [(r"py:(?!exc).*", r".*")]

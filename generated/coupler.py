@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "d1477fbe765cd7bf13d6ac37b6bf1ab072ab6501540e629a7e4904f0a5389407"
+DERIVE_SHA256 = "09cd00b865e8c3d818c865b9134651b0ecfc8c2722ed630803596a6cdcb18f8b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f57dfaaaa47b75f51cecbb7fee458d55bc64930d2d5cf2d90624fe6c4c8f584c"
+FILE_SHA256 = "8b4ed1c52cc8cc866471eebc3d9e6e57c5b96b73ac5a984a1e6f69e79bd97a8c"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -139,6 +139,16 @@ def _pairs(integral, count):
 def _column(integral, count):
     """An integral of one mode for every row j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])
+
+
+def _residual(name, matrices):
+    """r of the equations with the matrices, which are a function of the drive and the parameters."""
+    *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
+    q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
+    M, C, K, d = matrices(*drive, p)
+    names = [*matrices.name_in()[:-1], "q", "qd", "qdd", "p"]
+    r = M @ qdd + C @ qd + K @ q - d
+    return casadi.Function(name, [*drive, q, qd, qdd, p], [r], names, ["r"])
 
 
 def _w_00_0(i, j):
@@ -589,34 +599,12 @@ def outputs_varying(*, modes=3, branch="open"):
 
 def residual(*, modes=3, branch="open"):
     """r of the equation of motion r = 0; linear, as the projected equations are."""
-    matrices = linearised(modes=modes, branch=branch)
-    phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")
-    q, qd, qdd = (casadi.SX.sym(name, matrices.size1_out("d")) for name in ("q", "qd", "qdd"))
-    p = casadi.SX.sym("p", len(PARAMETERS))
-    M, C, K, d = matrices(phase, speed, p)
-    return casadi.Function(
-        "residual",
-        [phase, speed, q, qd, qdd, p],
-        [M @ qdd + C @ qd + K @ q - d],
-        ["phase", "speed", "q", "qd", "qdd", "p"],
-        ["r"],
-    )
+    return _residual("residual", linearised(modes=modes, branch=branch))
 
 
 def residual_varying(*, modes=3, branch="open"):
-    """r where the speed varies; linear too."""
-    matrices = linearised_varying(modes=modes, branch=branch)
-    phase, speed, acceleration = (casadi.SX.sym(name) for name in ("phase", "speed", "acceleration"))
-    q, qd, qdd = (casadi.SX.sym(name, matrices.size1_out("d")) for name in ("q", "qd", "qdd"))
-    p = casadi.SX.sym("p", len(PARAMETERS))
-    M, C, K, d = matrices(phase, speed, acceleration, p)
-    return casadi.Function(
-        "residual_varying",
-        [phase, speed, acceleration, q, qd, qdd, p],
-        [M @ qdd + C @ qd + K @ q - d],
-        ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
-        ["r"],
-    )
+    """r where the speed varies; linear, as the projected equations are."""
+    return _residual("residual_varying", linearised_varying(modes=modes, branch=branch))
 
 
 def fields(*, modes=3, branch="open"):

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "d1477fbe765cd7bf13d6ac37b6bf1ab072ab6501540e629a7e4904f0a5389407"
+DERIVE_SHA256 = "09cd00b865e8c3d818c865b9134651b0ecfc8c2722ed630803596a6cdcb18f8b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a54e5f9a34b46c95fcb9f4b7dcab5eb28cc368614435c90f494410fc1b7f8bcf"
+FILE_SHA256 = "88712ee4328e23aab519cad6c96947c1fa88e9be787dcecfca87da0cbd93b96b"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

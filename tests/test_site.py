@@ -63,8 +63,8 @@ def test_every_public_name_says_what_it_is():
 
 def test_every_result_and_method_has_its_entry():
     modules = pkgutil.iter_modules(solve.results.__path__, "solve.results.")
-    rooms = [import_module(module.name) for module in modules]
-    results = [each for room in rooms for each in vars(room).values() if inspect.isclass(each)]
+    imported = [import_module(module.name) for module in modules]
+    results = [each for module in imported for each in vars(module).values() if inspect.isclass(each)]
     asked = {each for each in results if issubclass(each, Result)}
     asked |= {each for each in METHODS.values() if inspect.isclass(each)}
     assert len(asked) > 25

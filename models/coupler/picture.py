@@ -22,7 +22,7 @@ MOST_POSITIONS = 12
 
 _COLUMNS = 4
 _TURN_POINTS = 720
-_BULGE = 0.2
+_DRAWN = 0.2
 """Part of the coupler's length up to which an automatic magnification may bend it."""
 
 _MARGIN = 0.14
@@ -79,7 +79,7 @@ def round_magnification(model: Model, orbit: Orbit) -> float:
     anywhere in the turn; 1 where even that bends it more."""
     turn = np.arange(_TURN_POINTS) * (orbit.system.period / _TURN_POINTS)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
-    return rounded(_BULGE * model.parameters["l3"] / largest if largest else 1.0)
+    return rounded(_DRAWN * model.parameters["l3"] / largest if largest else 1.0)
 
 
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:

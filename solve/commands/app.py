@@ -11,9 +11,12 @@ if TYPE_CHECKING:
 
 
 class Program(NamedTuple):
-    """Commands under the name that the user types. package: where each has a file and a function of its
-    name; listed: what `--help` says of each, the first line of its own help too, where there are several;
-    about: what they are together, None for one alone; example: words of a call behind the name."""
+    """Commands under the name that the user types.
+
+    package: where each has a file and a function of its name. listed: a line about each, for the `--help` of
+    all; of several also the first line of its own. about: what they are together, None for one alone.
+    example: words of a call behind the name.
+    """
 
     name: str
     package: str

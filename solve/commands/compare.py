@@ -41,12 +41,12 @@ def compare(
 def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) -> list[Rule]:
     """The methods, each with those of the settings that it knows. Raises UnknownNameError, and
     ValueOutOfBoundsError for a setting that none of them knows."""
-    contestants = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
-    known = {name: settings_of(name) for name in contestants if name in METHODS}
+    asked = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
+    known = {name: settings_of(name) for name in asked if name in METHODS}
     for setting, value in settings.items():
         if value is not None and not any(setting in fields for fields in known.values()):
-            chosen(contestants[0], **{setting: value})
+            chosen(asked[0], **{setting: value})
     return [
         chosen(name, **{key: value for key, value in settings.items() if key in known.get(name, ())})
-        for name in contestants
+        for name in asked
     ]

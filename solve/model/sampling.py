@@ -76,8 +76,8 @@ def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] =
 
 def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
     """∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r of a generated residual, one after
-    another: a function of its inputs, of which q, qd and qdd are the last, and of the parameters that are
-    free, if any; the others are fixed."""
+    another. It is a function of the residual's inputs, the last of which are q, qd and qdd, and of the
+    parameters that are free, if any; the others are fixed."""
     import casadi
 
     names = [name for name in residual.name_in() if name != "p"]

@@ -134,13 +134,13 @@ def animate(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Animation:
-    """The mechanism as it moves over a period at a speed (rad/s, or a text with unit; by default that of the
-    case), or on an orbit that was calculated before, which has its own: rigid, and with its coordinates
-    multiplied by `scale`, chosen so that the vibration can be seen where none is given.
+    """The mechanism as it moves over a period, rigid and with its coordinates multiplied by `scale`; without
+    one the vibration is magnified until it can be seen.
 
-    Without a load the periodic vibration is zero; then the free one over eight periods is shown, the largest
-    coordinate 1. frames: of the animation, 90 (240 of a free vibration), or positions in a still, 6. show:
-    coordinates and outputs whose curves stand beside, by default the first four coordinates.
+    speed: in rad/s or a text with unit, by default that of the case; an orbit that was calculated before has
+    its own. Without a load the periodic vibration is zero; then the free one over eight periods is shown, the
+    largest coordinate 1. frames: of the animation, 90 (240 of a free vibration), or positions in a still, 6.
+    show: coordinates and outputs whose curves stand beside, by default the first four coordinates.
 
     `.save("cam.gif")` writes it. Raises NoSketchError where the model states no lines, NoMotionError where it
     does not move, and other SolveError subclasses for bad input.

@@ -40,11 +40,11 @@ def report(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Report:
-    """Vibration and stability at a speed (rad/s, or a text with unit; by default that of the case), natural
-    frequencies, and over the speeds (rad/s, texts with unit, or one text such as "100:900:81 rpm") response,
-    critical speeds, unstable bands and validity; what matters most.
+    """Vibration and stability at a speed, natural frequencies and what matters most; over the speeds
+    response, critical speeds, unstable bands and validity.
 
-    rtol: at the speed; over the speeds 1e-6 where that is more.
+    speeds: in rad/s, texts with unit, or one text such as "100:900:81 rpm". speed: in rad/s or a text with
+    unit, by default that of the case. rtol: at the speed; over the speeds 1e-6 where that is more.
 
     `.save("report.html")` writes the page. A part without a result says why, and the others stand; a
     structure without motion has its frequencies and modes alone, and needs no speeds. Raises

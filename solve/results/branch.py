@@ -32,10 +32,13 @@ _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY,
 
 @dataclass(frozen=True)
 class Branch(Result):
-    """Points (P,) along a branch: speeds in rad/s, largest moduli of the coordinates (P, n), spectral radii,
-    errors (P, 2) of the orbits, relative, and of the radii, and whether the branch turns back there; rtol:
-    what was asked of the orbits; ended: why the branch ends within the range of speeds, or an empty text;
-    notes: what the engine has to say."""
+    """Points (P,) along a branch.
+
+    speeds: in rad/s. peaks (P, n): largest moduli of the coordinates. radius: spectral radii. errors (P, 2):
+    relative ones of the orbits, and those of the radii. turns: whether the branch turns back there. rtol:
+    what was asked of the orbits. ended: why the branch ends within the range of speeds, or an empty text.
+    notes: what the engine has to say.
+    """
 
     _rows: ClassVar[str] = "points"
 

@@ -196,20 +196,21 @@ def _made(kind: type, values: dict[str, Any]) -> Any:
 
 
 def packed(result: Any) -> dict[str, Array]:
-    """A result as arrays by name, of numbers alone: JSON as its bytes, what it refers to, a seal of all."""
+    """A result as arrays by name, of numbers alone: JSON as its bytes, what it refers to, and a checksum of
+    all."""
     packing = _Packing()
     value = packing.plain(result)
     whole = {"format": FORMAT, "systems": packing.systems, "result": value}
     state = {"state": np.frombuffer(json.dumps(whole, ensure_ascii=False).encode(), dtype=np.uint8)}
     state |= {f"state{number}": array for number, array in enumerate(packing.arrays)}
-    return {**state, "seal": _seal(state)}
+    return {**state, "seal": _checksum(state)}
 
 
 def unpacked(found: Mapping[str, Array]) -> Any:
     """The result of these arrays. Raises FileError for a state of another format, or of a kind that is not
     known; whatever Python may raise for what is no state, or damaged."""
     state = {name: found[name] for name in ("state", *(f"state{k}" for k in range(len(found) - 2)))}
-    if not np.array_equal(_seal(state), found["seal"]):
+    if not np.array_equal(_checksum(state), found["seal"]):
         raise ValueError("its content is not what was written")
     whole = json.loads(state.pop("state").tobytes())
     if whole["format"] > FORMAT:
@@ -222,7 +223,7 @@ def unpacked(found: Mapping[str, Array]) -> Any:
     return _Unpacking([*state.values()], whole["systems"]).value(whole["result"])
 
 
-def _seal(state: Mapping[str, Array]) -> Array:
+def _checksum(state: Mapping[str, Array]) -> Array:
     """A checksum, which no file of the formats has of all its content."""
     digest = hashlib.sha256()
     for name, array in state.items():

@@ -173,8 +173,8 @@ class Orbit(Stability, Turn):
     @cached_property
     def linearisation_error(self) -> Mapping[str, float] | None:
         """How far the orbit of the nonlinear equations is from this linear one, per coordinate
-        max|difference|/max|q|: the size of one correction of Newton's method on the same grid, near the
-        truth as long as it is small; NaN where that has no solution, None for linear systems."""
+        max|difference|/max|q|. It is the size of one correction of Newton's method on the same grid, which is
+        near the truth as long as it is small. NaN where that has no solution, None for linear systems."""
         if not self.system.nonlinear:
             return None
         certified, sizes = self.certified, np.full(self.system.n, np.nan)

@@ -29,9 +29,12 @@ _ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps"
 @lasting
 @dataclass(frozen=True)
 class Kept:
-    """What is kept of a point beside its stability: figures of the quantities `names`, amplitudes of so
-    many harmonics of some of them, the texts of warnings; meetings: whether multipliers that meet on the
-    unit circle are looked at, of which the verdict may be "unstable" though none is outside."""
+    """What is kept of a point beside its stability.
+
+    names: quantities of which figures are kept. spectra: those of which the amplitudes of so many harmonics
+    are kept too. warnings: whether the texts are. meetings: whether multipliers that meet on the unit circle
+    are looked at; the verdict on these may be "unstable" though none is outside.
+    """
 
     names: tuple[str, ...] = ()
     spectra: tuple[str, ...] = ()

@@ -23,20 +23,9 @@ from solve.system import PeriodicSystem
 
 _MOST_MULTIPLIERS = 8
 _RECORDED = (
-    *(
-        "speed",
-        "period",
-        "method",
-        "steps",
-        "multipliers",
-        "multiplier_errors",
-        "unresolved",
-        "exponents",
-        "modes",
-        "spectral_radius",
-        "verdict",
-    ),
-    *("stable", "error_estimate", "distance_from_one", "liouville", "condition", "notes"),
+    *("speed", "period", "method", "steps", "multipliers", "multiplier_errors", "unresolved", "exponents"),
+    *("modes", "spectral_radius", "verdict", "stable", "error_estimate", "distance_from_one", "liouville"),
+    *("condition", "notes"),
 )
 _MEANS = (
     "disturbances die out, and in the long run each period leaves {radius:.3g} of them",

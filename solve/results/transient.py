@@ -38,12 +38,13 @@ _MOST_TURNS = 40
 
 @dataclass(frozen=True)
 class Transient(Result):
-    """Motions (turns, 3, n, k): q, dq/ds, d²q/ds² over the turns at nodes s (k,), time times the mean speed
-    of the turn (the phase where the speed is constant), both ends included; ends: speeds (turns + 1,) in
-    rad/s at the ends of the turns. between: how far, relative to the largest of each coordinate and its
-    rates, a curve through the states may be off between them. orbit: what it is compared
-    with, None where there is none; rtol: to which that counts as reached; notes: what is doubtful about the
-    way to the motion.
+    """A motion over turns, and the orbit that it may reach.
+
+    ends (turns + 1,): speeds in rad/s at the ends of the turns. nodes (k,): s, time times the mean speed of
+    the turn, which is the phase where the speed is constant; both ends included. motions (turns, 3, n, k): q,
+    dq/ds, d²q/ds² there. between: how far a curve through the states may be off between them, relative to the
+    largest of each coordinate and its rates. orbit: what the motion is compared with, None where there is
+    none. rtol: to which that counts as reached. notes: what is doubtful about the way to the motion.
     """
 
     _calculated: ClassVar[tuple[str, ...]] = (*Result._calculated, "outputs", "_figures")
@@ -375,9 +376,12 @@ def between_tolerance(rtol: float) -> float:
 
 def between_states(nodes: Array, motions: Array, jumps: bool) -> Array:
     """Error (turns,) between the states of the curves through motions (turns, 3, n, k), relative to the
-    largest of each coordinate and its rates: what curves through every other state miss at those between,
-    which falls with the sixth, fifth and fourth power of the steps. A tenth of that counts for second
-    derivatives. Where the equations jump it falls with the second power, and second derivatives are not told.
+    largest of each coordinate and its rates.
+
+    It follows from what curves through every other state miss at those between. For q and its first and
+    second derivative that falls with the sixth, fifth and fourth power of the steps; of the second derivative
+    a tenth counts. Where the equations jump it falls with the second power, and second derivatives are left
+    out.
     """
     coarse, off = _curves(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
     for order in range(2 if jumps else 3):

@@ -29,7 +29,7 @@ from solve.studies.boundaries import Judge, Judged, Search, judge
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.tongues import LIGHTLY_DAMPED, hidden
 from solve.system import PeriodicSystem, of_system
-from solve.units import checked_tolerance, speeds_between
+from solve.units import ShownUnit, checked_tolerance, speeds_between
 
 GROWTH = 1e-6
 """Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
@@ -111,12 +111,7 @@ def bands(
         step("narrow bands")
         known += hidden(asked, known, middle)
         if known.failed.any():
-            every = _rising(known)
-            reason = _reason(batch, every.points[every.failed][:1])
-            left_out = without_result(every.points[:, 0], every.failed, system.speed_unit, reason)
-            if every.failed.all():
-                raise NoResultError(left_out)
-            notes = [*notes, f"{left_out}; bands end open beside them"]
+            notes = [*notes, _left_out(batch, _rising(known), system.speed_unit)]
         step("edges of bands")
         runs = _Runs(asked, checked_tolerance(tolerance), omegas[-1:])
         found = runs.bands(_rising(known))
@@ -126,11 +121,15 @@ def bands(
     return Bands(found, system, range_, spacing, notes, rising.points[:, 0], radius)
 
 
-def _reason(batch: Batch, point: Array) -> str:
-    """Why a point (1, 1) has no result."""
-    return gathered(batch, point, Kept(warnings=False)).failures.get(
-        0, "multipliers are within their error of the unit circle; ask for a smaller rtol"
-    )
+def _left_out(batch: Batch, known: Judged, unit: ShownUnit) -> str:
+    """Which of rising speeds have no result, and why the first has none. Raises NoResultError where none has
+    one."""
+    failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
+    reason = "multipliers are within their error of the unit circle; ask for a smaller rtol"
+    told = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
+    if known.failed.all():
+        raise NoResultError(told)
+    return f"{told}; bands end open beside them"
 
 
 Turning = Callable[[Array], Array]

@@ -34,7 +34,7 @@ from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_
 Names = tuple[str, str]
 Speed = float | str | None
 
-_PROMISING = 0.3
+_PREDICTED = 0.3
 """Of a gap between grid points, the part to which a parabola must bring it down to be followed."""
 
 
@@ -263,7 +263,7 @@ def _boundaries(
     def lines(index: Array, along: int) -> Lines:
         """Those whose points the rows of the index name, and unstable points found between these."""
         middle, stride = index[:, 1:-1], (1, len(chart.x))[along]
-        found = hidden(search.judge, known, middle.ravel(), stride, _PROMISING)
+        found = hidden(search.judge, known, middle.ravel(), stride, _PREDICTED)
         every, looked = known + found, np.zeros(middle.shape, dtype=bool)
         while len(found.points):
             near = _beside(found.points, axes, along, looked)

@@ -33,7 +33,7 @@ _FIRST_STEPS = 2
 _CLOSE = 1.02
 """Ratio of steps at which the bisection for the least number stops."""
 
-_PATIENCE = 2.0
+_LONGEST = 2.0
 """Seconds that one solution may take in the search for the least steps."""
 
 _REPEATS = 5
@@ -74,12 +74,12 @@ def compare(
     counts = steps or usual_steps(system, omega)
     with stage("methods", len(rules)):
         for rule in rules:
-            contestant = _Contestant(reference, rule, judged_by)
-            with part("methods"), stage(contestant.name):
-                rows += [contestant.measured(count, "equal steps") for count in counts]
-                trace = contestant.refined(min(*goals, finest))
+            run = _AgainstReference(reference, rule, judged_by)
+            with part("methods"), stage(run.name):
+                rows += [run.measured(count, "equal steps") for count in counts]
+                trace = run.refined(min(*goals, finest))
                 measured += trace
-                rows += [contestant.at_accuracy(goal, trace) for goal in goals]
+                rows += [run.at_accuracy(goal, trace) for goal in goals]
     return Comparison(reference, judged_by, targets, rows, measured)
 
 
@@ -98,7 +98,7 @@ def label(method: Method) -> str:
     return method.name + "".join(changed)
 
 
-class _Contestant:
+class _AgainstReference:
     """One method against the reference."""
 
     def __init__(self, reference: Orbit, rule: Rule, judged_by: str):
@@ -139,13 +139,13 @@ class _Contestant:
         )
 
     def refined(self, goal: float) -> list[Row]:
-        """Points at doubled steps until the goal is reached, errors fall no more, memory or patience end."""
+        """Points at doubled steps until the goal is reached, errors fall no more, memory or time end."""
         steps = max(_FIRST_STEPS, self.least)
         trace: list[Row] = []
         while steps <= self.refinement.most:
             row = self.measured(steps, "doubled steps")
             trace.append(row)
-            if row.error(self.judged_by) <= goal or 2 * row.time > _PATIENCE or self._stalled(trace):
+            if row.error(self.judged_by) <= goal or 2 * row.time > _LONGEST or self._stalled(trace):
                 break
             steps *= 2
         return trace
@@ -216,9 +216,9 @@ class _Contestant:
         so_far = f"{error:.1e} with {last.steps} steps"
         if not self.method.converges or self._stalled(trace):
             return f"{so_far}, and more steps gain nothing"
-        if 2 * last.time > _PATIENCE:
+        if 2 * last.time > _LONGEST:
             so_far += f" and {last.time:.1f} s"
         order = self.method.curve_order if self.judged_by == ORBIT else self.method.order
         if math.isfinite(order):
             so_far += f", about {(last.steps or 1) * (error / goal) ** (1 / order):.0e} needed"
-        return so_far if 2 * last.time > _PATIENCE else f"{so_far}, {self._limit}"
+        return so_far if 2 * last.time > _LONGEST else f"{so_far}, {self._limit}"

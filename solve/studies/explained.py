@@ -27,14 +27,16 @@ _DECAYS = 0.25
 """Part by which a mode's decay in a turn may differ from the mean of the frozen rates."""
 
 _MOST = 9.0
-"""Of a square of a difference over what is allowed: no single one decides which multipliers are whose."""
+"""Most that the square of a single difference counts, so that none alone decides which multipliers are
+whose."""
 
 _ALLOWED, _SURELY, _AS_GOOD = 3.0, 0.25, 0.3
-"""Sum of such squares up to which something explains a maximum of a real part, and of the spectral radius,
-which is narrower; and by how much more another must have to be known not to."""
+"""Sum of squared differences, each over what is allowed, up to which something explains a maximum of a real
+part, and one of the spectral radius, which is narrower; what has a sum larger than the least by more than the
+last of these is ruled out."""
 
 _WEAKER = 0.1
-"""Added for each order to what is compared where several explain a maximum: higher orders are weaker."""
+"""Added to the sum for each order above the first: higher orders are weaker."""
 
 
 class Explained(NamedTuple):
@@ -215,8 +217,8 @@ def _explained(maximum: Maximum, found: list[tuple[float, Combination]]) -> Expl
 
 
 def _allowed(found: list[tuple[float, Combination]], weaker: float = 0.0) -> list[tuple[float, Combination]]:
-    """Those that explain, the best first, but for such as another is better than beyond doubt; weaker: what
-    each order takes away."""
+    """Those that explain, the best first, without those that another is clearly better than; weaker: what is
+    added for each order above the first."""
 
     def rank(one: tuple[float, Combination]) -> float:
         return one[0] + weaker * (one[1].order - 1)

@@ -129,7 +129,8 @@ def _spread(residuals: Array) -> float:
 
 @dataclass(eq=False)
 class Problem:
-    """x (r,): logarithms of the parameters that are positive, parts of their sizes of the others."""
+    """The differences to be made least. Their variables x (r,) are logarithms of parameters that are
+    positive, and multiples of their sizes at the start of others."""
 
     model: Model
     sets: Sequence[Measured]
@@ -151,13 +152,15 @@ class Problem:
 
     @property
     def start(self) -> Array:
-        return self.inner(self.initial)
+        return self.scaled(self.initial)
 
-    def inner(self, values: Array) -> Array:
+    def scaled(self, values: Array) -> Array:
+        """x of parameters (r,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.by_logarithm, np.log(values), values / self.unit)
 
-    def outer(self, x: Array) -> Array:
+    def values(self, x: Array) -> Array:
+        """Parameters (r,) of x."""
         reach = np.log(_REACH)
         within = np.clip(x, self.start - reach, self.start + reach)
         return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, within, 0.0)), x * self.unit)
@@ -185,13 +188,13 @@ class Problem:
         return self._solved(x)[1]
 
     def varied(self, x: Array) -> Model:
-        return self.model.varied(dict(zip(self.names, self.outer(x).tolist(), strict=True)))
+        return self.model.varied(dict(zip(self.names, self.values(x).tolist(), strict=True)))
 
     def _solved(self, x: Array) -> tuple[Array, Array]:
         key = x.tobytes()
         if self._last is None or self._last[0] != key:
             with part("trials"):
-                model, rate = self.varied(x), np.where(self.by_logarithm, self.outer(x), self.unit)
+                model, rate = self.varied(x), np.where(self.by_logarithm, self.values(x), self.unit)
                 found = [row for s in self.sets for row in self.computed(model, s)]
                 values = np.concatenate([_flat(row) / self.scales[name] for name, row, _ in found])
                 slopes = np.concatenate(
@@ -286,12 +289,12 @@ def _fitted(
 ) -> Fitted:
     from scipy.stats import t
 
-    values, model = problem.outer(x), problem.varied(x)
+    values, model = problem.values(x), problem.varied(x)
     covariance, lost, unidentifiable = _uncertainty(problem, values, jac, sigma, count)
     deviations = np.sqrt(np.diag(covariance))
     reach = np.where(lost, np.inf, t.ppf((1 + _CONFIDENCE) / 2, count - len(x)) * deviations)
     with np.errstate(over="ignore"):
-        ends = [problem.outer(x + way * reach) for way in (-1, 1)]
+        ends = [problem.values(x + way * reach) for way in (-1, 1)]
     intervals = {
         name: Interval(float(value), float(low), float(high))
         for name, value, low, high in zip(problem.names, values, *ends, strict=True)

@@ -40,11 +40,10 @@ def sharpened(
     """The maxima at positions `top` (k,) of finite values (P,) over rising speeds (P,), each to a tolerance
     relative to its speed. value: of speeds (m,), NaN where there is none.
 
-    The highest point known is kept between its neighbours. The first two rounds divide a bracket
-    evenly, as there may be several maxima in it, such as one where a pair of multipliers has met on the real
-    axis; each further one tries the vertex of the parabola through the three points,
-    others beside it, and the middles of both sides, so that a bracket is halved where the maximum is no
-    parabola's, as beside a jump.
+    The highest point known is kept between its neighbours, which bracket the maximum. The first two rounds
+    divide a bracket evenly: it may hold several maxima, such as one where a pair of multipliers has met on
+    the real axis. Each further round tries the vertex of the parabola through the three points, points beside
+    it, and the middles of both sides: these halve the bracket where no parabola fits, as beside a jump.
     """
     if len(top) == 0:
         return []

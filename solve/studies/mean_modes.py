@@ -11,8 +11,8 @@ from solve.system import PeriodicSystem
 _PHASES = 64
 
 _ROUNDING, _COMPLEX = 1e-12, 1e-6
-"""Negative and imaginary parts of squares of frequencies, relative to the largest, that are rounding: of
-double ones half the digits."""
+"""Negative squares of frequencies, and their imaginary parts, relative to the largest, that are rounding; of
+double eigenvalues rounding takes half the digits."""
 
 _LEAST = 1e-30
 """Part of a shape in another that counts as none."""
@@ -35,9 +35,9 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     """Of the undamped modes with M and K frozen, at a speed (rad/s), 0 for the mechanism at rest. Raises
     SolveError subclasses and LinAlgError where there are no matrices.
 
-    A mode stays itself where frequencies cross, see `_followed`; modes that change places within a period
-    have one mean. Ranks are kept all the same where more of a vibration is left by them: the part that keeps
-    its rank where shapes go on, if it decays less.
+    Modes are followed by their shapes where frequencies cross, see `_followed`; modes that change places
+    within a period have one mean. Modes are those of the sorted frequencies instead where the small part of a
+    vibration that keeps its rank decays so much more slowly that more of it is left after a period.
     """
     step = system.period / _PHASES
     M, C, K, _ = system.at((np.arange(_PHASES) + 0.5) * step, speed)
@@ -63,12 +63,13 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
 
 
 def _followed(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
-    """Ranks (k, n) of each mode at k phases, `rate` of them a second; whose place each has after them (n,);
-    and the logarithm of the part of a vibration that keeps its rank where modes do not.
+    """Ranks (k, n) of each mode at k phases, `rate` of them a second; the mode whose place each has taken
+    after them (n,); and the logarithm of the part of a vibration that keeps its rank where its mode changes
+    it.
 
-    While shapes turn faster than near frequencies differ, θ rate > Δω, a vibration keeps the shape from
-    before: more than half of it then changes its rank in an avoided crossing, by the formula of Landau and
-    Zener (C. Zener, Proceedings of the Royal Society A 137, 1932, 696).
+    As long as the shapes of modes turn faster than their frequencies, near each other, differ, θ rate > Δω, a
+    vibration keeps its shape: by the formula of Landau and Zener (C. Zener, Proceedings of the Royal Society
+    A 137, 1932, 696) more than half of it then changes its rank in an avoided crossing.
     """
     count, n = frequencies.shape
     ahead, own = np.roll(np.arange(count), -1), np.arange(n)

@@ -1,6 +1,7 @@
-"""What tells that a fit is not to be trusted: differences that are no noise, another unit, what does not
-vary, values that stand twice. Noise is told by the correlations of neighbours together (G. M. Ljung, G. E. P.
-Box, Biometrika 65 (1978) 297-303), each by its own deviation."""
+"""What tells that a fit is not to be trusted: differences that are no noise, a wrong unit, a channel that
+does not vary, values that stand twice. Differences are no noise where neighbours are correlated, by the sum
+of the squares of the correlations at several distances, each over its own deviation (G. M. Ljung, G. E. P.
+Box, Biometrika 65 (1978) 297-303)."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +14,7 @@ _EXACT = 1e-5
 """Difference, relative, up to which it may be what the solution itself leaves."""
 
 _FALSE = 0.003
-"""How often noise may be called none."""
+"""Part of the cases in which noise may be taken for something else."""
 
 _MOST_LAGS, _A_LAG = 6, 6
 """How far apart neighbours are compared at most, and values for each of these distances at least."""
@@ -74,8 +75,8 @@ def _in_order(channels: Sequence[Channel], period: float) -> tuple[Array, Array,
 
 
 def _alike(left: Array, lag: int) -> tuple[float, float]:
-    """How far products of neighbours are from those of independent differences, in standard deviations, and
-    the correlation. The deviation is that of the products found, whatever the size of each."""
+    """How far the sum of the products of neighbours is from 0, in its standard deviations as the products
+    themselves give them, and the correlation."""
     products = np.real(left[lag:] * np.conj(left[:-lag]))
     spread, size = float(np.sqrt(np.sum(products**2))), float(np.sum(np.abs(left) ** 2))
     total = float(products.sum())

@@ -16,11 +16,11 @@ _PARABOLAS, _GAIN = 10, 0.5
 _CLOSE = 1e-10
 
 
-def hidden(judge: Judge, known: Judged, middle: Array, stride: int = 1, promising: float = 1.0) -> Judged:
+def hidden(judge: Judge, known: Judged, middle: Array, stride: int = 1, predicted: float = 1.0) -> Judged:
     """Unstable points between stable ones that are neighbours on lines: three a line, the middle ones at
     positions (k,) among the known, the others `stride` before and after these.
 
-    Where one of the gaps is least at the middle, its minimum is followed by parabolas; `promising`: part
+    Where one of the gaps is least at the middle, its minimum is followed by parabolas; `predicted`: part
     of the middle's gap below which the first parabola must predict the minimum.
     """
     stable, gaps = known.stable, known.gaps
@@ -32,7 +32,7 @@ def hidden(judge: Judge, known: Judged, middle: Array, stride: int = 1, promisin
     points, h = known.points[three], gaps[three, way[:, None]]
     place, whole = (np.linalg.norm(points[:, at] - points[:, 0], axis=1) for at in (1, 2))
     t = np.column_stack((np.zeros(len(line)), place / np.where(whole > 0, whole, 1.0), np.ones(len(line))))
-    chosen = _vertex(t, h)[1] <= promising * h[:, 1]
+    chosen = _vertex(t, h)[1] <= predicted * h[:, 1]
     start, span = points[chosen, 0], (points[:, 2] - points[:, 0])[chosen]
     return _descended(judge, start, span, way[chosen], t[chosen], h[chosen])
 

@@ -1,4 +1,4 @@
-"""The page that walks a number through the rooms: each room once, in the order in which they are entered."""
+"""The page that follows a number through the packages: each once, in the order in which they are entered."""
 
 import re
 import sys
@@ -11,7 +11,7 @@ from solve.commands.app import run
 from solve.kernel.library import trouble
 
 PAGE = (Path(__file__).parents[2] / "docs" / "walk.md").read_text("utf-8")
-ROOMS = {path.stem for path in Path(solve.__file__).parent.iterdir() if path.is_dir() or path.suffix == ".py"}
+PARTS = {path.stem for path in Path(solve.__file__).parent.iterdir() if path.is_dir() or path.suffix == ".py"}
 BOTTOM = {
     "argument",
     "arrays",
@@ -27,8 +27,8 @@ BOTTOM = {
     "units",
 }
 STOPS = [
-    (room, name)
-    for room, names in re.findall(r"^\d+\. \*\*(\w+)\*\*, ((?:`\w+`,? ?)+)\.", PAGE, re.MULTILINE)
+    (package, name)
+    for package, names in re.findall(r"^\d+\. \*\*(\w+)\*\*, ((?:`\w+`,? ?)+)\.", PAGE, re.MULTILINE)
     for name in re.findall(r"\w+", names)
 ]
 
@@ -36,7 +36,7 @@ STOPS = [
 def test_the_page_is_short_and_names_each_room_once():
     assert len(PAGE.splitlines()) <= 60
     named = re.findall(r"\*\*(\w+)\*\*", PAGE)
-    assert sorted(named) == sorted(ROOMS - BOTTOM - {"__init__", "__main__", "__pycache__", "public"})
+    assert sorted(named) == sorted(PARTS - BOTTOM - {"__init__", "__main__", "__pycache__", "public"})
 
 
 @pytest.mark.skipif(bool(trouble()), reason=trouble() or "compiles")
@@ -47,9 +47,9 @@ def test_the_command_takes_that_way(capsys):
 
     def note(frame, event, argument):
         if event == "call" and frame.f_code.co_filename.startswith(folder):
-            room = Path(frame.f_code.co_filename).relative_to(folder).parts[0].removesuffix(".py")
+            package = Path(frame.f_code.co_filename).relative_to(folder).parts[0].removesuffix(".py")
             name = frame.f_code.co_qualname.replace(".__init__", "").split(".")[-1]
-            entered.setdefault((room, name))
+            entered.setdefault((package, name))
 
     sys.setprofile(note)
     try:

@@ -19,7 +19,8 @@ from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.results.turn import Turn
 
 _SAMPLES = 721
-_BULGE = 0.1
+_DRAWN = 0.1
+"""Part of the curve's size up to which an automatic magnification may draw the deviation."""
 
 
 @lasting
@@ -132,7 +133,7 @@ def curve_of_point(
 def _magnification(curve: CouplerCurve) -> float:
     """By which the deviation stays within a tenth of the curve's size."""
     size = max(float(np.ptp(part(curve.rigid))) for part in (np.real, np.imag))
-    return round_magnification(_BULGE * size / (float(np.abs(curve.deviation).max()) or np.inf))
+    return round_magnification(_DRAWN * size / (float(np.abs(curve.deviation).max()) or np.inf))
 
 
 def curve_figure(title: str, curve: CouplerCurve) -> Figure:

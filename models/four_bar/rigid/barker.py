@@ -2,14 +2,16 @@
 
 C. R. Barker, A complete classification of planar four-bar linkages, Mech. Mach. Theory 20 (1985)
 535-554. His solution space has the coordinates λ2, λ3, λ4: lengths of coupler, follower and ground
-link over the crank's. The planes in which one pair of links is as long as the other pair,
+link over the crank's. It is divided into eight regions by three planes, in which one pair of links is as
+long as the other pair:
 
-    u2 = L1 + L2 - L3 - L4 = 0,   u3 = L1 + L3 - L2 - L4 = 0,   u4 = L1 + L4 - L2 - L3 = 0,
+    u2 = L1 + L2 - L3 - L4 = 0,   u3 = L1 + L3 - L2 - L4 = 0,   u4 = L1 + L4 - L2 - L3 = 0
 
-divide it into eight regions, so that the signs of u2, u3, u4 name the class. With s and l the shortest
-and longest link, p and q the others: where s + l < p + q, each pair with s is shorter than the other
-pair, and the product u2 u3 u4 is negative; where s + l > p + q, each pair with l is longer than the
-other, and the product is positive. On a plane the linkage has a change point.
+The signs of u2, u3, u4 name the class. With s and l the shortest and longest link, p and q the others:
+
+- s + l < p + q: each pair with s is shorter than the other pair, and the product u2 u3 u4 is negative;
+- s + l > p + q: each pair with l is longer than the other pair, and the product is positive;
+- on a plane the linkage has a change point.
 """
 
 import math

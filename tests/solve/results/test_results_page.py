@@ -371,11 +371,11 @@ def test_the_examples_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     first, second = blocks()
     exec(first, {})
-    room = {"__name__": "solve.results.example"}
-    exec(second, room)
+    namespace = {"__name__": "solve.results.example"}
+    exec(second, namespace)
     phase = np.linspace(0.0, 1.0, 3)
     K = cam().at(phase, 10.0)[2]
-    found = room["Stiffness"](cam(), phase, np.linalg.eigvalsh(K)[:, -1])
+    found = namespace["Stiffness"](cam(), phase, np.linalg.eigvalsh(K)[:, -1])
     found.save("stiffness.npz")
     assert solve.open("stiffness.npz").record() == found.record()
     assert "phase (°)" in repr(found)

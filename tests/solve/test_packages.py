@@ -1,4 +1,4 @@
-"""Rooms of `solve` and its public functions: no name is both, so that no import hides a function."""
+"""Packages of `solve` and its public functions: no name is both, so that no import hides a function."""
 
 import inspect
 import pkgutil
