@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "d1477fbe765cd7bf13d6ac37b6bf1ab072ab6501540e629a7e4904f0a5389407"
+DERIVE_SHA256 = "360168e4f109ee2bfbacab6c3f39fd0dbbf12b86077613157a207aa7cca9f5b4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "093b8fb4278b21ad5fcf8ce5381fb273d571eba8d1be718dd591438b97e99e93"
+FILE_SHA256 = "5d82c078553f1e287e516e77c31ef4ff3b228b2b1183a35b90e8385ad63fb8cc"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

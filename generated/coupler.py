@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "d1477fbe765cd7bf13d6ac37b6bf1ab072ab6501540e629a7e4904f0a5389407"
+DERIVE_SHA256 = "360168e4f109ee2bfbacab6c3f39fd0dbbf12b86077613157a207aa7cca9f5b4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f57dfaaaa47b75f51cecbb7fee458d55bc64930d2d5cf2d90624fe6c4c8f584c"
+FILE_SHA256 = "18a32e83507fad5f3f924ad16f8833c06a840834c9ad6e053ffce4618e522651"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "d1477fbe765cd7bf13d6ac37b6bf1ab072ab6501540e629a7e4904f0a5389407"
+DERIVE_SHA256 = "360168e4f109ee2bfbacab6c3f39fd0dbbf12b86077613157a207aa7cca9f5b4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a54e5f9a34b46c95fcb9f4b7dcab5eb28cc368614435c90f494410fc1b7f8bcf"
+FILE_SHA256 = "5fffce041b3ecb7c2600b8dd520c9838d4538d9b7bb4368ada4c1119f0786fb8"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
