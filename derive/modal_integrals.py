@@ -7,6 +7,8 @@ mode number remains. Equal mode numbers, for which some t vanish, have an integr
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from itertools import permutations
 from typing import Any
 
 import sympy
@@ -41,20 +43,22 @@ def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> Modal
     Raises UnsupportedExpressionError where the mode functions are of another kind.
     """
     product = XI**power * shape(MODE_I, XI).diff(XI, a) * shape(MODE_J, XI).diff(XI, b)
-    numbers = range(1, most + 1)
-    different = _integral(product, [{MODE_I: i, MODE_J: j} for i in numbers for j in numbers if i != j])
-    return ModalIntegral(
-        different, _integral(product.xreplace({MODE_J: MODE_I}), [{MODE_I: i} for i in numbers])
-    )
+    equal = product.xreplace({MODE_J: MODE_I})
+    return ModalIntegral(_integral(product, (MODE_I, MODE_J), most), _integral(equal, (MODE_I,), most))
 
 
 def modal_moment(shape: Shape, a: int, power: int, most: int) -> sympy.Expr:
     """∫ ξ^power ψ_j^(a) dξ over 0 … 1, as `modal_integral`."""
-    return _integral(XI**power * shape(MODE_J, XI).diff(XI, a), [{MODE_J: j} for j in range(1, most + 1)])
+    return _integral(XI**power * shape(MODE_J, XI).diff(XI, a), (MODE_J,), most)
 
 
-def _integral(function: Any, numbers: list[dict[sympy.Symbol, int]]) -> sympy.Expr:
-    """Integral over 0 … 1, for the given mode numbers."""
+@cache
+def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sympy.Expr:
+    """Integral over 0 … 1, for all mode numbers up to `most` that differ. Energies and outputs of all fields
+    of a shape have the same ones."""
+    numbers = [
+        dict(zip(symbols, each, strict=True)) for each in permutations(range(1, most + 1), len(symbols))
+    ]
     total = sympy.S.Zero
     for (power, half_waves), factor in _waves(function).items():
         _require_frequency(half_waves, numbers)
@@ -64,9 +68,14 @@ def _integral(function: Any, numbers: list[dict[sympy.Symbol, int]]) -> sympy.Ex
 
 
 def _factored(total: sympy.Expr) -> sympy.Expr:
-    """Sum of powers of π and parities, each times a factored quotient of mode numbers."""
+    """Sum of powers of π and parities, each times a factored quotient of mode numbers. The integral is real:
+    imaginary terms, which cancel with those of the opposite frequency, are left out, as factors of their sum
+    are long sought."""
     quotients: dict[sympy.Expr, sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(total)):
+        imaginary = term.as_coefficient(sympy.I)
+        if imaginary is not None and not imaginary.has(sympy.I):
+            continue
         powers = term.as_powers_dict()
         parity = sympy.Mul(*(symbol ** (powers[symbol] % 2) for symbol in PARITY.values()))
         constant = parity * sympy.pi ** powers[sympy.pi]

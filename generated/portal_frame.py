@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "09cd00b865e8c3d818c865b9134651b0ecfc8c2722ed630803596a6cdcb18f8b"
+DERIVE_SHA256 = "30b22a25320ca76c05db8d3e717bb3859105b568846483712a2af8eda457dbab"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "88712ee4328e23aab519cad6c96947c1fa88e9be787dcecfca87da0cbd93b96b"
+FILE_SHA256 = "79ba160d2fcaad50b3804933f33eed1f023881d6d8a9e5c44530b4aacb5bb7c4"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -38,11 +38,12 @@ def _without_privileges():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
-    """What is collected stays: looking for garbage among it takes a fifth of the time."""
+    """What is collected stays: looking for garbage among it takes a fifth of the time, and later more."""
     gc.disable()
     try:
         return (yield)
     finally:
+        gc.freeze()
         gc.enable()
 
 

@@ -4,6 +4,7 @@ import importlib.util
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -26,35 +27,39 @@ def block(name: str) -> str:
     return found.group(1)
 
 
-@pytest.fixture
-def derived(tmp_path, monkeypatch):
+def derived(folder: Path, name: str):
     """The derived module of an example of the page, by its name, made by the page's own command."""
-
-    def by_name(name: str):
-        (tmp_path / f"{name}.py").write_text(block(f"{name}.py"), encoding="utf-8")
-        assert f"python -m derive {name}.py\n" in PAGE
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", ["derive", f"{name}.py"])
+    (folder / f"{name}.py").write_text(block(f"{name}.py"), encoding="utf-8")
+    assert f"python -m derive {name}.py\n" in PAGE
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(sys, "argv", ["derive", f"{name}.py"])
         with pytest.raises(SystemExit) as exit_:
             main()
-        assert not exit_.value.code
-        spec = importlib.util.spec_from_file_location(name, tmp_path / "generated" / f"{name}.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        return module
+    assert not exit_.value.code
+    spec = importlib.util.spec_from_file_location(name, folder / "generated" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
-    return by_name
+
+@pytest.fixture(scope="module")
+def pump(tmp_path_factory):
+    """The module, in its folder."""
+    return derived(tmp_path_factory.mktemp("pump"), "pump")
 
 
 @pytest.fixture
-def pump(derived):
-    return derived("pump")
+def beside_the_pump(pump, tmp_path, monkeypatch):
+    """The current folder has the pump's files."""
+    shutil.copytree(Path(pump.__file__).parents[1], tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
 
 
-def test_what_the_linear_answer_leaves_out_is_said(derived, capsys):
-    module = derived("duffing")
+def test_what_the_linear_answer_leaves_out_is_said(tmp_path, capsys):
+    module = derived(tmp_path, "duffing")
     said = capsys.readouterr().err.splitlines()
     assert said[:-1] == [f"duffing: {sentence}" for sentence in module.NONLINEAR]
     assert "\n".join(said[:-1]) in PAGE
@@ -94,7 +99,7 @@ def test_the_case_file_gives_every_parameter(pump):
         assert given == {name for name, *_ in pump.PARAMETERS}
 
 
-def test_the_page_shows_the_pumps_equations(pump, capsys, monkeypatch):
+def test_the_page_shows_the_pumps_equations(beside_the_pump, capsys, monkeypatch):
     for arguments in (["--show", "pump.py"], ["--show", "--numbers", "delivering", "pump.py"]):
         assert " ".join(arguments[:-1]) in PAGE
         Path("pump.toml").write_text(block("pump.toml"), encoding="utf-8")
@@ -109,7 +114,7 @@ def test_the_page_shows_the_pumps_equations(pump, capsys, monkeypatch):
     assert "M_{11} = 4.5 l_b^2 + 0.05" in PAGE
 
 
-def test_the_pages_measured_pressure(pump):
+def test_the_pages_measured_pressure(beside_the_pump):
     rows, case = (re.findall(rf"```{kind}\n({start}.*?)```", PAGE, re.DOTALL)[0] for kind, start in MEASURED)
     Path("pressure.csv").write_text(rows, encoding="utf-8")
     Path("pump.toml").write_text(block("pump.toml") + case, encoding="utf-8")

@@ -3,6 +3,8 @@
 The reference values come from an independent program with the definitions of thesis Table 4.1 and 6.2.
 """
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,14 @@ from solve.results.orbit import QuasiStatic
 PHASE = np.linspace(0, 2 * np.pi, 3601)
 
 
-def orbit(speed, options=None, **parameters):
-    return solve.periodic(solve.load("four_bar", options=options or {}, **parameters), speed, rtol=1e-7)
+@cache
+def model_with(**options):
+    return solve.load("four_bar", options=options)
+
+
+@cache
+def orbit(speed, **options):
+    return solve.periodic(model_with(**options), speed, rtol=1e-7)
 
 
 def values(found, name):
@@ -43,7 +51,7 @@ def test_follower_midpoint_and_spectral_radius_of_one_element_a_link(speed, defl
     [(1, 99.6), (2, 146.8), (3, 118.0), pytest.param(4, 129.0, marks=pytest.mark.slow)],
 )
 def test_follower_midpoint_stress_against_the_number_of_elements(elements, stress):
-    found = orbit(30.0, {"elements": elements})
+    found = orbit(30.0, elements=elements)
     assert found.statistics("follower_midpoint_stress_plus").max_abs / 1e6 == pytest.approx(stress, abs=0.05)
 
 
@@ -51,7 +59,7 @@ def test_follower_midpoint_stress_against_the_number_of_elements(elements, stres
 def test_follower_midpoint_stress_converges():
     """Elements with quintic shapes agree with many cubic ones, whose error falls as h²."""
     stress = {
-        (element, elements): orbit(30.0, {"element": element, "elements": elements})
+        (element, elements): orbit(30.0, element=element, elements=elements)
         .statistics("follower_midpoint_stress_plus")
         .max_abs
         / 1e6
@@ -67,8 +75,7 @@ def test_follower_midpoint_stress_converges():
 def test_terms_that_the_instantaneous_structure_leaves_out(option, change):
     """Largest change of the follower's midpoint over the turn, in percent of the largest deflection."""
     before, after = (
-        values(orbit(30.0, {"elements": 3, **options}), "follower_midpoint_deflection")
-        for options in ({}, option)
+        values(orbit(30.0, elements=3, **options), "follower_midpoint_deflection") for options in ({}, option)
     )
     found = 100 * np.abs(after - before).max() / np.abs(before).max()
     assert found == pytest.approx(change, rel=0.05)
@@ -154,7 +161,7 @@ def test_exact_elements_have_no_equations_of_motion():
 
 def test_modal_uncoupling_is_good_at_the_follower_and_bad_at_the_coupler():
     """Thesis 6.3: largest error over the turn at 35 rad/s, in percent of the largest deflection."""
-    model = solve.load("four_bar", options={"elements": 3})
+    model = model_with(elements=3)
     truth = solve.periodic(model, 35.0, rtol=1e-7)
     uncoupled = solve.periodic(model, 35.0, method="modal", steps=720)
     error = {}
@@ -168,7 +175,7 @@ def test_modal_uncoupling_is_good_at_the_follower_and_bad_at_the_coupler():
 def test_compression_beyond_eulers_load_is_said_with_link_force_and_angle():
     """The coupler pulls and pushes what turns the follower; its own inertia is small beside mB."""
     heavy = {"options": {"stiffening": "on"}, "mB": 20.0}
-    light = solve.load("four_bar", options={"stiffening": "on"})
+    light = model_with(stiffening="on")
     assert light.warnings(30.0) == []
     model = solve.load("four_bar", **heavy)
     p = model.parameters
@@ -186,7 +193,7 @@ def test_compression_beyond_eulers_load_is_said_with_link_force_and_angle():
 
 
 def test_a_sweep_has_the_doubts_of_its_speeds():
-    model = solve.load("four_bar", options={"stiffening": "on"})
+    model = model_with(stiffening="on")
     found = solve.sweep(model, [30.0, 90.0], rtol=1e-4, quantities=["A_x"])
     for speed, point in zip((30.0, 90.0), found.points, strict=True):
         assert list(point.warnings) == model.warnings(speed)
@@ -216,7 +223,7 @@ def test_a_ratio_that_was_meant_in_percent_is_doubted_and_rest_is_refused():
 def test_false_multipliers_of_newmark_are_flagged(steps, radius):
     """The average acceleration turns unresolved stiff modes into anything, until about 720 steps; the values
     are those of an implementation apart from this one. True is 0.48504."""
-    model = solve.load("four_bar", options={"elements": 3})
+    model = model_with(elements=3)
     found = solve.floquet(model, 30.0, method="newmark", steps=steps)
     assert found.spectral_radius == pytest.approx(radius, rel=5e-4 if radius < 1 else 5e-3)
     assert found.error_estimate.multipliers > abs(found.spectral_radius - 0.48504) / found.spectral_radius

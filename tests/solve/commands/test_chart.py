@@ -8,7 +8,7 @@ import xarray
 from scipy.special import mathieu_a, mathieu_b
 
 CHART = ("chart", "mathieu", "--set", "zeta=0", "--x", "delta=0:6:13", "--y", "epsilon=0.1:3:7")
-CRITICAL = ("critical", "manipulator", "--speeds", "100:400:20 rpm", "--orders", "6")
+CRITICAL = ("critical", "manipulator", "--speeds", "250:400:6 rpm", "--orders", "3")
 
 
 def test_the_chart_as_json(command):

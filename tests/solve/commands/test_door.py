@@ -193,8 +193,9 @@ importlib.import_module("{0}.__main__").main()
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
-@pytest.mark.parametrize("buffered", [True, False])
-@pytest.mark.parametrize("program", RESULTS)
+@pytest.mark.parametrize(
+    ("program", "buffered"), [*((program, True) for program in RESULTS), ("solve", False)]
+)
 def test_a_full_standard_output_is_one_line(program, buffered):
     environment = {**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"}
     with open("/dev/full", "w") as full:

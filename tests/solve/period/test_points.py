@@ -97,7 +97,7 @@ def test_one_grid_compiled_differs_by_rounding(method, steps, points):
 @pytest.mark.parametrize("steps", [None, 30])
 @pytest.mark.parametrize("method", ONE_STEP, ids=repr)
 def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points):
-    points = points[np.arange(PLACE - 40, PLACE + 1)]
+    points = points[np.arange(PLACE - 16, PLACE + 1)]
     rtol = 1e-2 if method.order <= 2 else 1e-5
     asked = request(steps, rtol, engine, orbit=True)
 
@@ -110,7 +110,7 @@ def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points)
                 return str(result.reason)
         raise AssertionError("a point without a result")
 
-    alone, among = found(points[np.array([40])], 0), found(points, 40)
+    alone, among = found(points[np.array([16])], 0), found(points, 16)
     if isinstance(alone, str):
         assert alone == among
         return
