@@ -76,7 +76,7 @@ class Contents:
         for name in (*self.columns, *self.further, *self.arrays):
             if not name or "/" in name or name == "metadata" or is_of_the_state(name):
                 raise ValueOutOfBoundsError(
-                    f"'{name}' cannot be the name of a column in a file; give the coordinate or output another"
+                    f"'{name}' cannot be the name of a column in a file; give the coordinate another"
                 )
 
     @property

@@ -237,6 +237,23 @@ def test_at_the_edges_of_an_unstable_range_the_response_has_no_height():
     assert [row.unbounded for row in made.rows if row.response] == [True, True]
 
 
+def test_both_edges_of_a_range_too_narrow_for_the_speeds_have_no_height():
+    """A pendulum whose pivot moves up and down: the speeds see one maximum about the two edges."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        shaken = speed**2 * (0.06 * np.cos(phase) + 0.08 * np.cos(2 * phase))
+        load = 0.01 * speed**2 * np.sin(phase)[:, None]
+        return one, 0.08 * one, one * 19.62 - shaken[:, None, None], load
+
+    pendulum = solve.PeriodicSystem(matrices, ["q"])
+    (band,) = solve.bands(pendulum, [4.0, 5.0])
+    made = solve.critical_speeds(pendulum, np.linspace(2.0, 20.0, 30))
+    speeds = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    assert band.kind == "+1"
+    assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
+
+
 def two_modes(frequencies, decays, coupling=0.0):
     """Two oscillators that decay at rates δ(Ω), coupled by a stiffness that varies once a turn."""
 
