@@ -93,6 +93,12 @@ class CriticalSpeeds(Result):
         return found
 
     @property
+    def _decimals(self) -> str:
+        """Of speeds: three, and seven digits at most, as speeds are no better known."""
+        before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
+        return f".{min(3, max(0, 6 - before))}f"
+
+    @property
     def unstable_ranges(self) -> list[tuple[float, float, float]]:
         """Runs of unstable ones among the speeds: the first and the last (rad/s), the largest |ρ|."""
         return [
@@ -163,8 +169,8 @@ class CriticalSpeeds(Result):
         """A row an unstable range."""
         low, high, radius = np.reshape(self.unstable_ranges, (-1, 3)).T
         return {
-            "from": speeds_of(self.system, low, "", "from", ".3f"),
-            "to": speeds_of(self.system, high, "", "to", ".3f"),
+            "from": speeds_of(self.system, low, "", "from", self._decimals),
+            "to": speeds_of(self.system, high, "", "to", self._decimals),
             "spectral_radius": Column(radius, heading="largest |ρ|", text=digits(".6g")),
         }
 
@@ -178,7 +184,7 @@ class CriticalSpeeds(Result):
             return [maximum and getattr(maximum, name) for maximum in found]
 
         def speeds(values: list[float | None], meaning: str, heading: str = "") -> Column:
-            return speeds_of(self.system, values, meaning, heading, ".3f")
+            return speeds_of(self.system, values, meaning, heading, self._decimals)
 
         response, multiplier, rows = "response", "multiplier", self.rows
         raised = any(row.radius for row in rows)
@@ -259,7 +265,7 @@ class CriticalSpeeds(Result):
     def _combinations_table(self) -> Table:
         some = self.combinations[:_MOST_COMBINATIONS]
         columns = {
-            "speed": speeds_of(self.system, [one.speed for one in some], "", "speed", ".3f"),
+            "speed": speeds_of(self.system, [one.speed for one in some], "", "speed", self._decimals),
             "i": Column([one.modes[0] for one in some], heading="i"),
             "j": Column([one.sign * one.modes[1] for one in some], heading="j", text=digits("+.0f")),
             "k": Column([one.order for one in some], heading="k"),

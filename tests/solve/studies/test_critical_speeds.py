@@ -254,6 +254,13 @@ def test_both_edges_of_a_range_too_narrow_for_the_speeds_have_no_height():
     assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
 
 
+def test_a_table_of_speeds_of_six_digits_with_all_columns_has_80_columns_at_most():
+    made = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
+    lines = [line.rstrip() for line in str(made).splitlines()]
+    assert any("|ρ|" in line and "mode" in line for line in lines)
+    assert max(map(len, lines)) <= 80
+
+
 def two_modes(frequencies, decays, coupling=0.0):
     """Two oscillators that decay at rates δ(Ω), coupled by a stiffness that varies once a turn."""
 
