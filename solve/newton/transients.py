@@ -210,7 +210,7 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
         with np.load(file, allow_pickle=False) as held:
             names, q, qd = tuple(held["coordinates"].tolist()), held["q"][:, -1], held["qd"][:, -1]
             model = json.loads(str(held["metadata"]))["model"]
-    except (OSError, KeyError, ValueError, IndexError):
+    except Exception:  # NumPy and zipfile raise whatever they meet in a damaged file.
         raise FileError(
             f"start '{file}' is no saved orbit or transient; allowed: {REST}, {ORBIT}, or a file .npz that "
             "`solve periodic` or `solve transient` wrote with --save"

@@ -5,6 +5,7 @@ import cmath
 import functools
 import json
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, NamedTuple
@@ -14,6 +15,9 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.system import PeriodicSystem
+
+is_of_the_state = re.compile(r"seal|state\d*").fullmatch
+"""Whether a name in a file is that of what a result is read back from."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
 
@@ -66,6 +70,14 @@ class Contents:
     further: Columns
     metadata: Mapping[str, Any]
     arrays: Mapping[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Raise ValueOutOfBoundsError for names of columns that no file can hold."""
+        for name in (*self.columns, *self.further, *self.arrays):
+            if not name or "/" in name or name == "metadata" or is_of_the_state(name):
+                raise ValueOutOfBoundsError(
+                    f"'{name}' cannot be the name of a column in a file; give the coordinate another"
+                )
 
     @property
     def table(self) -> dict[str, Array]:

@@ -93,6 +93,12 @@ class CriticalSpeeds(Result):
         return found
 
     @property
+    def _decimals(self) -> str:
+        """Of speeds: three, and seven digits at most, as speeds are no better known."""
+        before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
+        return f".{min(3, max(0, 6 - before))}f"
+
+    @property
     def unstable_ranges(self) -> list[tuple[float, float, float]]:
         """Runs of unstable ones among the speeds: the first and the last (rad/s), the largest |ρ|."""
         return [
@@ -163,8 +169,8 @@ class CriticalSpeeds(Result):
         """A row an unstable range."""
         low, high, radius = np.reshape(self.unstable_ranges, (-1, 3)).T
         return {
-            "from": speeds_of(self.system, low, "", "from", ".3f"),
-            "to": speeds_of(self.system, high, "", "to", ".3f"),
+            "from": speeds_of(self.system, low, "", "from", self._decimals),
+            "to": speeds_of(self.system, high, "", "to", self._decimals),
             "spectral_radius": Column(radius, heading="largest |ρ|", text=digits(".6g")),
         }
 
@@ -224,7 +230,7 @@ class CriticalSpeeds(Result):
         shown: Sequence[float | None] | None = None,
     ) -> Column:
         """shown: what stands in tables instead of the values."""
-        column = speeds_of(self.system, values, meaning, heading, ".3f")
+        column = speeds_of(self.system, values, meaning, heading, self._decimals)
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 
     def facts(self) -> Facts:
@@ -262,7 +268,7 @@ class CriticalSpeeds(Result):
     def _combinations_table(self) -> Table:
         some = self.combinations[:_MOST_COMBINATIONS]
         columns = {
-            "speed": speeds_of(self.system, [one.speed for one in some], "", "speed", ".3f"),
+            "speed": speeds_of(self.system, [one.speed for one in some], "", "speed", self._decimals),
             "i": Column([one.modes[0] for one in some], heading="i"),
             "j": Column([one.sign * one.modes[1] for one in some], heading="j", text=digits("+.0f")),
             "k": Column([one.order for one in some], heading="k"),

@@ -18,7 +18,7 @@ import numpy as np
 from solve.argument import first_is
 from solve.arrays import Array
 from solve.errors import FileError
-from solve.results.contents import Column, Contents
+from solve.results.contents import Column, Contents, is_of_the_state
 from solve.results.lasting import packed, unpacked
 
 if TYPE_CHECKING:
@@ -213,18 +213,18 @@ def opened(path: str | Path) -> Any:
 
 def _read_npz(file: Path) -> dict[str, Array]:
     with np.load(file, allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files if name.startswith(_STATE)}
+        return {name: arrays[name] for name in arrays.files if is_of_the_state(name)}
 
 
 def _read_nc(file: Path) -> dict[str, Array]:
     import h5py
 
     with h5py.File(file) as whole:
-        group = whole[_STATE[0]]
-        return {name: group[name][()] for name in group if name.startswith(_STATE)}  # type: ignore[index,union-attr]
+        group = whole[_STATE]
+        return {name: group[name][()] for name in group if is_of_the_state(name)}  # type: ignore[index,union-attr]
 
 
-_STATE = "state", "seal"
+_STATE = "state"
 _READ = {".nc": _read_nc, ".npz": _read_npz}
 
 
@@ -284,7 +284,7 @@ def _write_nc(result: Saved, stream: Any) -> None:
     import xarray
 
     state = {name: (f"length_of_{name}", array) for name, array in packed(result).items()}
-    groups = {"/": dataset(result.contents()), f"/{_STATE[0]}": xarray.Dataset(state)}
+    groups = {"/": dataset(result.contents()), f"/{_STATE}": xarray.Dataset(state)}
     xarray.DataTree.from_dict(groups).to_netcdf(stream, engine="h5netcdf")
 
 

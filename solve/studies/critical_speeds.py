@@ -34,7 +34,13 @@ from solve.studies.explained import (
 )
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
-from solve.studies.mean_frequencies import MeanFrequencies, combinations, crossed, resonances
+from solve.studies.mean_frequencies import (
+    MeanFrequencies,
+    combinations,
+    crossed,
+    resonances,
+    shifted_by_rates,
+)
 from solve.studies.tongues import LIGHTLY_DAMPED
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
@@ -94,12 +100,16 @@ def critical_speeds(
     batch = task.batch(grid[:, None])
     without = replace(task, request=replace(task.request, orbit=False)).batch(grid[:, None])
     search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance))
-    frequencies = MeanFrequencies(system, grid)
     with steps(4) as step:
         step("all speeds")
         found = search.solved(grid)
         found.require_any()
+        edges = search.edges(grid, found)
+        if len(edges):
+            grid = np.union1d(grid, edges)
+            found = search.solved(grid)
         step("mean natural frequencies")
+        frequencies = MeanFrequencies(system, grid)
         with stage("speeds", len(grid)):
             frequencies.values  # noqa: B018 - cached from here on
         rows = _rows(search, grid, found, frequencies, rest, orders, step)
@@ -117,7 +127,7 @@ def critical_speeds(
         frequencies.values,
         orders,
         frequencies.imaginary,
-        [*notes, *_left_out(system, grid, frequencies, found, orders)],
+        [*notes, *shifted_by_rates(frequencies, CLOSE), *_left_out(system, grid, frequencies, found, orders)],
     )
 
 
@@ -227,14 +237,26 @@ class _Search:
         nothing damps a resonance."""
         near = 1 + _BESIDE * self.tolerance * np.array([-1, 0, 1])
         found = self.turning((at[:, None] * near).ravel())
-        off, rho = 1 - found.multipliers, found.multipliers
-        least = np.abs(off).argmin(axis=1)[:, None]
-        size, modulus = (np.abs(np.take_along_axis(each, least, 1)).reshape(-1, 3) for each in (off, rho))
+        off, side = np.abs(1 - found.multipliers), _side(found).reshape(-1, 3)
+        least = off.argmin(axis=1)[:, None]
+        size, modulus = (
+            np.take_along_axis(each, least, 1).reshape(-1, 3) for each in (off, np.abs(found.multipliers))
+        )
         error = (found.errors[:, 1] * found.spectral_radius).reshape(-1, 3)
-        sign = np.sign(np.real(off.prod(axis=1))).reshape(-1, 3)
-        passed = (sign[:, 0] * sign[:, 2] < 0) & (size > error)[:, ::2].all(axis=1)
         turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE).all(axis=1)
-        return passed | turned & (size[:, 1] < size[:, ::2].min(axis=1))
+        return (side[:, 0] * side[:, 2] < 0) | turned & (size[:, 1] < size[:, ::2].min(axis=1))
+
+    def edges(self, speeds: Array, found: PointResults) -> Array:
+        """Speeds (k,), to the tolerance, at which a multiplier passes +1 along the real axis, between two of
+        the speeds (P,): the response may grow beyond all bounds there, however narrow its maximum."""
+        side = _side(found)
+        changes = np.flatnonzero(side[:-1] * side[1:] < 0)
+        low, high = speeds[changes], speeds[changes + 1]
+        while (high - low > self.tolerance * low).any():
+            middle = (low + high) / 2
+            before = _side(self.turning(middle)) == side[changes]
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        return low
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the dominant multiplier's real part, each with what explains it; but for edges of
@@ -269,6 +291,14 @@ class _Search:
         for one, grows, rho in zip(maxima, unstable.tolist(), found.multipliers, strict=True):
             ratios = MeanFrequencies(system, np.array([one.speed])).values[0] / one.speed
             yield Turn(system, one.speed, rho, ratios), grows
+
+
+def _side(found: PointResults) -> Array:
+    """Sign (P,) of det(I - Φ), of whose changes each is a multiplier that passes +1 along the real axis; 0
+    where one is +1 but for its error."""
+    off = 1 - found.multipliers
+    sure = np.abs(off).min(axis=1) > found.errors[:, 1] * found.spectral_radius
+    return np.where(sure, np.sign(np.real(off.prod(axis=1))), 0.0)
 
 
 def _rows(

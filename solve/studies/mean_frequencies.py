@@ -14,7 +14,7 @@ from solve.arrays import Array
 from solve.errors import SolveError
 from solve.progress import part
 from solve.results.critical_rows import Combination
-from solve.studies.mean_modes import mean_modes
+from solve.studies.mean_modes import mean_modes, shift_by_rates
 from solve.studies.tongues import LIGHTLY_DAMPED
 from solve.system import PeriodicSystem
 
@@ -22,6 +22,9 @@ _SECANTS = 4
 
 _JUMP = 1e-2
 """Part of a frequency that is left after these where there is no crossing."""
+
+_SOME = 24
+"""At most twice so many speeds are looked at for what M and K leave out of means."""
 
 _LOW = 4
 """Highest order of combinations that are strong enough to be looked for where only means tell them."""
@@ -73,6 +76,23 @@ def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]
             every = (Combination(speed, (high + 1, low + 1), sign, order) for order, speed in found_at)
             found += [one for one in every if not one.is_division and excited(frequencies.system, one.order)]
     return sorted(found, key=lambda one: -one.speed)
+
+
+def shifted_by_rates(frequencies: MeanFrequencies, most: float) -> list[str]:
+    """A line that says at which speeds gyroscopic forces change a mean frequency by more than a part of
+    itself, where they do and frequencies are real."""
+    known = frequencies.speeds[~frequencies.imaginary & np.isfinite(frequencies.values[:, 0])]
+    speeds = known[:: max(1, len(known) // _SOME)]
+    shifts = np.array([shift_by_rates(frequencies.system, speed) for speed in speeds.tolist()])
+    beyond, text = np.flatnonzero(shifts > most), frequencies.system.speed_unit.text
+    if not len(beyond):
+        return []
+    first, largest = float(speeds[beyond[0]]), int(shifts.argmax())
+    return [
+        f"gyroscopic forces, or damping that couples modes, change frequencies by over {most:.0%}, as at "
+        f"{text(first, '.4g')}, and by up to {shifts[largest]:.0%} at {text(float(speeds[largest]), '.4g')}: "
+        "means and divisions, of M and K alone, mean little there"
+    ]
 
 
 def crossed(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:

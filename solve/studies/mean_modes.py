@@ -8,7 +8,7 @@ from solve.arrays import Array
 from solve.period.multipliers import matched
 from solve.system import PeriodicSystem
 
-_PHASES = 64
+_PHASES, _FEWER = 64, 16
 
 _ROUNDING, _COMPLEX = 1e-12, 1e-6
 """Negative squares of frequencies, and their imaginary parts, relative to the largest, that are rounding; of
@@ -60,6 +60,20 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
             means = along
     means = means[:, np.argsort(means[0], kind="stable")]
     return MeanModes(means[0], means[1], bool(imaginary))
+
+
+def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
+    """By what part of itself a mean frequency differs at most, at a speed (rad/s), from that of moduli of
+    eigenvalues with C, which `mean_modes` leaves out: gyroscopic forces make them differ, and damping that
+    couples modes, not what damps each by itself. 0 where some are real."""
+    M, C, K, _ = system.at((np.arange(_FEWER) + 0.5) * system.period / _FEWER, speed)
+    squares, none = np.linalg.eigvals(np.linalg.solve(M, K)), np.zeros_like(K)
+    rate = np.block([[none, none + np.eye(system.n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    values = np.linalg.eigvals(rate)
+    if np.real(squares).min() <= 0 or not np.imag(values).all():
+        return 0.0
+    without = np.sort(np.sqrt(np.real(squares)), axis=1).mean(axis=0)
+    return float(np.abs(np.sort(np.abs(values), axis=1)[:, ::2].mean(axis=0) / without - 1).max())
 
 
 def _followed(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:

@@ -140,6 +140,16 @@ def test_bad_input_is_refused(given, error, words):
         solve.transient(model_of(duffing(), alpha=0.0, **NUMBERS), SPEED, **given)
 
 
+def test_a_start_that_is_cut_is_refused(tmp_path):
+    duffer, file = model_of(duffing(), alpha=0.0, **NUMBERS), tmp_path / "start.npz"
+    solve.periodic(duffer, SPEED).save(file)
+    whole = file.read_bytes()
+    for kept in (0, 300, len(whole) - 10):
+        file.write_bytes(whole[:kept])
+        with pytest.raises(FileError, match="is no saved orbit or transient"):
+            solve.transient(duffer, SPEED, 1, file)
+
+
 def ringing(ratio):
     """Two masses, one on a soft spring, one on a stiff one of 300 rad/s, whose load is suddenly there."""
 

@@ -50,6 +50,24 @@ def test_names_that_files_hold_already_are_refused(names, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["a/b", "", "state", "state1", "seal", "metadata"])
+def test_names_that_no_file_can_hold_are_refused(name, tmp_path):
+    alike = chain(2)
+    orbit = solve.periodic(PeriodicSystem(alike.at, [name, "y"]), 3.0, rtol=1e-3)
+    for ending in (".nc", ".npz"):
+        with pytest.raises(ValueOutOfBoundsError, match=f"'{name}' cannot be the name of a column"):
+            orbit.save(tmp_path / f"orbit{ending}")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("ending", [".nc", ".npz"])
+def test_names_that_begin_as_those_of_the_state_are_read_back(ending, tmp_path):
+    alike = chain(2)
+    found = solve.sweep(PeriodicSystem(alike.at, ["seal_gap", "state_of_valve"]), [3.0, 4.0], rtol=1e-3)
+    found.save(tmp_path / f"sweep{ending}")
+    assert solve.open(tmp_path / f"sweep{ending}").record() == found.record()
+
+
 def test_csv(result, tmp_path):
     result.save(tmp_path / "orbit.csv")
     text = (tmp_path / "orbit.csv").read_bytes().decode("utf-8")

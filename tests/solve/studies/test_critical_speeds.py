@@ -236,6 +236,30 @@ def test_at_the_edges_of_an_unstable_range_the_response_has_no_height():
     assert [row.unbounded for row in made.rows if row.response] == [True, True]
 
 
+def test_both_edges_of_a_range_too_narrow_for_the_speeds_have_no_height():
+    """A pendulum whose pivot moves up and down: the speeds see one maximum about the two edges."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        shaken = speed**2 * (0.06 * np.cos(phase) + 0.08 * np.cos(2 * phase))
+        load = 0.01 * speed**2 * np.sin(phase)[:, None]
+        return one, 0.08 * one, one * 19.62 - shaken[:, None, None], load
+
+    pendulum = solve.PeriodicSystem(matrices, ["q"])
+    (band,) = solve.bands(pendulum, [4.0, 5.0])
+    made = solve.critical_speeds(pendulum, np.linspace(2.0, 20.0, 30))
+    speeds = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    assert band.kind == "+1"
+    assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
+
+
+def test_a_table_of_speeds_of_six_digits_with_all_columns_has_80_columns_at_most():
+    made = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
+    lines = [line.rstrip() for line in str(made).splitlines()]
+    assert any("|ρ|" in line and "mode" in line for line in lines)
+    assert max(map(len, lines)) <= 80
+
+
 def test_a_division_at_an_end_of_the_range_or_on_a_speed_of_it_is_told_once():
     made = solve.critical_speeds(oscillators(), [2.5, 5.0, 10.0], orders=4)
     divided = [(row.mode, row.order) for row in made.rows if row.division and row.mode == 1]

@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 import solve
 from solve.studies.mean_frequencies import MeanFrequencies, combinations
-from solve.studies.mean_modes import mean_modes
+from solve.studies.mean_modes import mean_modes, shift_by_rates
 from tests.solve import systems
 
 
@@ -102,3 +102,25 @@ def test_the_tongues_of_modes_that_cross_belong_to_them(coupling):
     assert set(found) == {(1, 1), (2, 2)} | ({(2, 1)} if coupling else set())
     for mode, middle in ((1, 1.0), (2, 1.44)):
         assert found[mode, mode] == pytest.approx(2 * mean_root(middle, 0.5), rel=0.01)
+
+
+def turning_frame():
+    """A mass on four equal springs, ω = 100 rad/s, in a frame that turns with Ω: λ = ± i (ω ± Ω)."""
+
+    def matrices(phase, speed):
+        one, turned = np.ones((len(phase), 1, 1)), np.array([[0.0, -1.0], [1.0, 0.0]])
+        K = (100.0**2 - speed**2) * np.eye(2)
+        return one * np.eye(2), one * 2 * speed * turned, one * K, np.ones((len(phase), 2))
+
+    return systems.system(matrices, 2)
+
+
+def test_gyroscopic_forces_that_means_leave_out_are_measured_and_told():
+    expected = 120.0 / np.sqrt(100.0**2 - 20.0**2) - 1
+    assert shift_by_rates(turning_frame(), 20.0) == pytest.approx(expected, rel=1e-12)
+    assert shift_by_rates(oscillators(0.1, 0.0, (0.2, 0.4)), 1.0) < 1e-12
+    warnings = solve.critical_speeds(turning_frame(), [30.0, 50.0]).notes
+    (told,) = [text for text in warnings if "gyroscopic forces" in text]
+    assert "mean little there" in told
+    still = solve.critical_speeds(oscillators(0.1, 0.0, (0.01, 0.01)), [0.5, 2.0]).notes
+    assert not any("gyroscopic" in text for text in still)
