@@ -192,8 +192,7 @@ class Moved:
     """Parameters that move speeds which were found."""
 
     by: Annotated[
-        list[str] | None,
-        Flag("Give derivatives of these speeds by a parameter instead; repeatable.", "NAME"),
+        list[str] | None, Flag("Give derivatives of these speeds by a parameter instead; repeatable.", "NAME")
     ] = None
 
     def require_known(self, model: "Model") -> None:

@@ -259,10 +259,7 @@ def _framed(axes: Axes, low: complex, high: complex, unit: str) -> None:
 
     factor, shown = prefixed(unit, max(map(abs, (low, high))))
     axes.set(xlim=(low.real, high.real), ylim=(low.imag, high.imag), aspect="equal")
-    for axis, set_label, name in (
-        (axes.xaxis, axes.set_xlabel, "x"),
-        (axes.yaxis, axes.set_ylabel, "y"),
-    ):
+    for axis, set_label, name in ((axes.xaxis, axes.set_xlabel, "x"), (axes.yaxis, axes.set_ylabel, "y")):
         axis.set_major_locator(MaxNLocator(4))
         axis.set_major_formatter(lambda value, _: f"{value * factor:.6g}".replace("-", "−"))
         set_label(f"{name} ({shown})" if shown else name)

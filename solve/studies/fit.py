@@ -279,13 +279,7 @@ def _limits(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tupl
 
 
 def _fitted(
-    problem: Problem,
-    x: Array,
-    jac: Array,
-    sigma: float,
-    count: int,
-    file: str,
-    ratios: Mapping[str, float],
+    problem: Problem, x: Array, jac: Array, sigma: float, count: int, file: str, ratios: Mapping[str, float]
 ) -> Fitted:
     from scipy.stats import t
 

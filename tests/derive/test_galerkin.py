@@ -224,11 +224,7 @@ def test_values_at_points():
     values = module.outputs(modes=modes)(0.3, 1.0, q, qd, 0 * q, [L, MU, EI, ALPHA])[1:]
     k = np.arange(1, modes + 1) * np.pi
     curvature = -((k / L) ** 2) * np.sin(k / 4)
-    expected = [
-        np.sin(2 * k / 3) @ q,
-        k / L * np.cos(2 * k / 3) @ qd,
-        EI * curvature @ (q + ALPHA * qd),
-    ]
+    expected = [np.sin(2 * k / 3) @ q, k / L * np.cos(2 * k / 3) @ qd, EI * curvature @ (q + ALPHA * qd)]
     np.testing.assert_allclose([float(value) for value in values], expected, rtol=1e-12)
 
 

@@ -69,20 +69,14 @@ def test_bad_arguments(derive, arguments, message):
         ("raise ValueError('two\\nlines')\n", "ValueError: two lines"),
         ("raise SystemExit(0)\n", ", line 1: SystemExit: 0"),
         ("def mechanism():\n    return mechanism()\n", "RecursionError: maximum recursion depth exceeded"),
-        (
-            ROTOR.replace("kg m^2", "kg m^99999999"),
-            '"kg m^99999999" is not understood: powers are numbers',
-        ),
+        (ROTOR.replace("kg m^2", "kg m^99999999"), '"kg m^99999999" is not understood: powers are numbers'),
         ("from derive import nothing\n", "ImportError: cannot import name 'nothing'"),
         (
             ROTOR.replace('"rotor", "Rotor', '"other", "Rotor'),
             'states a mechanism "other"; it must be called "rotor"',
         ),
         (ROTOR.replace("J * rate", "k * rate"), "rotor.py, line 10: kinetic energy must be in "),
-        (
-            ROTOR.replace("kg m^2", "kg mq^2"),
-            'rotor.py, line 9: the unit "kg mq^2" is not understood',
-        ),
+        (ROTOR.replace("kg m^2", "kg mq^2"), 'rotor.py, line 9: the unit "kg mq^2" is not understood'),
         (
             ROTOR.replace("rotor.potential", "rotor.potentail"),
             ", line 11: AttributeError: 'Mechanism' object has no attribute 'potentail'",

@@ -122,8 +122,7 @@ def test_hertz_contact():
 
 
 @pytest.mark.parametrize(
-    "contact",
-    [lambda q: Max(0, q) ** 2, lambda q: q * Abs(q), lambda q: Piecewise((0, q < 0), (q**2, True))],
+    "contact", [lambda q: Max(0, q) ** 2, lambda q: q * Abs(q), lambda q: Piecewise((0, q < 0), (q**2, True))]
 )
 def test_contact_without_clearance_has_no_linearisation(contact):
     one, q, p = oscillator(s=STOP["s"])
@@ -225,14 +224,7 @@ def cubic(s):
     return s**2 * (3 - 2 * s)
 
 
-@pytest.mark.parametrize(
-    ("rise", "allowed"),
-    [
-        (cycloid, True),
-        (cubic, True),
-        (lambda s: s, False),
-    ],
-)
+@pytest.mark.parametrize(("rise", "allowed"), [(cycloid, True), (cubic, True), (lambda s: s, False)])
 def test_a_prescribed_motion_may_jump_in_its_second_derivative(rise, allowed):
     """Cycloid and parabola-like cubic rises of a dwell cam; a ramp would need an impulse."""
     one, q, p = oscillator(h=("m", "lift"), b=("rad", "rise", "> 0"))

@@ -138,8 +138,7 @@ def test_steps_that_are_none(steps):
 
 def test_steps_that_do_not_fit_in_memory():
     with pytest.raises(
-        StepsError,
-        match=r"at most \d+ steps .* given: 1000000000; use fewer, raise --limit, or",
+        StepsError, match=r"at most \d+ steps .* given: 1000000000; use fewer, raise --limit, or"
     ):
         periodic(random_system(1, 2), 1.0, "newmark", steps=10**9)
 

@@ -115,11 +115,7 @@ class DesignResult(Outcome, Result):
         return outcome_figure(self)
 
 
-def carry_out(
-    design: Design,
-    target: float | None = None,
-    duration: float = 60.0,
-) -> DesignResult:
+def carry_out(design: Design, target: float | None = None, duration: float = 60.0) -> DesignResult:
     """Carry the method out to a target speed (rad/s), by default the design's own; duration (s) of the
     slowest run-up. Raises DesignError for a target outside the map."""
     stresses, rate = design.map, design.rate
@@ -148,12 +144,7 @@ def require_target(target: float, speeds: Array, unit: ShownUnit) -> None:
         )
 
 
-def trials_of(
-    stresses: DesignMap,
-    plan: Plan,
-    returns: bool,
-    duration: float,
-) -> list[Trial]:
+def trials_of(stresses: DesignMap, plan: Plan, returns: bool, duration: float) -> list[Trial]:
     """The plan simulated within the duration (s) and, until the stress goes too high, within half of it,
     a quarter and so on."""
     trials: list[Trial] = []

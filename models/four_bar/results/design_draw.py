@@ -63,10 +63,7 @@ def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
         if result.returns:
             ends = [result.plan.L4[-1] * 1e3, stresses.own_L4 * 1e3]
             axes.annotate(
-                "",
-                (target, ends[1]),
-                (target, ends[0]),
-                arrowprops={"arrowstyle": "->", "lw": 1.6},
+                "", (target, ends[1]), (target, ends[0]), arrowprops={"arrowstyle": "->", "lw": 1.6}
             )
     axes.set_xlabel(f"speed ({unit.name})")
     axes.set_ylabel("$L_4$ (mm)")

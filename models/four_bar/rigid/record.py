@@ -11,13 +11,7 @@ import numpy as np
 
 from models.four_bar.linkage import ADVISED, Linkage
 from models.four_bar.rigid.barker import base_plane, classify, mobility, satisfies_grashof, solution_space
-from models.four_bar.rigid.forces import (
-    Body,
-    JointForces,
-    inertial_power,
-    joint_forces,
-    kinetic_energy,
-)
+from models.four_bar.rigid.forces import Body, JointForces, inertial_power, joint_forces, kinetic_energy
 from models.four_bar.rigid.stresses import LINKS, greatest_stress
 from solve import signal_statistics
 from solve.arrays import Array, Plane

@@ -167,13 +167,7 @@ def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
 
 
 def plan_below(
-    speeds: Array,
-    L4: Array,
-    ratio: Array,
-    cap: float,
-    own: int,
-    rate: float,
-    returns: bool,
+    speeds: Array, L4: Array, ratio: Array, cap: float, own: int, rate: float, returns: bool
 ) -> Plan | None:
     """A plan from the lowest to the highest speed with ratios below the cap, which begins at L4 number `own`.
     returns: whether it must be possible, below the cap, to go back there at the highest speed. None where

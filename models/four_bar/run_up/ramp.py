@@ -109,11 +109,7 @@ class Simulated:
     stress: Array
 
 
-def simulate(
-    stresses: StressMap,
-    run_up: Callable[[Array], Drive],
-    turns: int,
-) -> Simulated:
+def simulate(stresses: StressMap, run_up: Callable[[Array], Drive], turns: int) -> Simulated:
     """The stresses during a run-up that begins in quasi-static equilibrium."""
     moving = _Moving(stresses, run_up)
     x = moving.at_rest()

@@ -71,7 +71,4 @@ def _functions() -> tuple[ca.Function, ca.Function]:
     M = ca.diag(ca.vertcat(*(bodies[row, k] for k in range(3) for row in (0, 0, 3))))
     Q = ca.vertcat(ca.SX.zeros(8), -load)
     now = [ca.substitute(x, time, 0) for x in (g, J, g_t, M, Q, rest)]
-    return (
-        ca.Function("constraints", [q, p], now[:2]),
-        ca.Function("matrices", [q, qd, p], now[1:]),
-    )
+    return (ca.Function("constraints", [q, p], now[:2]), ca.Function("matrices", [q, qd, p], now[1:]))

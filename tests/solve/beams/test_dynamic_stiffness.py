@@ -97,10 +97,7 @@ def test_appendix_b_corrected_equals_the_derivation(omega):
         assert scaled_difference(M, end_masses(omega)) < 1e-9
 
 
-STIFFNESS_MISPRINTS = {
-    Misprint.ARGUMENTS: {1, 2, 3, 4, 5, 6},
-    Misprint.AXIAL_SIGNS: {7, 8},
-}
+STIFFNESS_MISPRINTS = {Misprint.ARGUMENTS: {1, 2, 3, 4, 5, 6}, Misprint.AXIAL_SIGNS: {7, 8}}
 MASS_MISPRINTS = {
     Misprint.PRODUCTS: {1, 2, 3, 4, 5, 6},
     Misprint.RUN_TOGETHER: {2},

@@ -6,13 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 import solve
-from solve.errors import (
-    FileError,
-    LinearModelError,
-    ResonanceError,
-    TransientError,
-    ValueOutOfBoundsError,
-)
+from solve.errors import FileError, LinearModelError, ResonanceError, TransientError, ValueOutOfBoundsError
 from tests.solve.newton.mechanisms import duffing, model_of
 
 NUMBERS = {"zeta": 0.05, "k": 1.0, "f": 0.4}

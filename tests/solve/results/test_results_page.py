@@ -56,10 +56,7 @@ def run_up():
 
 MADE = {
     "solve.periodic": (lambda: solve.periodic(cam(), "300 rpm"), '--speed "5 Hz"'),
-    "solve.nonlinear": (
-        lambda: solve.nonlinear(cam(), "100 rpm", rtol=1e-6),
-        '--speed "1.5 Hz" --rtol 1e-6',
-    ),
+    "solve.nonlinear": (lambda: solve.nonlinear(cam(), "100 rpm", rtol=1e-6), '--speed "1.5 Hz" --rtol 1e-6'),
     "solve.floquet": (lambda: solve.floquet(cam(), "300 rpm"), '--speed "5 Hz"'),
     "solve.sweep": (lambda: solve.sweep(cam(), [30.0, 40.0]), '--speeds "30:40:2 rad/s"'),
     "solve.chart": (
