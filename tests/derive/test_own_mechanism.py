@@ -31,10 +31,11 @@ def derived(folder: Path, name: str):
     """The derived module of an example of the page, by its name, made by the page's own command."""
     (folder / f"{name}.py").write_text(block(f"{name}.py"), encoding="utf-8")
     assert f"python -m derive {name}.py\n" in PAGE
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as exit_:
+    with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(sys, "argv", ["derive", f"{name}.py"])
-        main()
+        with pytest.raises(SystemExit) as exit_:
+            main()
     assert not exit_.value.code
     spec = importlib.util.spec_from_file_location(name, folder / "generated" / f"{name}.py")
     assert spec is not None
