@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "360168e4f109ee2bfbacab6c3f39fd0dbbf12b86077613157a207aa7cca9f5b4"
+DERIVE_SHA256 = "95512735131a81e7ed09c6a13013caf53454efa6fabd1a6a66b021e83d216921"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5d82c078553f1e287e516e77c31ef4ff3b228b2b1183a35b90e8385ad63fb8cc"
+FILE_SHA256 = "ec05bed082fc36901f4eb818a3e81f363745dfd60c73a101e2dcc205f8c9e0b1"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

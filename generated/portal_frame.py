@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "360168e4f109ee2bfbacab6c3f39fd0dbbf12b86077613157a207aa7cca9f5b4"
+DERIVE_SHA256 = "95512735131a81e7ed09c6a13013caf53454efa6fabd1a6a66b021e83d216921"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5fffce041b3ecb7c2600b8dd520c9838d4538d9b7bb4368ada4c1119f0786fb8"
+FILE_SHA256 = "9423ef98ea6e9cfc9ef5513c5b6649afdd1d4b50bd9a225d0b509ea4db8af207"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
