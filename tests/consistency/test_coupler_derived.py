@@ -141,13 +141,23 @@ def differentiated(motion: ca.Function, rows: int) -> ca.Function:
 def test_drive_torque_and_axial_force_to_first_order(linkage, branch, speed):
     """The torque takes the amplitudes along to first order; the axial force is the straight coupler's."""
     p, side = vector(linkage), BRANCHES[branch]
-    exact = differentiated(coupler_lagrangian.motion(MODES), 2)(PHASES[None], speed, p, side).full()
-    found = differentiated(reactions(branch), 2)(PHASES[None], speed, p).full()
+    exact = witness_by_state()(PHASES[None], speed, p, side).full()
+    found = reactions_by_state(branch)(PHASES[None], speed, p).full()
     ends = [1, 1 + MODES, 1 + 2 * MODES]
     for torque, witness in zip(np.split(found[::2], ends), np.split(exact[::2], ends), strict=True):
         assert abs(torque - witness).max() < 1e-10 * abs(witness).max()
     assert abs(found[1] - exact[1]).max() < 1e-10 * abs(exact[1]).max()
     assert not found[3::2].any()
+
+
+@cache
+def witness_by_state() -> ca.Function:
+    return differentiated(coupler_lagrangian.motion(MODES), 2)
+
+
+@cache
+def reactions_by_state(branch: str) -> ca.Function:
+    return differentiated(reactions(branch), 2)
 
 
 @cache

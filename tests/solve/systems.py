@@ -42,9 +42,11 @@ def series(rng, shape, size, harmonics=3):
         / np.arange(1, harmonics + 1).reshape(-1, *(1 for _ in shape))
     )
 
+    orders, columns = np.arange(1, harmonics + 1), amplitudes.reshape(2 * harmonics, -1)
+
     def value(phase):
-        angles = np.outer(phase, np.arange(1, harmonics + 1))
-        return np.tensordot(np.cos(angles), amplitudes[0], 1) + np.tensordot(np.sin(angles), amplitudes[1], 1)
+        angles = np.outer(phase, orders)
+        return (np.concatenate((np.cos(angles), np.sin(angles)), axis=1) @ columns).reshape(-1, *shape)
 
     return value
 

@@ -68,7 +68,9 @@ def test_a_grid_that_is_given_is_judged_honestly(method, steps, witnessed):
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
-@pytest.mark.parametrize("rpm", [100, 200, 300, 600, 1500])
+@pytest.mark.parametrize(
+    "rpm", [100, 300, 1500, *(pytest.param(rpm, marks=pytest.mark.slow) for rpm in (200, 600))]
+)
 def test_estimates_for_the_stiff_cam(case, rpm):
     """Witness: Gauss of order 12, another method than any that is judged."""
     system, speed = cam(case), f"{rpm} rpm"

@@ -133,7 +133,9 @@ def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order,
     assert known_too_badly(found) or any("meet there, within their error" in each for each in found.warnings)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "method", [*METHODS[:3], *(pytest.param(m, marks=pytest.mark.slow) for m in METHODS[3:])]
+)
 @pytest.mark.parametrize("K", [[[0, 1], [0, 0]], np.diag([0, 1e4]), np.diag([1, 0])])
 def test_drift_grows_beside_other_modes_and_in_longer_chains(method, K):
     """q = a + bt, alone or driven by another such; there are fewer eigenvectors than multipliers."""
