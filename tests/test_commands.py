@@ -69,7 +69,8 @@ ASKED = {
 
 def fewer(command: str) -> str:
     """Five points of a range of more than nine, and two turns of a motion in time."""
-    return re.sub(r"--turns \d+", "--turns 2", re.sub(r"(:\d+):\d\d+(?= rpm| rad/s| |\"|$)", r"\1:5", command))
+    command = re.sub(r"(:\d+):\d\d+(?= rpm| rad/s| |\"|$)", r"\1:5", command)
+    return re.sub(r"--turns \d+", "--turns 2", command)
 
 
 @pytest.fixture
