@@ -275,6 +275,15 @@ class Search:
             )
         return found
 
+    def passages(self, low: Judged, high: Judged, way: int) -> tuple[Judged, Judged]:
+        """Brackets, to the tolerance, between points low and high (E,): where the gap for +1, way 0, or for
+        -1, way 1, changes its sign."""
+
+        def passed(known: Judged, lines: Array) -> Array:
+            return known.gaps[:, way] * high.gaps[lines, way] > 0
+
+        return self.sectioned(passed, low, high, aim=_chord(np.full(len(low.points), way)))
+
     def _narrow_stable(self, known: Judged, first: Array, last: Array) -> tuple[Array, Array, Array]:
         """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
         a neighbour (c,), place (c, v) and kind (c,) of each edge."""
@@ -283,11 +292,7 @@ class Search:
         facing = (rising[first] & falling[last]) | (falling[first] & rising[last])
         first, last = first[facing], last[facing]
         start, end = (known[np.where(rising[first] == way, first, last)] for way in (True, False))
-        signs = np.array([1.0, -1.0])
-        leaves, enters = (
-            _middles(*self.sectioned(lambda one, _, k=k: signs[k] * one.gaps[:, k] > 0, start, end, aim=aim))
-            for k, aim in enumerate(_chord(np.full(len(first), k)) for k in range(2))
-        )
+        leaves, enters = (_middles(*self.passages(start, end, way)) for way in (0, 1))
         sides = [leaves, enters]
         apart = np.linalg.norm(leaves - start.points, axis=1) < np.linalg.norm(enters - start.points, axis=1)
         # Beyond one coordinate other multipliers may be outside between the two.

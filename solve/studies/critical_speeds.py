@@ -24,6 +24,7 @@ from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
+from solve.studies.boundaries import Judged, Search, judge
 from solve.studies.explained import CLOSE, Explained, Turn, allowed_distance, of_modulus, of_real_part
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
@@ -97,10 +98,7 @@ def critical_speeds(
         step("all speeds")
         found = search.solved(grid)
         found.require_any()
-        edges = search.edges(grid, found)
-        if len(edges):
-            grid = np.union1d(grid, edges)
-            found = search.solved(grid)
+        grid, found = search.with_edges(grid, found)
         step("mean natural frequencies")
         frequencies = MeanFrequencies(system, grid)
         with stage("speeds", len(grid)):
@@ -239,17 +237,20 @@ class _Search:
         turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE).all(axis=1)
         return (side[:, 0] * side[:, 2] < 0) | turned & (size[:, 1] < size[:, ::2].min(axis=1))
 
-    def edges(self, speeds: Array, found: PointResults) -> Array:
-        """Speeds (k,), to the tolerance, at which a multiplier passes +1 along the real axis, between two of
-        the speeds (P,): the response may grow beyond all bounds there, however narrow its maximum."""
+    def with_edges(self, speeds: Array, found: PointResults) -> tuple[Array, PointResults]:
+        """The speeds (P,) and what was found there, with those between two at which a multiplier passes +1
+        along the real axis: the response may grow beyond all bounds there, however narrow its maximum."""
         side = _side(found)
         changes = np.flatnonzero(side[:-1] * side[1:] < 0)
-        low, high = speeds[changes], speeds[changes + 1]
-        while (high - low > self.tolerance * low).any():
-            middle = (low + high) / 2
-            before = _side(self.turning(middle)) == side[changes]
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        return low
+        known = Judged.of(speeds[:, None], found)
+        brackets = Search(judge(self.multipliers), speeds[:1], self.tolerance)
+        low, _ = brackets.passages(known[changes], known[changes + 1], 0)
+        edges = np.setdiff1d(low.points[:, 0], speeds)
+        every = np.union1d(speeds, edges)
+        results = PointResults.blank(len(every), self.batch.family.example.n, self.kept)
+        for some, those in ((speeds, found), (edges, self.solved(edges))):
+            results.insert(np.searchsorted(every, some), those)
+        return every, results
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the dominant multiplier's real part, each with what explains it; but for edges of

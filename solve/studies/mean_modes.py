@@ -6,6 +6,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.multipliers import matched
+from solve.period.points import rate_of
 from solve.system import PeriodicSystem
 
 _PHASES, _FEWER = 64, 16
@@ -66,10 +67,8 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     """By what part of itself a mean frequency differs at most, at a speed (rad/s), from that of moduli of
     eigenvalues with C, which `mean_modes` leaves out: gyroscopic forces make them differ, and damping that
     couples modes, not what damps each by itself. 0 where some are real."""
-    M, C, K, _ = system.at((np.arange(_FEWER) + 0.5) * system.period / _FEWER, speed)
-    squares, none = np.linalg.eigvals(np.linalg.solve(M, K)), np.zeros_like(K)
-    rate = np.block([[none, none + np.eye(system.n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-    values = np.linalg.eigvals(rate)
+    rate = rate_of(*system.at((np.arange(_FEWER) + 0.5) * system.period / _FEWER, speed))[..., :-1]
+    squares, values = np.linalg.eigvals(-rate[:, system.n :, : system.n]), np.linalg.eigvals(rate)
     if np.real(squares).min() <= 0 or not np.imag(values).all():
         return 0.0
     without = np.sort(np.sqrt(np.real(squares)), axis=1).mean(axis=0)

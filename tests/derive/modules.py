@@ -1,5 +1,7 @@
-"""A generated module without its file: what the tests evaluate."""
+"""Generated modules, without a file or from one: what the tests evaluate."""
 
+import importlib.util
+from pathlib import Path
 from types import ModuleType
 
 import casadi
@@ -15,6 +17,16 @@ def module_of(mechanism: Mechanism) -> ModuleType:
     check(mechanism)
     module = ModuleType(mechanism.name)
     exec(module_text(mechanism, "0" * 64, "0" * 64, mechanism.name), module.__dict__)
+    return module
+
+
+def module_in(file: Path) -> ModuleType:
+    """The module that is written there, executed."""
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
     return module
 
 

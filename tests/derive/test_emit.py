@@ -1,6 +1,5 @@
 """Generated modules: their contract, the same bytes in every run, operation counts that do not grow."""
 
-import importlib.util
 import math
 import os
 import subprocess
@@ -12,7 +11,7 @@ from types import ModuleType
 import casadi
 import numpy as np
 import pytest
-from modules import module_of, values
+from modules import module_in, module_of, values
 
 from derive import Mechanism, cos, loader, rate, rectangle
 from derive.errors import UnitError
@@ -25,12 +24,7 @@ STATE = ["phase", "speed", "q", "qd", "qdd", "p"]
 
 
 def generated(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / "generated" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_in(ROOT / "generated" / f"{name}.py")
 
 
 MODELS = [name for name in NAMES if name != loader.BEAM_ELEMENTS]

@@ -1,6 +1,5 @@
 """The page on a mechanism of one's own: its files are derived as printed."""
 
-import importlib.util
 import os
 import re
 import shlex
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from modules import module_in
 
 from derive.__main__ import main
 
@@ -37,12 +37,7 @@ def derived(folder: Path, name: str):
         with pytest.raises(SystemExit) as exit_:
             main()
     assert not exit_.value.code
-    spec = importlib.util.spec_from_file_location(name, folder / "generated" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_in(folder / "generated" / f"{name}.py")
 
 
 @pytest.fixture(scope="module")
