@@ -16,6 +16,10 @@ MACHINE = ("-march=native",)
 """Flags that tell the compiler what the processor can do."""
 
 _FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
+_CONTRACTED = ("-ffp-contract=fast",)
+"""Lets products and sums be rounded once, where no formulas are: terms of these that cancel exactly would
+leave a remainder."""
+
 _HEADERS = Path(__file__).parent
 _SECONDS = 120.0
 _LOGGER = logging.getLogger(__name__)
@@ -42,14 +46,15 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
     CompilerError."""
     compiler, identity = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
+    flags = (*MACHINE, *_FLAGS, *(() if formulas else _CONTRACTED))
     texts = [each.read_text(encoding="utf-8") for each in (source, *sorted(_HEADERS.glob("*.h")))]
-    text = "\0".join((*texts, formulas, identity, *MACHINE, *_FLAGS, *macros))
+    text = "\0".join((*texts, formulas, identity, *flags, *macros))
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
         if not _sound(library):
             of = f" of {sizes['N']} coordinates" if "N" in sizes else ""
             _LOGGER.warning("compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), of)
-            command = [compiler, *MACHINE, *_FLAGS, f"-I{_HEADERS}", *macros, str(source), "-lm"]
+            command = [compiler, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
             _compile(command, library, formulas)
         return ctypes.CDLL(str(library))
     except OSError as error:
