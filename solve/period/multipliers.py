@@ -3,12 +3,14 @@
 Every array may have a leading axis of points, here `…`.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from solve.arrays import Array, across, solved
+from solve.period import pairs
 
 NEGLIGIBLE = 1e-100
 """Modulus below which multipliers count as unresolved: products of so different factors keep no digit."""
@@ -33,9 +35,6 @@ _NEAR_ONE = 1e-3
 
 _APART = 1e3
 """Errors by which multipliers are known to be distinct."""
-
-_SWEEPS, _GAIN = 8, 0.95
-"""Of balancing a pair: at most so often, and only where norms fall to this part of themselves."""
 
 
 class Inertia(Protocol):
@@ -68,18 +67,21 @@ class Multipliers:
     def of(cls, Phi: Array) -> "Multipliers":
         """Eigenvalues of finite monodromy matrices (…, N, N); rounding is 8 eps‖Φ‖ of the balanced
         matrix, in whatever units Φ is given, or 1e-100."""
-        values = _pair(Phi) if Phi.shape[-1] == 2 else np.linalg.eigvals(Phi).astype(complex)
+        scaled, unit = _scaled(Phi)
+        if len(scaled) == 4:
+            values = pairs.eigenvalues(*scaled) * unit[..., None]
+        else:
+            values = np.linalg.eigvals(Phi).astype(complex)
         modulus = np.abs(values)
         if (modulus[..., 1:] > modulus[..., :-1]).any():
             order = np.argsort(-modulus, axis=-1, kind="stable")
             values, modulus = (np.take_along_axis(part, order, axis=-1) for part in (values, modulus))
         _put_positive_first(values)
-        scaled, unit = _scaled(Phi)
         norm = np.asarray(unit * _frobenius(scaled))
         # Frobenius' norm bounds that of the balanced matrix, which is asked for only where it decides.
         unsure = modulus[..., -1] <= _LOST * norm
         if unsure.any():
-            norm[unsure] = unit[unsure] * _spectral(_balanced(scaled[unsure]))
+            norm[unsure] = unit[unsure] * _spectral(_balanced(_matrices(scaled)[unsure]))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
         return cls(np.where(kept, values, 0.0), across(np.add, kept.astype(int)), bound)
@@ -109,7 +111,7 @@ class Multipliers:
     def distance(self, other: "Multipliers") -> Array:
         """Largest distance (…) to the matched multipliers of `other`."""
         if self.values.shape[-1] == 2:
-            return _pairs_apart(self.values, other.values)
+            return pairs.apart(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
         nearest, least = distance.argmin(axis=-1), distance.min(axis=-1)
         largest, places = np.asarray(least.max(axis=-1)), np.arange(nearest.shape[-1])
@@ -139,12 +141,6 @@ class Multipliers:
         return Multipliers(np.where(kept, self.values, 0.0), kept.sum(axis=-1), bound)
 
 
-def _pairs_apart(some: Array, others: Array) -> Array:
-    """Larger distance (…) of two numbers (…, 2) to two others, matched so that it is least."""
-    straight, crossed = (across(np.maximum, np.abs(some - each)) for each in (others, others[..., ::-1]))
-    return np.minimum(straight, crossed)
-
-
 def matched(distance: Array) -> tuple[Array, Array]:
     """Rows and columns of a matrix of distances (k, N), k ≤ N, that are paired so that their sum is least."""
     nearest = distance.argmin(axis=1)
@@ -161,8 +157,8 @@ def frobenius(Phi: Array) -> Array:
     return unit * _frobenius(scaled)
 
 
-def _frobenius(matrices: Array) -> Array:
-    return np.sqrt(np.square(_by_entry(matrices)).sum(axis=0))
+def _frobenius(entries: Array) -> Array:
+    return np.sqrt(np.square(entries).sum(axis=0))
 
 
 def _spectral(matrices: Array) -> Array:
@@ -187,12 +183,13 @@ def rounding_errors(Phi: Array) -> Array:
     """Errors of the multipliers (…), relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes:
     as many times larger as the eigenvalue is ill-conditioned, and its k-th root in a defective block of k."""
     scaled, unit = _scaled(Phi)
-    balanced = _balanced(scaled)
-    if Phi.shape[-1] == 2:
-        values = _pair(balanced)
-        norm, condition = _pair_conditions(balanced, values)
+    if len(scaled) == 4:
+        entries = pairs.balanced(*scaled)
+        values = pairs.eigenvalues(*entries)
+        norm, condition = pairs.conditions(entries, values, 8 * EPS)
         conditions = np.stack((condition, condition), axis=-1)
     else:
+        balanced = _balanced(_matrices(scaled))
         values, right = np.linalg.eig(balanced)
         # Complex for every point alike, whatever its neighbours are.
         right = right.astype(complex)
@@ -223,34 +220,11 @@ def _block(values: Array, conditions: Array, perturbation: Array) -> Array:
     return size
 
 
-def _pair_conditions(Phi: Array, values: Array) -> tuple[Array, Array]:
-    """Spectral norms (…) of 2 × 2 matrices, and the condition of both eigenvalues."""
-    # Schur's form [[ρ1, t], [0, ρ2]] gives both eigenvalues the condition sqrt(1 + t²/|ρ1 - ρ2|²).
-    square = (_by_entry(Phi) ** 2).sum(axis=0)
-    excess = square - (np.square(np.abs(values[..., 0])) + np.square(np.abs(values[..., 1])))
-    excess = np.where(excess < 8 * EPS * square, 0.0, excess)
-    gap = np.square(np.abs(values[..., 0] - values[..., 1]))
-    half, product = square / 2, np.abs(np.prod(values, axis=-1))
-    norm = np.sqrt(half + np.sqrt(np.maximum(np.square(half) - np.square(product), 0.0)))
-    return norm, np.sqrt(1 + np.where(excess > 0, excess / np.where(gap > 0, gap, 1e-300), 0.0))
-
-
 def _balanced(Phi: Array) -> Array:
     """Matrices (…, N, N) in units of the state in which rows and columns are alike."""
     if Phi.shape[-1] > 2:
         return scaled_alike(Phi)[0]
-    a, b, c, d = _by_entry(Phi)
-    for _ in range(_SWEEPS):
-        column, row = np.sqrt(a**2 + c**2), np.sqrt(a**2 + b**2)
-        known = (row > 0) & (column > 0)
-        factor = np.sqrt(np.where(known, row, 1.0) / np.where(known, column, 1.0))
-        # Where little is gained a small entry may be all that keeps a defective pair together.
-        gains = column * factor + row / factor < _GAIN * (column + row)
-        if not gains.any():
-            break
-        factor = np.where(gains, factor, 1.0)
-        b, c = b / factor, c * factor
-    return np.stack((a, b, c, d), axis=-1).reshape(Phi.shape)
+    return _matrices(pairs.balanced(*_by_entry(Phi)))
 
 
 def _by_entry(matrices: Array) -> Array:
@@ -258,6 +232,12 @@ def _by_entry(matrices: Array) -> Array:
     *points, rows, columns = matrices.shape
     fields = matrices.reshape(-1, rows * columns).T
     return np.ascontiguousarray(fields).reshape(-1, *points)
+
+
+def _matrices(entries: Array) -> Array:
+    """Fields (N², …) as matrices (…, N, N)."""
+    size = math.isqrt(len(entries))
+    return np.moveaxis(entries, 0, -1).reshape(*entries.shape[1:], size, size)
 
 
 def scaled_alike(matrices: Array) -> tuple[Array, Array]:
@@ -346,22 +326,11 @@ def _may_be_defective(Phi: Array, values: Array, meet: Array, error: float) -> b
 
 
 def _scaled(Phi: Array) -> tuple[Array, Array]:
-    """Matrices (…, N, N) whose squares neither over- nor underflow, and the powers of two (…) that they were
-    divided by, which costs no digit."""
-    unit = np.exp2(np.frexp(np.abs(_by_entry(Phi)).max(axis=0))[1] - 1)
-    return Phi / unit[..., None, None], unit
-
-
-def _pair(Phi: Array) -> Array:
-    """Eigenvalues (…, 2) of 2 × 2 matrices, without the cancellation of the textbook's formula."""
-    scaled, unit = _scaled(Phi)
-    a, b, c, d = _by_entry(scaled)
-    half, discriminant = (a + d) / 2, np.square((a - d) / 2) + b * c
-    root = np.sqrt(discriminant.astype(complex))
-    larger = np.where(discriminant >= 0, half + np.copysign(np.real(root), half), half + root)
-    real = np.where(larger != 0, (a * d - b * c) / np.where(larger != 0, larger, 1.0), 0.0)
-    values = np.stack((larger, np.where(discriminant >= 0, real, larger.conj())), axis=-1)
-    return values * unit[..., None]
+    """Entries (N², …) of matrices, whose squares neither over- nor underflow, and the powers of two (…) that
+    they were divided by, which costs no digit."""
+    entries = _by_entry(Phi)
+    unit = np.exp2(np.frexp(np.abs(entries).max(axis=0))[1] - 1)
+    return entries / unit, unit
 
 
 def _put_positive_first(values: Array) -> None:
