@@ -16,15 +16,19 @@ from solve.results.points import KINDS, Kept, PointResults, kinds_of
 from solve.studies.contours import Crossings
 
 _STABILITY = Kept(warnings=False, meetings=False)
-_TOGETHER = 64
-"""Points that one call of the judge should have at least."""
+_TOGETHER, _AIMED_TOGETHER = 64, 512
+"""Points that one call of the judge should have at least: as its time hardly depends on fewer, and as long as
+further trials gain much."""
 
 _NEAR = 1e-5
 """Part of the scale to which an edge is bracketed before its kind is determined."""
 
-_REACH, _CLOSEST, _LEAST = 0.05, 1e-8, 1e-3
+_REACH, _CLOSEST, _LEAST = 1e-3, 1e-8, 1e-3
 """Parts of a bracket: how far from where a change is expected the first trials are; the square of how far
 those after a miss are at least; how far from the ends trials are unless they are nearer to each other."""
+
+_POWERS = np.array([2.0, 1.0, 0.5])
+"""Of the distance at which a change is looked for, as many as there may be pairs of trials."""
 
 _ENOUGH = 0.4
 """Of the tolerance: nearer to where a change is expected no trial is needed."""
@@ -108,8 +112,9 @@ class Judged:
 Judge = Callable[[Array], Judged]
 """From points (k, v) to what is known of them."""
 
-Aim = Callable[[Judged, Judged, Array], Array]
-"""From the ends of brackets on lines (k,) to the part of each (k,) at which a change is expected."""
+Aim = Callable[[Judged, Judged, Judged, Array], Array]
+"""From the ends of brackets on lines (k,), and points beyond one of the ends, or one of these again, to the
+part of each bracket (k,) at which a change is expected."""
 
 
 def judge(batch: Batch) -> Judge:
@@ -138,15 +143,19 @@ class Lines:
         same = self.line[first] == self.line[last]
         return first[same], last[same]
 
-    def changes(self) -> tuple[Array, Judged, Judged]:
-        """Lines (c,) on which stability changes between neighbours, the stable and the unstable ones."""
+    def changes(self) -> tuple[Array, Judged, Judged, Judged]:
+        """Lines (c,) on which stability changes between neighbours, the stable and the unstable ones, and
+        the next points beyond one of these, or the same again."""
         known, (first, last) = self.known, self.neighbours
         changes = (known.unstable[first] != known.unstable[last]) & ~(
             known.failed[first] | known.failed[last]
         )
         one, other = first[changes], last[changes]
         stable, unstable = (known[np.where(known.stable[one] == side, one, other)] for side in (True, False))
-        return self.line[one], stable, unstable
+        follows = np.append(first[1:] == last[:-1], False)
+        beyond = np.where(follows, np.roll(last, -1), first)
+        beyond = np.where(~follows & np.roll(follows, 1), np.roll(first, 1), beyond)
+        return self.line[one], stable, unstable, known[beyond[changes]]
 
 
 @dataclass(frozen=True)
@@ -165,44 +174,50 @@ class Search:
         high: Judged,
         tolerance: float | None = None,
         aim: Aim | None = None,
-        reach: float = _REACH,
+        reach: float = _CLOSEST,
+        beyond: Judged | None = None,
     ) -> tuple[Judged, Judged]:
         """Bracket changes between points low and high (E,), to this tolerance or the search's own.
 
         differs(known (k,), line (k,)): which points belong to the high end of their line. Without `aim`
-        trials lie evenly between the ends; with it one on either side of where it expects the change, first
+        trials lie evenly between the ends; with it on either side of where it expects the change, first
         within `reach` of the bracket, then nearer when they hold it and farther when they miss it.
+        beyond: points of the same lines outside the brackets, (E,).
         """
         close = (self.tolerance if tolerance is None else tolerance) * self.scale
         close = np.maximum(close, np.finfo(float).tiny)
         lines, near = np.arange(len(low.points)), np.full(len(low.points), reach)
+        beyond = low if beyond is None else beyond
         while True:
             width = (np.abs(high.points[lines] - low.points[lines]) / close).max(axis=1, initial=0.0)
             lines, width = lines[width > 1], width[width > 1]
             if len(lines) == 0:
                 return low, high
-            one, other = low[lines], high[lines]
+            one, other, radii = low[lines], high[lines], _radii(near[lines])
             if aim is None:
                 inside = _inside(len(lines))
                 fractions = np.tile((np.arange(inside) + 1) / (inside + 1), (len(lines), 1))
             else:
-                inside, around = 2, np.maximum(near[lines], _ENOUGH / width)
-                aims = aim(one, other, lines)[:, None] + around[:, None] * np.array([-1.0, 1.0])
-                least = np.minimum(_LEAST, around)[:, None]
-                fractions = np.clip(aims, least, 1 - least)
+                around = np.maximum(radii, _ENOUGH / width[:, None])
+                least = np.minimum(_LEAST, around[:, :1])
+                aims = aim(one, other, beyond[lines], lines)[:, None]
+                fractions = np.column_stack((aims - around[:, ::-1], aims + around))
+                fractions = np.clip(fractions, least, 1 - least)
             trials = one.points[:, None] + fractions[..., None] * (other.points - one.points)[:, None]
             found = self.judge(trials.reshape(-1, one.points.shape[1]))
-            changed = differs(found, np.repeat(lines, inside)).reshape(fractions.shape)
-            first = np.where(changed.any(axis=1), changed.argmax(axis=1), inside)
-            near[lines] = np.where(first == 1, near[lines] ** 2, np.sqrt(np.maximum(near[lines], _CLOSEST)))
-            before, after = _around(one, found, other, first)
+            changed = differs(found, np.repeat(lines, fractions.shape[1])).reshape(fractions.shape)
+            first = np.where(changed.any(axis=1), changed.argmax(axis=1), fractions.shape[1])
+            if aim is not None:
+                near[lines] = _next_reach(radii, first)
+            before, after, next_to = _around(one, found, other, first)
             moved = (before.points != one.points).any(axis=1) | (after.points != other.points).any(axis=1)
             low, high = low.replaced(lines, before), high.replaced(lines, after)
+            beyond = beyond.replaced(lines, next_to)
             lines = lines[moved]
 
-    def edges(self, stable: Judged, unstable: Judged) -> tuple[Array, Array]:
+    def edges(self, stable: Judged, unstable: Judged, beyond: Judged | None = None) -> tuple[Array, Array]:
         """Where stability is lost between stable and unstable points (E,): places (E, v) and kinds (E,); NaN
-        where a point that failed stands in the way.
+        where a point that failed stands in the way. beyond: of `sectioned`.
 
         Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli these
         pass through zero smoothly.
@@ -210,10 +225,10 @@ class Search:
         if len(stable.points) == 0:
             return stable.points, np.zeros(0, dtype=int)
         with stage(POINTS, self._points(np.abs(unstable.points - stable.points))):
-            return self._edges(stable, unstable)
+            return self._edges(stable, unstable, beyond)
 
-    def _edges(self, stable: Judged, unstable: Judged) -> tuple[Array, Array]:
-        low, high = self._bracketed(stable, unstable, lambda known, _: known.unstable, _REACH, _NEAR)
+    def _edges(self, stable: Judged, unstable: Judged, beyond: Judged | None) -> tuple[Array, Array]:
+        low, high = self._bracketed(stable, unstable, lambda known, _: known.unstable, _REACH, _NEAR, beyond)
         kinds = _passing(low, high)
 
         def lost(known: Judged, lines: Array) -> Array:
@@ -221,7 +236,7 @@ class Search:
             sign = known.gaps[np.arange(len(lines)), np.minimum(kind, 1)] < 0
             return np.where(kind == _COMPLEX, known.unstable, sign & ~known.failed)
 
-        return _middles(*self._bracketed(low, high, lost, 0.0)), kinds
+        return _middles(*self._bracketed(low, high, lost, _CLOSEST)), kinds
 
     def _bracketed(
         self,
@@ -230,8 +245,9 @@ class Search:
         differs: Callable[[Judged, Array], Array],
         reach: float,
         tolerance: float | None = None,
+        beyond: Judged | None = None,
     ) -> tuple[Judged, Judged]:
-        """`sectioned`, by the chord of the gap that passes zero where one does."""
+        """`sectioned`, by parabolas of the gap that passes zero where one does."""
         kinds = _passing(low, high)
         for smooth in (True, False):
             some = np.flatnonzero((kinds != _COMPLEX) == smooth)
@@ -239,8 +255,9 @@ class Search:
             def differing(known: Judged, lines: Array, some: Array = some) -> Array:
                 return differs(known, some[lines])
 
-            aim = _chord(kinds[some]) if smooth else None
-            ends = self.sectioned(differing, low[some], high[some], tolerance, aim, reach)
+            aim = _parabola(kinds[some]) if smooth else None
+            outer = None if beyond is None else beyond[some]
+            ends = self.sectioned(differing, low[some], high[some], tolerance, aim, reach, outer)
             low, high = (
                 known.replaced(some, narrowed) for known, narrowed in zip((low, high), ends, strict=True)
             )
@@ -258,9 +275,8 @@ class Search:
         stretches between two unstable neighbours are found where one of these has a multiplier beyond +1 and
         the other beyond -1."""
         pairs = [lines.changes() for lines in looked]
-        stable = functools.reduce(Judged.__add__, [each for _, each, _ in pairs])
-        unstable = functools.reduce(Judged.__add__, [each for *_, each in pairs])
-        places, kinds = self.edges(stable, unstable)
+        ends = (functools.reduce(Judged.__add__, each) for each in list(zip(*pairs, strict=True))[1:])
+        places, kinds = self.edges(*ends)
         ends, found = np.cumsum([len(line) for line, *_ in pairs])[:-1], []
         parts = zip(looked, pairs, np.split(places, ends), np.split(kinds, ends), strict=True)
         for lines, (line, *_), place, kind in parts:
@@ -282,7 +298,7 @@ class Search:
         def passed(known: Judged, lines: Array) -> Array:
             return known.gaps[:, way] * high.gaps[lines, way] > 0
 
-        return self.sectioned(passed, low, high, aim=_chord(np.full(len(low.points), way)))
+        return self.sectioned(passed, low, high, aim=_parabola(np.full(len(low.points), way)))
 
     def _narrow_stable(self, known: Judged, first: Array, last: Array) -> tuple[Array, Array, Array]:
         """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
@@ -301,15 +317,35 @@ class Search:
         return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
 
 
-def _around(low: Judged, trials: Judged, high: Judged, first: Array) -> tuple[Judged, Judged]:
+def _radii(near: Array) -> Array:
+    """Distances (E, k) of trials from where changes are expected, rising, one of them `near` (E,); more than
+    one where there are few lines."""
+    pairs = min(len(_POWERS), max(1, _AIMED_TOGETHER // (2 * len(near))))
+    return near[:, None] ** (_POWERS[:pairs] if pairs > 1 else 1.0)
+
+
+def _next_reach(radii: Array, first: Array) -> Array:
+    """Distances (E,) at which to look next, where of trials at the radii (E, k) on either side the ones at
+    the positions `first` (E,) were the first beyond the change."""
+    lines, pairs = np.arange(len(radii)), radii.shape[1]
+    ring = np.abs(first - pairs)
+    missed = np.sqrt(np.maximum(radii[:, -1], _CLOSEST))
+    held = np.where(ring == 0, radii[:, 0] ** 2, radii[lines, np.minimum(ring, pairs - 1)])
+    return np.where(ring == pairs, missed, held)
+
+
+def _around(low: Judged, trials: Judged, high: Judged, first: Array) -> tuple[Judged, Judged, Judged]:
     """Of the ends of brackets (E,) and as many trials between those of each, line by line, the first that is
-    changed, at the position `first` (E,) or the high end, and the one before it."""
+    changed, at the position `first` (E,) or the high end, the one before it, and one beside these two."""
     lines, every = len(low.points), low + trials + high
     inside, line = len(trials.points) // lines, np.arange(lines)
-    trial = lines + line * inside + first
-    before = np.where(first == 0, line, trial - 1)
-    after = np.where(first == inside, lines * (inside + 1) + line, trial)
-    return every[before], every[after]
+
+    def at(place: Array) -> Judged:
+        inner = lines + line * inside + place - 1
+        outer = np.where(place == 0, line, lines * (inside + 1) + line)
+        return every[np.where((place > 0) & (place <= inside), inner, outer)]
+
+    return at(first), at(first + 1), at(np.where(2 * first > inside, first - 1, first + 2))
 
 
 def _passing(low: Judged, high: Judged) -> Array:
@@ -318,15 +354,26 @@ def _passing(low: Judged, high: Judged) -> Array:
     return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
 
 
-def _chord(kinds: Array) -> Aim:
-    """Where gaps of these kinds (E,) are zero on the chords between two points; the middle where they are
-    not, as beyond another edge that came to lie between."""
+def _parabola(kinds: Array) -> Aim:
+    """Where gaps of these kinds (E,) are zero on the parabolas through three points, on the chords where a
+    third is not known; the middle where they are not, as beyond another edge that came to lie between."""
 
-    def aim(low: Judged, high: Judged, lines: Array) -> Array:
+    def aim(low: Judged, high: Judged, beyond: Judged, lines: Array) -> Array:
         every, kind = np.arange(len(lines)), kinds[lines]
-        above, below = low.gaps[every, kind], high.gaps[every, kind]
-        passes = above * below < 0
-        return np.where(passes, above / np.where(passes, above - below, 1.0), 0.5)
+        start, end, third = (each.gaps[every, kind] for each in (low, high, beyond))
+        along = high.points - low.points
+        place = ((beyond.points - low.points) * along).sum(axis=1) / np.square(along).sum(axis=1)
+        passes, rise = start * end < 0, end - start
+        apart = place * (place - 1)
+        known = passes & (apart > 0) & ~beyond.failed
+        bend = np.where(known, third - start - rise * place, 0.0) / np.where(known, apart, 1.0)
+        # start + (rise - bend) t + bend t² has one root between 0 and 1.
+        slope = rise - bend
+        larger = -(slope + np.copysign(np.sqrt(np.maximum(slope**2 - 4 * bend * start, 0.0)), slope)) / 2
+        root = start / np.where(larger != 0, larger, 1.0)
+        other = larger / np.where(bend != 0, bend, 1.0)
+        root = np.where((root >= 0) & (root <= 1), root, other)
+        return np.where(passes, np.clip(root, 0.0, 1.0), 0.5)
 
     return aim
 

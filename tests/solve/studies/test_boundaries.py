@@ -32,3 +32,26 @@ def test_an_edge_of_another_kind_in_between_costs_no_more_than_bisection(far, tu
     assert places[0, 0] == pytest.approx(edge, abs=1e-9)
     assert KINDS[kinds[0]] == edges[edge]
     assert judged < 80
+
+
+@pytest.mark.parametrize("edges", [1, 40, 2000])
+def test_smooth_edges_beside_known_points_take_few_calls(edges):
+    """ρ = 1 + f(x) with f bent as much as inclined: a chord over the bracket misses its zero by a tenth."""
+    zeros, calls = np.linspace(0.2, 0.8, edges), []
+
+    def judge(points):
+        calls.append(len(points))
+        x = points[:, 0] - zeros[points[:, 1].astype(int)]
+        rho = np.column_stack((1.0 + x + x**2 / 2 + x**3 / 20, np.full(len(x), 0.1)))
+        stable = rho[:, 0] < 1.0
+        return Judged(points, stable, ~stable, rho.astype(complex))
+
+    def at(x):
+        return judge(np.column_stack((np.full(edges, x), np.arange(edges))))
+
+    ends, calls = (at(0.0), at(1.0), at(-0.4)), []
+    places, kinds = Search(judge, np.array([1.0, 1.0]), 1e-9).edges(*ends)
+    np.testing.assert_allclose(places[:, 0], zeros, atol=1e-9)
+    assert (kinds == KINDS.index("+1")).all()
+    assert len(calls) <= 5
+    assert sum(calls) <= max(1000, 10 * edges)
