@@ -270,7 +270,7 @@ class _Runs:
             def differs(found: Judged, lines: Array) -> Array:
                 return ~found.unstable | (found.kinds != kinds[lines])
 
-            ends = search.sectioned(differs, low[kind_only], high[kind_only])
+            ends = search.sectioned(differs, low[kind_only], high[kind_only])[:2]
             borders[kind_only] = (ends[0].points + ends[1].points)[:, 0] / 2
         return borders, unknown
 

@@ -16,16 +16,18 @@ from solve.results.points import KINDS, Kept, PointResults, kinds_of
 from solve.studies.contours import Crossings
 
 _STABILITY = Kept(warnings=False, meetings=False)
-_TOGETHER, _AIMED_TOGETHER = 64, 512
-"""Points that one call of the judge should have at least: as its time hardly depends on fewer, and as long as
-further trials gain much."""
+_TOGETHER = 64
+"""Points that one call of the judge should have at least."""
 
 _NEAR = 1e-5
 """Part of the scale to which an edge is bracketed before its kind is determined."""
 
-_REACH, _CLOSEST, _LEAST = 1e-3, 1e-8, 1e-3
-"""Parts of a bracket: how far from where a change is expected the first trials are; the square of how far
-those after a miss are at least; how far from the ends trials are unless they are nearer to each other."""
+_REACH, _CLOSEST, _LEAST = 0.05, 1e-8, 1e-3
+"""Parts of a bracket: how far from where a change is expected the first trials are at most; the square of how
+far those after a miss are at least; how far from the ends trials are unless they are nearer to each other."""
+
+_DOUBT = 0.2
+"""Of the distance between the zeros of a chord and a parabola, how far from the latter a change may lie."""
 
 _POWERS = np.array([2.0, 1.0, 0.5])
 """Of the distance at which a change is looked for, as many as there may be pairs of trials."""
@@ -92,6 +94,15 @@ class Judged:
         return kinds_of(self.multipliers)
 
     @cached_property
+    def margins(self) -> Array:
+        """What falls through zero, smoothly, where points (k,) become unstable in one of the KINDS, (k, 4):
+        the gaps for +1 and -1, and the distance of the largest multiplier from the unit circle; behind them,
+        for pairs that meet on the circle, the square of their distance."""
+        size = np.maximum(np.abs(self.multipliers[:, 0]), _NOISE)
+        leaving = np.where(size > 1 + _NOISE, -np.square(size - 1 / size), self.gaps[:, 2])
+        return np.column_stack((self.gaps[:, :2], 1 - size, leaving))
+
+    @cached_property
     def gaps(self) -> Array:
         """How far stable points (k,) are from each way to lose stability, (k, 4): det(I - Φ) for +1,
         det(I + Φ) for -1, the distance of two pairs squared, and that of a pair from the unit circle."""
@@ -112,9 +123,9 @@ class Judged:
 Judge = Callable[[Array], Judged]
 """From points (k, v) to what is known of them."""
 
-Aim = Callable[[Judged, Judged, Judged, Array], Array]
+Aim = Callable[[Judged, Judged, Judged, Array], tuple[Array, Array]]
 """From the ends of brackets on lines (k,), and points beyond one of the ends, or one of these again, to the
-part of each bracket (k,) at which a change is expected."""
+part of each bracket (k,) at which a change is expected, and by how much it may lie elsewhere (k,)."""
 
 
 def judge(batch: Batch) -> Judge:
@@ -174,33 +185,34 @@ class Search:
         high: Judged,
         tolerance: float | None = None,
         aim: Aim | None = None,
-        reach: float = _CLOSEST,
         beyond: Judged | None = None,
-    ) -> tuple[Judged, Judged]:
-        """Bracket changes between points low and high (E,), to this tolerance or the search's own.
+    ) -> tuple[Judged, Judged, Judged]:
+        """Bracket changes between points low and high (E,), to this tolerance or the search's own; returns
+        the ends, and points beyond one of these.
 
         differs(known (k,), line (k,)): which points belong to the high end of their line. Without `aim`
-        trials lie evenly between the ends; with it on either side of where it expects the change, first
-        within `reach` of the bracket, then nearer when they hold it and farther when they miss it.
+        trials lie evenly between the ends; with it on either side of where it expects the change, nearer
+        when they hold it and farther when they miss it.
         beyond: points of the same lines outside the brackets, (E,).
         """
         close = (self.tolerance if tolerance is None else tolerance) * self.scale
         close = np.maximum(close, np.finfo(float).tiny)
-        lines, near = np.arange(len(low.points)), np.full(len(low.points), reach)
+        lines, near = np.arange(len(low.points)), np.full(len(low.points), np.nan)
         beyond = low if beyond is None else beyond
         while True:
             width = (np.abs(high.points[lines] - low.points[lines]) / close).max(axis=1, initial=0.0)
             lines, width = lines[width > 1], width[width > 1]
             if len(lines) == 0:
-                return low, high
-            one, other, radii = low[lines], high[lines], _radii(near[lines])
+                return low, high, beyond
+            one, other, radii = low[lines], high[lines], np.empty(0)
             if aim is None:
                 inside = _inside(len(lines))
                 fractions = np.tile((np.arange(inside) + 1) / (inside + 1), (len(lines), 1))
             else:
+                aims, doubts = (part[:, None] for part in aim(one, other, beyond[lines], lines))
+                radii = _radii(np.where(np.isnan(near[lines]), doubts[:, 0], near[lines]))
                 around = np.maximum(radii, _ENOUGH / width[:, None])
                 least = np.minimum(_LEAST, around[:, :1])
-                aims = aim(one, other, beyond[lines], lines)[:, None]
                 fractions = np.column_stack((aims - around[:, ::-1], aims + around))
                 fractions = np.clip(fractions, least, 1 - least)
             trials = one.points[:, None] + fractions[..., None] * (other.points - one.points)[:, None]
@@ -228,40 +240,29 @@ class Search:
             return self._edges(stable, unstable, beyond)
 
     def _edges(self, stable: Judged, unstable: Judged, beyond: Judged | None) -> tuple[Array, Array]:
-        low, high = self._bracketed(stable, unstable, lambda known, _: known.unstable, _REACH, _NEAR, beyond)
-        kinds = _passing(low, high)
+        ends = self._bracketed(stable, unstable, lambda known, _: known.unstable, _NEAR, beyond)
+        kinds = _passing(*ends[:2])
 
         def lost(known: Judged, lines: Array) -> Array:
             kind = kinds[lines]
             sign = known.gaps[np.arange(len(lines)), np.minimum(kind, 1)] < 0
             return np.where(kind == _COMPLEX, known.unstable, sign & ~known.failed)
 
-        return _middles(*self._bracketed(low, high, lost, _CLOSEST)), kinds
+        return _middles(*self._bracketed(*ends[:2], lost, beyond=ends[2])[:2]), kinds
 
     def _bracketed(
         self,
         low: Judged,
         high: Judged,
         differs: Callable[[Judged, Array], Array],
-        reach: float,
         tolerance: float | None = None,
         beyond: Judged | None = None,
-    ) -> tuple[Judged, Judged]:
-        """`sectioned`, by parabolas of the gap that passes zero where one does."""
+    ) -> tuple[Judged, Judged, Judged]:
+        """`sectioned`, by parabolas of what passes zero."""
         kinds = _passing(low, high)
-        for smooth in (True, False):
-            some = np.flatnonzero((kinds != _COMPLEX) == smooth)
-
-            def differing(known: Judged, lines: Array, some: Array = some) -> Array:
-                return differs(known, some[lines])
-
-            aim = _parabola(kinds[some]) if smooth else None
-            outer = None if beyond is None else beyond[some]
-            ends = self.sectioned(differing, low[some], high[some], tolerance, aim, reach, outer)
-            low, high = (
-                known.replaced(some, narrowed) for known, narrowed in zip((low, high), ends, strict=True)
-            )
-        return low, high
+        on_circle = (kinds == _COMPLEX) & (low.margins[:, _COMPLEX] < _NOISE)
+        aim = _parabola(np.where(on_circle, _COMPLEX + 1, kinds))
+        return self.sectioned(differs, low, high, tolerance, aim, beyond)
 
     def _points(self, across: Array) -> float:
         """How many edges between ends so far apart (E, v) take at most."""
@@ -298,7 +299,7 @@ class Search:
         def passed(known: Judged, lines: Array) -> Array:
             return known.gaps[:, way] * high.gaps[lines, way] > 0
 
-        return self.sectioned(passed, low, high, aim=_parabola(np.full(len(low.points), way)))
+        return self.sectioned(passed, low, high, aim=_parabola(np.full(len(low.points), way)))[:2]
 
     def _narrow_stable(self, known: Judged, first: Array, last: Array) -> tuple[Array, Array, Array]:
         """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
@@ -320,7 +321,7 @@ class Search:
 def _radii(near: Array) -> Array:
     """Distances (E, k) of trials from where changes are expected, rising, one of them `near` (E,); more than
     one where there are few lines."""
-    pairs = min(len(_POWERS), max(1, _AIMED_TOGETHER // (2 * len(near))))
+    pairs = min(len(_POWERS), max(1, _TOGETHER // (2 * len(near))))
     return near[:, None] ** (_POWERS[:pairs] if pairs > 1 else 1.0)
 
 
@@ -354,17 +355,17 @@ def _passing(low: Judged, high: Judged) -> Array:
     return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
 
 
-def _parabola(kinds: Array) -> Aim:
-    """Where gaps of these kinds (E,) are zero on the parabolas through three points, on the chords where a
-    third is not known; the middle where they are not, as beyond another edge that came to lie between."""
+def _parabola(ways: Array) -> Aim:
+    """Where margins, each of a line (E,) at the positions `ways` (E,), are zero on parabolas through three
+    points, on chords where a third is not known; in doubt by a part of the distance between these. The middle
+    where they are not, as beyond another edge that came to lie between."""
 
-    def aim(low: Judged, high: Judged, beyond: Judged, lines: Array) -> Array:
-        every, kind = np.arange(len(lines)), kinds[lines]
-        start, end, third = (each.gaps[every, kind] for each in (low, high, beyond))
+    def aim(low: Judged, high: Judged, beyond: Judged, lines: Array) -> tuple[Array, Array]:
+        every, way = np.arange(len(lines)), ways[lines]
+        start, end, third = (each.margins[every, way] for each in (low, high, beyond))
         along = high.points - low.points
         place = ((beyond.points - low.points) * along).sum(axis=1) / np.square(along).sum(axis=1)
-        passes, rise = start * end < 0, end - start
-        apart = place * (place - 1)
+        passes, rise, apart = start * end < 0, end - start, place * (place - 1)
         known = passes & (apart > 0) & ~beyond.failed
         bend = np.where(known, third - start - rise * place, 0.0) / np.where(known, apart, 1.0)
         # start + (rise - bend) t + bend t² has one root between 0 and 1.
@@ -373,7 +374,9 @@ def _parabola(kinds: Array) -> Aim:
         root = start / np.where(larger != 0, larger, 1.0)
         other = larger / np.where(bend != 0, bend, 1.0)
         root = np.where((root >= 0) & (root <= 1), root, other)
-        return np.where(passes, np.clip(root, 0.0, 1.0), 0.5)
+        chord = -start / np.where(passes, rise, 1.0)
+        doubt = np.where(known, np.clip(_DOUBT * np.abs(root - chord), _CLOSEST, _REACH), _REACH)
+        return np.where(passes, np.clip(root, 0.0, 1.0), 0.5), doubt
 
     return aim
 

@@ -35,10 +35,8 @@ _PART = 0.1
 _KNOWN = 1e-3
 """Relative error of the derivative by the speed from which on an edge has none."""
 
-_MEET = (
-    "at this edge two multipliers meet, and have no derivative, as without damping; give a little of it, or "
-    "difference the edges themselves"
-)
+_MEET = "at this edge two multipliers meet, and have no derivative"
+_DAMP = "as without damping: give a little of it, or difference the edges themselves"
 
 _CORNER = (
     "its speed has no derivatives: there one multiplier takes the lead from another, or the maximum is too "
@@ -188,7 +186,7 @@ def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
     *by, along = found.derivatives
     *off, off_along = found.errors
     if not off_along < _KNOWN * abs(along):
-        return _none(speed, len(by), found.reason or _MEET)
+        return _none(speed, len(by), f"{found.reason or _MEET}; {_DAMP}")
     slopes = -np.array(by) / along
     return Sensitivity(
         speed, "rad/s", slopes, (np.array(off) + np.abs(slopes) * off_along) / abs(along), found.reason

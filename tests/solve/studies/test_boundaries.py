@@ -53,5 +53,31 @@ def test_smooth_edges_beside_known_points_take_few_calls(edges):
     places, kinds = Search(judge, np.array([1.0, 1.0]), 1e-9).edges(*ends)
     np.testing.assert_allclose(places[:, 0], zeros, atol=1e-9)
     assert (kinds == KINDS.index("+1")).all()
-    assert len(calls) <= 5
-    assert sum(calls) <= max(1000, 10 * edges)
+    assert len(calls) <= 6
+    assert sum(calls) <= max(64, 10 * edges)
+
+
+@pytest.mark.parametrize("damped", [True, False])
+def test_edges_of_pairs_are_found_as_smoothly(damped):
+    """With damping a pair passes through the circle, without it two pairs meet there and leave it."""
+    edges, judged = 200, 0
+    zeros = np.linspace(0.2, 0.8, edges)
+
+    def judge(points):
+        nonlocal judged
+        judged += len(points)
+        x = points[:, 0] - zeros[points[:, 1].astype(int)]
+        root = np.sqrt(-(x + x**2 / 2).astype(complex))
+        first, second = (1.0 + x + x**2 / 2, 0.5) if damped else (np.exp(1j * root), np.exp(-1j * root))
+        pair = np.exp(1j) * np.column_stack((first, np.broadcast_to(second, first.shape)))
+        rho = np.column_stack((pair, pair.conj()))
+        rho = np.take_along_axis(rho, np.argsort(-np.abs(rho), axis=1, kind="stable"), axis=1)
+        stable = np.abs(rho[:, 0]) < 1.0 + 1e-12
+        return Judged(points, stable, ~stable, rho)
+
+    stable, unstable = (judge(np.column_stack((np.full(edges, x), np.arange(edges)))) for x in (0.0, 1.0))
+    judged = 0
+    places, kinds = Search(judge, np.array([1.0, 1.0]), 1e-9).edges(stable, unstable)
+    np.testing.assert_allclose(places[:, 0], zeros, atol=1e-9)
+    assert (kinds == KINDS.index("complex")).all()
+    assert judged <= 16 * edges
