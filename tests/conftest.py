@@ -4,12 +4,15 @@ everywhere, and a shared machine may be slow, which is no failure.
 `--hypothesis-profile=search` draws anew: for looking for failures that no run has seen.
 """
 
+import atexit
 import ctypes
 import gc
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -21,6 +24,12 @@ settings.load_profile("repeatable")
 
 # Threads of BLAS that wait take the processors from the tests beside them. Read where NumPy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Where Python may keep no bytecode beside modules, every process of the tests compiled all of them anew.
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="bytecode-")
+    sys.dont_write_bytecode = False
+    atexit.register(shutil.rmtree, sys.pycache_prefix, ignore_errors=True)
 
 # A job in the background is started deaf to interruptions, and so would be the commands under test.
 signal.signal(signal.SIGINT, signal.default_int_handler)
