@@ -25,8 +25,9 @@ settings.load_profile("repeatable")
 # Threads of BLAS that wait take the processors from the tests beside them. Read where NumPy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Where Python may keep no bytecode beside modules, every process of the tests compiled all of them anew.
-if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+# Where Python may keep no bytecode, and packages have none, every process would compile all modules anew.
+if sys.dont_write_bytecode and not os.path.exists(pytest.__spec__.cached):
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="bytecode-")
     sys.dont_write_bytecode = False
     atexit.register(shutil.rmtree, sys.pycache_prefix, ignore_errors=True)
