@@ -30,6 +30,7 @@ if sys.dont_write_bytecode and not os.path.exists(pytest.__spec__.cached):
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="bytecode-")
     sys.dont_write_bytecode = False
+    os.chmod(sys.pycache_prefix, 0o755)
     atexit.register(shutil.rmtree, sys.pycache_prefix, ignore_errors=True)
 
 # A job in the background is started deaf to interruptions, and so would be the commands under test.
@@ -67,6 +68,7 @@ def as_ordinary_user(tmp_path):
             "PATH": os.environ.get("PATH", os.defpath),
             "PYTHONPATH": str(_CHECKOUT),
             "PYTHONDONTWRITEBYTECODE": "1",
+            "PYTHONPYCACHEPREFIX": sys.pycache_prefix or "",
         }
         command = [sys.executable, "-m", module, *arguments]
         streams = {"capture_output": True, "text": True, "timeout": 120}
