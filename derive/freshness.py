@@ -8,6 +8,7 @@ import os
 import re
 import tokenize
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from derive.errors import ForeignFileError, UnwritableError
@@ -45,6 +46,7 @@ def sha256(text: str) -> str:
     return hashlib.sha256(text.replace("\r\n", "\n").encode()).hexdigest()
 
 
+@cache
 def derive_sha256() -> str:
     """Hash of the code of derive's own sources, in the order of their names."""
     sources = sorted(Path(__file__).parent.glob("*.py"))

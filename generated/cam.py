@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "30b22a25320ca76c05db8d3e717bb3859105b568846483712a2af8eda457dbab"
+DERIVE_SHA256 = "0b977b9efd70f79393b19dbb8b36d637f443f02aae2aedda69c5ec371a52ce4d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "cdf53290819e01df7b0971c5275b8b9507e1ebb6ec37d7ed66db1ae111ce91f6"
+FILE_SHA256 = "1236e2e6161c1b3f1a254c7935abf228b55cd00bc9ea15eab5b992420e78907f"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "30b22a25320ca76c05db8d3e717bb3859105b568846483712a2af8eda457dbab"
+DERIVE_SHA256 = "0b977b9efd70f79393b19dbb8b36d637f443f02aae2aedda69c5ec371a52ce4d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f54ea3a635e560ef8916ab5d079b284cad1ec3d5e57ed0c23e8e5124359118bb"
+FILE_SHA256 = "ce007ad091e85f96e6f12f5c2d7eaceba2fabb0744f98f4d694c3307978bdf96"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "30b22a25320ca76c05db8d3e717bb3859105b568846483712a2af8eda457dbab"
+DERIVE_SHA256 = "0b977b9efd70f79393b19dbb8b36d637f443f02aae2aedda69c5ec371a52ce4d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "79ba160d2fcaad50b3804933f33eed1f023881d6d8a9e5c44530b4aacb5bb7c4"
+FILE_SHA256 = "f35de8478fd2c43aced97a91ff98c4319463f04566ebddcc83a68ab96ffb11a9"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -28,25 +28,37 @@ class Trigonometric:
         spectrum[1 : (count + 1) // 2] *= 2.0
         self._shape = samples.shape[1:]
         self._orders = np.arange(count // 2 + 1) * (2 * math.pi / period)
-        parts = np.concatenate((spectrum.real, -spectrum.imag))
-        self._coefficients = parts.reshape(len(parts), -1)
+        parts = np.stack((spectrum.real, -spectrum.imag), axis=1)
+        self._coefficients = parts.reshape(2 * len(spectrum), -1)
 
     def __call__(self, phase: Array) -> Array:
         """Values (m, ...) at phases (m,)."""
-        angle = np.outer(phase, self._orders)
-        waves = np.concatenate((np.cos(angle), np.sin(angle)), axis=1)
-        return (waves @ self._coefficients).reshape(len(angle), *self._shape)
+        count = len(self._orders)
+        some = math.isqrt(count)
+        # Each order is one of the first and a multiple of `some`: that asks for few cosines and sines.
+        first, multiples = (_turned(phase, orders) for orders in (self._orders[:some], self._orders[::some]))
+        products = multiples[:, :, None] * first[:, None, :]
+        waves = products.reshape(len(products), some * multiples.shape[1])[:, :count]
+        return (waves.view(float) @ self._coefficients).reshape(len(waves), *self._shape)
 
     def at(self, phase: Any, cos: Callable[[Any], Any], sin: Callable[[Any], Any]) -> list[Any]:
         """Its values at a phase as expressions of a symbolic language, without harmonics that are
         rounding."""
-        cosines, sines = np.split(self._coefficients, 2)
+        cosines, sines = self._coefficients[::2], self._coefficients[1::2]
         kept = np.maximum(np.abs(cosines), np.abs(sines)).max(axis=1) > _EPS * np.abs(cosines).max()
         values: list[Any] = [0.0] * cosines.shape[1]
         for order, a, b in zip(self._orders[kept], cosines[kept], sines[kept], strict=True):
             c, s = cos(order * phase), sin(order * phase)
             values = [value + p * c + q * s for value, p, q in zip(values, a, b, strict=True)]
         return values
+
+
+def _turned(phase: Array, orders: Array) -> Array:
+    """exp(i order phase), (m, k)."""
+    angle = np.outer(phase, orders)
+    turned = np.empty(angle.shape, dtype=complex)
+    turned.real, turned.imag = np.cos(angle), np.sin(angle)
+    return turned
 
 
 def interpolated(function: Callable[[Array], Array], period: float) -> Callable[[Array], Array]:

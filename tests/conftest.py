@@ -4,12 +4,15 @@ everywhere, and a shared machine may be slow, which is no failure.
 `--hypothesis-profile=search` draws anew: for looking for failures that no run has seen.
 """
 
+import atexit
 import ctypes
 import gc
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -21,6 +24,14 @@ settings.load_profile("repeatable")
 
 # Threads of BLAS that wait take the processors from the tests beside them. Read where NumPy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Where Python may keep no bytecode, and packages have none, every process would compile all modules anew.
+if sys.dont_write_bytecode and not os.path.exists(pytest.__spec__.cached):
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="bytecode-")
+    sys.dont_write_bytecode = False
+    os.chmod(sys.pycache_prefix, 0o755)
+    atexit.register(shutil.rmtree, sys.pycache_prefix, ignore_errors=True)
 
 # A job in the background is started deaf to interruptions, and so would be the commands under test.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -57,6 +68,7 @@ def as_ordinary_user(tmp_path):
             "PATH": os.environ.get("PATH", os.defpath),
             "PYTHONPATH": str(_CHECKOUT),
             "PYTHONDONTWRITEBYTECODE": "1",
+            "PYTHONPYCACHEPREFIX": sys.pycache_prefix or "",
         }
         command = [sys.executable, "-m", module, *arguments]
         streams = {"capture_output": True, "text": True, "timeout": 120}

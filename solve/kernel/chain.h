@@ -277,3 +277,31 @@ static lane close_chain(long blocks, const lane *maps, lane *saved, lane *rows, 
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
     return sized ? of_states(condition, cancels) : condition;
 }
+
+/* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
+static lane close_segments(long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
+    static const lane none = {0};
+    lane unit[NX], condition, cancels;
+    lane *whole = rows + blocks * NX * ROW, *kept = saved + blocks * NX * CYCLIC;
+    lane starts[LANES * NX], ends[NX];
+    balance(1, blocks, maps, unit);
+    for (int again = 1, open = 1; open; again = 0) {
+        rows_of(blocks, maps, unit, rows);
+        reduce(blocks, rows, z, saved);
+        for (int l = 0; l < LANES; l++)
+            for (int i = 0; i < NX * ROW; i++) whole[l * NX * ROW + i] = none + rows[i][l];
+        reduce(LANES, whole, z, kept);
+        condition = close_row(whole, z, starts);
+        expand(LANES, kept, starts, starts);
+        for (int i = 0; i < NX; i++)
+            for (int l = 0; l < LANES; l++) {
+                x[i][l] = starts[l * NX + i][0];
+                ends[i][l] = starts[(l + 1) % LANES * NX + i][0];
+            }
+        expand(blocks, saved, x, ends);
+        open = again && resize(1, blocks, maps, x, unit, &cancels);
+    }
+    for (long k = 0; k < blocks; k++)
+        for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
+    return of_states(condition, cancels);
+}

@@ -18,7 +18,11 @@
 #define TILE 6                     /* columns of a product that are summed at once */
 #define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
 
+/* To optimise more what takes little time, as chains and all that follows their maps, takes most of a compiler's. */
+#pragma GCC push_options
+#pragma GCC optimize("O2")
 #include "chain.h"
+#pragma GCC pop_options
 
 typedef struct {
     long groups, steps;
@@ -254,33 +258,7 @@ static void identity(lane *map) {
     for (int i = 0; i < NX; i++) map[i * W + i] += 1.0;
 }
 
-/* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
-static lane close_segments(long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
-    static const lane none = {0};
-    lane unit[NX], condition, cancels;
-    lane *whole = rows + blocks * NX * ROW, *kept = saved + blocks * NX * CYCLIC;
-    lane starts[LANES * NX], ends[NX];
-    balance(1, blocks, maps, unit);
-    for (int again = 1, open = 1; open; again = 0) {
-        rows_of(blocks, maps, unit, rows);
-        reduce(blocks, rows, z, saved);
-        for (int l = 0; l < LANES; l++)
-            for (int i = 0; i < NX * ROW; i++) whole[l * NX * ROW + i] = none + rows[i][l];
-        reduce(LANES, whole, z, kept);
-        condition = close_row(whole, z, starts);
-        expand(LANES, kept, starts, starts);
-        for (int i = 0; i < NX; i++)
-            for (int l = 0; l < LANES; l++) {
-                x[i][l] = starts[l * NX + i][0];
-                ends[i][l] = starts[(l + 1) % LANES * NX + i][0];
-            }
-        expand(blocks, saved, x, ends);
-        open = again && resize(1, blocks, maps, x, unit, &cancels);
-    }
-    for (long k = 0; k < blocks; k++)
-        for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
-    return of_states(condition, cancels);
-}
+#pragma GCC optimize("O2")
 
 /* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
 static void acceleration(const problem *p, long group, long node, const lane *x, lane *e, lane *z, lane *a) {

@@ -4,6 +4,8 @@ no code: of classes it makes those alone that are declared `lasting`, of a syste
 import dataclasses
 import hashlib
 import json
+import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
@@ -19,7 +21,7 @@ from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit
 
-FORMAT = 1
+FORMAT = 2
 """Of the state within a file; a reader knows its own and earlier ones."""
 
 _KNOWN: dict[str, type] = {}
@@ -91,10 +93,16 @@ class _Packing:
     """Values as plain data, in which arrays and systems are numbers."""
 
     def __init__(self) -> None:
-        self.arrays: list[Array] = []
+        self._flat: dict[np.dtype[Any], list[Array]] = {}
+        self._ends: Counter[np.dtype[Any]] = Counter()
         self.systems: list[Any] = []
         self._places: dict[int, int] = {}
         self._kept: list[PeriodicSystem] = []
+
+    @property
+    def arrays(self) -> list[Array]:
+        """One of each kind of numbers: files take longer for many."""
+        return [np.concatenate(parts, dtype=kind) for kind, parts in self._flat.items()]
 
     def plain(self, value: Any) -> Any:
         if isinstance(value, GivenSpeed) and value.unit:
@@ -119,8 +127,11 @@ class _Packing:
             texts, codes = np.unique(array.astype(str), return_inverse=True)
             return ["texts", texts.tolist(), self._array(codes.reshape(array.shape)), array.dtype.kind]
         flat = np.ascontiguousarray(array).ravel()
-        self.arrays.append(flat.view({"c": float, "b": np.uint8}.get(array.dtype.kind, flat.dtype)))
-        return ["array", len(self.arrays) - 1, array.dtype.str, list(array.shape)]
+        flat = flat.view({"c": float, "b": np.uint8}.get(array.dtype.kind, flat.dtype))
+        self._flat.setdefault(flat.dtype, []).append(flat)
+        start = self._ends[flat.dtype]
+        self._ends[flat.dtype] += flat.size
+        return ["array", list(self._flat).index(flat.dtype), array.dtype.str, list(array.shape), start]
 
     def _system(self, system: PeriodicSystem) -> int:
         if id(system) not in self._places:
@@ -168,9 +179,12 @@ class _Unpacking:
     def _system(self, place: int) -> StoredSystem:
         return self._systems[place]
 
-    def _array(self, place: int, dtype: str, shape: list[int]) -> Array:
+    def _array(self, place: int, dtype: str, shape: list[int], start: int = 0) -> Array:
+        """Format 1 has an array of its own for each."""
+        kind, among = np.dtype(dtype), self._arrays[place]
+        stop = start + math.prod(shape) * kind.itemsize // among.itemsize
         # Without axes it is a number.
-        return self._arrays[place].view(np.dtype(dtype)).reshape(shape)[()]
+        return among[start:stop].view(kind).reshape(shape)[()]
 
     def _texts(self, texts: list[str], codes: list[Any], kind: str) -> Array:
         made = np.array(texts, dtype=object if kind == "O" else str)

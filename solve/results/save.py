@@ -245,9 +245,11 @@ def dataset(contents: Contents) -> "xarray.Dataset":
     return xarray.Dataset(entries, axes, {**known, "metadata": contents.metadata_text})
 
 
-def _entry(column: Column) -> tuple[tuple[str, ...], Array, dict[str, str]]:
+def _entry(column: Column) -> tuple[Any, ...]:
+    """Axes, values, attributes, and how they are written: what is missing is NaN anyway."""
     attributes = {"units": column.unit, "long_name": column.meaning}
-    return column.axes, column.array, {key: text for key, text in attributes.items() if text}
+    known = {key: text for key, text in attributes.items() if text}
+    return column.axes, column.array, known, {"_FillValue": None}
 
 
 def _write_npz(result: Saved, stream: BinaryIO) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+import solve
 from solve.commands.door import door
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -197,6 +198,8 @@ importlib.import_module("{0}.__main__").main()
     ("program", "buffered"), [*((program, True) for program in RESULTS), ("solve", False)]
 )
 def test_a_full_standard_output_is_one_line(program, buffered):
+    # A first compilation would be told as well.
+    solve.floquet(solve.load("mathieu"), 1.0)
     environment = {**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"}
     with open("/dev/full", "w") as full:
         ran = started(program, *RESULTS[program], stdout=full, stderr=subprocess.PIPE, env=environment)

@@ -366,7 +366,7 @@ def test_points_side_by_side_are_solved_as_each_alone(method, orbit):
     """To the byte: no point sees its neighbours, nor one without matrices among them."""
     speeds = np.array([[0.7], [1.0], [np.nan], [2.0]])
     points = Sampled(SystemFamily(SYSTEM, [SPEED]), speeds)
-    grid = Grid.uniform(41, TURN)
+    grid = Grid.uniform(21, TURN)
     together = method.solutions(points, grid, orbit)
     assert len(together) == len(speeds)
     assert list(together.failures) == [2]

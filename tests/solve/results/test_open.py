@@ -140,6 +140,18 @@ def test_values_of_every_kind_come_back_to_the_bit():
         assert same(value, read), value
 
 
+def test_arrays_of_a_kind_lie_in_one_and_those_of_format_1_each_in_its_own():
+    packing = lasting._Packing()
+    plain = [
+        packing.plain(value) for value in (np.arange(3.0), np.array([1 + 2j]), np.arange(4), 2.5 * np.ones(1))
+    ]
+    assert [array.tolist() for array in packing.arrays] == [[0, 1, 2, 1, 2, 2.5], [0, 1, 2, 3]]
+    assert [part[1:] for part in plain][1] == [0, "<c16", [1], 3]
+    before = lasting._Unpacking([np.array([1.0, 2.0]), np.array([3.0])], [])
+    assert before.value(["array", 0, "<c16", [1]]).tolist() == [1 + 2j]
+    assert before.value(["array", 1, "<f8", []]) == 3.0
+
+
 @pytest.mark.parametrize("ending", [".csv", ".mat"])
 def test_exports_are_refused(first, tmp_path, ending):
     first.save(tmp_path / f"orbit{ending}")
@@ -215,7 +227,7 @@ def test_a_later_format_and_an_unknown_kind_are_named(tmp_path, monkeypatch):
     monkeypatch.setattr(lasting, "FORMAT", lasting.FORMAT + 1)
     made.save(tmp_path / "later.npz")
     monkeypatch.undo()
-    with pytest.raises(FileError, match=r"later\.npz' cannot be opened: it is of format 2, known up to 1"):
+    with pytest.raises(FileError, match=r"later\.npz' cannot be opened: it is of format 3, known up to 2"):
         solve.open(tmp_path / "later.npz")
     monkeypatch.delitem(lasting._KNOWN, "Stability")
     with pytest.raises(FileError, match=r"it holds a Stability, which no module in use knows"):

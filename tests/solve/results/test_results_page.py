@@ -354,10 +354,11 @@ def test_every_command_saves_and_prints_the_same(name, tmp_path, capsys, monkeyp
         assert run([*words, "--json", "--save", str(file), "--plot", str(tmp_path / "result.png")]) == 0
         printed = json.loads(capsys.readouterr().out)
         assert (tmp_path / "result.png").read_bytes() == b"drawn"
-        assert solve.open(file).record()["parameters"] == printed["parameters"]
+        saved = solve.open(file)
+        assert saved.record()["parameters"] == printed["parameters"]
         if name not in {"solve.frequencies", "solve.frequencies_over"}:
-            assert without_times(solve.open(file).record()) == without_times(printed)
-            shows_the_unit_given(solve.open(file), words)
+            assert without_times(saved.record()) == without_times(printed)
+            shows_the_unit_given(saved, words)
             break
 
 
