@@ -13,6 +13,7 @@ from solve.methods.method import Solutions
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
+from solve.period.period_map import at_rest
 
 _AT_ONE = 0.1
 """Part of a method's own error within which its extrapolated multiplier must meet +1 to be taken for it."""
@@ -74,7 +75,7 @@ def in_sizes(apart: Array, largest: Array, rounding: Array, burdens: Burdens) ->
 
 def _sizes(largest: Array, rounding: Array, burdens: Burdens) -> Array:
     """By which errors of coordinates (P, n) are measured: their `largest` values, unless that is rounding."""
-    limit = rounding[:, None]
+    limit = np.maximum(rounding, at_rest(rounding))[:, None]
     resting = largest <= limit * largest.max(axis=1, keepdims=True)
     if not resting.any():
         return largest

@@ -7,7 +7,8 @@
 #define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
 #define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
 #define APART 1e-3                 /* of what acts on any state: elimination costs those their digits on which less acts */
-#define RESTS 1.4e-14              /* of what acts on a state: less is rounding */
+#define ROUNDING 1.8e-15           /* 8 units of it, times a condition number: what is no larger rests */
+#define RESTS 1e-11                /* of what acts on any state: what rests is no larger, however much rounding there is */
 #define REGULAR 1e13               /* condition number of states that does not make their chain singular */
 
 static inline lane root(lane x) {
@@ -219,13 +220,9 @@ static void expand(long count, const lane *saved, lane *x, const lane *end) {
         between(saved + k * NX * CYCLIC, x + 2 * k * NX, 2 * k + 2 < count ? x + (2 * k + 2) * NX : end, x + (2 * k + 1) * NX);
 }
 
-/* Units in which what acts on each of the states x (blocks, NX), in the units so far, is of one size, powers of 2: of
-   each lane by itself, or common to all. They change where it is far smaller for some, which elimination mixes with
-   the others; 1 where any do. cancels: how many times larger than a state is what acts on it, at most, but for states
-   that are nothing but the rounding of that. */
-static int resize(int common, long blocks, const lane *maps, const lane *x, lane *unit, lane *cancels) {
-    int changed = 0;
-    lane size[NX], acting[NX];
+/* What acts on each of the states x (blocks, NX), in the units, at most, and the states themselves; of each lane by
+   itself, or common to all. */
+static void acting_on(int common, long blocks, const lane *maps, const lane *x, const lane *unit, lane *acting, lane *size) {
     for (int i = 0; i < NX; i++) {
         size[i] = acting[i] = (lane){0};
         for (long k = 0; k < blocks; k++) {
@@ -234,54 +231,68 @@ static int resize(int common, long blocks, const lane *maps, const lane *x, lane
             size[i] = larger(size[i], absolute(x[k * NX + i]));
             acting[i] = larger(acting[i], sum / unit[i]);
         }
-    }
-    for (int l = 0; l < LANES; l += common ? LANES : 1) {
-        const int end = common ? LANES : l + 1;
-        double act[NX], most = 0.0, least = INFINITY, times = 1.0;
-        for (int i = 0; i < NX; i++) {
-            double own = act[i] = 0.0;
-            for (int m = l; m < end; m++) own = fmax(own, size[i][m]), act[i] = fmax(act[i], acting[i][m]);
-            most = fmax(most, act[i]);
-            if (act[i] > 0.0) least = fmin(least, act[i]);
-            if (own > RESTS * act[i]) times = fmax(times, act[i] / own);
+        for (int l = 1; common && l < LANES; l++) {
+            acting[i][0] = fmax(acting[i][0], acting[i][l]);
+            size[i][0] = fmax(size[i][0], size[i][l]);
         }
-        for (int m = l; m < end; m++) (*cancels)[m] = times;
+        if (common) acting[i] = (lane){0} + acting[i][0], size[i] = (lane){0} + size[i][0];
+    }
+}
+
+/* Make what acts on each state of one size, by powers of 2, where it is far smaller on some, which elimination mixes
+   with the others; 1 where any units change. */
+static int resize(const lane *acting, lane *unit) {
+    int changed = 0;
+    for (int l = 0; l < LANES; l++) {
+        double most = 0.0, least = INFINITY;
+        for (int i = 0; i < NX; i++) {
+            most = fmax(most, acting[i][l]);
+            if (acting[i][l] > 0.0) least = fmin(least, acting[i][l]);
+        }
         if (!(isfinite(most) && least < APART * most)) continue;
         changed = 1;
         for (int i = 0; i < NX; i++)
-            if (act[i] > 0.0)
-                for (int m = l; m < end; m++) unit[i][m] *= ldexp(1.0, ilogb(act[i]) - ilogb(most));
+            if (acting[i][l] > 0.0) unit[i][l] *= ldexp(1.0, ilogb(acting[i][l]) - ilogb(most));
     }
     return changed;
 }
 
-/* The condition number of states, larger than that of their chain where what acts on one cancels; but not so large
-   that it would count as singular. */
-static lane of_states(lane condition, lane cancels) {
+/* The condition number of states, larger than that of their chain of so many steps where what acts on one cancels, but
+   for states that are nothing but the rounding of this; and not so large that it would count as singular. */
+static lane of_states(lane condition, long steps, const lane *acting, const lane *size) {
+    lane most = {0}, cancels = (lane){0} + 1.0;
+    for (int i = 0; i < NX; i++) most = larger(most, acting[i]);
+    const lane left = ROUNDING * fmax(8.0, steps / 16.0) * condition;
+    const lane rests = -larger(-left, (lane){0} - RESTS) * most;
+    for (int i = 0; i < NX; i++) {
+        const mask moves = size[i] > rests;
+        cancels = larger(cancels, (lane)((mask)(acting[i] / size[i]) & moves));
+    }
     return -larger(-larger(condition, (lane){0} + REGULAR), -condition * cancels);       /* NaN stays */
 }
 
-/* Starts x (blocks, NX) of the blocks of a closed chain; returns their condition
-   number; sized: with regard to their sizes. */
-static lane close_chain(long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x, int sized) {
-    lane unit[NX], condition, cancels = (lane){0} + 1.0;
+/* Starts x (blocks, NX) of the blocks of a closed chain of so many
+   steps; returns their condition number; sized: with regard to their sizes. */
+static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x, int sized) {
+    lane unit[NX], acting[NX], size[NX], condition;
     balance(0, blocks, maps, unit);
     for (int again = 1, open = 1; open; again = 0) {
         rows_of(blocks, maps, unit, rows);
         reduce(blocks, rows, z, saved);
         condition = close_row(rows, z, x);
         expand(blocks, saved, x, x);
-        open = sized && again && resize(0, blocks, maps, x, unit, &cancels);
+        if (sized) acting_on(0, blocks, maps, x, unit, acting, size);
+        open = sized && again && resize(acting, unit);
     }
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
-    return sized ? of_states(condition, cancels) : condition;
+    return sized ? of_states(condition, steps, acting, size) : condition;
 }
 
 /* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
-static lane close_segments(long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
+static lane close_segments(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
     static const lane none = {0};
-    lane unit[NX], condition, cancels;
+    lane unit[NX], acting[NX], size[NX], condition;
     lane *whole = rows + blocks * NX * ROW, *kept = saved + blocks * NX * CYCLIC;
     lane starts[LANES * NX], ends[NX];
     balance(1, blocks, maps, unit);
@@ -299,9 +310,10 @@ static lane close_segments(long blocks, const lane *maps, lane *saved, lane *row
                 ends[i][l] = starts[(l + 1) % LANES * NX + i][0];
             }
         expand(blocks, saved, x, ends);
-        open = again && resize(1, blocks, maps, x, unit, &cancels);
+        acting_on(1, blocks, maps, x, unit, acting, size);
+        open = again && resize(acting, unit);
     }
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
-    return of_states(condition, cancels);
+    return of_states(condition, LANES * steps, acting, size);
 }

@@ -420,7 +420,7 @@ int level(const problem *p) {
     if (open_room(p, BLOCKS, &r)) return 1;
     for (long group = 0; group < p->groups; group++) {
         advance(p, group, &r);
-        if (ORBIT) ((loose *)p->condition)[group] = close_chain(r.blocks, r.maps, r.saved, r.chain, r.z, r.x0, 1);
+        if (ORBIT) ((loose *)p->condition)[group] = close_chain(p->steps, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0, 1);
         write(p, group, &r);
     }
     free(r.memory);
@@ -440,7 +440,7 @@ int segments(const problem *p) {
         }
     identity(r.sum);
     for (int l = 0; l < LANES; l++) append(&r, whole + l * NX * W);
-    if (ORBIT) *(loose *)p->condition = close_segments(r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
+    if (ORBIT) *(loose *)p->condition = close_segments(p->steps, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
     write(p, 0, &r);
     free(r.memory);
     return 0;

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.period.multipliers import EPS, scaled_alike
+from solve.period.multipliers import EPS, accumulated, scaled_alike
 
 BLOCKS = 32
 """Number of blocks at which products stop and the orthogonal factorisation takes over."""
@@ -24,8 +24,11 @@ APART = 1e-3
 """Part of what acts on any state: where less acts on one, elimination costs it its digits, unless it is in
 units of its own."""
 
-RESTS = 64 * EPS
-"""Part of what acts on a state that is rounding."""
+_ROUNDING = 8.0
+"""Times rounding: what is no larger rests."""
+
+_RESTS = 1e-11
+"""Part of what acts: what rests is no larger, however much rounding there is."""
 
 REGULAR = 1e13
 """Condition number of states that does not make their chain singular."""
@@ -85,12 +88,15 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
     unit = _units(A)
     x, condition = _in_units(A, b, unit)
     if not columns:
-        acting, cancels = _acting(A, b, x)
+        acting = _acting(A, b, x)
         ratios = acting / unit
         apart = ratios.min(axis=-1) < APART * ratios.max(axis=-1)
         if apart.any():
             unit = np.where(apart[..., None], 2.0 ** np.floor(np.log2(acting)), unit)
             x, condition = _in_units(A, b, unit)
+            acting = _acting(A, b, x)
+        rounding = EPS * accumulated(steps.A.shape[-3]) * condition
+        cancels = _cancels(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
         condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
     for level in reversed(levels[:-1]):
         x = _refined(level, x)
@@ -113,15 +119,23 @@ def _in_units(A: Array, b: Array, unit: Array) -> tuple[Array, Array]:
     return x * unit, condition
 
 
-def _acting(A: Array, b: Array, x: Array) -> tuple[Array, Array]:
-    """What acts on each of the states x (..., B, N, 1) of blocks (..., N), and how many times larger that is
-    than a state, at most (...), but for states that are nothing but its rounding."""
-    own = np.abs(x[..., 0]).max(axis=-2)
+def _acting(A: Array, b: Array, x: Array) -> Array:
+    """What acts at most on each of the states x (..., B, N, 1) of blocks (..., N)."""
     acting = (np.abs(A) @ np.abs(x) + np.abs(b))[..., 0].max(axis=-2)
-    moving = own > RESTS * acting
-    cancels = np.where(moving, acting / np.where(moving, own, 1.0), 1.0).max(axis=-1)
     least = np.where(acting > 0, acting, np.inf).min(axis=-1, keepdims=True)
-    return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0)), cancels
+    return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0))
+
+
+def at_rest(rounding: Array) -> Array:
+    """Largest part (...) of what acts that is taken for the rounding (...) of it."""
+    return np.minimum(_ROUNDING * rounding, _RESTS)
+
+
+def _cancels(acting: Array, size: Array, rounding: Array) -> Array:
+    """How many times larger than a state what acts on it is, at most (...), but for states that are nothing
+    but the rounding (...) of that; both (..., N) in the units of the chain."""
+    moving = size > at_rest(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
+    return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
 
 
 def _levels(steps: Steps, most: int) -> list[Steps]:

@@ -174,14 +174,26 @@ def test_floquet_alone_states_no_error_of_an_orbit():
     np.testing.assert_allclose(found.multipliers, orbit.multipliers, rtol=1e-10)
 
 
-def test_the_mass_that_a_tuned_absorber_quiets_costs_no_endless_refinement():
+def tuned_absorber():
     """q1 = 0 but for rounding: the absorber at its own frequency takes the whole force, q2 = -cos φ."""
     K = np.array([[3.0, -1.0], [-1.0, 1.0]])
-    tuned = constant(
+    return constant(
         np.eye(2), np.zeros((2, 2)), K, lambda phase: np.column_stack((np.cos(phase), np.zeros(len(phase))))
     )
-    orbit = periodic(tuned, 1.0)
+
+
+def test_the_mass_that_a_tuned_absorber_quiets_costs_no_endless_refinement():
+    orbit = periodic(tuned_absorber(), 1.0)
     assert orbit.steps <= 128
     assert orbit.warnings == []
     assert orbit.statistics("q1").max_abs < 1e-12
     np.testing.assert_allclose(orbit.at(PHASES)[1], -np.cos(PHASES), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+@pytest.mark.parametrize("method", ["gauss", "radau"])
+@pytest.mark.parametrize("steps", [33, 64, 100, 192, 1024, 4096])
+def test_the_mass_that_a_tuned_absorber_quiets_rests_with_any_number_of_steps(method, steps, engine):
+    orbit = periodic(tuned_absorber(), 1.0, method, steps=steps, engine=engine)
+    assert orbit.warnings == []
+    assert orbit.error_estimate.orbit < 1e-11
