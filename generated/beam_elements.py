@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "30b22a25320ca76c05db8d3e717bb3859105b568846483712a2af8eda457dbab"
+DERIVE_SHA256 = "4c29cdc61e7ae8ba75b00aa91e1a917ec1664628cae2fbd612ba30bb421fecc8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "767162842f6de8f66cd2fc929a2ae84262b660482b691b21e145211fa383298e"
+FILE_SHA256 = "349fdfaef5625e11d3545db869c1b849b0a734991e7f22922d490a6977017d3f"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "30b22a25320ca76c05db8d3e717bb3859105b568846483712a2af8eda457dbab"
+DERIVE_SHA256 = "4c29cdc61e7ae8ba75b00aa91e1a917ec1664628cae2fbd612ba30bb421fecc8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "cdf53290819e01df7b0971c5275b8b9507e1ebb6ec37d7ed66db1ae111ce91f6"
+FILE_SHA256 = "c5e54ef398fe20a3cd9af767d9e21d994148070ceea02a924d1da141984597c1"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "30b22a25320ca76c05db8d3e717bb3859105b568846483712a2af8eda457dbab"
+DERIVE_SHA256 = "4c29cdc61e7ae8ba75b00aa91e1a917ec1664628cae2fbd612ba30bb421fecc8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1a56c7dd62d450632e11e7538c4f1aa15d22a748c493cfe6c19a57b602fa1e35"
+FILE_SHA256 = "2180095a2e9b28b131a5e2cffda7769dfec86ec0bab12e6ab188b60829d1a021"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "30b22a25320ca76c05db8d3e717bb3859105b568846483712a2af8eda457dbab"
+DERIVE_SHA256 = "4c29cdc61e7ae8ba75b00aa91e1a917ec1664628cae2fbd612ba30bb421fecc8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "79ba160d2fcaad50b3804933f33eed1f023881d6d8a9e5c44530b4aacb5bb7c4"
+FILE_SHA256 = "3c50fd37e0d90d8b8348d83a0b65df98af1572e4394401a198e07935af5d1d21"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
