@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "4c29cdc61e7ae8ba75b00aa91e1a917ec1664628cae2fbd612ba30bb421fecc8"
+DERIVE_SHA256 = "b277d470e2eb6f15d2c09a69ab9577361b47b7308c4895b8f987636e029012d8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "349fdfaef5625e11d3545db869c1b849b0a734991e7f22922d490a6977017d3f"
+FILE_SHA256 = "eb14923875fbe68e9f5f16b2210425e9f54eb8f3a08b73b4d8e9dcb165563d61"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "4c29cdc61e7ae8ba75b00aa91e1a917ec1664628cae2fbd612ba30bb421fecc8"
+DERIVE_SHA256 = "b277d470e2eb6f15d2c09a69ab9577361b47b7308c4895b8f987636e029012d8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2180095a2e9b28b131a5e2cffda7769dfec86ec0bab12e6ab188b60829d1a021"
+FILE_SHA256 = "b1c135b10d694204891cd57b874036faa6fcc039cff9c484c2d30c8bc7a19ddf"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

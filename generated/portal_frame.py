@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "4c29cdc61e7ae8ba75b00aa91e1a917ec1664628cae2fbd612ba30bb421fecc8"
+DERIVE_SHA256 = "b277d470e2eb6f15d2c09a69ab9577361b47b7308c4895b8f987636e029012d8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3c50fd37e0d90d8b8348d83a0b65df98af1572e4394401a198e07935af5d1d21"
+FILE_SHA256 = "72d03ba2a8269d4996fa94ed9ebcdd7bac87c6a8c76acf64b81c9613aaf17cfc"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
