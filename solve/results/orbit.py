@@ -27,6 +27,9 @@ from solve.statistics import Statistics
 _AXIS = ("phase",)
 _RANKS = ("strongest", "second", "third")
 
+_ALIKE = 1e-6
+"""Relative difference of what a period changes that counts as none."""
+
 
 @dataclass(frozen=True)
 class Orbit(Stability, Turn):
@@ -193,7 +196,25 @@ class Orbit(Stability, Turn):
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each: its accuracy, and the model's bounds."""
         figures = {name: self.statistics(name) for name in self.system.judged_quantities}
-        return [*super().warnings, *self.system.judged(figures)]
+        return [*super().warnings, *self.system.judged(figures), *self._not_periodic]
+
+    @property
+    def _not_periodic(self) -> list[str]:
+        """Outputs that a period changes by the same everywhere, as angles that count turns: sentences."""
+        system, phase = self.system, self.system.period * np.array([0.137, 0.281, 0.618])
+        if system.outputs_apart or not system.solvable:
+            return []
+        state, texts = self.state(phase), []
+        now, later = (system.output_values(at, self.speed, *state) for at in (phase, phase + system.period))
+        for name, values in now.items():
+            change = later[name] - values
+            same = np.abs(change - change[0]) <= _ALIKE * np.abs(change[0])
+            if same.all() and abs(change[0]) > _ALIKE * np.abs(values).max():
+                texts.append(
+                    f"{name} is not periodic: each period changes it by {change[0]:.3g}, and its figures are "
+                    "false; for an angle less whole turns write wrapped(...) in the mechanism"
+                )
+        return texts
 
     @property
     def summary(self) -> str:
