@@ -167,7 +167,7 @@ def test_an_undriven_system_rests():
 
 @pytest.mark.parametrize(("angle", "warned"), [(1.0, True), (0.0, False)])
 def test_an_output_that_counts_turns_is_told(angle, warned):
-    class Shaft(solve.PeriodicSystem):
+    class Shaft(PeriodicSystem):
         outputs = ("swing",)
 
         def output_values(self, phase, speed, q, qd, qdd, acceleration=0.0):
@@ -177,6 +177,6 @@ def test_an_output_that_counts_turns_is_told(angle, warned):
         one = np.ones((len(phase), 1, 1))
         return one, 0.4 * one, 4.0 * one, np.cos(phase)[:, None]
 
-    found = solve.periodic(Shaft(matrices, ["q"]), 3.0)
+    found = periodic(Shaft(matrices, ["q"]), 3.0)
     said = "swing is not periodic: each period changes it by 6.28"
     assert any(text.startswith(said) for text in found.warnings) == warned
