@@ -270,12 +270,14 @@ class Orbit(Stability, Turn):
         rotation = 2 * math.pi / self.system.period
         for name in self.system.known_quantities():
             amplitudes, angles = self.harmonics(name, self.samples // 8)
-            factor, _ = prefixed(self.system.units.get(name, ""), self.statistics(name).max_abs)
-            cells = []
+            largest = self.statistics(name).max_abs
+            factor, _ = prefixed(self.system.units.get(name, ""), largest)
+            unknown, cells = self.error_estimate.orbit * largest, []
             for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
                 size = float(amplitudes[k]) * factor
                 amplitude = f"{k * rotation:g}: {fixed(size, size, 4)}"
-                cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if size else "–")
+                known = amplitudes[k] > unknown
+                cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if known else "–")
             made.add_row(broken(name), *cells)
         return made
 
