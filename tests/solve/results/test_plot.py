@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 import solve
 from solve import PeriodicSystem
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.results.fit import Channel, compared_figure
 from solve.results.style import VERMILION, save_figure
 from tests.solve.results.problems import SPEED, chain, multipliers, orbit, response, x_of
 
@@ -186,3 +187,15 @@ def test_a_dollar_in_a_users_texts_is_shown_as_such(tmp_path):
     for figure in (solve.periodic(system, SPEED).plot(), solve.sweep(system, [SPEED, 2 * SPEED]).plot()):
         save_figure(figure, tmp_path / "picture.svg")
         assert any("5 $" in text.get_text() for text in figure.findobj(Text))
+
+
+def test_a_spectrum_beside_measurement_ends_below_what_was_measured():
+    """The computed orders beyond the first are rounding."""
+    at = np.arange(32) * (2 * np.pi / 32)
+    noisy = np.cos(at) + 1e-3 * np.random.default_rng(1).standard_normal(32)
+    channel = Channel(SPEED, False, "q1", at, noisy, np.cos(at))
+    _, spectra = compared_figure(chain(1), [channel], "measured").axes
+    measured, computed = (line.get_ydata() for line in spectra.lines)
+    bottom, top = spectra.get_ylim()
+    assert computed[1:].max() < 1e-12 < bottom < measured.min() < measured.max() < top
+    assert bottom == pytest.approx(measured.min() / 10)
