@@ -253,8 +253,8 @@ class _Search:
         changes = np.flatnonzero(side[:-1] * side[1:] < 0)
         known = Judged.of(speeds[:, None], found)
         brackets = Search(judge(self.multipliers), speeds[:1], self.tolerance)
-        low, _ = brackets.passages(known[changes], known[changes + 1], 0)
-        return self._with(speeds, found, low.points[:, 0])
+        ends = brackets.passages(known[changes], known[changes + 1], 0)
+        return self._with(speeds, found, np.concatenate([end.points[:, 0] for end in ends]))
 
     def _with(
         self, speeds: Array, found: PointResults, others: Sequence[float] | Array

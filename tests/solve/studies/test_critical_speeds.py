@@ -265,6 +265,8 @@ def test_both_edges_of_a_range_wholly_between_two_speeds_have_no_height():
     made = solve.critical_speeds(system, [30.0, 160.0])
     speeds = [row.response.speed for row in made.rows if row.response and row.unbounded]
     assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
+    (unstable,) = made.unstable_ranges
+    assert unstable[:2] == pytest.approx((band.low, band.high), rel=2e-5)
 
 
 def test_a_table_of_speeds_of_six_digits_with_all_columns_has_80_columns_at_most():
