@@ -49,7 +49,7 @@ def bound_of(name: str, text: str) -> str:
     >>> bound_of("z1", "integer,>=1")
     'integer, >= 1'
     """
-    clauses = [re.fullmatch(_CLAUSE, part) for part in text.split(",")] if text else []
+    clauses = [re.fullmatch(_CLAUSE, part) for part in str(text).split(",")] if text != "" else []
     parts = [each[1] or f"{each[2]} {each[3]}" for each in clauses if each]
     if len(parts) < len(clauses):
         raise DeclarationError(

@@ -22,6 +22,11 @@ _LONGEST = 900
 
 _TOO_LITTLE_MEMORY = "the memory of this machine does not suffice; ask for fewer points or steps"
 
+_OURS = {"", "derive", "models", "solve"}
+_NOT_INSTALLED = (
+    "is not installed for this Python; in the folder of this program run: python -m pip install -e ."
+)
+
 _AGAIN = 0.3
 """Seconds after which an interruption comes again."""
 
@@ -116,6 +121,8 @@ def door(
                 return _ended(name, str(error))
             if isinstance(error, MemoryError):
                 return _ended(name, _TOO_LITTLE_MEMORY)
+            if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] not in _OURS:
+                return _ended(name, f"{error.name} {_NOT_INSTALLED}")
             if hasattr(error, "format_message"):
                 return _misused(name, error)
             return _fault(name, error, "--debug" in arguments)

@@ -4,6 +4,7 @@ import importlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 import sympy
@@ -251,8 +252,8 @@ class Mechanism(Quantities):
         """Bound |coordinate| within which the linear model is to be believed: `q1=0.05`."""
         for name, bound in bounds.items():
             self._require_coordinate(name, "trust")
-            if not 0 < bound < float("inf"):
-                raise DeclarationError(f"trust: {name}={bound}; the bound must be a positive number")
+            if not (isinstance(bound, Real | sympy.Expr) and 0 < bound < float("inf")):
+                raise DeclarationError(f"trust: {name}={bound!r}; the bound must be a positive number")
             self.validity[name] = float(bound)
 
     @property

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "0b977b9efd70f79393b19dbb8b36d637f443f02aae2aedda69c5ec371a52ce4d"
+DERIVE_SHA256 = "166ffe8b3cf8847876db11a0dbd3d334876ed1b3f9a2d89501a51683bff47aee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1236e2e6161c1b3f1a254c7935abf228b55cd00bc9ea15eab5b992420e78907f"
+FILE_SHA256 = "87665e11756064682615f0e305e6b3cdbbe7db65af0b401870013cb99fef4b50"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

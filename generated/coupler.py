@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "0b977b9efd70f79393b19dbb8b36d637f443f02aae2aedda69c5ec371a52ce4d"
+DERIVE_SHA256 = "166ffe8b3cf8847876db11a0dbd3d334876ed1b3f9a2d89501a51683bff47aee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ce007ad091e85f96e6f12f5c2d7eaceba2fabb0744f98f4d694c3307978bdf96"
+FILE_SHA256 = "3b4caf5522fcab73e4be45d0e77bed233994c1bc6ea908578caf569f9fe03523"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "0b977b9efd70f79393b19dbb8b36d637f443f02aae2aedda69c5ec371a52ce4d"
+DERIVE_SHA256 = "166ffe8b3cf8847876db11a0dbd3d334876ed1b3f9a2d89501a51683bff47aee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "69c4b44f0b27ba0a7dff63f2da981ff76b5e611ba4469309d4a9d512f0dd880f"
+FILE_SHA256 = "672e2afdebbc3dcacc16e276cd867498ef24ce69673649ef1f212038c3773ac0"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "0b977b9efd70f79393b19dbb8b36d637f443f02aae2aedda69c5ec371a52ce4d"
+DERIVE_SHA256 = "166ffe8b3cf8847876db11a0dbd3d334876ed1b3f9a2d89501a51683bff47aee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f35de8478fd2c43aced97a91ff98c4319463f04566ebddcc83a68ab96ffb11a9"
+FILE_SHA256 = "ab07813ee9c6fde9a9ca21a605f812934bcd522abe3f3437007e762b258eeebe"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -138,24 +138,10 @@ class Refinement:
     def unusable(self, steps: Any, positions: Array) -> Iterator[Failed]:
         """The points at which the method is unstable with so many steps. Raises StepsError for a number that
         it can use nowhere."""
-        name = self.method.name
-        fewest = max(1, len(self.points.breaks))
-        whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
-        if not whole or steps < fewest:
-            raise StepsError(
-                f"steps is {steps!r}; allowed: whole numbers of at least {fewest}; leave steps out to have "
-                "their number chosen"
-            )
-        most = self.most // 2 if self.method.converges else self.most
-        if steps > most:
-            raise StepsError(
-                f"{name} takes at most {most} steps a period for {self.points.n} "
-                f"coordinates; given: {steps}; use fewer, raise --limit, or leave steps out to have their "
-                "number chosen"
-            )
+        self.method.require_steps(steps, self.points)
         for position in positions[steps < self.least[positions]].tolist():
             reason = StepsError(
-                f"{name} with {steps} steps a period is beyond its stability limit; use at "
+                f"{self.method.name} with {steps} steps a period is beyond its stability limit; use at "
                 f"least {self.least[position]} steps, or a method without limit (radau)"
             )
             yield Failed(position, reason)

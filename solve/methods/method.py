@@ -153,6 +153,22 @@ class Method:
         steps = int(8 * most_numbers() / self.bytes_a_step(n))
         return max(steps, min(_LARGE_SYSTEMS * steps, _ENOUGH_STEPS))
 
+    def require_steps(self, steps: Any, points: Points) -> None:
+        """Raise StepsError for a number of steps that can be used and judged at none of the points."""
+        fewest = max(1, len(points.breaks))
+        is_whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
+        if not is_whole or steps < fewest:
+            raise StepsError(
+                f"steps is {steps!r}; allowed: whole numbers of at least {fewest}; leave steps out to have "
+                "their number chosen"
+            )
+        most = self.most_steps(points.n) // (2 if self.converges else 1)
+        if steps > most:
+            raise StepsError(
+                f"{self.name} takes at most {most} steps a period for {points.n} coordinates; given: "
+                f"{steps}; use fewer, raise --limit, or leave steps out to have their number chosen"
+            )
+
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         """Monodromy matrices, and with `orbit` the periodic solutions."""
         raise NotImplementedError

@@ -182,7 +182,14 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
     if not lines:
         raise CaseFileError(f"{name}: table '{path}' is empty; give a header and rows")
     divider = max(",;\t", key=lines[0].count)
-    return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=divider)]
+    header, *rows = ([cell.strip() for cell in row] for row in csv.reader(lines, delimiter=divider))
+    long = next((row for row in rows if any(row[len(header) :])), None)
+    if long is not None:
+        raise CaseFileError(
+            f"{name}: {path.name} has more values than columns in the row '{', '.join(long)[:60]}'; give "
+            "one a column, with a decimal point"
+        )
+    return [header, *rows]
 
 
 def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:

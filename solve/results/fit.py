@@ -27,6 +27,9 @@ _MOST_PANELS, _MOST_ORDERS = 8, 60
 _SAME, _EVEN = 1e-6, 1e-3
 """Part of the period within which phases are one, and of their distance by which even ones differ."""
 
+_LEAST = 1e-6
+"""Part of the largest measured amplitude below which none is drawn."""
+
 _CLOSE = 0.9
 """Correlation from which on two parameters are named."""
 
@@ -97,11 +100,15 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
             if measured is None:
                 spectra.set_axis_off()
                 continue
-            for values, mark in ((each.measured, "o"), (each.computed, "x")):
-                found, _ = spectrum(factor * values[measured], min(_MOST_ORDERS, (len(measured) - 1) // 2))
-                color = VERMILION if mark == "o" else BLUE
-                spectra.plot(np.arange(1, len(found)), found[1:], mark, markersize=3, color=color)
+            most = min(_MOST_ORDERS, (len(measured) - 1) // 2)
+            found, computed = (
+                spectrum(factor * values[measured], most)[0][1:] for values in (each.measured, each.computed)
+            )
+            for amplitudes, mark, color in ((found, "o", VERMILION), (computed, "x", BLUE)):
+                spectra.plot(np.arange(1, most + 1), amplitudes, mark, markersize=3, color=color)
             spectra.set_yscale("log")
+            # Computed orders fall to rounding far below those that were measured.
+            spectra.set_ylim(bottom=max(found.min() / 10, _LEAST * found.max()) or None)
             spectra.set_xlabel("order of rotation")
             spectra.set_ylabel(labelled("amplitude", unit))
         rows[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)

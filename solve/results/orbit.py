@@ -27,6 +27,9 @@ from solve.statistics import Statistics
 _AXIS = ("phase",)
 _RANKS = ("strongest", "second", "third")
 
+_ALIKE = 1e-6
+"""Relative difference of what a period changes that counts as none."""
+
 
 @dataclass(frozen=True)
 class Orbit(Stability, Turn):
@@ -193,7 +196,25 @@ class Orbit(Stability, Turn):
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each: its accuracy, and the model's bounds."""
         figures = {name: self.statistics(name) for name in self.system.judged_quantities}
-        return [*super().warnings, *self.system.judged(figures)]
+        return [*super().warnings, *self.system.judged(figures), *self._not_periodic]
+
+    @property
+    def _not_periodic(self) -> list[str]:
+        """Outputs that a period changes by the same everywhere, as angles that count turns: sentences."""
+        system, phase = self.system, self.system.period * np.array([0.137, 0.281, 0.618])
+        if system.outputs_apart or not system.solvable:
+            return []
+        state, texts = self.state(phase), []
+        now, later = (system.output_values(at, self.speed, *state) for at in (phase, phase + system.period))
+        for name, values in now.items():
+            change = later[name] - values
+            same = np.abs(change - change[0]) <= _ALIKE * np.abs(change[0])
+            if same.all() and abs(change[0]) > _ALIKE * np.abs(values).max():
+                texts.append(
+                    f"{name} is not periodic: each period changes it by {change[0]:.3g}, and its figures are "
+                    "false; for an angle less whole turns write wrapped(...) in the mechanism"
+                )
+        return texts
 
     @property
     def summary(self) -> str:
@@ -249,12 +270,14 @@ class Orbit(Stability, Turn):
         rotation = 2 * math.pi / self.system.period
         for name in self.system.known_quantities():
             amplitudes, angles = self.harmonics(name, self.samples // 8)
-            factor, _ = prefixed(self.system.units.get(name, ""), self.statistics(name).max_abs)
-            cells = []
+            largest = self.statistics(name).max_abs
+            factor, _ = prefixed(self.system.units.get(name, ""), largest)
+            unknown, cells = self.error_estimate.orbit * largest, []
             for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
                 size = float(amplitudes[k]) * factor
                 amplitude = f"{k * rotation:g}: {fixed(size, size, 4)}"
-                cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if size else "–")
+                known = amplitudes[k] > unknown
+                cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if known else "–")
             made.add_row(broken(name), *cells)
         return made
 

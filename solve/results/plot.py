@@ -13,6 +13,7 @@ from solve.labels import SPEED
 from solve.results.quantities import greek, headed, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
 from solve.system import PeriodicSystem
+from solve.units import raised
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
 """Inches, by the number of rows: one page holds them all."""
@@ -311,7 +312,7 @@ def _draw_stability(place: Figure | SubFigure, panel: StabilityPanel) -> None:
     panels[0].set_title("Floquet multipliers", loc="left", color=GREY)
     if closer:
         power = math.floor(math.log10(radius)) if radius < 0.1 else 0
-        unit = f" ($10^{{{power}}}$)" if power else ""
+        unit = f" ({raised(f'10^{power}')})" if power else ""
         _draw_multipliers(panels[1], rho / 10.0**power, radius / 10.0**power, unit)
         panels[1].add_patch(
             Circle((0, 0), radius / 10.0**power, fill=False, color=GREY, linewidth=0.8, linestyle="--")

@@ -74,11 +74,26 @@ def new_figure(height: float) -> Figure:
 
 @contextmanager
 def page(height: float, title: str) -> Iterator[Figure]:
-    """A new figure under a title, `height` inches high, and the style of this program while it is drawn."""
+    """A new figure under a title, `height` inches high, and the style of this program while it is drawn. A
+    "$" in its texts, which may be a user's, is shown as such."""
     with styled():
         figure = new_figure(height)
         figure.suptitle(greek(title), fontweight="bold")
         yield figure
+        _without_mathematics(figure)
+
+
+def _without_mathematics(figure: Figure) -> None:
+    from matplotlib.axis import Axis
+    from matplotlib.text import Text
+    from matplotlib.ticker import FixedFormatter
+
+    axes = [
+        axis for axis in figure.findobj(Axis) if not isinstance(axis.get_major_formatter(), FixedFormatter)
+    ]
+    numbers = {text for axis in axes for text in axis.findobj(Text) if text is not axis.label}
+    for text in set(figure.findobj(Text)) - numbers:
+        text.set_parse_math(False)
 
 
 def save_figure(figure: Figure, file: Path) -> None:

@@ -174,16 +174,18 @@ class Sweep(Result):
 
     @cached_property
     def warnings(self) -> list[str]:
-        """One line a kind of warning or failure, with the speeds where it first and last stands. Texts of
-        one kind differ in their numbers alone; the whole text of the first is shown."""
+        """What is doubtful about the equations; then one line a kind of warning or failure, with the speeds
+        where it first and last stands. Texts of one kind differ in their numbers alone; the whole text of the
+        first is shown."""
+        of_equations = list(self.system.equation_warnings)
         reasons = {at: [f"no result: {text}"] for at, text in self.results.failures.items()}
         texts = {**self.results.warnings, **reasons}
         groups: dict[str, tuple[str, list[float]]] = {}
         for at in sorted(texts):
-            for text in texts[at]:
+            for text in (text for text in texts[at] if text not in of_equations):
                 groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(float(self.speeds[at]))
         of_points = [f"{text} ({self._where(at)})" for text, at in groups.values()]
-        return [*self.system.equation_warnings, *of_points]
+        return [*of_equations, *of_points]
 
     def _where(self, speeds: Sequence[float]) -> str:
         """Of points with these speeds, in words."""

@@ -98,12 +98,17 @@ def critical_speeds(
         step("all speeds")
         found = search.solved(grid)
         found.require_any()
-        grid, found = search.with_edges(grid, found)
         step("mean natural frequencies")
         frequencies = MeanFrequencies(system, grid)
         with stage("speeds", len(grid)):
             frequencies.values  # noqa: B018 - cached from here on
-        rows = _rows(search, grid, found, frequencies, rest, orders, step)
+        step("maxima of the dominant multiplier")
+        real_part, error = search.real_part(found), found.errors[:, 1] * found.spectral_radius
+        real_part = np.where(_resolved(frequencies, orders), np.maximum(real_part, 0.0), np.nan)
+        turned = search.maxima(grid, real_part, error, search.real_part)
+        grid, found = search.with_edges(grid, found, turned)
+        frequencies = replace(frequencies, speeds=grid)
+        rows = _rows(search, found, frequencies, rest, turned, orders, step)
     return CriticalSpeeds(
         system,
         name,
@@ -237,18 +242,28 @@ class _Search:
         turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE).all(axis=1)
         return (side[:, 0] * side[:, 2] < 0) | turned & (size[:, 1] < size[:, ::2].min(axis=1))
 
-    def with_edges(self, speeds: Array, found: PointResults) -> tuple[Array, PointResults]:
-        """The speeds (P,) and what was found there, with those between two at which a multiplier passes +1
-        along the real axis: the response may grow beyond all bounds there, however narrow its maximum."""
+    def with_edges(
+        self, speeds: Array, found: PointResults, turned: list[Maximum]
+    ) -> tuple[Array, PointResults]:
+        """The speeds (P,) and what was found there, with those of the dominant multiplier's maxima beyond +1
+        and those at which a multiplier passes +1 along the real axis, also between a maximum and its
+        neighbours: the response may grow beyond all bounds there, however narrow its maximum."""
+        speeds, found = self._with(speeds, found, [top.speed for top in turned if top.height > 1])
         side = _side(found)
         changes = np.flatnonzero(side[:-1] * side[1:] < 0)
         known = Judged.of(speeds[:, None], found)
         brackets = Search(judge(self.multipliers), speeds[:1], self.tolerance)
-        low, _ = brackets.passages(known[changes], known[changes + 1], 0)
-        edges = np.setdiff1d(low.points[:, 0], speeds)
-        every = np.union1d(speeds, edges)
+        ends = brackets.passages(known[changes], known[changes + 1], 0)
+        return self._with(speeds, found, np.concatenate([end.points[:, 0] for end in ends]))
+
+    def _with(
+        self, speeds: Array, found: PointResults, others: Sequence[float] | Array
+    ) -> tuple[Array, PointResults]:
+        """The speeds (P,) and what was found there, with others (k,)."""
+        others = np.setdiff1d(others, speeds)
+        every = np.union1d(speeds, others)
         results = PointResults.blank(len(every), self.batch.family.example.n, self.kept)
-        for some, those in ((speeds, found), (edges, self.solved(edges))):
+        for some, those in ((speeds, found), (others, self.solved(others))):
             results.insert(np.searchsorted(every, some), those)
         return every, results
 
@@ -295,35 +310,35 @@ def _side(found: PointResults) -> Array:
     return np.where(sure, np.sign(np.real(off.prod(axis=1))), 0.0)
 
 
+def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
+    """Speeds (P,) at which the lowest frequency is of an order up to `orders`."""
+    return frequencies.values[:, 0] <= (orders + 0.5) * frequencies.speeds
+
+
 def _rows(
     search: _Search,
-    grid: Array,
     found: PointResults,
     frequencies: MeanFrequencies,
     rest: MeanFrequencies,
+    turned: list[Maximum],
     orders: int,
     step: Callable[[str], None],
 ) -> list[Critical]:
-    """Maxima of both kinds, each beside the integer division that it belongs to."""
-    resolved = frequencies.values[:, 0] <= (orders + 0.5) * grid
+    """Maxima of all kinds, each beside the integer division that it belongs to. turned: those of the dominant
+    multiplier's real part."""
+    grid, resolved = frequencies.speeds, _resolved(frequencies, orders)
     response = np.where(resolved, search.response(found), np.nan)
-    real_part = search.real_part(found)
-    real_part = np.where(resolved, np.maximum(real_part, 0.0), np.nan)
     rows = [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
         for order, speed in crossed(frequencies, weights, orders)
     ]
-    error, radius = (
-        found.errors[:, 1] * found.spectral_radius,
-        np.where(resolved, search.radius(found), np.nan),
-    )
+    error = found.errors[:, 1] * found.spectral_radius
+    radius = np.where(resolved, search.radius(found), np.nan)
     step("maxima of the response")
     tops = search.maxima(grid, response, found.errors[:, 0] * np.abs(response), search.response)
     rows = _assigned(rows, search.risen(tops, orders), frequencies, "response")
-    step("maxima of the dominant multiplier")
-    tops = search.maxima(grid, real_part, error, search.real_part)
-    rows = _assigned(rows, search.turned(tops, orders), frequencies, "multiplier")
+    rows = _assigned(rows, search.turned(turned, orders), frequencies, "multiplier")
     tops = search.maxima(grid, radius, error, search.radius)
     rows = _assigned(rows, search.raised(tops, orders), frequencies, "radius")
     rows = [replace(row, ratios=(frequencies.at(row.speed) / row.speed).tolist()) for row in rows]
@@ -337,7 +352,7 @@ def _assigned(
     A row of its own where there is none, or where frozen frequencies mean nothing, one for a combination."""
     rows = list(rows)
     for one in sorted(explained, key=lambda one: -one.maximum.height):
-        here = MeanFrequencies(frequencies.system, np.array([one.maximum.speed]))
+        here = replace(frequencies, speeds=np.array([one.maximum.speed]))
         ratios = here.values[0] / one.maximum.speed
         several = () if here.imaginary[0] else one.combinations
         combination = several[0] if len(several) == 1 else None

@@ -5,7 +5,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,10 +36,12 @@ _CORRECTIONS = 2
 @dataclass(frozen=True)
 class MeanFrequencies:
     """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a speed,
-    see `mean_modes`: rising, in rad/s, at speeds (P,); NaN at speeds without matrices."""
+    see `mean_modes`: rising, in rad/s, at speeds (P,); NaN at speeds without matrices. Those at other speeds,
+    `replace(frequencies, speeds=…)`, share what is known."""
 
     system: PeriodicSystem
     speeds: Array
+    _known: dict[float, tuple[Array, bool]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def values(self) -> Array:
@@ -55,15 +57,18 @@ class MeanFrequencies:
     def _found(self) -> tuple[Array, Array]:
         means = np.full((len(self.speeds), self.system.n), np.nan)
         imaginary = np.zeros(len(self.speeds), dtype=bool)
-        for at, speed in enumerate(self.speeds):
+        for at, speed in enumerate(self.speeds.tolist()):
             # Where there are no matrices, the solution at this speed says why.
             with part("speeds"), suppress(SolveError, np.linalg.LinAlgError):
-                means[at], _, imaginary[at] = mean_modes(self.system, float(speed))
+                if speed not in self._known:
+                    mean, _, is_imaginary = mean_modes(self.system, speed)
+                    self._known[speed] = mean, is_imaginary
+                means[at], imaginary[at] = self._known[speed]
         return means, imaginary
 
     def at(self, speed: float) -> Array:
         """The same (n,) at a speed."""
-        return MeanFrequencies(self.system, np.array([speed])).values[0]
+        return replace(self, speeds=np.array([speed])).values[0]
 
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:

@@ -46,12 +46,6 @@ def record(file: str | Path) -> Record:
         raise CaseFileError(f"data: '{path.name or path}' ends in '{ending}'; allowed: {', '.join(ENDINGS)}")
     if ending == ".csv":
         titles, *rows = cells_of("data", path)
-        long = next((row for row in rows if any(row[len(titles) :])), None)
-        if long is not None:
-            raise CaseFileError(
-                f"data: {path.name} has more values than columns in the row '{', '.join(long)[:60]}'; give "
-                "one a column, with a decimal point"
-            )
         return Record(path, titles, None, rows)
     try:
         require_size(f"bytes in '{path}'", path.stat().st_size, 1)

@@ -1,6 +1,5 @@
 """Up to which speed the linear model is to be trusted."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -30,8 +29,8 @@ def validity(
     where the model is not trusted. Raises LinearModelError for systems without nonlinear equations, and
     other SolveError subclasses for bad input.
     """
-    if not (math.isfinite(at) and at > 0):
-        raise ValueOutOfBoundsError(f"at is {at}; allowed: a part > 0, such as 0.05 for 5 %")
+    if not 0 < at <= 1:
+        raise ValueOutOfBoundsError(f"at is {at}; allowed: a part > 0 and up to 1, such as 0.05 for 5 %")
     if not system.nonlinear:
         raise LinearModelError(
             f"{system.name} is linear by construction; only a model with nonlinear equations can be off them"

@@ -5,6 +5,7 @@ import pytest
 import sympy
 from modules import module_of, values
 
+import derive
 from derive import Mechanism, cos, rate, sin
 from derive.lagrange import drive_torque, residuals
 from derive.symbols import ACCELERATION, PHASE, SPEED, Moving, steady
@@ -112,3 +113,19 @@ def test_fundamental_motion_is_substituted_before_everything_else():
     assert values(module_of(plain).residual(), phase, speed, *total, p)[0] == pytest.approx(
         expected, rel=1e-13
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "slope"),
+    [
+        ("acos", -1 / np.sqrt(1 - 0.3**2)),
+        ("asin", 1 / np.sqrt(1 - 0.3**2)),
+        ("atan", 1 / (1 + 0.3**2)),
+        ("cosh", np.sinh(0.3)),
+        ("log", 1 / 0.3),
+        ("sinh", np.cosh(0.3)),
+    ],
+)
+def test_elementary_functions_are_those_of_mathematics(name, slope):
+    q, qd = Moving("q"), Moving("qd")
+    assert float(rate(getattr(derive, name)(q)).subs({q: 0.3, qd: 1})) == pytest.approx(slope, rel=1e-12)

@@ -40,7 +40,9 @@ def test_unit_and_meaning_are_needed(described):
         oscillator()[0].coordinates(q2=described)
 
 
-@pytest.mark.parametrize("bound", ["positive", ">", "> x", "0 <", "> 0 < 1", "> 0,", "integers", "> 1.2.3"])
+@pytest.mark.parametrize(
+    "bound", ["positive", ">", "> x", "0 <", "> 0 < 1", "> 0,", "integers", "> 1.2.3", 3]
+)
 def test_bounds_that_are_not_understood(bound):
     with pytest.raises(DeclarationError, match=r"the bound .* is not understood"):
         oscillator()[0].parameters(m2=("kg", "mass", bound))
@@ -275,7 +277,7 @@ def test_names_that_are_no_coordinates_or_outputs():
         one.limit("x", "> 0", beyond="nothing holds")
 
 
-@pytest.mark.parametrize("bound", [0, -1.0, math.inf, math.nan])
+@pytest.mark.parametrize("bound", [0, -1.0, math.inf, math.nan, "5", None])
 def test_trust_must_be_positive(bound):
     with pytest.raises(DeclarationError, match=r"trust: q=.* must be a positive number"):
         oscillator()[0].trust(q=bound)

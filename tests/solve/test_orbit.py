@@ -163,3 +163,20 @@ def test_an_undriven_system_rests():
     assert found.residual == 0.0
     assert found.statistics("q1").max_abs == 0.0
     assert found.warnings == []
+
+
+@pytest.mark.parametrize(("angle", "warned"), [(1.0, True), (0.0, False)])
+def test_an_output_that_counts_turns_is_told(angle, warned):
+    class Shaft(PeriodicSystem):
+        outputs = ("swing",)
+
+        def output_values(self, phase, speed, q, qd, qdd, acceleration=0.0):
+            return {"swing": angle * phase + q[0]}
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.4 * one, 4.0 * one, np.cos(phase)[:, None]
+
+    found = periodic(Shaft(matrices, ["q"]), 3.0)
+    said = "swing is not periodic: each period changes it by 6.28"
+    assert any(text.startswith(said) for text in found.warnings) == warned

@@ -106,6 +106,14 @@ def test_too_little_memory_is_said():
     assert "memory of this machine does not suffice" in error
 
 
+def test_a_package_that_is_not_installed_is_named():
+    status, _, error = ended(raising(ModuleNotFoundError("No module named 'typer.core'", name="typer.core")))
+    assert (status, error.count("\n")) == (2, 1)
+    assert "typer.core is not installed" in error
+    assert error.endswith("run: python -m pip install -e .\n")
+    assert ended(raising(ModuleNotFoundError("No module named 'solve.lost'", name="solve.lost")))[0] == 70
+
+
 def test_an_interruption_is_130():
     assert ended(raising(KeyboardInterrupt())) == (130, "before\n", "program: interrupted\n")
 

@@ -126,6 +126,12 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
         ),
         (entry("P", "Pa"), [*GOOD, (345, "x")], CaseFileError, "has 'x' in the row"),
         (entry("P", "Pa"), [*GOOD, (345,)], CaseFileError, "has '' in the row '345'"),
+        (
+            entry("P", "Pa"),
+            [*GOOD, (345, 2, 5)],
+            CaseFileError,
+            "more values than columns in the row '345, 2, 5'",
+        ),
         (entry("P", "Pa"), [], CaseFileError, "has 0 rows; 3 harmonics need 7 or more"),
         (
             entry("P", "Pa").replace("value", "valve"),

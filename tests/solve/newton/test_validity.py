@@ -1,5 +1,7 @@
 """The linearisation error against the true difference between the linear and the nonlinear orbit."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,7 @@ def test_linear_systems_have_no_linearisation_error():
         solve.validity(solve.load("four_bar"), [30.0])
 
 
-def test_bad_input_is_refused():
-    with pytest.raises(ValueOutOfBoundsError, match="at is 0"):
-        solve.validity(model_of(duffing(), zeta=0.1, k=1.0, alpha=0.2, f=0.3), [0.1], at=0)
+@pytest.mark.parametrize("at", [0, 5, math.nan])
+def test_bad_input_is_refused(at):
+    with pytest.raises(ValueOutOfBoundsError, match=f"at is {at}"):
+        solve.validity(model_of(duffing(), zeta=0.1, k=1.0, alpha=0.2, f=0.3), [0.1], at=at)

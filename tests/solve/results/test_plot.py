@@ -6,9 +6,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.text import Text
 from numpy.testing import assert_allclose
 
+import solve
+from solve import PeriodicSystem
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.results.fit import Channel, compared_figure
 from solve.results.style import VERMILION, save_figure
 from tests.solve.results.problems import SPEED, chain, multipliers, orbit, response, x_of
 
@@ -127,7 +131,8 @@ def test_small_multipliers_get_a_closer_view():
     circle, closer = panels(far.plot())[2]
     assert circle.get_xlim()[1] == pytest.approx(1.15)
     power = math.floor(math.log10(radius))
-    assert closer.get_xlabel() == f"Re ρ ($10^{{{power}}}$)"
+    assert power == -2
+    assert closer.get_xlabel() == "Re ρ (10⁻²)"
     assert closer.get_xlim()[1] == pytest.approx(1.15 * radius / 10.0**power, rel=1e-6)
     drawn = closer.lines[-1].get_xdata() + 1j * closer.lines[-1].get_ydata()
     assert_allclose(drawn * 10.0**power, far.multipliers, rtol=1e-12)
@@ -169,3 +174,28 @@ def test_pictures_are_of_the_kind_that_their_ending_says_and_always_the_same(res
     first, second = (file.read_bytes() for file in files)
     assert first.startswith(start)
     assert first == second
+
+
+def test_a_dollar_in_a_users_texts_is_shown_as_such(tmp_path):
+    """matplotlib would read "$_ $" as mathematics, and fail."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.4 * one, 4.0 * one, np.cos(phase)[:, None]
+
+    system = PeriodicSystem(matrices, ["5 $_ $"])
+    for figure in (solve.periodic(system, SPEED).plot(), solve.sweep(system, [SPEED, 2 * SPEED]).plot()):
+        save_figure(figure, tmp_path / "picture.svg")
+        assert any("5 $" in text.get_text() for text in figure.findobj(Text))
+
+
+def test_a_spectrum_beside_measurement_ends_below_what_was_measured():
+    """The computed orders beyond the first are rounding."""
+    at = np.arange(32) * (2 * np.pi / 32)
+    noisy = np.cos(at) + 1e-3 * np.random.default_rng(1).standard_normal(32)
+    channel = Channel(SPEED, False, "q1", at, noisy, np.cos(at))
+    _, spectra = compared_figure(chain(1), [channel], "measured").axes
+    measured, computed = (line.get_ydata() for line in spectra.lines)
+    bottom, top = spectra.get_ylim()
+    assert computed[1:].max() < 1e-12 < bottom < measured.min() < measured.max() < top
+    assert bottom == pytest.approx(measured.min() / 10)

@@ -32,6 +32,13 @@ def test_a_system_of_ones_own_is_reported():
     assert ["x", "mm", "694.4775", "166.5°", "305.5225", "346.5°", "500.0000"] in rows
 
 
+def test_orders_that_are_less_than_the_error_are_not_told():
+    """The load of phi has order 3 alone, and so has the response of constant coefficients."""
+    rows = [line.split() for line in text_of(orbit().report()).splitlines()]
+    (row,) = (row for row in rows if row[:2] == ["φ", "3:"])
+    assert row[-2:] == ["–", "–"]
+
+
 def test_phases_are_those_of_the_drive_however_long_the_period_is():
     """Two turns of the drive a period: cos(φ/2 + ψ) has its maximum twice as far on as over one turn."""
 

@@ -3,8 +3,6 @@
 import json
 import re
 import shlex
-import tempfile
-from functools import cache
 from html.parser import HTMLParser
 from inspect import isclass, isfunction
 from pathlib import Path
@@ -16,145 +14,12 @@ from matplotlib.text import Text
 
 import solve
 from models.four_bar.__main__ import run as four_bar_command
-from models.four_bar.design import designed
-from models.four_bar.design_map import design_map
-from models.four_bar.results.corrected import corrections
-from models.four_bar.results.curve import curve_of_point
-from models.four_bar.results.design import carry_out
-from models.four_bar.results.element_kinds import element_kinds
-from models.four_bar.results.linkage import rigid_motion
-from models.four_bar.results.modes import modes
 from solve.commands.app import run as solve_command
 from solve.results.result import Result
+from tests.solve.results.every_result import MADE, cam, made, picture
 
 PAGE = (Path(__file__).parents[3] / "docs" / "results.md").read_text(encoding="utf-8")
 SLOW = "corrections", "carry_out"
-
-
-@cache
-def cam():
-    return solve.load("cam")
-
-
-@cache
-def four_bar():
-    return solve.load("four_bar")
-
-
-@cache
-def measured_torque():
-    """A file of what an orbit of the cam is."""
-    file = Path(tempfile.mkdtemp()) / "measured.csv"
-    solve.periodic(cam(), "400 rpm", rtol=1e-6).save(file)
-    return file
-
-
-def run_up():
-    start, stress = np.geomspace(8.0, 30.0, 20), dict.fromkeys(("crank", "coupler", "follower"), 100e6)
-    return carry_out(designed(design_map(four_bar(), stress, start, (0.53, 0.63), 7)), 29.0, 2.0)
-
-
-MADE = {
-    "solve.periodic": (lambda: solve.periodic(cam(), "300 rpm"), '--speed "5 Hz"'),
-    "solve.nonlinear": (lambda: solve.nonlinear(cam(), "100 rpm", rtol=1e-6), '--speed "1.5 Hz" --rtol 1e-6'),
-    "solve.floquet": (lambda: solve.floquet(cam(), "300 rpm"), '--speed "5 Hz"'),
-    "solve.sweep": (lambda: solve.sweep(cam(), [30.0, 40.0]), '--speeds "30:40:2 rad/s"'),
-    "solve.chart": (
-        lambda: solve.chart("mathieu", "delta=0:5:9", "epsilon=0:5:9", 1.0),
-        "--x delta=0:5:9 --y epsilon=0:5:9",
-    ),
-    "solve.bands": (
-        lambda: solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3), [0.8, 1.2]),
-        '--speeds "0.8:1.2:2 rad/s" --set delta=1 --set epsilon=0.3',
-    ),
-    "solve.critical_speeds": (
-        lambda: solve.critical_speeds(cam(), [40.0, 45.0, 50.0], rtol=1e-5),
-        '--speeds "6.4:8:3 Hz" --rtol 1e-5',
-    ),
-    "solve.compare": (
-        lambda: solve.compare(cam(), "300 rpm", methods=["gauss"]),
-        '--speed "5 Hz" --method gauss',
-    ),
-    "solve.frequencies": (lambda: solve.frequencies(cam(), np.arange(4) * np.pi / 2), "4"),
-    "solve.frequencies_over": (
-        lambda: solve.frequencies_over(cam(), "k3", [1e8, 2e8], np.zeros(1)),
-        'k3=1e8:2e8:2 --position "0 deg"',
-    ),
-    "solve.transient": (
-        lambda: solve.transient(cam(), "100 rpm", 2, rtol=1e-3),
-        '--speed "1.5 Hz" --turns 2 --rtol 1e-3',
-    ),
-    "solve.branch": (
-        lambda: solve.branch(cam(), "100:110 rpm", points=3, rtol=1e-2),
-        '--speeds "1.5:2 Hz" --points 3 --rtol 1e-2',
-    ),
-    "solve.validity": (lambda: solve.validity(cam(), [10.0, 20.0]), '--speeds "10:20:2 rad/s"'),
-    "solve.sensitivities": (
-        lambda: solve.sensitivities(cam(), "300 rpm", ["q1.max_abs", "rho1"], ["k1", "speed"]),
-        '--speed "5 Hz" --of q1.max_abs --of rho1 --by k1 --by speed',
-    ),
-    "solve.sensitivities_over": (
-        lambda: solve.sensitivities_over(cam(), [30.0, 40.0], ["q1.max_abs", "rho1"], ["k1", "speed"]),
-        '--speeds "30:40:2 rad/s" --of q1.max_abs --of rho1 --by k1 --by speed',
-    ),
-    "solve.speed_sensitivities": (
-        lambda: solve.speed_sensitivities(
-            solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3), [0.8, 1.2]), ["delta"]
-        ),
-        '--speeds "0.8:1.2:2 rad/s" --set delta=1 --set epsilon=0.3 --by delta',
-    ),
-    "solve.fit": (
-        lambda: solve.fit(cam(), measured_torque(), "k1", speed="400 rpm", rtol=1e-6),
-        f'--data {measured_torque()} --free k1 --speed "6.5 Hz" --rtol 1e-6',
-    ),
-    "solve.sweeps": (
-        lambda: solve.sweeps(
-            solve.variants(four_bar(), "L4", [0.547, 0.6]), [25.0, 30.0], ["crank_root_stress"], "L4 (m)"
-        ),
-        '--speeds "25:30:2 rad/s" --over L4=0.547,0.6 --of crank_root_stress',
-    ),
-    "rigid_motion": (
-        lambda: rigid_motion("table41", four_bar().parameters, speed=30.0, position=1.0),
-        '--speed "5 Hz" --position "1 rad"',
-    ),
-    "modes": (
-        lambda: modes(four_bar(), 35.0, "follower_midpoint_deflection", 4, False, 1e-6),
-        '--speed "35 rad/s"',
-    ),
-    "curve_of_point": (
-        lambda: curve_of_point(four_bar(), 30.0, 0.5, 0.01),
-        '--speed "30 rad/s" --across 0.01',
-    ),
-    "element_kinds": (
-        lambda: element_kinds(four_bar(), ["cubic:1", "dynamic:1"], 2, 4),
-        "--kinds cubic:1,dynamic:1 --count 2 --turn 4",
-    ),
-    "corrections": (
-        lambda: corrections(four_bar(), 30.0, "follower_midpoint_stress", ["1"]),
-        '--speed "30 rad/s" --elements 1',
-    ),
-    "carry_out": (
-        run_up,
-        '--allowable "100 MPa" --target "29 rad/s" --speeds "8:30:20 rad/s" --L4 "0.53:0.63:7 m" '
-        '--time "2 s"',
-    ),
-}
-"""By the name in the first column: how it is made, and the flags that make the same."""
-
-
-@cache
-def made(name):
-    return MADE[name][0]()
-
-
-def picture(result):
-    """Drawn once for all cells of a row."""
-    if id(result) not in PICTURES:
-        PICTURES[id(result)] = result.plot()
-    return PICTURES[id(result)]
-
-
-PICTURES = {}
 
 
 def is_print(result, _):

@@ -253,6 +253,22 @@ def test_both_edges_of_a_range_too_narrow_for_the_speeds_have_no_height():
     assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
 
 
+def test_both_edges_of_a_range_wholly_between_two_speeds_have_no_height():
+    """At both speeds det(I - Φ) is positive; between them the dominant multiplier rises beyond +1."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 2.0 * one, 1e4 * one * (1 + 0.3 * np.cos(phase))[:, None, None], np.cos(phase)[:, None]
+
+    system = solve.PeriodicSystem(matrices, ["q"])
+    (band,) = solve.bands(system, np.linspace(98.0, 101.0, 31))
+    made = solve.critical_speeds(system, [30.0, 160.0])
+    speeds = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
+    (unstable,) = made.unstable_ranges
+    assert unstable[:2] == pytest.approx((band.low, band.high), rel=2e-5)
+
+
 def test_a_table_of_speeds_of_six_digits_with_all_columns_has_80_columns_at_most():
     made = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
     lines = [line.rstrip() for line in str(made).splitlines()]

@@ -54,6 +54,15 @@ def test_matrices_that_break_down_fail_with_their_reason():
     assert "NaN or infinite" in found.points[-1].error
 
 
+def test_what_the_equations_leave_out_is_said_once():
+    left_out = "c is left out"
+    system = systems.random_system(3, 2)
+    system.equation_warnings = (left_out,)
+    found = solve.sweep(system, [1.0, 1.2])
+    assert all(left_out in point.warnings for point in found.points)
+    assert [text for text in found.warnings if left_out in text] == [left_out]
+
+
 def test_only_the_quantities_asked_for():
     model = solve.load("cam")
     found = solve.sweep(model, ["300 rpm"], quantities=["q3", "q1"])
