@@ -1,4 +1,4 @@
-"""What matters most for the cam's output? And do the sensitivities obey a law that nobody told them?"""
+"""What matters most for the cam's output? And do the sensitivities obey a law that nobody gave them?"""
 
 import solve
 from solve.results.style import BLUE, VERMILION, page

@@ -120,7 +120,7 @@ class Certified:
             known = max(float(self.absolute[at]), float(rho.bound[at]) if lost else 0.0)
             warnings.append(
                 f"some multipliers lie on the unit circle, or meet there, within their error ({known:.1e}): "
-                "whether the motion stays bounded or grows with time cannot be told"
+                "whether the motion stays bounded or grows with time is not known"
             )
         return warnings
 

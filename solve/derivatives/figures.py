@@ -236,7 +236,7 @@ class _Even(NamedTuple):
 
 class Figures:
     """Figures of an orbit as sums. starts: phases near which its extrema are, and their signs, by name and
-    figure, where another grid has told them; they are filled in."""
+    figure, known from another grid, or filled in."""
 
     def __init__(self, orbit: OrbitOnGrid, starts: Starts):
         self.orbit, self._starts = orbit, starts

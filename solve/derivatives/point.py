@@ -331,7 +331,7 @@ def _judged(
     asked: Sequence[Named], slopes: Sequence[Slopes], grids: Sequence[OnGrid], rule: Collocated
 ) -> dict[str, Sensitivity]:
     """From the derivatives on each of the grids, the finest first, those of each quantity with errors, by the
-    rule of the solutions themselves. What rounding leaves is told by the coarsest grid."""
+    rule of the solutions themselves. What rounding leaves is known from the coarsest grid."""
     finest, coarse_sizes = grids[0], grids[-1].slopes(asked, sizes=True)
     whys = [next((str(why) for why in each if isinstance(why, NoDerivativeError)), "") for each in slopes]
     known = [at for at, why in enumerate(whys) if not why]

@@ -209,7 +209,7 @@ class Sweep(Result):
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
         """Response over speed with its maxima, the spectral radius below, unstable speeds shaded; where
         parameters vary, over what runs fastest, a line for each value of the rest (matplotlib Figure). Raises
-        UnknownNameError, and ValueOutOfBoundsError for more lines than can be told apart."""
+        UnknownNameError, and ValueOutOfBoundsError for more lines than can be distinguished."""
         responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
         return sweep_figure(self.system, self.varied, responses, self.spectral_radius, figure, self.unstable)
 

@@ -47,7 +47,7 @@ def sweep_figure(
     """A row a quantity: its figure over the last of the quantities that vary, values (P,) by name, a line for
     each combination of the others, one alone with its maxima marked; below them the spectral radius. Bands
     are shaded; in them the response is never reached, and not drawn. Raises ValueOutOfBoundsError for more
-    lines than can be told apart."""
+    lines than can be distinguished."""
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]

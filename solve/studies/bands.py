@@ -126,10 +126,10 @@ def _left_out(batch: Batch, known: Judged, unit: ShownUnit) -> str:
     one."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
     reason = "multipliers are within their error of the unit circle; ask for a smaller rtol"
-    told = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
+    failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
     if known.failed.all():
-        raise NoResultError(told)
-    return f"{told}; bands end open beside them"
+        raise NoResultError(failed)
+    return f"{failed}; bands end open beside them"
 
 
 Turning = Callable[[Array], Array]

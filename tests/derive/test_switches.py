@@ -157,9 +157,9 @@ def test_duffings_cubic_spring_is_named():
     one.potential += p["k3"] * q**4 / 4 + p["W"]
     # It moves nothing either, but it loads the drive of a run-up.
     one.kinetic += p["J"] * one.speed**2 / 2
-    told = []
-    module_text(one, "", "", "one", told.append)
-    assert told == [
+    reported = []
+    module_text(one, "", "", "one", reported.append)
+    assert reported == [
         "k3 is in the energies but not in the linearised equations; the linear answer ignores it",
         "W is in the energies but moves nothing: it is in no equation of motion and in no output",
     ]

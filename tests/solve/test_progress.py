@@ -1,4 +1,4 @@
-"""How far long work is: told where it is done, shown on standard error where it takes long."""
+"""How far long work is: reported where it is done, shown on standard error where it takes long."""
 
 import io
 import os
@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def far(work, seconds=10.0):
-    """What is told so many seconds after the outermost stage began."""
+    """What is reported so many seconds after the outermost stage began."""
     return work.far(work.stages[0].begun + seconds)
 
 
@@ -36,9 +36,9 @@ def test_parts_of_parts_count_and_tell_the_time_to_go():
             curves.add()
             with part("curves"), stage("points", 10) as points:
                 points.add(5)
-                told = far(work)
-                assert told.fraction == 0.375
-                assert told.text == "10 s so far, about 17 s to go: 1 of 4 curves, 5 of 10 points"
+                estimate = far(work)
+                assert estimate.fraction == 0.375
+                assert estimate.text == "10 s so far, about 17 s to go: 1 of 4 curves, 5 of 10 points"
             assert curves.done == 2
         assert work.stages == []
 
@@ -51,9 +51,11 @@ def test_steps_that_have_little_in_common_tell_the_time_of_the_one_under_way():
         with stage("points", 10) as points:
             points.add(4)
             points.begun = work.stages[0].begun + 6
-            told = far(work)
-        assert told.text == "10 s so far, about 6 s to go in this step: edges (step 2 of 3), 4 of 10 points"
-        assert told.fraction == 0.4
+            estimate = far(work)
+        assert (
+            estimate.text == "10 s so far, about 6 s to go in this step: edges (step 2 of 3), 4 of 10 points"
+        )
+        assert estimate.fraction == 0.4
 
 
 def test_the_same_parts_are_said_once():

@@ -25,7 +25,7 @@ lasting(Linkage)
 class RigidMotion(Result):
     """Of a linkage: speed of its crank (rad/s) and position t1 (rad), where they are given; points of its
     coupler X + iY (m), whose paths are traced. Raises LinkageError where neither a full turn nor the position
-    can be told."""
+    is determined."""
 
     case: str | None
     parameters: Mapping[str, float]
@@ -35,7 +35,7 @@ class RigidMotion(Result):
     points: Sequence[complex]
 
     def __post_init__(self) -> None:
-        self.whole  # noqa: B018 - what cannot be told is refused here
+        self.whole  # noqa: B018 - what is not determined is refused here
 
     @property
     def about(self) -> dict[str, Any]:

@@ -118,7 +118,7 @@ def test_no_plan_and_the_smallest_allowable_that_has_one(design):
 
 
 def test_a_need_within_the_error_of_the_map_is_no_proof(design):
-    """Where L4 is greatest, a hundredth above 1 is not told from 1 by a map that errs by two."""
+    """Where L4 is greatest, a hundredth above 1 is not distinguished from 1 by a map that errs by two."""
     found = carry_out(design, 33.0)
     assert design.map.error_until(33.0) == max(design.map.interpolation_error, design.map.error.max())
     near = dataclasses.replace(found, least=(1 + 0.5 * design.map.error_until(33.0), found.least[1]))
@@ -127,18 +127,18 @@ def test_a_need_within_the_error_of_the_map_is_no_proof(design):
 
 
 def test_progress_is_told_while_the_map_is_made():
-    told = []
+    reported = []
 
     def listen(work):
         stage = work.stages[0]
         if stage.what == "speeds of the stress map" and stage.done:
-            told.append((stage.done, stage.total))
+            reported.append((stage.done, stage.total))
 
     model = solve.load("four_bar")
     start = np.linspace(8.0, 8.05, 12)
     with heard(listen):
         design_map(model, dict.fromkeys(LINKS, 1e8), start, (0.53, 0.63), 9)
-    assert list(dict.fromkeys(told))[:2] == [(8, 12), (12, 12)]
+    assert list(dict.fromkeys(reported))[:2] == [(8, 12), (12, 12)]
 
 
 @pytest.mark.slow

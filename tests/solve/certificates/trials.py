@@ -88,12 +88,12 @@ class Outcome:
 
     def __str__(self) -> str:
         pairs = zip(("orbit", "multipliers"), self.errors, self.estimates, strict=True)
-        told = ", ".join(f"{name} {error:.1e} ({estimate:.1e})" for name, error, estimate in pairs)
+        reported = ", ".join(f"{name} {error:.1e} ({estimate:.1e})" for name, error, estimate in pairs)
         trial = self.trial
         how = f"steps={trial.steps}" if trial.steps else f"rtol={trial.rtol:g}"
         return (
             f"system {self.index} ({self.kind}), {trial.method if trial.name != 'auto' else 'auto'}, {how}: "
-            f"true (estimated) {told}; {self.verdict}, true max|ρ| - 1 = {np.expm1(self.growth):.1e}"
+            f"true (estimated) {reported}; {self.verdict}, true max|ρ| - 1 = {np.expm1(self.growth):.1e}"
         )
 
 

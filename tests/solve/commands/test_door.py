@@ -206,7 +206,7 @@ importlib.import_module("{0}.__main__").main()
     ("program", "buffered"), [*((program, True) for program in RESULTS), ("solve", False)]
 )
 def test_a_full_standard_output_is_one_line(program, buffered):
-    # A first compilation would be told as well.
+    # A first compilation would be announced as well.
     solve.floquet(solve.load("mathieu"), 1.0)
     environment = {**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"}
     with open("/dev/full", "w") as full:

@@ -24,7 +24,7 @@ def solved(*arguments, cwd=ROOT):
 
 
 def test_a_result_leaves_standard_error_clean():
-    # A first compilation would be told there.
+    # A first compilation would be announced there.
     solve.floquet(solve.load("manipulator"), "50 rpm")
     ran = solved("floquet", "manipulator", "--json")
     assert (ran.returncode, ran.stderr) == (0, "")

@@ -41,9 +41,9 @@ def test_what_rounding_leaves_of_them_is_told(by, nonlinear):
     for speed in (0.7, 1.3, 2.1):
         for quantity in OF:
             found = solve.sensitivities(model, speed, quantity, by, rtol=1e-11, nonlinear=nonlinear)
-            told = found.found[quantity].errors[by.index("s")]
-            assert abs(found[quantity]["s"]) <= 10 * told, (speed, quantity)
-            assert told < 1e-10
+            reported = found.found[quantity].errors[by.index("s")]
+            assert abs(found[quantity]["s"]) <= 10 * reported, (speed, quantity)
+            assert reported < 1e-10
 
 
 def test_one_multiplier_is_found_without_the_others(monkeypatch):

@@ -10,9 +10,9 @@ def test_the_error_of_the_multiplier_is_told(speed, of, by):
     cam = solve.load("cam")
     found = solve.sensitivities(cam, speed, of=[of], by=[by])
     finer = solve.sensitivities(cam, speed, of=[of], by=[by], method=found.method, steps=4 * found.steps)
-    (slope,), (told,), (truth,) = (
+    (slope,), (reported,), (truth,) = (
         found.found[of].derivatives,
         found.found[of].errors,
         finer.found[of].derivatives,
     )
-    assert abs(slope - truth) <= 3 * told
+    assert abs(slope - truth) <= 3 * reported

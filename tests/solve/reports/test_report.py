@@ -178,7 +178,7 @@ def test_warnings_stand_once_with_the_parts_that_say_them(undrawn):
 
 
 def test_a_warning_says_of_which_orbit_it_is(undrawn, capsys, tmp_path):
-    """Both orbits lift off; on the page and in the terminal it is told which."""
+    """Both orbits lift off; on the page and in the terminal it is said which."""
     cam = solve.load("cam")
     parts = [
         Part(f"By {each}", "The same.", solve.periodic(cam, f"{rpm} rpm", rtol=1e-2), orbit=each)

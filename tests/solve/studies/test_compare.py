@@ -92,12 +92,15 @@ def test_every_method_of_the_registry_takes_part(monkeypatch):
         name = "newcomer"
 
     monkeypatch.setitem(METHODS, "newcomer", Renamed)
-    told = []
-    with heard(lambda work: told.extend(each.what for each in work.stages)):
+    reported = []
+    with heard(lambda work: reported.extend(each.what for each in work.stages)):
         found = compare(oscillator(), SPEED, steps=[40], targets=[0.05])
     names = [name for name in METHODS if name != "auto"]
     assert "newcomer" in names
-    assert [each for each in dict.fromkeys(told) if each in ("reference", *names)] == ["reference", *names]
+    assert [each for each in dict.fromkeys(reported) if each in ("reference", *names)] == [
+        "reference",
+        *names,
+    ]
     assert [row.method for row in rows(found, "equal steps")] == names
     assert [row.method for row in rows(found, "equal accuracy")] == names
     for row in found.rows:

@@ -315,15 +315,15 @@ def test_noise_is_seldom_called_none_and_a_wave_nearly_always(count):
     """Differences after a fit of three waves; 21 of 1000 at 1 % are one case in a thousand."""
     rng, at = np.random.default_rng(5), 2 * np.pi / count * np.arange(count)
     waves = np.linalg.qr(np.stack((np.cos(at), np.sin(at), np.cos(2 * at)), axis=1))[0]
-    told = {0.0: 0, 3.0: 0}
-    for size in told:
+    reported = {0.0: 0, 3.0: 0}
+    for size in reported:
         for _ in range(1000):
             noise = rng.standard_normal(count) + size * np.cos(4 * at + rng.uniform(0, 6))
             left = noise - waves @ (waves.T @ noise)
             channel = Channel(1.0, False, "q", at, 50 * np.cos(at), 50 * np.cos(at) + left)
-            told[size] += bool(misfits([channel], 2 * np.pi, {"q": 1.0}))
-    assert told[0.0] <= 21
-    assert told[3.0] >= (990 if count > 20 else 300)
+            reported[size] += bool(misfits([channel], 2 * np.pi, {"q": 1.0}))
+    assert reported[0.0] <= 21
+    assert reported[3.0] >= (990 if count > 20 else 300)
 
 
 def test_a_model_that_cannot_follow_the_data_is_said(file):

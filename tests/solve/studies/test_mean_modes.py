@@ -120,7 +120,7 @@ def test_gyroscopic_forces_that_means_leave_out_are_measured_and_told():
     assert shift_by_rates(turning_frame(), 20.0) == pytest.approx(expected, rel=1e-12)
     assert shift_by_rates(oscillators(0.1, 0.0, (0.2, 0.4)), 1.0) < 1e-12
     warnings = solve.critical_speeds(turning_frame(), [30.0, 50.0]).notes
-    (told,) = [text for text in warnings if "gyroscopic forces" in text]
-    assert "mean little there" in told
+    (reported,) = [text for text in warnings if "gyroscopic forces" in text]
+    assert "mean little there" in reported
     still = solve.critical_speeds(oscillators(0.1, 0.0, (0.01, 0.01)), [0.5, 2.0]).notes
     assert not any("gyroscopic" in text for text in still)

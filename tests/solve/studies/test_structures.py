@@ -68,12 +68,12 @@ def test_only_the_outputs_that_are_kept_are_calculated(four_bar, monkeypatch):
 
     asked = set()
 
-    def told(state, kind, *place):
+    def recorded(state, kind, *place):
         asked.add(kind)
         return quantity(state, kind, *place)
 
     quantity = structure.quantity
-    monkeypatch.setattr(structure, "quantity", told)
+    monkeypatch.setattr(structure, "quantity", recorded)
     kept = ["follower_midpoint_deflection", "strain_energy"]
     found = solve.sweep(four_bar, [20.0], rtol=1e-3, quantities=kept)
     assert asked == {"deflection", "strain_energy"}

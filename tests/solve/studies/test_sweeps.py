@@ -57,10 +57,10 @@ def test_the_picture_has_a_curve_a_system(found):
 
 
 def test_points_are_told_as_parts_of_the_curves():
-    told = []
-    with heard(lambda work: told.append(work.far(0.0).fraction)):
+    reported = []
+    with heard(lambda work: reported.append(work.far(0.0).fraction)):
         sweeps({"a": oscillator(0.1), "b": oscillator(0.2)}, [1.0, 1.5], ["q"])
-    known = [each for each in told if each is not None]
+    known = [each for each in reported if each is not None]
     assert known == sorted(known)
     assert {0.5, 1.0} <= set(known)
 
