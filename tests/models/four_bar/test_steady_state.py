@@ -219,7 +219,15 @@ def test_a_ratio_that_was_meant_in_percent_is_doubted_and_rest_is_refused():
         solve.periodic(solve.load("four_bar"), 0.0)
 
 
-@pytest.mark.parametrize(("steps", "radius"), [(90, 98.8), (180, 124), (360, 0.794), (720, 0.4849)])
+@pytest.mark.parametrize(
+    ("steps", "radius"),
+    [
+        (90, 98.8),
+        pytest.param(180, 124, marks=pytest.mark.slow),
+        pytest.param(360, 0.794, marks=pytest.mark.slow),
+        (720, 0.4849),
+    ],
+)
 def test_false_multipliers_of_newmark_are_flagged(steps, radius):
     """The average acceleration turns unresolved stiff modes into anything, until about 720 steps; the values
     are those of an implementation apart from this one. True is 0.48504."""

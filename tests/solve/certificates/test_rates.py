@@ -21,7 +21,7 @@ from tests.solve.certificates.truth import PHASES, Truth
 from tests.solve.systems import frozen_modes
 from tests.solve.witnesses import Shooting, rate_matrices, relative_error
 
-FEW = [0, 43, 86, 129, 301, 344, *range(HALF, HALF + len(FURTHER))]
+FEW = [0, 43, 86, 129, 301, 344, *range(HALF + 1, HALF + 1 + len(FURTHER))]
 PART = range(5, SIZE, 11)
 """Systems of every kind."""
 

@@ -67,8 +67,8 @@ MADE = {
         'k3=1e8:2e8:2 --position "0 deg"',
     ),
     "solve.transient": (
-        lambda: solve.transient(cam(), "100 rpm", 2, rtol=1e-3),
-        '--speed "1.5 Hz" --turns 2 --rtol 1e-3',
+        lambda: solve.transient(cam(), "300 rpm", 2, rtol=1e-3),
+        '--speed "5 Hz" --turns 2 --rtol 1e-3',
     ),
     "solve.branch": (
         lambda: solve.branch(cam(), "100:110 rpm", points=3, rtol=1e-2),
@@ -140,4 +140,13 @@ def picture(result):
     return PICTURES[id(result)]
 
 
-PICTURES = {}
+def saved(result, ending):
+    """Written once for all cells of a row."""
+    key = id(result), ending
+    if key not in FILES:
+        FILES[key] = Path(tempfile.mkdtemp()) / f"result{ending}"
+        result.save(FILES[key])
+    return FILES[key]
+
+
+PICTURES, FILES = {}, {}

@@ -16,7 +16,7 @@ import solve
 from models.four_bar.__main__ import run as four_bar_command
 from solve.commands.app import run as solve_command
 from solve.results.result import Result
-from tests.solve.results.every_result import MADE, cam, made, picture
+from tests.solve.results.every_result import MADE, cam, made, picture, saved
 
 PAGE = (Path(__file__).parents[3] / "docs" / "results.md").read_text(encoding="utf-8")
 SLOW = "corrections", "carry_out"
@@ -68,17 +68,15 @@ def is_pandas(result, _):
         np.testing.assert_array_equal(np.unique(table[name]), np.unique(dataset[name]))
 
 
-def is_nc(result, folder):
+def is_nc(result, _):
     import xarray
 
-    result.save(folder / "result.nc")
-    with xarray.open_dataset(folder / "result.nc", engine="h5netcdf") as read:
+    with xarray.open_dataset(saved(result, ".nc"), engine="h5netcdf") as read:
         xarray.testing.assert_identical(read.load(), result.to_xarray())
 
 
-def is_npz(result, folder):
-    result.save(folder / "result.npz")
-    with np.load(folder / "result.npz", allow_pickle=False) as arrays:
+def is_npz(result, _):
+    with np.load(saved(result, ".npz"), allow_pickle=False) as arrays:
         for name, values in result.contents().numbers.items():
             np.testing.assert_array_equal(arrays[name], values)
 
@@ -103,9 +101,7 @@ def is_csv(result, folder):
 
 def opened(result, folder, ending):
     """What it says, shows and holds is the same to the last bit."""
-    file = folder / f"result{ending}"
-    result.save(file)
-    again = solve.open(file)
+    again = solve.open(saved(result, ending))
     assert type(again) is type(result)
     assert again.record() == result.record()
     assert repr(again) == repr(result)
@@ -120,8 +116,8 @@ def opened(result, folder, ending):
     for one, other in zip(again.plot().axes, picture(result).axes, strict=True):
         for line, before in zip(one.lines, other.lines, strict=True):
             np.testing.assert_array_equal(line.get_xydata(), before.get_xydata())
-    again.save(folder / f"again{ending}")
-    assert solve.open(folder / f"again{ending}").record() == result.record()
+    again.save(folder / "again.npz")
+    assert solve.open(folder / "again.npz").record() == result.record()
 
 
 def is_open_nc(result, folder):
@@ -214,7 +210,7 @@ def test_every_command_saves_and_prints_the_same(name, tmp_path, capsys, monkeyp
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, stream, **__: stream.write(b"drawn"))
     cell = next(row[-1] for row in ROWS[2:] if row[0].startswith(f"`{name}`"))
     run, words = command_of(name, cell)
-    for ending in (".nc", ".npz"):
+    for ending in (".npz", ".nc"):
         file = tmp_path / f"result{ending}"
         assert run([*words, "--json", "--save", str(file), "--plot", str(tmp_path / "result.png")]) == 0
         printed = json.loads(capsys.readouterr().out)
