@@ -310,12 +310,17 @@ class Search:
         first, last = first[facing], last[facing]
         start, end = (known[np.where(rising[first] == way, first, last)] for way in (True, False))
         leaves, enters = (_middles(*self.passages(start, end, way)) for way in (0, 1))
-        sides = [leaves, enters]
         apart = np.linalg.norm(leaves - start.points, axis=1) < np.linalg.norm(enters - start.points, axis=1)
-        # Beyond one coordinate other multipliers may be outside between the two.
-        apart[apart] = self.judge((sides[0] + sides[1])[apart] / 2).stable
-        kinds = np.repeat([0, 1], apart.sum())
-        return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
+        # Beyond one coordinate other multipliers may be outside between the two, throughout or beside an edge.
+        middles = self.judge((leaves + enters) / 2)
+        apart &= middles.stable
+        middles, kinds = middles[apart], np.repeat([0, 1], apart.sum())
+        middles, ends = middles + middles, start[apart] + end[apart]
+        places, aside = np.concatenate((leaves[apart], enters[apart])), 2 * self.tolerance * self.scale
+        others = self.judge(places + np.clip(middles.points - places, -aside, aside)).unstable
+        places[others], kinds[others] = self.edges(middles[others], ends[others])
+        sure = ~np.isnan(places).any(axis=1)
+        return np.tile(first[apart], 2)[sure], places[sure], kinds[sure]
 
 
 def _radii(near: Array) -> Array:
