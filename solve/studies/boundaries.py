@@ -88,6 +88,13 @@ class Judged:
         """Where nothing is known (k,)."""
         return ~(self.stable | self.unstable)
 
+    def by(self, way: int) -> "Judged":
+        """The same as though the gap of one way, 0 for +1, 1 for -1, alone told what is stable."""
+        gap, known = self.gaps[:, way], ~self.failed
+        found = Judged(self.points, known & (gap > 0), known & (gap < 0), self.multipliers)
+        found.__dict__["gaps"] = gap[:, None]
+        return found
+
     @property
     def kinds(self) -> Array:
         """Positions in KINDS (k,) of what the largest multiplier is."""
@@ -311,7 +318,7 @@ class Search:
         start, end = (known[np.where(rising[first] == way, first, last)] for way in (True, False))
         leaves, enters = (_middles(*self.passages(start, end, way)) for way in (0, 1))
         apart = np.linalg.norm(leaves - start.points, axis=1) < np.linalg.norm(enters - start.points, axis=1)
-        # Beyond one coordinate other multipliers may be outside between the two, throughout or beside an edge.
+        # Beyond one coordinate other multipliers may be outside between the two, or beside an edge only.
         middles = self.judge((leaves + enters) / 2)
         apart &= middles.stable
         middles, kinds = middles[apart], np.repeat([0, 1], apart.sum())

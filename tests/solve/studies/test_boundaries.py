@@ -85,7 +85,7 @@ def test_edges_of_pairs_are_found_as_smoothly(damped):
 
 @pytest.mark.parametrize("back", [0.35, 0.4, 0.5])
 def test_a_stable_stretch_ends_where_a_third_multiplier_leaves(back):
-    """Beyond -1 up to 0.3, beyond +1 from 0.7 on; a third one beyond +1 up to `back` leaves less of that stable."""
+    """Beyond -1 up to 0.3, beyond +1 from 0.7 on; a third one beyond +1 up to `back` leaves less stable."""
 
     def judge(points):
         x = points[:, 0]
