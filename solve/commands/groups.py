@@ -61,7 +61,7 @@ class CaseNumbers:
     case: Annotated[str | None, Flag("Case of the case file; the first by default.", "NAME")] = None
     cases: Annotated[str | None, Flag("Another case file (.toml).", "FILE")] = None
     set: Annotated[
-        list[str] | None, Flag('Set a parameter, in SI or as "30mm"; repeatable.', "NAME=NUMBER")
+        list[str] | None, Flag('Set a parameter, in its unit or as "30mm"; repeatable.', "NAME=NUMBER")
     ] = None
 
     def case_of(self, model: str) -> Case:

@@ -33,7 +33,7 @@ def sweep(
     ] = None,
     harmonics: Annotated[int | None, Flag("Orders of the spectrum.", "N", "60")] = None,
     over: Annotated[
-        list[str] | None, Flag("N values of a parameter from A to B, in SI; repeatable.", "NAME=A:B:N")
+        list[str] | None, Flag("N values of a parameter from A to B, in its unit; repeatable.", "NAME=A:B:N")
     ] = None,
     turn: Annotated[
         str | None, Flag("Draw its curve over one turn instead, a line a point: up to 12.", "NAME")

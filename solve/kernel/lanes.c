@@ -270,12 +270,7 @@ static void acceleration(const problem *p, long group, long node, const lane *x,
         row[N] = d[i];
         for (int j = 0; j < N; j++) row[N] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
     }
-    reflect(z, N, N, N + 1);
-    for (int i = N - 1; i >= 0; i--) {
-        lane s = z[i * (N + 1) + N];
-        for (int j = i + 1; j < N; j++) s -= z[i * (N + 1) + j] * a[j];
-        a[i] = s / z[i * (N + 1) + i];
-    }
+    solve_rows(z, N, a);
 }
 
 /* States (steps + 1, NX) and stage accelerations (steps, ROWS) from the starts of the blocks. */

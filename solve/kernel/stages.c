@@ -25,37 +25,10 @@ typedef struct {
     double *found;                 /* (steps, ROWS, columns): the accelerations, or weights of loads */
 } problem;
 
-static inline lane chosen(mask m, lane x, lane y) { return (lane)(((mask)x & m) | ((mask)y & ~m)); }
-
-/* Exchange rows so that in every lane the largest of column k comes to row k; returns which rows these were. */
-static mask exchange(lane rows[ROWS][COLS], int k) {
-    lane largest = absolute(rows[k][k]);
-    mask best = (mask){0} + k;
-    for (int i = k + 1; i < ROWS; i++) {
-        const lane a = absolute(rows[i][k]);
-        const mask larger = a > largest;
-        largest = chosen(larger, a, largest);
-        best = (best & ~larger) | (((mask){0} + i) & larger);
-    }
-    long long other = 0;
-    for (int l = 0; l < LANES; l++) other |= best[l] ^ k;
-    for (int i = k + 1; other && i < ROWS; i++) {
-        const mask this = best == i;
-        long long any = 0;
-        for (int l = 0; l < LANES; l++) any |= this[l];
-        for (int j = 0; any && j < COLS; j++) {
-            const lane x = rows[k][j], y = rows[i][j];
-            rows[k][j] = chosen(this, y, x);
-            rows[i][j] = chosen(this, x, y);
-        }
-    }
-    return best;
-}
-
 /* L and U take the place of the matrix, inverse pivots on its diagonal; the columns behind become solutions. */
 static void factorise(lane rows[ROWS][COLS], mask order[ROWS]) {
     for (int k = 0; k < ROWS; k++) {
-        order[k] = exchange(rows, k);
+        order[k] = exchange_rows(rows[0], ROWS, COLS, k);
         rows[k][k] = 1.0 / rows[k][k];
         for (int i = k + 1; i < ROWS; i++) {
             const lane factor = rows[i][k] *= rows[k][k];

@@ -88,6 +88,13 @@ class Judged:
         """Where nothing is known (k,)."""
         return ~(self.stable | self.unstable)
 
+    def by(self, way: int) -> "Judged":
+        """The same as though the gap of one way, 0 for +1, 1 for -1, alone told what is stable."""
+        gap, known = self.gaps[:, way], ~self.failed
+        found = Judged(self.points, known & (gap > 0), known & (gap < 0), self.multipliers)
+        found.__dict__["gaps"] = gap[:, None]
+        return found
+
     @property
     def kinds(self) -> Array:
         """Positions in KINDS (k,) of what the largest multiplier is."""
@@ -310,12 +317,17 @@ class Search:
         first, last = first[facing], last[facing]
         start, end = (known[np.where(rising[first] == way, first, last)] for way in (True, False))
         leaves, enters = (_middles(*self.passages(start, end, way)) for way in (0, 1))
-        sides = [leaves, enters]
         apart = np.linalg.norm(leaves - start.points, axis=1) < np.linalg.norm(enters - start.points, axis=1)
-        # Beyond one coordinate other multipliers may be outside between the two.
-        apart[apart] = self.judge((sides[0] + sides[1])[apart] / 2).stable
-        kinds = np.repeat([0, 1], apart.sum())
-        return np.tile(first[apart], 2), np.concatenate([part[apart] for part in sides]), kinds
+        # Beyond one coordinate other multipliers may be outside between the two, or beside an edge only.
+        middles = self.judge((leaves + enters) / 2)
+        apart &= middles.stable
+        middles, kinds = middles[apart], np.repeat([0, 1], apart.sum())
+        middles, ends = middles + middles, start[apart] + end[apart]
+        places, aside = np.concatenate((leaves[apart], enters[apart])), 2 * self.tolerance * self.scale
+        others = self.judge(places + np.clip(middles.points - places, -aside, aside)).unstable
+        places[others], kinds[others] = self.edges(middles[others], ends[others])
+        sure = ~np.isnan(places).any(axis=1)
+        return np.tile(first[apart], 2)[sure], places[sure], kinds[sure]
 
 
 def _radii(near: Array) -> Array:

@@ -35,7 +35,7 @@ from solve.studies.mean_frequencies import (
     resonances,
     shifted_by_rates,
 )
-from solve.studies.tongues import LIGHTLY_DAMPED
+from solve.studies.tongues import LIGHTLY_DAMPED, hidden
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
 
@@ -53,6 +53,9 @@ _BESIDE = 4.0
 
 _SHARE = 0.1
 """Part of the largest rise of an order's power from which on that order explains a maximum."""
+
+_LOOKS = 4
+"""Times at most that maxima of the response are looked for, until every edge beyond +1 has its other one."""
 
 _ALIKE = 1e-3
 """Relative difference of speeds up to which maxima of a multiplier's real part and of its modulus are one."""
@@ -106,9 +109,16 @@ def critical_speeds(
         real_part, error = search.real_part(found), found.errors[:, 1] * found.spectral_radius
         real_part = np.where(_resolved(frequencies, orders), np.maximum(real_part, 0.0), np.nan)
         turned = search.maxima(grid, real_part, error, search.real_part)
-        grid, found = search.with_edges(grid, found, turned)
-        frequencies = replace(frequencies, speeds=grid)
-        rows = _rows(search, found, frequencies, rest, turned, orders, step)
+        step("maxima of the response")
+        tops, others = [], np.array([top.speed for top in turned if top.height > 1])
+        for _ in range(_LOOKS):
+            grid, found = search.with_edges(grid, found, others)
+            frequencies = replace(frequencies, speeds=grid)
+            tops = search.tops(found, frequencies, orders)
+            others = search.lone_edges(grid, tops)
+            if len(others) == 0:
+                break
+        rows = _rows(search, found, frequencies, rest, tops, turned, orders)
     return CriticalSpeeds(
         system,
         name,
@@ -193,6 +203,11 @@ class _Search:
         top = peaks(values, errors[known])
         return sharpened(speeds, values, top, lambda trials: value(solved(trials)), self.tolerance)
 
+    def tops(self, found: PointResults, frequencies: MeanFrequencies, orders: int) -> list[Maximum]:
+        """Maxima of the response at the speeds of the frequencies."""
+        values = np.where(_resolved(frequencies, orders), self.response(found), np.nan)
+        return self.maxima(frequencies.speeds, values, found.errors[:, 0] * np.abs(values), self.response)
+
     def risen(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the response that are reached, beside an unstable range at the nearest, each with the
         orders up to `orders` whose power rises there above that on either side."""
@@ -242,23 +257,31 @@ class _Search:
         turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE).all(axis=1)
         return (side[:, 0] * side[:, 2] < 0) | turned & (size[:, 1] < size[:, ::2].min(axis=1))
 
-    def with_edges(
-        self, speeds: Array, found: PointResults, turned: list[Maximum]
-    ) -> tuple[Array, PointResults]:
-        """The speeds (P,) and what was found there, with those of the dominant multiplier's maxima beyond +1
-        and those at which a multiplier passes +1 along the real axis, also between a maximum and its
-        neighbours: the response may grow beyond all bounds there, however narrow its maximum."""
-        speeds, found = self._with(speeds, found, [top.speed for top in turned if top.height > 1])
+    def with_edges(self, speeds: Array, found: PointResults, others: Array) -> tuple[Array, PointResults]:
+        """The speeds (P,) and what was found there, with others (k,), those between all these at which any
+        multiplier is beyond +1, and those at which one passes +1 along the real axis: the response may grow
+        beyond all bounds there, however narrow its maximum."""
+        speeds, found = self._with(speeds, found, others)
+        judged, known = judge(self.multipliers), Judged.of(speeds[:, None], found).by(0)
+        beyond = hidden(lambda points: judged(points).by(0), known, np.arange(1, len(speeds) - 1))
+        speeds, found = self._with(speeds, found, beyond.points[:, 0])
         side = _side(found)
         changes = np.flatnonzero(side[:-1] * side[1:] < 0)
         known = Judged.of(speeds[:, None], found)
-        brackets = Search(judge(self.multipliers), speeds[:1], self.tolerance)
+        brackets = Search(judged, speeds[:1], self.tolerance)
         ends = brackets.passages(known[changes], known[changes + 1], 0)
         return self._with(speeds, found, np.concatenate([end.points[:, 0] for end in ends]))
 
-    def _with(
-        self, speeds: Array, found: PointResults, others: Sequence[float] | Array
-    ) -> tuple[Array, PointResults]:
+    def lone_edges(self, speeds: Array, tops: list[Maximum]) -> Array:
+        """Speeds (k,) on both sides of those maxima of the response, far from all the speeds (P,), at which a
+        multiplier passes +1 along the real axis."""
+        at, aside = np.array([top.speed for top in tops]), _BESIDE * self.tolerance
+        near = at[:, None] * (1 + aside * np.array([-1, 1]))
+        known = np.diff(np.searchsorted(speeds, near))[:, 0] > 0
+        side = _side(self.turning(near.ravel())).reshape(-1, 2)
+        return near[~known & (side[:, 0] * side[:, 1] < 0)].ravel()
+
+    def _with(self, speeds: Array, found: PointResults, others: Array) -> tuple[Array, PointResults]:
         """The speeds (P,) and what was found there, with others (k,)."""
         others = np.setdiff1d(others, speeds)
         every = np.union1d(speeds, others)
@@ -320,14 +343,13 @@ def _rows(
     found: PointResults,
     frequencies: MeanFrequencies,
     rest: MeanFrequencies,
+    tops: list[Maximum],
     turned: list[Maximum],
     orders: int,
-    step: Callable[[str], None],
 ) -> list[Critical]:
-    """Maxima of all kinds, each beside the integer division that it belongs to. turned: those of the dominant
-    multiplier's real part."""
+    """Maxima of all kinds, each beside the integer division that it belongs to. tops: those of the response;
+    turned: of the dominant multiplier's real part."""
     grid, resolved = frequencies.speeds, _resolved(frequencies, orders)
-    response = np.where(resolved, search.response(found), np.nan)
     rows = [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
@@ -335,8 +357,6 @@ def _rows(
     ]
     error = found.errors[:, 1] * found.spectral_radius
     radius = np.where(resolved, search.radius(found), np.nan)
-    step("maxima of the response")
-    tops = search.maxima(grid, response, found.errors[:, 0] * np.abs(response), search.response)
     rows = _assigned(rows, search.risen(tops, orders), frequencies, "response")
     rows = _assigned(rows, search.turned(turned, orders), frequencies, "multiplier")
     tops = search.maxima(grid, radius, error, search.radius)

@@ -63,6 +63,23 @@ def test_grids_are_the_same(seed, n, method, steps, points, orbit):
 
 
 @needs_compiler
+@pytest.mark.parametrize("seed", range(3))
+def test_accelerations_of_coordinates_in_any_units_keep_their_digits(seed):
+    """What acts on one of them is not mixed with what acts on another."""
+    bare, unit = systems.random_matrices(seed, 3), np.array([1e-4, 1.0, 1e5])
+
+    def matrices(phase, speed):
+        *both, d = bare(phase, speed)
+        return *(A * unit[:, None] * unit for A in both), d * unit
+
+    family = over_speed(systems.system(matrices, 3))
+    found = grids(family, np.array([[0.9], [1.1]]), 3, solve.Gauss(), 64)
+    ours, theirs = (each.curve.coefficients for each in found)
+    size = np.abs(theirs[..., 0]).max(axis=-1)
+    assert (np.abs(ours - theirs).max(axis=(2, 3)) <= 1e-8 * size).all()
+
+
+@needs_compiler
 @settings(max_examples=20, deadline=None)
 @given(
     seed=systems.seeds,

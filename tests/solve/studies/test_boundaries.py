@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solve.results.points import KINDS
-from solve.studies.boundaries import Judged, Search
+from solve.studies.boundaries import Judged, Lines, Search
 
 OUT_ABOVE, BACK, OUT_BELOW = 0.3, 0.6, 0.7
 
@@ -81,3 +81,21 @@ def test_edges_of_pairs_are_found_as_smoothly(damped):
     np.testing.assert_allclose(places[:, 0], zeros, atol=1e-9)
     assert (kinds == KINDS.index("complex")).all()
     assert judged <= 16 * edges
+
+
+@pytest.mark.parametrize("back", [0.35, 0.4, 0.5])
+def test_a_stable_stretch_ends_where_a_third_multiplier_leaves(back):
+    """Beyond -1 up to 0.3, beyond +1 from 0.7 on; a third one beyond +1 up to `back` leaves less stable."""
+
+    def judge(points):
+        x = points[:, 0]
+        third = 1.0 + 2.0 * (back - x) * (x - 0.1)
+        rho = np.column_stack((1.0 + x - 0.7, third, -1.0 + (x - 0.3)))
+        rho = np.take_along_axis(rho, np.argsort(-np.abs(rho), axis=1), axis=1)
+        stable = (np.abs(rho) < 1.0).all(axis=1)
+        return Judged(points, stable, ~stable, rho.astype(complex))
+
+    known = judge(np.array([[0.0], [1.0]]))
+    (found,) = Search(judge, np.array([1.0]), 1e-9).crossings(Lines(known, np.zeros(2), 0))
+    np.testing.assert_allclose(np.sort(found.place), [back, 0.7], atol=1e-9)
+    assert [KINDS[kind] for kind in found.kind] == ["+1", "+1"]

@@ -269,6 +269,23 @@ def test_both_edges_of_a_range_wholly_between_two_speeds_have_no_height():
     assert unstable[:2] == pytest.approx((band.low, band.high), rel=2e-5)
 
 
+@pytest.mark.parametrize(("shaken", "other"), [(0.2, 102.0), (0.1, 94.0)])
+def test_both_edges_are_found_where_another_mode_leads(shaken, other):
+    """A second mode decays as slowly, so that its real part hides the one that rises beyond +1."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = np.diag([1e4, other**2]) * one
+        stiffness[:, 0, 0] *= 1 + shaken * np.cos(phase)
+        return one * np.eye(2), 0.2 * one * np.eye(2), stiffness, np.cos(phase)[:, None] * [1.0, 1.0]
+
+    system = solve.PeriodicSystem(matrices, ["p", "q"])
+    (band,) = (each for each in solve.bands(system, np.linspace(98.5, 101.0, 31)) if each.kind == "+1")
+    made = solve.critical_speeds(system, [30.0, 160.0], orders=1)
+    found = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    assert found == pytest.approx([band.high, band.low], rel=2e-5)
+
+
 def test_a_table_of_speeds_of_six_digits_with_all_columns_has_80_columns_at_most():
     made = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
     lines = [line.rstrip() for line in str(made).splitlines()]
