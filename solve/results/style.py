@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -13,10 +12,9 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
-    from matplotlib.ticker import ScalarFormatter
 else:
     # For annotations alone: matplotlib is imported when something is drawn.
-    Artist = Axes = Figure = ScalarFormatter = SubFigure = object
+    Artist = Axes = Figure = SubFigure = object
 
 # Okabe and Ito's palette, which colour-blind readers can tell apart; dark ones first.
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
@@ -51,7 +49,6 @@ _STYLE: dict[Any, Any] = {
     "axes.labelcolor": BLACK,
     "mathtext.fontset": "dejavusans",
     "axes.formatter.limits": (-3, 4),
-    "axes.formatter.use_mathtext": True,
     "svg.hashsalt": "parametric-vibration",
 }
 
@@ -90,23 +87,13 @@ def _without_mathematics(artist: Artist) -> None:
     """Of this artist and all within it, but for powers of ten at ticks, which are not made for it."""
     from matplotlib.axis import Axis
     from matplotlib.text import Text
-    from matplotlib.ticker import FixedFormatter, ScalarFormatter
+    from matplotlib.ticker import FixedFormatter
 
     if isinstance(artist, Text):
         artist.set_parse_math(False)
-    if isinstance(artist, Axis) and not isinstance(formatter := artist.get_major_formatter(), FixedFormatter):
-        if type(formatter) is ScalarFormatter:
-            formatter.format_ticks = partial(_plain_numbers, formatter)
-        artist.label.set_parse_math(False)
-        return
-    for each in artist.get_children():
+    numbered = isinstance(artist, Axis) and not isinstance(artist.get_major_formatter(), FixedFormatter)
+    for each in [artist.label] if numbered else artist.get_children():
         _without_mathematics(each)
-
-
-def _plain_numbers(formatter: ScalarFormatter, values: Any) -> list[str]:
-    """Texts of ticks that hold no formula: reading these takes as long as all else that is drawn."""
-    written = type(formatter).format_ticks(formatter, values)
-    return [text.removeprefix(r"$\mathdefault{").removesuffix("}$") for text in written]
 
 
 def save_figure(figure: Figure, file: Path) -> None:
