@@ -190,7 +190,7 @@ class Method:
     def _overflow(self, steps: int) -> StepsError:
         return StepsError(
             f"{self.name} with {steps} steps overflows within one period; use more steps or the default "
-            "method"
+            "method, or other parameters where the matrices are infinite at some phase"
         )
 
 
