@@ -17,13 +17,16 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", derandomize=False, deadline=None)
 settings.load_profile("repeatable")
 
-# Threads of BLAS that wait take the processors from the tests beside them. Read where NumPy is imported.
+# Threads of BLAS that wait take the processors from the tests beside them. The variable is read where NumPy
+# is imported, which a plugin may have done before.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+threadpool_limits(1, "blas")
 
 # Where Python may keep no bytecode, and packages have none, every process would compile all modules anew.
 if sys.dont_write_bytecode and not os.path.exists(pytest.__spec__.cached):

@@ -3,7 +3,6 @@ products of matrix exponentials, which are exact."""
 
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,6 +12,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import solve
+from derive.__main__ import main
+from solve.commands.app import run
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
@@ -26,7 +27,11 @@ def mesh(tmp_path_factory):
     assert found
     path = tmp_path_factory.mktemp("mine") / "mesh.py"
     path.write_text(found.group(1), encoding="utf-8")
-    subprocess.run([sys.executable, "-m", "derive", str(path)], cwd=ROOT, check=True, capture_output=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["derive", str(path)])
+        with pytest.raises(SystemExit) as left:
+            main()
+    assert not left.value.code
     return path
 
 
@@ -91,11 +96,11 @@ def test_band_edges_to_eight_digits_by_bands_sweep_and_chart(mesh, engine):
             assert chart.spectral_radius[row, column] == pytest.approx(radius, abs=1e-8)
 
 
-def test_the_pages_command(mesh):
-    (line,) = re.findall(r"python -m (solve floquet mesh.py .*)\n", PAGE)
-    command = [sys.executable, "-m", *shlex.split(line)]
-    run = subprocess.run(command, cwd=mesh.parent, capture_output=True, text=True, check=True)
+def test_the_pages_command(mesh, monkeypatch, capsys):
+    (line,) = re.findall(r"python -m solve (floquet mesh.py .*)\n", PAGE)
+    monkeypatch.chdir(mesh.parent)
+    assert run(shlex.split(line)) == 0
     radius = np.abs(np.linalg.eigvals(turn(3.8, 1.3)[:2, :2])).max()
     (printed,) = re.findall(r"finds it unstable, with a spectral radius of ([\d.]+)\.", PAGE)
-    assert f"unstable: spectral radius {printed} " in run.stdout
+    assert f"unstable: spectral radius {printed} " in capsys.readouterr().out
     assert float(printed) == pytest.approx(radius, abs=1e-9)

@@ -1,10 +1,8 @@
 """The page on a mechanism of one's own: its files are derived as printed."""
 
-import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -14,6 +12,7 @@ import pytest
 from modules import module_in
 
 from derive.__main__ import main
+from solve.commands.app import run as solve_command
 
 ROOT = Path(__file__).resolve().parents[2]
 MEASURED = [("text", "angle"), ("toml", r"\[case.measured")]
@@ -109,18 +108,15 @@ def test_the_page_shows_the_pumps_equations(beside_the_pump, capsys, monkeypatch
     assert "M_{11} = 4.5 l_b^2 + 0.05" in PAGE
 
 
-def test_the_pages_measured_pressure(beside_the_pump):
+def test_the_pages_measured_pressure(beside_the_pump, capsys):
     rows, case = (re.findall(rf"```{kind}\n({start}.*?)```", PAGE, re.DOTALL)[0] for kind, start in MEASURED)
     Path("pressure.csv").write_text(rows, encoding="utf-8")
     Path("pump.toml").write_text(block("pump.toml") + case, encoding="utf-8")
-    (line,) = re.findall(r"python -m (solve periodic pump.py --case measured .*)\n", PAGE)
-    command = [sys.executable, "-m", *shlex.split(line)]
-    env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    run = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
+    (line,) = re.findall(r"python -m solve (periodic pump.py --case measured .*)\n", PAGE)
+    assert solve_command(shlex.split(line)) == 0
     (said,) = re.findall(r"P is fitted to .*rms", PAGE)
-    assert f"warning: {said}\n" in run.stderr
+    assert f"warning: {said}\n" in capsys.readouterr().err
     assert Path("fit.png").stat().st_size > 10_000
-    idle = [each.replace("measured", "idle") for each in command]
-    refused = subprocess.run(idle, capture_output=True, text=True, env=env)
+    assert solve_command(shlex.split(line.replace("measured", "idle"))) == 2
     message = "solve: pump, case idle has no series from a table; nothing to draw for --fits\n"
-    assert (refused.returncode, refused.stderr) == (2, message)
+    assert capsys.readouterr().err == message

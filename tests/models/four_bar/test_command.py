@@ -214,11 +214,10 @@ def test_bad_input_is_one_line_and_status_2(arguments, says, refusal, tmp_path, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_from_a_shell():
-    command = [sys.executable, "-m", "models.four_bar"]
-    shown = subprocess.run([*command, "linkage", "--help"], capture_output=True, text=True, check=True)
-    assert "--coupler-point" in shown.stdout
-    refused = subprocess.run([*command, "linkages"], capture_output=True, text=True, check=False)
+def test_from_a_shell(answer):
+    assert "--coupler-point" in answer("linkage", "--help")[0]
+    command = [sys.executable, "-m", "models.four_bar", "linkages"]
+    refused = subprocess.run(command, capture_output=True, text=True, check=False)
     assert refused.returncode == 2
     assert "No such command 'linkages'" in refused.stderr
     assert refused.stderr.count("\n") == 1

@@ -71,6 +71,8 @@ SPECTRAL = [Fourier(), Hill()]
 APPROXIMATIONS = [Modal(), BahgatWillmert()]
 EVERY = [*(method for method, *_ in MEASURED), *SPECTRAL, *APPROXIMATIONS]
 STEPPING = [method for method in EVERY if isinstance(method, OneStep)]
+ALIKE = [method for method in EVERY if isinstance(method, Newmark) and method != Newmark()]
+"""They take as many steps as the one beside them until they refuse."""
 DENSE = [method for method in EVERY if not isinstance(method, OneStep)]
 
 
@@ -287,8 +289,14 @@ AT_RESONANCE = {
 }
 
 
-@each(EVERY)
-@pytest.mark.parametrize("steps", [None, 200])
+@pytest.mark.parametrize(
+    ("method", "steps"),
+    [
+        *((method, 200) for method in EVERY),
+        *(pytest.param(method, None, marks=[pytest.mark.slow] * (method in ALIKE)) for method in EVERY),
+    ],
+    ids=repr,
+)
 def test_resonance_is_refused(method, steps):
     """q″ + q = cos φ: no method's own error may pass for damping."""
     refusal, reason = AT_RESONANCE.get(type(method), (ResonanceError, r"a Floquet multiplier is at \+1"))

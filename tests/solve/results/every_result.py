@@ -144,9 +144,10 @@ def saved(result, ending):
     """Written once for all cells of a row."""
     key = id(result), ending
     if key not in FILES:
-        FILES[key] = Path(tempfile.mkdtemp()) / f"result{ending}"
+        FILES[key] = Path(FOLDER.name) / f"{len(FILES)}{ending}"
         result.save(FILES[key])
     return FILES[key]
 
 
 PICTURES, FILES = {}, {}
+FOLDER = tempfile.TemporaryDirectory()
