@@ -210,6 +210,7 @@ class Sweep(Result):
         """Response over speed with its maxima, the spectral radius below, unstable speeds shaded; where
         parameters vary, over what runs fastest, a line for each value of the rest (matplotlib Figure). Raises
         UnknownNameError, and ValueOutOfBoundsError for more lines than can be distinguished."""
+        names = [names] if isinstance(names, str) else names
         responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
         return sweep_figure(self.system, self.varied, responses, self.spectral_radius, figure, self.unstable)
 

@@ -32,6 +32,13 @@ def resonant():
     return systems.system(matrices, 1)
 
 
+def test_a_sweep_shows_one_quantity_that_is_given_as_a_text():
+    found = solve.sweep(solve.load("manipulator"), [3.0, 4.0])
+    assert len(found.plot("q1").axes) == len(found.plot(["q1"]).axes) == 2
+    with pytest.raises(UnknownNameError, match="'drive_torqe'; did you mean 'drive_torque'"):
+        found.plot("drive_torqe")
+
+
 def test_a_resonance_fails_alone():
     found = solve.sweep(resonant(), [1.5, 2.0, 2.5])
     assert [point.error is None for point in found.points] == [True, False, True]
