@@ -91,8 +91,10 @@ def _without_mathematics(artist: Artist) -> None:
 
     if isinstance(artist, Text):
         artist.set_parse_math(False)
-    numbered = isinstance(artist, Axis) and not isinstance(artist.get_major_formatter(), FixedFormatter)
-    for each in [artist.label] if numbered else artist.get_children():
+    if isinstance(artist, Axis) and not isinstance(artist.get_major_formatter(), FixedFormatter):
+        artist.label.set_parse_math(False)
+        return
+    for each in artist.get_children():
         _without_mathematics(each)
 
 
