@@ -89,7 +89,7 @@ class Judged:
         return ~(self.stable | self.unstable)
 
     def by(self, way: int) -> "Judged":
-        """The same where the gap of one way, 0 for +1, 1 for -1, decides alone what is stable; gaps (k, 1)."""
+        """The same where the gap of one way, 0 for +1, 1 for -1, decides what is stable; gaps (k, 1)."""
         gap, known = self.gaps[:, way], ~self.failed
         found = Judged(self.points, known & (gap > 0), known & (gap < 0), self.multipliers)
         found.__dict__["gaps"] = gap[:, None]
