@@ -109,21 +109,29 @@ static double extreme(const problem *p, const point *at, int quantity, double si
     return highest;
 }
 
-/* The largest maximum of sign times a quantity, from its samples, and its phase: that next to the largest sample,
-   unless one next to a lower sample is higher. */
+/* Whether sign times a sample is no less than its neighbours. */
+static inline int peak(const double *samples, long count, double sign, long k) {
+    const double here = sign * samples[k];
+    return here >= sign * samples[k ? k - 1 : count - 1] && here >= sign * samples[k + 1 < count ? k + 1 : 0];
+}
+
+/* The largest maximum of sign times a quantity, from its samples, and its phase: that next to the largest sample, of
+   several the first, unless one next to a lower sample is higher. */
 static double outermost(const problem *p, const point *at, int quantity, double sign, const double *samples, double *phase) {
     const long count = p->steps * p->samples;
     const double width = p->period / count;
     long first = 0;
     for (long k = 1; k < count; k++)
         if (sign * samples[k] > sign * samples[first]) first = k;
+    const double least = p->tie * fabs(samples[first]), alike = sign * samples[first] - least;
+    for (long k = 0; k < first; k++)
+        if (sign * samples[k] >= alike && peak(samples, count, sign, k)) first = k;
     *phase = first * width;
     double highest = extreme(p, at, quantity, sign, p->zooms, phase);
-    const double least = p->tie * fabs(samples[first]);
     for (long k = 0; k < count; k++) {
+        if (k == first || !peak(samples, count, sign, k)) continue;
         const double here = sign * samples[k];
         const double before = sign * samples[k ? k - 1 : count - 1], after = sign * samples[k + 1 < count ? k + 1 : 0];
-        if (k == first || !(here >= before && here >= after)) continue;
         const double bend = 2.0 * here - before - after;
         const double above = bend > 0.0 ? (before - after) * (before - after) / (4.0 * bend) : 0.0;
         double near = k * width;

@@ -67,11 +67,12 @@ def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array
 
 def _extreme(values: Array, at: Callable[[Array], Array], width: float, sign: float) -> tuple[Array, Array]:
     """Phases (…) and values, times the sign, of the largest maxima of sign · value: that next to the largest
-    sample, unless one next to a lower sample is higher."""
+    sample, of several the first, unless one next to a lower sample is higher."""
     values = sign * values
-    first = values.argmax(axis=-1)[..., None]
+    reach, largest = _reach(values), values.max(axis=-1, keepdims=True)
+    alike = np.isfinite(reach) & (values >= largest - _TIE * np.abs(largest))
+    first = alike.argmax(axis=-1)[..., None]
     centre, highest = _highest(first * width, at, width, sign, _ZOOMS)
-    reach = _reach(values)
     np.put_along_axis(reach, first, -np.inf, axis=-1)
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:

@@ -205,7 +205,7 @@ class Stability(Result):
         title = "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T"
         made = table(title, *columns, left=0)
         every = zip(self.multipliers, self.exponents, self.modes, self.multiplier_errors, strict=True)
-        rows = [row[:3] for row in every if not (np.imag(row[1]) < 0 or math.isnan(row[3]))]
+        rows = [row[:3] for row in every if not (np.imag(row[0]) < 0 or math.isnan(row[3]))]
         for rho, exponent, mode in rows[:_MOST_MULTIPLIERS]:
             made.add_row(
                 f"{rho.real:.6g}",

@@ -157,3 +157,17 @@ def test_parameters_that_vary_and_some_outputs():
     for name in ("output_displacement", "q2"):
         np.testing.assert_allclose(ours.figures(name, "max"), theirs.figures(name, "max"), rtol=1e-10)
         assert len(set(ours.figures(name, "max").tolist())) == 6
+
+
+@pytest.mark.parametrize("engine", [NUMPY, pytest.param(COMPILED, marks=needs_compiler)])
+@pytest.mark.parametrize("second", [1 - 1e-13, 1.0, 1 + 1e-13])
+def test_of_extrema_alike_but_for_rounding_the_first_has_the_phase(engine, second):
+    """A wave of order 2, whose second half is as large but for rounding."""
+    nodes = np.linspace(0, 2 * np.pi, 65)
+    size = np.where(nodes[:-1] < np.pi, 1.0, second)
+    q, v, a = ((2**part * np.cos(2 * (nodes - 0.7) + part * np.pi / 2))[None, :, None] for part in range(3))
+    curve = Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
+    curve = Curve(curve.nodes, curve.coefficients * size[:, None])
+    found = dict(zip(FIGURES, Quantities(curve, np.ones(1), engine=engine).figures()[0, 0], strict=True))
+    assert found["max_phase"] == pytest.approx(0.7, abs=1e-6)
+    assert found["min_phase"] == pytest.approx(0.7 + np.pi / 2, abs=1e-6)
