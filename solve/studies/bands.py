@@ -25,7 +25,8 @@ from solve.period.points import OnePoint
 from solve.progress import part, stage, steps
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
-from solve.studies.boundaries import Judge, Judged, Search, judge
+from solve.studies.boundaries import Search
+from solve.studies.judged import Judge, Judged, judge
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.tongues import LIGHTLY_DAMPED, hidden
 from solve.system import PeriodicSystem, of_system

@@ -25,8 +25,9 @@ from solve.results.stability import Stability
 from solve.single import floquet
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.statistics import Statistics
-from solve.studies.boundaries import Judged, Lines, Search, judge
+from solve.studies.boundaries import Lines, Search
 from solve.studies.contours import contours
+from solve.studies.judged import Judged, judge
 from solve.studies.tongues import hidden
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given

@@ -24,8 +24,9 @@ from solve.results.critical_rows import Combination, Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
-from solve.studies.boundaries import Judged, Search, judge
+from solve.studies.boundaries import Search
 from solve.studies.explained import CLOSE, Explained, Turn, allowed_distance, of_modulus, of_real_part
+from solve.studies.judged import Judged, judge
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
 from solve.studies.mean_frequencies import (

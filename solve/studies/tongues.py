@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from solve.arrays import Array
-from solve.studies.boundaries import Judge, Judged
+from solve.studies.judged import Judge, Judged
 
 LIGHTLY_DAMPED = 0.5
 """Modulus of the largest multiplier from which instability is looked for next to stable points."""

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from solve.results.points import KINDS
-from solve.studies.boundaries import Judged, Lines, Search
+from solve.studies.boundaries import Lines, Search
+from solve.studies.judged import Judged
 
 OUT_ABOVE, BACK, OUT_BELOW = 0.3, 0.6, 0.7
 

@@ -1,0 +1,120 @@
+"""What is known of points of a family: whether they are stable, and how far they are from losing it."""
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.batch import POINTS, Batch
+from solve.batch.gathering import gathered
+from solve.progress import part
+from solve.results.points import Kept, PointResults, kinds_of
+
+_STABILITY = Kept(warnings=False, meetings=False)
+
+_FAR = 1e6
+NOISE = 1e-6
+"""Distance from the unit circle up to which it is noise."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Points (k, v) and what is known of them: unstable (k,), that a multiplier lies outside the unit circle
+    by more than its error; stable (k,), that none does; neither where the point failed or its errors leave
+    that open. multipliers (k, N), falling in modulus."""
+
+    points: Array
+    stable: Array
+    unstable: Array
+    multipliers: Array
+
+    @classmethod
+    def of(cls, points: Array, results: PointResults) -> "Judged":
+        failed, outside = results.failed, results.outside
+        multipliers = np.where(failed[:, None], 0.0, results.multipliers)
+        return cls(points, ~(failed | outside | results.undetermined), outside, multipliers)
+
+    def __getitem__(self, some: Array) -> "Judged":
+        chosen = Judged(*(part[some] for part in self._parts))
+        if "gaps" in self.__dict__:
+            chosen.__dict__["gaps"] = self.gaps[some]
+        return chosen
+
+    def __add__(self, other: "Judged") -> "Judged":
+        if len(other.points) == 0:
+            return self
+        found = Judged(*map(np.concatenate, zip(self._parts, other._parts, strict=True)))
+        if "gaps" in self.__dict__:
+            found.__dict__["gaps"] = np.concatenate((self.gaps, other.gaps))
+        return found
+
+    def replaced(self, rows: Array, others: "Judged") -> "Judged":
+        """The same with other points in some rows (k,)."""
+        changed = [each.copy() for each in self._parts]
+        for each, new in zip(changed, others._parts, strict=True):
+            each[rows] = new
+        return Judged(*changed)
+
+    @property
+    def _parts(self) -> tuple[Array, ...]:
+        return tuple(getattr(self, each.name) for each in fields(self))
+
+    @property
+    def failed(self) -> Array:
+        """Where nothing is known (k,)."""
+        return ~(self.stable | self.unstable)
+
+    def by(self, way: int) -> "Judged":
+        """The same where the gap of one way, 0 for +1, 1 for -1, decides what is stable; gaps (k, 1)."""
+        gap, known = self.gaps[:, way], ~self.failed
+        found = Judged(self.points, known & (gap > 0), known & (gap < 0), self.multipliers)
+        found.__dict__["gaps"] = gap[:, None]
+        return found
+
+    @property
+    def kinds(self) -> Array:
+        """Positions in KINDS (k,) of what the largest multiplier is."""
+        return kinds_of(self.multipliers)
+
+    @cached_property
+    def margins(self) -> Array:
+        """What falls through zero, smoothly, where points (k,) become unstable in one of the KINDS, (k, 4):
+        the gaps for +1 and -1, and the distance of the largest multiplier from the unit circle; behind them,
+        for pairs that meet on the circle, the square of their distance."""
+        size = np.maximum(np.abs(self.multipliers[:, 0]), NOISE)
+        leaving = np.where(size > 1 + NOISE, -np.square(size - 1 / size), self.gaps[:, 2])
+        return np.column_stack((self.gaps[:, :2], 1 - size, leaving))
+
+    @cached_property
+    def gaps(self) -> Array:
+        """How far stable points (k,) are from each way to lose stability, (k, 4): det(I - Φ) for +1,
+        det(I + Φ) for -1, the distance of two pairs squared, and that of a pair from the unit circle."""
+        rho = np.ascontiguousarray(self.multipliers.T)
+        upper = np.imag(rho) > 0
+        pairs = np.full(rho.shape[1], _FAR)
+        for one, other in itertools.combinations(range(len(rho)), 2):
+            both = upper[one] & upper[other]
+            if both.any():
+                distance = np.abs(rho[one, both] - rho[other, both]) ** 2
+                pairs[both] = np.minimum(pairs[both], distance)
+        inside = 1 - np.abs(np.where(upper, rho, 0.0)).max(axis=0)
+        inside = np.where(inside > NOISE, inside, _FAR)
+        plus, minus = (np.real(np.prod(1 - sign * rho, axis=0)) for sign in (1, -1))
+        return np.clip(np.column_stack((plus, minus, pairs, inside)), -_FAR, _FAR)
+
+
+Judge = Callable[[Array], Judged]
+"""From points (k, v) to what is known of them."""
+
+
+def judge(batch: Batch) -> Judge:
+    """The judge that solves."""
+
+    def judged(points: Array) -> Judged:
+        with part(POINTS, len(points)):
+            return Judged.of(points, gathered(batch, points, _STABILITY))
+
+    return judged
