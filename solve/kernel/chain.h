@@ -271,8 +271,8 @@ static lane of_states(lane condition, long steps, const lane *acting, const lane
     return -larger(-larger(condition, (lane){0} + REGULAR), -condition * cancels);       /* NaN stays */
 }
 
-/* Starts x (blocks, NX) of the blocks of a closed chain of so many
-   steps; returns their condition number; sized: with regard to their sizes. */
+/* Starts x (blocks, NX) of the blocks of a closed chain of so many steps; returns their condition number; sized: with
+   regard to their sizes. */
 static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x, int sized) {
     lane unit[NX], acting[NX], size[NX], condition;
     balance(0, blocks, maps, unit);

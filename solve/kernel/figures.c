@@ -109,10 +109,14 @@ static double extreme(const problem *p, const point *at, int quantity, double si
     return highest;
 }
 
-/* Whether sign times a sample is no less than its neighbours. */
-static inline int peak(const double *samples, long count, double sign, long k) {
+/* Up to where sign times a quantity may rise next to a sample that is no less than its neighbours: twice as far above
+   it as the parabola through the three; -INFINITY next to others. */
+static inline double reach(const double *samples, long count, double sign, long k) {
     const double here = sign * samples[k];
-    return here >= sign * samples[k ? k - 1 : count - 1] && here >= sign * samples[k + 1 < count ? k + 1 : 0];
+    const double before = sign * samples[k ? k - 1 : count - 1], after = sign * samples[k + 1 < count ? k + 1 : 0];
+    if (!(here >= before && here >= after)) return -INFINITY;
+    const double bend = 2.0 * here - before - after;
+    return bend > 0.0 ? here + (before - after) * (before - after) / (4.0 * bend) : here;
 }
 
 /* The largest maximum of sign times a quantity, from its samples, and its phase: that next to the largest sample, of
@@ -125,17 +129,13 @@ static double outermost(const problem *p, const point *at, int quantity, double 
         if (sign * samples[k] > sign * samples[first]) first = k;
     const double least = p->tie * fabs(samples[first]), alike = sign * samples[first] - least;
     for (long k = 0; k < first; k++)
-        if (sign * samples[k] >= alike && peak(samples, count, sign, k)) first = k;
+        if (sign * samples[k] >= alike && isfinite(reach(samples, count, sign, k))) first = k;
     *phase = first * width;
     double highest = extreme(p, at, quantity, sign, p->zooms, phase);
     for (long k = 0; k < count; k++) {
-        if (k == first || !peak(samples, count, sign, k)) continue;
-        const double here = sign * samples[k];
-        const double before = sign * samples[k ? k - 1 : count - 1], after = sign * samples[k + 1 < count ? k + 1 : 0];
-        const double bend = 2.0 * here - before - after;
-        const double above = bend > 0.0 ? (before - after) * (before - after) / (4.0 * bend) : 0.0;
+        if (k == first || !(reach(samples, count, sign, k) > highest)) continue;
         double near = k * width;
-        if (!(here + above > highest && extreme(p, at, quantity, sign, p->rough, &near) > highest + least)) continue;
+        if (!(extreme(p, at, quantity, sign, p->rough, &near) > highest + least)) continue;
         const double found = extreme(p, at, quantity, sign, p->zooms, &near);
         if (found > highest + least) highest = found, *phase = near;
     }
