@@ -255,7 +255,7 @@ class Refinement:
             done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
         leap = done | far(pace, errors, wanted, self.orders)
         last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
-        foreseen(STEPS, pace.steps, min(needed_steps(pace, errors, wanted, self.orders), self.most))
+        foreseen(STEPS, pace.steps, lambda: min(needed_steps(pace, errors, wanted, self.orders), self.most))
         ended = np.zeros(len(fine), dtype=bool)
         at = np.flatnonzero(done | last)
         if len(at):

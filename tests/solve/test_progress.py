@@ -67,7 +67,7 @@ def test_the_same_parts_are_said_once():
 def test_a_part_of_something_else_counts_nothing():
     with heard() as work, stage("curves", 4) as curves:
         with part("points", 3):
-            foreseen("steps", 5, 10)
+            foreseen("steps", 5, lambda: 10)
         assert (curves.done, curves.total) == (0, 4)
         assert work.reports == 1
 
@@ -75,7 +75,7 @@ def test_a_part_of_something_else_counts_nothing():
 def test_what_is_foreseen_replaces_what_was():
     with heard() as work, stage("steps"):
         assert far(work).text == "10 s so far: steps"
-        foreseen("steps", 100, 400)
+        foreseen("steps", 100, lambda: 400)
         assert far(work).text == "10 s so far, about 30 s to go: 100 of 400 steps"
 
 
