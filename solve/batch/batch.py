@@ -52,20 +52,23 @@ class Batch:
                 except SolveError as error:
                     yield from (Failed(position, error) for position in positions.tolist())
 
-    def solutions(self, points: Array, steps: int) -> Iterator[tuple[Array, Solutions]]:
-        """Points (k, v) on one grid, not judged, with their positions; failures left out."""
+    def solutions(self, points: Array, *grids: int) -> Iterator[tuple[int, Array, Solutions]]:
+        """Points (k, v) on each of grids of so many steps, not judged: the steps, the positions of the points
+        and their solutions; failures left out."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 continue
             for method, at in chosen_for(self.method, chunk):
-                for part, solutions in on_one_grid(chunk[at], method, self.request, steps):
-                    yield chosen[at[part]], solutions
+                some = chunk[at]
+                for steps in grids:
+                    for part, solutions in on_one_grid(some, method, self.request, steps):
+                        yield steps, chosen[at[part]], solutions
 
     def multipliers(self, points: Array, steps: int) -> Array:
         """Multipliers (k, N) of points (k, v) on one grid, not judged; zero where there are none."""
         values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
         with one_thread(self.family.example.n), stage(POINTS, len(points)) as count:
-            for positions, solutions in self.solutions(points, steps):
+            for _, positions, solutions in self.solutions(points, steps):
                 values[positions] = solutions.multipliers.values
                 count.add(len(positions))
         return values

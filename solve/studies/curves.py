@@ -59,19 +59,16 @@ class PeriodicCurves:
 
     def __call__(self, speeds: Array) -> SolvedCurves:
         """At speeds (P,) in rad/s."""
-        (coarse, _), (fine, Phi) = (
-            self._sampled(speeds, self.steps // parts, parts * self.samples) for parts in (2, 1)
-        )
-        return SolvedCurves(fine, coarse, _radius_bound(Phi))
-
-    def _sampled(self, speeds: Array, steps: int, samples: int) -> tuple[Array, Array]:
-        """q (P, n, k) with so many samples a step, and the monodromy matrices (P, N, N)."""
-        n = self.system.n
-        q, Phi = np.full((len(speeds), n, steps * samples), np.inf), np.zeros((len(speeds), 2 * n, 2 * n))
-        for positions, solutions in self._batch.solutions(speeds[:, None], steps):
+        n, coarse_steps = self.system.n, self.steps // 2
+        coarse, fine = np.full((2, len(speeds), n, len(self.phase)), np.inf)
+        Phi = np.zeros((len(speeds), 2 * n, 2 * n))
+        for steps, positions, solutions in self._batch.solutions(speeds[:, None], coarse_steps, self.steps):
             assert solutions.curve is not None
-            q[positions], Phi[positions] = solutions.curve.sampled(samples), solutions.Phi
-        return q, Phi
+            if steps == coarse_steps:
+                coarse[positions] = solutions.curve.sampled(2 * self.samples)
+            else:
+                fine[positions], Phi[positions] = solutions.curve.sampled(self.samples), solutions.Phi
+        return SolvedCurves(fine, coarse, _radius_bound(Phi))
 
 
 def _radius_bound(Phi: Array) -> Array:
