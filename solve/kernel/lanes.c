@@ -368,16 +368,14 @@ static void append(room *r, const lane *map) {
 
 /* Stage accelerations of every step, as affine functions of its start, and the maps of the blocks. */
 static void advance(const problem *p, long group, room *r) {
-    int careful = 0;
     for (long block = 0; block < r->blocks; block++) {
         identity(r->sum);
         for (long k = block * r->length; k < (block + 1) * r->length && k < p->steps; k++) {
             build(p, group, k, r->e, r->rows);
-            if (!careful && any(eliminate(r->rows, r->inverse))) {
-                careful = 1;
+            if (any(eliminate(r->rows, r->inverse))) {
                 build(p, group, k, r->e, r->rows);
+                eliminate_with_exchanges(r->rows, r->inverse);
             }
-            if (careful) eliminate_with_exchanges(r->rows, r->inverse);
             substitute(r->rows, r->inverse);
             if (ORBIT)
                 for (int i = 0; i < ROWS; i++)
