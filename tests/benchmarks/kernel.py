@@ -76,13 +76,13 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def stages(n: int) -> float:
-    """Flops a second of a step of Radau's method of order 9 in lanes, its map's product among them."""
+    """Flops a second of a step of Radau's method of order 9 in full lanes, its map's product among them."""
     method = solve.Radau().collocation
     rng, s = np.random.default_rng(0), len(method.c)
     entry = np.arange(3 * n**2 + n)
     table = 0.1 * rng.standard_normal((STEPS * s, len(entry)))
     table[:, : n**2] += np.eye(n).ravel()
-    points = max(8, POINTS // n)
+    points = max(1, POINTS // n // 8) * 8
     samples = collocation.Samples(table, np.ones((points, len(entry))), entry)
     size = Size(n, s, len(method.curve_nodes), method.stiffly_accurate, False)
     rows, N, lengths = s * n, 2 * n, np.full(STEPS, 2 * np.pi / STEPS)
