@@ -151,9 +151,13 @@ class PeriodicSystem(Labels):
 
     def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
         """Warnings where a solution with these figures by quantity leaves the bounds within which the
-        model is trusted; quantities without figures are not judged. linear: whether the linearised equations
-        gave it."""
-        return []
+        model is trusted, or gives a quantity no value; quantities without figures are not judged. linear:
+        whether the linearised equations gave it."""
+        return [
+            f"{name} is no finite number at some phases, and has no figures"
+            for name, found in figures.items()
+            if not math.isfinite(found.max - found.min)
+        ]
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

@@ -253,6 +253,10 @@ class Figures:
     def sums(self, asked: Named) -> Sums:
         """Of a figure. Raises NoDerivativeError."""
         name, figure = asked.subject, asked.figure
+        self.settle([asked])
+        known = (name, figure) in self._settled if figure in _WAYS else self._finite(name)
+        if not known:
+            raise NoDerivativeError(f"{name} is no finite number at some phases: it has no derivatives")
         if figure in _WAYS:
             return self._of_extremum(asked)
         if figure.endswith("_phase"):
@@ -304,6 +308,7 @@ class Figures:
         """Find the extrema that are asked for, all together."""
         wanted = dict.fromkeys((each.subject, each.figure) for each in asked if each.figure in _WAYS)
         pairs = [pair for pair in wanted if pair not in self._settled]
+        pairs = [pair for pair in pairs if pair in self._starts or self._finite(pair[0])]
         if not pairs:
             return
         known = [self._starts.get(pair) or self._promising(*pair) for pair in pairs]
@@ -340,6 +345,9 @@ class Figures:
                 made[at] = self.orbit.signal(name)(phases[at].ravel()).reshape(-1, phases.shape[1])
         return made
 
+    def _finite(self, name: str) -> bool:
+        return bool(np.isfinite(self._sampled(name)).all())
+
     def _promising(self, name: str, figure: str) -> tuple[Array, Array]:
         """Phases (k,) of samples about which the extremum may be, and signs (k,) of the values there."""
         values, ways = self._sampled(name), _WAYS[figure]
@@ -351,8 +359,6 @@ class Figures:
         phase is where the derivative by it is zero: of values that hardly differ, the largest tells its phase
         to half of their digits only."""
         name, figure = asked.subject, asked.figure
-        if (name, figure) not in self._settled:
-            self.settle([asked])
         phases, signs, values = self._settled[name, figure]
         largest = values >= values.max() - _SAME * np.abs(values).max()
         phases, signs = phases[largest], signs[largest]

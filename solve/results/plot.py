@@ -261,7 +261,7 @@ def _draw_spectrum(
 ) -> None:
     from matplotlib.ticker import MultipleLocator
 
-    largest, (factor, unit) = amplitudes.max(), scaled
+    largest, (factor, unit) = np.nan_to_num(amplitudes).max(), scaled
     order = k * (2 * math.pi / system.period)
     if scale == "dB":
         with np.errstate(divide="ignore"):
