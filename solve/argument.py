@@ -1,8 +1,9 @@
-"""Public functions refuse what their first argument cannot be in words, not by an attribute that it lacks."""
+"""Arguments of public functions: what the first cannot be is refused in words, not by an attribute that it
+lacks; several names may be one text."""
 
 import inspect
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -32,3 +33,8 @@ def first_is(*kinds: type, such_as: str) -> Callable[[Callable[Given, Result]], 
         return checked
 
     return checking
+
+
+def listed(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names, each once; a text is one name."""
+    return tuple(dict.fromkeys((names,) if isinstance(names, str) else names))

@@ -112,11 +112,10 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     ValueOutOfBoundsError for more rows than a page holds."""
     if not names:
         return list(system.coordinates[:MOST_ROWS])
-    names = [names] if isinstance(names, str) else names
     known = system.known_quantities(names)
-    if len(names) > MOST_ROWS:
+    if len(known) > MOST_ROWS:
         raise ValueOutOfBoundsError(
-            f"{len(names)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
+            f"{len(known)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
         )
     return list(known)
 
