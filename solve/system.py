@@ -60,7 +60,8 @@ class PeriodicSystem(Labels):
         breaks: Sequence[float] = (),
     ):
         self.period = _checked_period(period)
-        if len(set(coordinates)) != len(coordinates) or len(coordinates) == 0:
+        texts = all(isinstance(name, str) for name in coordinates)
+        if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) == 0:
             raise ValueOutOfBoundsError(
                 f"coordinates are {list(coordinates)}; give each of the n coordinates a name of its own"
             )
@@ -354,8 +355,8 @@ of_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 
 
 def _checked_period(period: float) -> float:
-    if not (math.isfinite(period) and period > 0):
-        raise ValueOutOfBoundsError(f"period is {period}; allowed: a finite phase > 0, such as 2π")
+    if not (isinstance(period, int | float | np.number) and math.isfinite(period) and period > 0):
+        raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
     return float(period)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial, singledispatch
 from pathlib import Path
@@ -189,10 +190,14 @@ def _axis(
             f"{which} is {given!r}; give one quantity, such as {{'speed': speeds}} or 'delta=0:10:60'"
         )
     ((name, values),) = given.items()
-    if isinstance(values, str):
-        numbers = speeds_given(values) if name == SPEED else evenly(values, name)
+    numbers: Sequence[float] = []
+    if name == SPEED:
+        numbers = speeds_given(values)
+    elif isinstance(values, str):
+        numbers = evenly(values, name)
     else:
-        numbers = speeds_given(list(values)) if name == SPEED else [float(value) for value in values]
+        with suppress(TypeError, ValueError):
+            numbers = np.atleast_1d(np.asarray(values, dtype=float)).tolist()
     found = np.array(numbers)
     if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
         raise ValueOutOfBoundsError(
