@@ -36,6 +36,9 @@ from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_
 Names = tuple[str, str]
 Speed = float | str | None
 
+_OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods"
+"""Arrays of results that tell of it."""
+
 _PREDICTED = 0.3
 """Of a gap between grid points, the part to which a parabola must bring it down to be followed."""
 
@@ -93,7 +96,7 @@ def chart(
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, notes)
         if asked is not None:
             values = asked.over(found, family.speeds(points), system.period)
-            beyond = _beyond(system, found) if of_orbit else []
+            beyond = _beyond(system, found, results) if of_orbit else []
             solved = replace(solved, of=asked.named, values=values.reshape(solved.shape), beyond=beyond)
         if not boundaries:
             return solved
@@ -105,18 +108,24 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
     failed = np.flatnonzero(orbits.failed)
     blank = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
     nothing = {"kept": blank.kept, "figures": blank.figures, "amplitudes": blank.amplitudes}
-    results = replace(orbits, **nothing, failures={})
+    own = {name: getattr(orbits, name).copy() for name in _OF_STABILITY}
+    results = replace(orbits, **nothing, **own, failures={})
     if len(failed):
         results.insert(failed, gathered(batch, points[failed], blank.kept))
     return results
 
 
-def _beyond(system: PeriodicSystem, orbits: PointResults) -> list[str]:
-    """Bounds of the model that some of the orbits leave, by the one that is farthest beyond."""
+def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
+    """How many points have a stability but no orbit, and why; bounds of the model that some of the orbits
+    leave, by the one that is farthest beyond."""
     names, known = orbits.kept.names, orbits.figures[~orbits.failed]
+    reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
+    without = [f"{len(reasons)} of {len(orbits)} points have no orbit: {text}" for text in reasons[:1]]
+    if not len(known):
+        return without
     least, largest = known.min(axis=0), known.max(axis=0)
     figures = {name: Statistics(*largest[k])._replace(min=least[k][1]) for k, name in enumerate(names)}
-    return [f"at some points {text}" for text in system.judged(figures)]
+    return [*without, *(f"at some points {text}" for text in system.judged(figures))]
 
 
 @dataclass(frozen=True)
