@@ -20,6 +20,7 @@ from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient, between_states, between_tolerance
 from solve.single import periodic
+from solve.sizes import require_size
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
 
@@ -68,6 +69,7 @@ def transient(
         raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
     rtol = checked_rtol(rtol)
     require_whole("turns", turns)
+    require_size("turns", turns, 3 * system.n * _COUNT)
     given = start
     if isinstance(start, str | Path) and start not in (REST, ORBIT):
         given = _read(Path(start), system)
