@@ -37,7 +37,6 @@ _NEAR = 0.03
 _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 """Weights of five values whose sums are their first and second derivative, by their distance."""
 
-
 _DRAWS = 2
 """Sums with random signs by which the size of terms is estimated."""
 
@@ -254,8 +253,9 @@ class Figures:
         """Of a figure. Raises NoDerivativeError."""
         name, figure = asked.subject, asked.figure
         self.settle([asked])
-        known = (name, figure) in self._settled if figure in _WAYS else self._finite(name)
-        if not known:
+        if not (
+            (name, figure) in self._settled if figure in _WAYS else np.isfinite(self._sampled(name)).all()
+        ):
             raise NoDerivativeError(f"{name} is no finite number at some phases: it has no derivatives")
         if figure in _WAYS:
             return self._of_extremum(asked)
@@ -307,8 +307,8 @@ class Figures:
     def settle(self, asked: Sequence[Named]) -> None:
         """Find the extrema that are asked for, all together."""
         wanted = dict.fromkeys((each.subject, each.figure) for each in asked if each.figure in _WAYS)
-        pairs = [pair for pair in wanted if pair not in self._settled]
-        pairs = [pair for pair in pairs if pair in self._starts or self._finite(pair[0])]
+        new = [pair for pair in wanted if pair not in self._settled]
+        pairs = [pair for pair in new if pair in self._starts or np.isfinite(self._sampled(pair[0])).all()]
         if not pairs:
             return
         known = [self._starts.get(pair) or self._promising(*pair) for pair in pairs]
@@ -344,9 +344,6 @@ class Figures:
             else:
                 made[at] = self.orbit.signal(name)(phases[at].ravel()).reshape(-1, phases.shape[1])
         return made
-
-    def _finite(self, name: str) -> bool:
-        return bool(np.isfinite(self._sampled(name)).all())
 
     def _promising(self, name: str, figure: str) -> tuple[Array, Array]:
         """Phases (k,) of samples about which the extremum may be, and signs (k,) of the values there."""
