@@ -1,10 +1,13 @@
-"""Public functions refuse what their first argument cannot be in words, not by an attribute that it lacks."""
+"""Arguments of public functions: what they cannot be is refused in words, not by an attribute that it lacks;
+several names may be one text."""
 
 import inspect
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import ParamSpec, TypeVar
+
+import numpy as np
 
 from solve.errors import ValueOutOfBoundsError
 
@@ -32,3 +35,14 @@ def first_is(*kinds: type, such_as: str) -> Callable[[Callable[Given, Result]], 
         return checked
 
     return checking
+
+
+def listed(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names, each once; a text is one name."""
+    return tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
+
+
+def require_whole(name: str, given: object, least: int = 1, hint: str = "") -> None:
+    """Raise ValueOutOfBoundsError unless it is a whole number, at least so large; hint: what else to say."""
+    if isinstance(given, bool) or not (isinstance(given, int | np.integer) and given >= least):
+        raise ValueOutOfBoundsError(f"{name} is {given!r}; allowed: whole numbers of at least {least}{hint}")

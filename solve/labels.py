@@ -5,6 +5,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Self
 
+from solve.argument import listed
 from solve.contracts import DrawnLink
 from solve.errors import MissingValueError, require_name
 from solve.units import RPM, ShownUnit, raised, speed_in_si, unit_given
@@ -92,10 +93,11 @@ class Labels:
         unit, _ = self.parameter_labels.get(name, ("", ""))
         return self.speed_unit if name == SPEED else ShownUnit(raised(unit), 1.0)
 
-    def known_quantities(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
-        """Names of coordinates and outputs, by default all, each once. Raises UnknownNameError."""
+    def known_quantities(self, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
+        """Names of coordinates and outputs, by default all, each once; a text is one name. Raises
+        UnknownNameError."""
         known = (*self.coordinates, *self.outputs)
-        names = tuple(dict.fromkeys(known if names is None else names))
+        names = listed(known if names is None else names)
         for name in names:
             require_name(f"coordinate or output of {self.name}", name, known)
         return names

@@ -60,7 +60,8 @@ class PeriodicSystem(Labels):
         breaks: Sequence[float] = (),
     ):
         self.period = _checked_period(period)
-        if len(set(coordinates)) != len(coordinates) or len(coordinates) == 0:
+        texts = all(isinstance(name, str) for name in coordinates)
+        if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) == 0:
             raise ValueOutOfBoundsError(
                 f"coordinates are {list(coordinates)}; give each of the n coordinates a name of its own"
             )
@@ -151,9 +152,13 @@ class PeriodicSystem(Labels):
 
     def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
         """Warnings where a solution with these figures by quantity leaves the bounds within which the
-        model is trusted; quantities without figures are not judged. linear: whether the linearised equations
-        gave it."""
-        return []
+        model is trusted, or gives a quantity no value; quantities without figures are not judged. linear:
+        whether the linearised equations gave it."""
+        return [
+            f"{name} is no finite number at some phases, and has no figures"
+            for name, found in figures.items()
+            if not math.isfinite(found.max - found.min)
+        ]
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
@@ -350,8 +355,8 @@ of_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 
 
 def _checked_period(period: float) -> float:
-    if not (math.isfinite(period) and period > 0):
-        raise ValueOutOfBoundsError(f"period is {period}; allowed: a finite phase > 0, such as 2π")
+    if not (isinstance(period, int | float | np.number) and math.isfinite(period) and period > 0):
+        raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
     return float(period)
 
 

@@ -1,6 +1,7 @@
 """Systems that differ by numbers: the speed, and parameters of a model."""
 
 import copy
+import reprlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
@@ -211,7 +212,12 @@ class BuiltFamily(Family):
         values = dict(zip(self.names, map(float, point), strict=True))
         speed = values.pop(SPEED, self.speed)
         assert speed is not None
-        return self._build(**values), speed
+        built = self._build(**values)
+        if not isinstance(built, PeriodicSystem):
+            raise ValueOutOfBoundsError(
+                f"the function that builds systems gives {reprlib.repr(built)}; give a PeriodicSystem"
+            )
+        return built, speed
 
     def __reduce__(self) -> tuple[Any, ...]:
         return BuiltFamily, (self._build, self.names, self._point[None], self.speed)

@@ -94,8 +94,9 @@ class _Keeper:
         if kept.spectra:
             chosen = [order.index(name) for name in kept.spectra]
             self.results.amplitudes[at] = quantities.amplitudes(chosen, kept.harmonics)
-        if kept.warnings and system.judged_quantities:
-            self._judge(at)
+        if kept.warnings:
+            known = np.isfinite(self.results.figures[at]).all(axis=(1, 2))
+            self._judge(at if system.judged_quantities else at[~known])
 
     def _judge(self, at: Array) -> None:
         """Bounds of the model that the solutions leave."""

@@ -24,5 +24,5 @@ def critical(
     omegas, kept, model = speeds.omegas(), figure_kept(figure), problem.loaded()
     moved.require_known(model)
     result = found(model, omegas, of, kept, orders, accuracy.rule, accuracy.rtol)
-    drawn = None if moved.by else partial(result.plot, campbell)
+    drawn = None if moved.by else partial(result.plot, campbell=campbell)
     deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes, figure=drawn)

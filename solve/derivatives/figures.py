@@ -37,7 +37,6 @@ _NEAR = 0.03
 _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 """Weights of five values whose sums are their first and second derivative, by their distance."""
 
-
 _DRAWS = 2
 """Sums with random signs by which the size of terms is estimated."""
 
@@ -253,6 +252,11 @@ class Figures:
     def sums(self, asked: Named) -> Sums:
         """Of a figure. Raises NoDerivativeError."""
         name, figure = asked.subject, asked.figure
+        self.settle([asked])
+        if not (
+            (name, figure) in self._settled if figure in _WAYS else np.isfinite(self._sampled(name)).all()
+        ):
+            raise NoDerivativeError(f"{name} is no finite number at some phases: it has no derivatives")
         if figure in _WAYS:
             return self._of_extremum(asked)
         if figure.endswith("_phase"):
@@ -303,7 +307,8 @@ class Figures:
     def settle(self, asked: Sequence[Named]) -> None:
         """Find the extrema that are asked for, all together."""
         wanted = dict.fromkeys((each.subject, each.figure) for each in asked if each.figure in _WAYS)
-        pairs = [pair for pair in wanted if pair not in self._settled]
+        new = [pair for pair in wanted if pair not in self._settled]
+        pairs = [pair for pair in new if pair in self._starts or np.isfinite(self._sampled(pair[0])).all()]
         if not pairs:
             return
         known = [self._starts.get(pair) or self._promising(*pair) for pair in pairs]
@@ -351,8 +356,6 @@ class Figures:
         phase is where the derivative by it is zero: of values that hardly differ, the largest tells its phase
         to half of their digits only."""
         name, figure = asked.subject, asked.figure
-        if (name, figure) not in self._settled:
-            self.settle([asked])
         phases, signs, values = self._settled[name, figure]
         largest = values >= values.max() - _SAME * np.abs(values).max()
         phases, signs = phases[largest], signs[largest]

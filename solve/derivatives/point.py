@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from solve.argument import listed
 from solve.arrays import Array
 from solve.certify.pace import Pace, estimated
 from solve.contracts import Dependence
@@ -143,7 +144,7 @@ def _all(system: PeriodicSystem) -> list[str]:
 
 
 def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> list[str]:
-    names = list(dict.fromkeys([given] if isinstance(given, str) else usual if given is None else given))
+    names = list(listed(usual if given is None else given))
     if not names:
         raise ValueOutOfBoundsError(f"{what} is empty; give names, or leave {what} out")
     return names

@@ -6,10 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
+from solve.argument import require_whole
 from solve.exports.c_code import c_code
 from solve.exports.fmu import fmu
 from solve.exports.mat_file import mat_file
-from solve.exports.state_space import SAMPLES, require_samples, state_space
+from solve.exports.state_space import SAMPLES, state_space
 from solve.results.save import Whole, checked
 from solve.single import floquet
 from solve.system import PeriodicSystem, of_system
@@ -40,7 +41,7 @@ def export(
     MissingLibraryError where the extra `fmu` or a compiler is missing, and other SolveError subclasses.
     """
     file = checked(path, ENDINGS, "export")
-    require_samples(samples)
+    require_whole("samples", samples)
     if speed is not None:
         speed_in_si(speed)
     contents, warnings = ENDINGS[file.suffix.lower()](system, file, speed, samples)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from solve.argument import require_whole
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.exports.extras import labels, library
@@ -206,7 +207,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     """
     omega = speed_in_si(speed)
     system.require_motion()
-    require_samples(samples)
+    require_whole("samples", samples)
     system.checked(omega)
     system = system.shown_in(omega)
     require_size("samples", samples, each=20 * (system.n + len(system.outputs)) * system.n)
@@ -214,12 +215,6 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     return StateSpace(
         system, omega, phase, coefficients(system, omega, _after(system, phase)), signals(system)
     )
-
-
-def require_samples(samples: int) -> None:
-    """Raise ValueOutOfBoundsError unless it is a number of phases."""
-    if isinstance(samples, bool) or not (isinstance(samples, int | np.integer) and samples >= 1):
-        raise ValueOutOfBoundsError(f"samples is {samples!r}; allowed: whole numbers of at least 1")
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:

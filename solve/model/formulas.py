@@ -10,7 +10,8 @@ _MOST = 5000
 """Instructions beyond which a compiler takes longer than it saves."""
 
 _OF_ONE = (
-    *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"),
+    *("sin", "cos", "tan", "asin", "acos", "atan"),
+    *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
     *("sqrt", "exp", "log", "fabs", "floor", "ceil"),
 )
 _OF_TWO = "pow", "atan2", "fmin", "fmax", "fmod", "copysign", "hypot"

@@ -286,7 +286,7 @@ class Model(PeriodicSystem):
         return tuple(dict.fromkeys((*self.validity, *(name for name, *_ in self.module.LIMITS))))
 
     def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
-        warnings = []
+        warnings = super().judged(figures, linear)
         for name, bound in self.validity.items() if linear else ():
             if name in figures and figures[name].max_abs > bound:
                 warnings.append(
@@ -296,7 +296,7 @@ class Model(PeriodicSystem):
         for name, bound, meaning in self.module.LIMITS:
             for clause in clauses(bound) if name in figures else ():
                 extreme = figures[name].min if clause.startswith(">") else figures[name].max
-                if not holds(clause, extreme):
+                if not np.isnan(extreme) and not holds(clause, extreme):
                     reached = measured(extreme, self.units[name], 3)
                     warnings.append(f"{meaning}: {name} reaches {reached}, bound {clause}")
         return warnings

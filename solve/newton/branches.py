@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from solve.argument import require_whole
 from solve.arrays import Array
 from solve.contracts import Matrices, Motion
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
@@ -78,8 +79,7 @@ def branch(
         raise ValueOutOfBoundsError(
             f"speeds are {speeds!r}; give two different ones above 0, such as '300:600 rpm'"
         )
-    if not (isinstance(points, int | np.integer) and points >= 2):
-        raise ValueOutOfBoundsError(f"points is {points!r}; allowed: whole numbers of at least 2")
+    require_whole("points", points, 2)
     rtol, (used, notes) = checked_rtol(rtol), chosen_engine(engine)
     orbit = nonlinear(system, first, start, rtol=rtol, engine=engine)
     task = Task(system.shown_in(first), float(first), 1, Radau(), used, rtol)

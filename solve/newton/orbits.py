@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from solve.argument import require_whole
 from solve.certify.all_multipliers import Spectrum, refined
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
@@ -61,8 +62,7 @@ def nonlinear(
     subclasses for bad input.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
-    if not (isinstance(periods, int | np.integer) and periods >= 1):
-        raise ValueOutOfBoundsError(f"periods is {periods!r}; allowed: whole numbers of at least 1")
+    require_whole("periods", periods)
     asked = request(steps, rtol, used, True)
     system.checked(omega)
     system = system.shown_in(omega)
@@ -142,6 +142,11 @@ class _Search:
             raise ValueOutOfBoundsError(
                 f"start is {reprlib.repr(start)}; allowed: an orbit or the motion of one; leave it out "
                 "to begin with the linear orbit"
+            )
+        given = self.task.system.n if motion is None else len(motion(np.zeros(1)))
+        if given != self.task.system.n:
+            raise ValueOutOfBoundsError(
+                f"start has {given} coordinates; {self.task.system.name} has {self.task.system.n}"
             )
         self._check_period(motion)
         for grid in self.grids[:-1]:

@@ -2,12 +2,14 @@
 
 import json
 import math
+import reprlib
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from solve.argument import require_whole
 from solve.arrays import Array
 from solve.contracts import Marcher
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
@@ -18,6 +20,7 @@ from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient, between_states, between_tolerance
 from solve.single import periodic
+from solve.sizes import require_size
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
 
@@ -65,9 +68,11 @@ def transient(
     if (speed is None) == (speeds is None):
         raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
     rtol = checked_rtol(rtol)
-    if not (isinstance(turns, int | np.integer) and turns >= 1):
-        raise ValueOutOfBoundsError(f"turns is {turns!r}; allowed: whole numbers of at least 1")
-    given = start if isinstance(start, tuple) or start in (REST, ORBIT) else _read(Path(start), system)
+    require_whole("turns", turns)
+    require_size("turns", turns, 3 * system.n * _COUNT)
+    given = start
+    if isinstance(start, str | Path) and start not in (REST, ORBIT):
+        given = _read(Path(start), system)
     if speeds is not None:
         ramp = ramp_in_si(speeds)
         return _run_up(system.shown_in(max(ramp)), ramp, int(turns), given, nonlinear, rtol, engine)
@@ -192,7 +197,12 @@ def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
     n = system.n
     if isinstance(start, str | Path):
         return np.zeros(2 * n) if orbit is None or start == REST else np.append(orbit.q[:, 0], orbit.qd[:, 0])
-    q, qd = (np.asarray(part, dtype=float) for part in start)
+    try:
+        q, qd = (np.asarray(part, dtype=float) for part in start)
+    except (TypeError, ValueError):
+        raise ValueOutOfBoundsError(
+            f"start is {reprlib.repr(start)}; allowed: {REST}, {ORBIT}, a file .npz, or q and q̇ ({n},)"
+        ) from None
     if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():
         raise ValueOutOfBoundsError(
             f"the start has shapes {q.shape} and {qd.shape}; give finite q and q̇ of shape ({n},) each"

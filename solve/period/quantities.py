@@ -48,8 +48,9 @@ def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array
     """The fields of `Statistics` (…, 7) of quantities with values (…, k) at k phases evenly from 0 on.
 
     at: values (…, j) of each quantity at phases (…, j) of its own, by which extrema are refined between
-    the samples, so that they are those of the continuous curve.
+    the samples, so that they are those of the continuous curve. NaN where a value is not finite.
     """
+    values = _known(values)
     width = period / values.shape[-1]
     high_at, high = _extreme(values, at, width, 1.0)
     low_at, low = _extreme(values, at, width, -1.0)
@@ -62,7 +63,13 @@ def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array
         "min_phase": low_at % period,
         "rms": np.sqrt(np.mean(values**2, axis=-1)),
     }
-    return np.stack([made[name] for name in FIGURES], axis=-1)
+    found = np.stack([made[name] for name in FIGURES], axis=-1)
+    return np.where(np.isnan(values[..., :1]), np.nan, found)
+
+
+def _known(values: Array) -> Array:
+    """Values (…, k), all NaN where one of the k is not finite."""
+    return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
 def _extreme(values: Array, at: Callable[[Array], Array], width: float, sign: float) -> tuple[Array, Array]:
@@ -124,7 +131,7 @@ def spectrum(values: Array, count: int) -> tuple[Array, Array]:
     """Amplitudes [A0, A1, …] and phase angles [0, ψ1, …], (…, count + 1), of A0 + Σ A_k cos(kφ + ψ_k) from
     values (…, m) at m phases evenly from 0 on; A0 is the signed mean, the others are single-sided peak
     amplitudes."""
-    series = np.fft.rfft(values, axis=-1)[..., : count + 1] / values.shape[-1]
+    series = np.fft.rfft(_known(values), axis=-1)[..., : count + 1] / values.shape[-1]
     amplitudes, angles = 2 * np.abs(series), np.angle(series)
     amplitudes[..., 0], angles[..., 0] = series[..., 0].real, 0.0
     return amplitudes, angles

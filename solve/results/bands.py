@@ -1,5 +1,6 @@
 """Bands of speed in which the motion is unstable."""
 
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -8,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
 from solve.results.report import RenderableType, digits, speeds_of, table_of, text
@@ -71,7 +73,12 @@ class Bands(Sequence[Band], Result):
 
     def plot(self, sweep: Sweep | None = None) -> Figure:
         """The spectral radius over the speeds that were solved, or over those of a sweep, with the bands
-        shaded by their kind."""
+        shaded by their kind. Raises ValueOutOfBoundsError for what is no sweep."""
+        if not isinstance(sweep, Sweep | None):
+            raise ValueOutOfBoundsError(
+                f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or nothing; "
+                'plot().savefig("FILE") writes a picture'
+            )
         edges = [(band.low, band.high, band.kind) for band in self]
         if sweep is not None:
             return radius_figure(self.system, sweep.speeds, sweep.spectral_radius, edges)

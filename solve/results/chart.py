@@ -82,7 +82,7 @@ class Chart(Result):
     and unstable regions. at(x, y): the stability at a point anywhere, with its warnings. solve_cut (position
     of the quantity that is held, its value): stability along a line. notes: how the engine was chosen,
     where that is not as asked. of: a quantity that was asked for, values (ny, nx): what it is, NaN where
-    it has none; beyond: where its orbits leave the bounds of the model.
+    it has none; beyond: where there are no orbits, or these leave the bounds of the model.
     """
 
     _of_solver: ClassVar[tuple[str, ...]] = ("at", "solve_cut")

@@ -138,7 +138,7 @@ class CriticalSpeeds(Result):
         """Speed, mode and order of the integer divisions."""
         return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
 
-    def plot(self, campbell: bool = False) -> Figure:
+    def plot(self, *, campbell: bool = False) -> Figure:
         """Response, dominant multiplier and Campbell diagram over speed, or this below the response alone."""
         drawn = (_draw_response, _draw_campbell) if campbell else _ALL
         title = "Campbell diagram" if campbell else "critical speeds"

@@ -195,8 +195,10 @@ class Orbit(Stability, Turn):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each: its accuracy, and the model's bounds."""
-        figures = {name: self.statistics(name) for name in self.system.judged_quantities}
-        return [*super().warnings, *self.system.judged(figures), *self._not_periodic]
+        system = self.system
+        names = {*system.judged_quantities, *(() if system.outputs_apart else system.outputs)}
+        figures = {name: self.statistics(name) for name in sorted(names)}
+        return [*super().warnings, *system.judged(figures), *self._not_periodic]
 
     @property
     def _not_periodic(self) -> list[str]:
@@ -276,7 +278,7 @@ class Orbit(Stability, Turn):
             for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
                 size = float(amplitudes[k]) * factor
                 amplitude = f"{k * rotation:g}: {fixed(size, size, 4)}"
-                known = amplitudes[k] > unknown
+                known = unknown < amplitudes[k] < math.inf
                 cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if known else "–")
             made.add_row(broken(name), *cells)
         return made

@@ -112,11 +112,10 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     ValueOutOfBoundsError for more rows than a page holds."""
     if not names:
         return list(system.coordinates[:MOST_ROWS])
-    names = [names] if isinstance(names, str) else names
     known = system.known_quantities(names)
-    if len(names) > MOST_ROWS:
+    if len(known) > MOST_ROWS:
         raise ValueOutOfBoundsError(
-            f"{len(names)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
+            f"{len(known)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
         )
     return list(known)
 
@@ -261,7 +260,7 @@ def _draw_spectrum(
 ) -> None:
     from matplotlib.ticker import MultipleLocator
 
-    largest, (factor, unit) = amplitudes.max(), scaled
+    largest, (factor, unit) = np.nan_to_num(amplitudes).max(), scaled
     order = k * (2 * math.pi / system.period)
     if scale == "dB":
         with np.errstate(divide="ignore"):

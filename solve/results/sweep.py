@@ -210,8 +210,8 @@ class Sweep(Result):
         """Response over speed with its maxima, the spectral radius below, unstable speeds shaded; where
         parameters vary, over what runs fastest, a line for each value of the rest (matplotlib Figure). Raises
         UnknownNameError, and ValueOutOfBoundsError for more lines than can be distinguished."""
-        names = [names] if isinstance(names, str) else names
-        responses = {name: self.figures(name, figure) for name in names or self.system.coordinates}
+        names = self.system.known_quantities(names or self._shown)
+        responses = {name: self.figures(name, figure) for name in names}
         return sweep_figure(self.system, self.varied, responses, self.spectral_radius, figure, self.unstable)
 
     def waterfall(self, name: str) -> Figure:
@@ -230,8 +230,14 @@ class Sweep(Result):
         fit."""
         return stacked(self._heading(choices), self._table(names))
 
+    @property
+    def _shown(self) -> Sequence[str]:
+        """The coordinates that are kept, or else the outputs."""
+        kept = self.results.kept.names
+        return [name for name in kept if name in self.system.coordinates] or kept
+
     def _table(self, names: Sequence[str] = ()) -> RenderableType:
-        names = names or [name for name in self.system.coordinates if name in self.results.kept.names]
+        names = names or self._shown
         units = self.system.units
         moduli = {
             name: sized(self.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names

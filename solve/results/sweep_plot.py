@@ -122,6 +122,8 @@ def waterfall_figure(
             f"{', '.join([*others, along])} vary; a spectrum is drawn over one of them: give one value "
             "of the others"
         )
+    if amplitudes.shape[1] < 2:
+        raise ValueOutOfBoundsError("no harmonics above the mean were kept; ask the sweep for some")
     order = np.argsort(varied[along])
     x, label = system.unit_of(along).of(varied[along][order]), axis_label(system, along)
     heights = amplitudes[order, 1:].T

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.argument import listed
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
 from solve.results.plot import draw_through, label_quantity, label_speeds, shades, title_of
@@ -77,7 +78,7 @@ class Sweeps(Result):
 
     def plot(self, quantities: Sequence[str] | None = None, figure: str | None = None) -> Figure:
         """A row a quantity, a curve a system (matplotlib Figure). Raises UnknownNameError."""
-        responses = {name: self.figures(name, figure) for name in quantities or self.quantities}
+        responses = {name: self.figures(name, figure) for name in listed(quantities or self.quantities)}
         order = np.argsort(self.speeds)
         speeds = self.system.speed_unit.of(self.speeds[order])
         with page(1.1 + 1.9 * len(responses), f"{title_of(self.system)}: response over speed") as made:

@@ -227,9 +227,8 @@ class Transient(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        figures = {name: self.extremes[name] for name in self.system.judged_quantities}
         linear = not self.nonlinear
-        judged = [*self.notes, *self.system.judged(figures, linear)]
+        judged = [*self.notes, *self.system.judged(self.extremes, linear)]
         judged += self.system.warnings(self.speed, linear)
         if not self.between <= between_tolerance(self.rtol):
             known = f"to {self.between:.1e} of their size only" if self._curves_tell else "not at all"

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial, singledispatch
 from pathlib import Path
@@ -34,6 +35,9 @@ from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_
 
 Names = tuple[str, str]
 Speed = float | str | None
+
+_OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods"
+"""Arrays of results that tell of it."""
 
 _PREDICTED = 0.3
 """Of a gap between grid points, the part to which a parabola must bring it down to be followed."""
@@ -92,7 +96,7 @@ def chart(
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, notes)
         if asked is not None:
             values = asked.over(found, family.speeds(points), system.period)
-            beyond = _beyond(system, found) if of_orbit else []
+            beyond = _beyond(system, found, results) if of_orbit else []
             solved = replace(solved, of=asked.named, values=values.reshape(solved.shape), beyond=beyond)
         if not boundaries:
             return solved
@@ -104,18 +108,24 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
     failed = np.flatnonzero(orbits.failed)
     blank = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
     nothing = {"kept": blank.kept, "figures": blank.figures, "amplitudes": blank.amplitudes}
-    results = replace(orbits, **nothing, failures={})
+    own = {name: getattr(orbits, name).copy() for name in _OF_STABILITY}
+    results = replace(orbits, **nothing, **own, failures={})
     if len(failed):
         results.insert(failed, gathered(batch, points[failed], blank.kept))
     return results
 
 
-def _beyond(system: PeriodicSystem, orbits: PointResults) -> list[str]:
-    """Bounds of the model that some of the orbits leave, by the one that is farthest beyond."""
+def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
+    """How many points have a stability but no orbit, and why; bounds of the model that some of the orbits
+    leave, by the one that is farthest beyond."""
     names, known = orbits.kept.names, orbits.figures[~orbits.failed]
+    reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
+    without = [f"{len(reasons)} of {len(orbits)} points have no orbit: {text}" for text in reasons[:1]]
+    if not len(known):
+        return without
     least, largest = known.min(axis=0), known.max(axis=0)
     figures = {name: Statistics(*largest[k])._replace(min=least[k][1]) for k, name in enumerate(names)}
-    return [f"at some points {text}" for text in system.judged(figures)]
+    return [*without, *(f"at some points {text}" for text in system.judged(figures))]
 
 
 @dataclass(frozen=True)
@@ -189,10 +199,14 @@ def _axis(
             f"{which} is {given!r}; give one quantity, such as {{'speed': speeds}} or 'delta=0:10:60'"
         )
     ((name, values),) = given.items()
-    if isinstance(values, str):
-        numbers = speeds_given(values) if name == SPEED else evenly(values, name)
+    numbers: Sequence[float] = []
+    if name == SPEED:
+        numbers = speeds_given(values)
+    elif isinstance(values, str):
+        numbers = evenly(values, name)
     else:
-        numbers = speeds_given(list(values)) if name == SPEED else [float(value) for value in values]
+        with suppress(TypeError, ValueError):
+            numbers = np.atleast_1d(np.asarray(values, dtype=float)).tolist()
     found = np.array(numbers)
     if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
         raise ValueOutOfBoundsError(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from solve.argument import require_whole
 from solve.arrays import Array
 from solve.certify.certified import unresolved_modes
 from solve.certify.estimates import differences
@@ -48,7 +49,7 @@ _BEYOND = 1e-3
 def compare(
     system: PeriodicSystem,
     speed: float | str,
-    methods: Sequence[str | Rule] | None = None,
+    methods: str | Sequence[str | Rule] | None = None,
     steps: Sequence[int] | None = None,
     targets: Sequence[float] = TARGETS,
 ) -> Comparison:
@@ -62,10 +63,12 @@ def compare(
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
     for count in steps or []:
-        if count < 1:
-            raise ValueOutOfBoundsError(f"steps is {count}; allowed: whole numbers of at least 1")
+        require_whole("steps", count)
+    if not targets:
+        raise ValueOutOfBoundsError("targets are empty; give one error at least, such as 1e-3")
     goals = sorted((checked_rtol(target) for target in targets), reverse=True)
-    rules = [chosen(method) for method in methods or [name for name in METHODS if name != "auto"]]
+    named = [methods] if isinstance(methods, str) else methods
+    rules = [chosen(method) for method in named or [name for name in METHODS if name != "auto"]]
     with stage("reference"):
         reference = periodic(system, omega, rtol=_REFERENCE_RTOL)
     judged_by = ORBIT if reference.q.any() else MULTIPLIERS

@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from solve.argument import require_whole
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import require_name
 from solve.methods.choice import Rule
 from solve.period.multipliers import UNIT_CIRCLE, UNSTABLE
 from solve.progress import stage, steps
@@ -84,10 +85,9 @@ def critical_speeds(
     """
     given = speeds_between(speeds, "critical speeds")
     system, omegas = system.shown_in(given[0]), np.array(given)
-    (name,) = system.known_quantities([quantity or system.coordinates[0]])
+    (name,) = system.known_quantities(quantity or system.coordinates[0])
     require_name("figure", figure, RESPONSES)
-    if orders < 1:
-        raise ValueOutOfBoundsError(f"orders is {orders}; allowed: whole numbers of at least 1, such as 20")
+    require_whole("orders", orders, hint=", such as 20")
     require_size("orders", orders, len(omegas) * system.n**2)
     low, _ = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))

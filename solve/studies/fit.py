@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.argument import listed
 from solve.arrays import Array
 from solve.derivatives.point import OnGrid, dependence_of
 from solve.differences import slope
@@ -69,7 +70,7 @@ def fit(
     """
     from scipy.optimize import least_squares
 
-    names = list(dict.fromkeys([free] if isinstance(free, str) else free))
+    names = listed(free)
     if not names:
         raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
     model.dependence(names)

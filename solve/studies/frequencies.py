@@ -29,7 +29,7 @@ def frequencies(
     """
     phase = with_unit(position, "rad") if isinstance(position, str) else position
     positions = np.atleast_1d(np.asarray(phase, dtype=float))
-    if positions.ndim != 1 or not np.isfinite(positions).all():
+    if positions.ndim != 1 or positions.size == 0 or not np.isfinite(positions).all():
         raise ValueOutOfBoundsError(f"position is {position}; allowed: finite angles in rad, or '70 deg'")
     for value in positions:
         require_size_of_number("position", float(value))
@@ -65,6 +65,8 @@ def frequencies_over(
     Values that the system refuses become NaN with their reason. Raises UnknownNameError.
     """
     require_name(f"parameter of {system.name}", parameter, system.parameters)
+    if len(values) == 0 or len(positions) == 0:
+        raise ValueOutOfBoundsError(f"{len(values)} values at {len(positions)} positions; give one of each")
     k = _checked_count(system, count)
     require_size(
         "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
@@ -90,6 +92,6 @@ def _checked_count(system: PeriodicSystem, count: int | None) -> int:
     most = system.most_frequencies
     if count is None:
         return min(USUAL_COUNT, most)
-    if not 1 <= count <= most:
+    if not (isinstance(count, int | np.integer) and 1 <= count <= most):
         raise ValueOutOfBoundsError(f"count is {count}; allowed for {system.name} as chosen: 1 … {most}")
     return count

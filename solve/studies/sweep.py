@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.argument import listed
 from solve.arrays import Array
 from solve.batch.family import SPEED, SystemFamily
 from solve.batch.store import made_folder
@@ -145,8 +146,7 @@ def sweeps(
     input."""
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
-    given = speeds_given(speeds)
-    found = {}
+    given, quantities, found = speeds_given(speeds), listed(quantities), {}
     with stage("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):
             names = [name for quantity in quantities for name in system.parts(quantity)]
@@ -154,7 +154,7 @@ def sweeps(
                 folder = None if store is None else made_folder(store) / str(number)
                 found[label] = sweep(system, given, method, None, rtol, executor, names, store=folder)
     first = next(iter(systems.values())).shown_in(given[0])
-    return Sweeps(title, np.array(given), found, tuple(quantities), first)
+    return Sweeps(title, np.array(given), found, quantities, first)
 
 
 def _number(name: str, value: float | str) -> float:

@@ -120,7 +120,9 @@ def test_fundamental_motion_is_substituted_before_everything_else():
     [
         ("acos", -1 / np.sqrt(1 - 0.3**2)),
         ("asin", 1 / np.sqrt(1 - 0.3**2)),
+        ("asinh", 1 / np.sqrt(1 + 0.3**2)),
         ("atan", 1 / (1 + 0.3**2)),
+        ("atanh", 1 / (1 - 0.3**2)),
         ("cosh", np.sinh(0.3)),
         ("log", 1 / 0.3),
         ("sinh", np.cosh(0.3)),

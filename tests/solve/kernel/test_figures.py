@@ -102,6 +102,7 @@ def written(phase, speed, q, qd, qdd, p):
         casadi.sqrt(large) * casadi.log(large) / casadi.exp(q[1] / 9) - equal,
         casadi.atan2(qd[0], large) + casadi.fmin(qdd[0], qdd[1]) - casadi.fmax(q[0], q[1]),
         p[0] ** 2 * speed * qd[1] + large ** p[0] + casadi.atan(q[0]) + casadi.tanh(q[1]) + 1 / large,
+        casadi.asinh(q[0]) + casadi.acosh(large) * casadi.atanh(1 / large),
     ]
 
 
@@ -120,10 +121,10 @@ def quantities(points, engine):
         P, n, k = q.shape
         states = (np.swapaxes(part, 1, 2).reshape(P * k, n) for part in (q, qd, qdd))
         found = sampler(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
-        return np.swapaxes(found.reshape(P, k, -1), 1, 2)[:, [3, 0, 1, 2]]
+        return np.swapaxes(found.reshape(P, k, -1), 1, 2)[:, [3, 0, 1, 2, 4]]
 
-    code = Formulas(text, 4, ("p",), values)
-    return Quantities(curve, speeds, outputs, engine, code, [3, 0, 1, 2])
+    code = Formulas(text, 5, ("p",), values)
+    return Quantities(curve, speeds, outputs, engine, code, [3, 0, 1, 2, 4])
 
 
 @needs_compiler

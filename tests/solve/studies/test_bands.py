@@ -192,3 +192,9 @@ def test_the_picture_shows_the_largest_multiplier_of_each_band():
     for band in found:
         inside = (found.speeds > band.low) & (found.speeds < band.high)
         assert found.spectral_radius[inside].max() == band.spectral_radius
+
+
+def test_what_is_no_sweep_is_not_drawn():
+    found = solve.bands(mathieu(), [1.95, 2.05])
+    with pytest.raises(ValueOutOfBoundsError, match=r"sweep is 'bands.png'; give a Sweep, .* or nothing"):
+        found.plot("bands.png")

@@ -5,6 +5,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import solve
+from derive import Mechanism, cos, rate
 from solve.batch.task import Task
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
 from solve.period.named import Named
@@ -252,6 +253,20 @@ def test_a_chart_of_orbits_says_where_the_model_is_left():
     assert solve.chart(cam, speeds, stiff, boundaries=False, of="rho1.re").warnings == []
 
 
+def test_points_without_an_orbit_hide_no_bound_that_others_leave():
+    made = Mechanism("trusted", "An oscillator that is trusted to 1 m")
+    q = made.coordinate("q", "m", "displacement")
+    m, k, f = made.parameters(m=("kg", "mass"), k=("N/m", "spring"), f=("N", "load"))
+    made.kinetic, made.potential = m * rate(q) ** 2 / 2, k * q**2 / 2
+    made.force(f * cos(made.phase), along=q)
+    made.trust(q=1.0)
+    model = solve.load(made, m=1.0, k=1.0, f=1.0)
+    chart = solve.chart(model, {"k": [1.0, 1.1]}, {"speed": [1.0, 2.0]}, boundaries=False, of="q.max_abs")
+    without, beyond = chart.warnings
+    assert without.startswith("1 of 4 points have no orbit")
+    assert "max|q| = 10 m, beyond 1" in beyond
+
+
 def test_a_quantity_of_the_orbit_is_solved_once_and_stability_is_known_where_there_is_no_orbit(monkeypatch):
     """Without damping cos(φ) forces the oscillator x″ + k x at speed 1: at k = 1 it has no orbit."""
     solved, whole = [], Task.solved
@@ -275,3 +290,5 @@ def test_a_quantity_of_the_orbit_is_solved_once_and_stability_is_known_where_the
     np.testing.assert_allclose(found.spectral_radius, plain.spectral_radius, rtol=1e-7)
     np.testing.assert_array_equal(found.verdicts, plain.verdicts)
     assert found.failures == plain.failures == {}
+    (warning,) = found.warnings
+    assert warning.startswith("1 of 6 points have no orbit: I - Φ is singular")

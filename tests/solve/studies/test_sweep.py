@@ -39,6 +39,13 @@ def test_a_sweep_shows_one_quantity_that_is_given_as_a_text():
         found.plot("drive_torqe")
 
 
+def test_what_is_kept_is_shown():
+    found = solve.sweep(solve.load("manipulator"), [3.0, 4.0], quantities="load_torque")
+    assert found.results.kept.names == ("load_torque",)
+    assert "max|load_torque|" in str(found)
+    assert found.plot().axes[0].get_ylabel().startswith("max|load")
+
+
 def test_a_resonance_fails_alone():
     found = solve.sweep(resonant(), [1.5, 2.0, 2.5])
     assert [point.error is None for point in found.points] == [True, False, True]

@@ -56,6 +56,12 @@ def test_the_picture_has_a_curve_a_system(found):
     assert figure.legends[0].get_title().get_text() == "zeta"
 
 
+def test_one_name_may_be_a_text():
+    found = sweeps({"as it is": solve.load("manipulator")}, [3.0, 4.0], "q1")
+    assert found.quantities == ("q1",)
+    assert len(found.plot("q1").axes) == len(found.plot().axes) == 1
+
+
 def test_points_are_told_as_parts_of_the_curves():
     reported = []
     with heard(lambda work: reported.append(work.far(0.0).fraction)):

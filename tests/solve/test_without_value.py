@@ -1,0 +1,59 @@
+"""Outputs that are no number at some phases: every result tells so."""
+
+import pytest
+
+import solve
+from derive import Mechanism, cos, rate, sin, sqrt
+
+SAID = "out is no finite number at some phases, and has no figures"
+
+
+def oscillator(stated):
+    made = Mechanism("oscillator", "one mass on a spring")
+    q = made.coordinate("q", "m", "displacement")
+    m, k, c, f = made.parameters(
+        m=("kg", "mass"), k=("N/m", "spring"), c=("N s/m", "damper"), f=("m", "amplitude")
+    )
+    made.kinetic, made.potential, made.dissipation = m * rate(q) ** 2 / 2, k * q**2 / 2, c * rate(q) ** 2 / 2
+    made.force(k * f * sin(made.phase), along=q)
+    made.output("out", stated(made, q, f), "m", "an output")
+    return solve.load(made, m=1.0, k=100.0, c=1.0, f=0.1)
+
+
+@pytest.fixture(
+    scope="module",
+    params=[lambda made, q, f: sqrt(f**2 - q**2), lambda made, q, f: f / (1 + cos(made.phase))],
+    ids=["nan", "inf"],
+)
+def model(request):
+    return oscillator(request.param)
+
+
+def test_an_orbit(model):
+    found = solve.periodic(model, 4.0)
+    assert SAID in found.warnings
+    assert "out" in str(found)
+    found.plot("out")
+    found.plot("out", scale="dB")
+
+
+def test_a_sweep(model):
+    found = solve.sweep(model, [4.0, 5.0])
+    assert [text.partition(" (")[0] for text in found.warnings] == [SAID]
+
+
+def test_a_transient(model):
+    assert SAID in solve.transient(model, 4.0, 2).warnings
+
+
+def test_a_chart(model):
+    found = solve.chart(model, {"k": [90.0, 100.0]}, {"c": [1.0, 2.0]}, 4.0, of="out.max")
+    assert found.warnings == [f"at some points {SAID}"]
+
+
+@pytest.mark.parametrize("figure", ["max", "rms", "harmonic3"])
+def test_derivatives(model, figure):
+    found = solve.sensitivities(model, 4.0, [f"out.{figure}", "q.max"])
+    reason = "out is no finite number at some phases: it has no derivatives"
+    assert found.warnings == [reason]
+    assert found[f"out.{figure}"]["k"] != found[f"out.{figure}"]["k"]
