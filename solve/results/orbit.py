@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import corrected, correction
-from solve.errors import SolveError
+from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import Quantities, Signal, samples_a_step
@@ -149,11 +149,13 @@ class Orbit(Stability, Turn):
         return q, qd, qdd
 
     def at(self, phase: Array) -> Array:
-        """The continuous curve: q (n, k) at phases (k,), of any turn."""
-        return self.curve(np.atleast_1d(np.asarray(phase, dtype=float)))
+        """The continuous curve: q (n, k) at phases (k,), of any turn. Raises ValueOutOfBoundsError for NaN
+        and infinite ones."""
+        return self.curve(_finite(np.atleast_1d(np.asarray(phase, dtype=float))))
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        q, v, a = (self.curve(phase, derivative) for derivative in range(3))
+        """q, q̇ and q̈ (n, k) at phases (k,). Raises ValueOutOfBoundsError for NaN and infinite ones."""
+        q, v, a = (self.curve(_finite(phase), derivative) for derivative in range(3))
         return q, self.speed * v, self.speed**2 * a
 
     @cached_property
@@ -342,3 +344,9 @@ class Orbit(Stability, Turn):
     def _beside(self, quasi_static: bool) -> Callable[[str, Array], Array | None]:
         """From a quantity and phases (k,) to the values (k,) that are drawn beside."""
         return lambda name, phase: self.quasi_static.signal(name)(phase) if quasi_static else None
+
+
+def _finite(phase: Array) -> Array:
+    if not np.isfinite(phase).all():
+        raise ValueOutOfBoundsError("a phase is NaN or infinite; give finite angles in rad")
+    return phase

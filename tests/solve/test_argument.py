@@ -71,6 +71,8 @@ REFUSED = {
     "no harmonics above the mean were kept": lambda: solve.sweep(
         plane(), 2.0, spectra="q1", harmonics=0
     ).waterfall("q1"),
+    "a phase is NaN": lambda: solve.periodic(plane(), 2.0).at(np.array([0.0, np.nan])),
+    "a phase is NaN or infinite; give": lambda: solve.periodic(plane(), 2.0).state(np.array([np.inf])),
     "start has 2 coordinates; cam has 3": lambda: solve.nonlinear(
         solve.load("cam"), "100 rpm", solve.periodic(plane(), 2.0)
     ),
