@@ -117,11 +117,11 @@ class Motion:
         self, phase: Array, speed: Array | float, acceleration: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), Ω, one or (m, 1), in rad/s, Ω̇ in rad/s²."""
-        positions = Positions(self.beams, phase)
+        positions, damping = self._at_any_speed(phase)
         rate, second = self.rates_in_time(phase, speed, acceleration)
         M, K = positions.matrices()
         d = inertia_load(positions, rate, second)
-        C = self._damping(phase) + self.beams.dashpots
+        C = damping + self.beams.dashpots
         axial = self.axial_forces(positions, K, d) if self.stiffening == "on" else None
         if self.terms == "full":
             first, turned, squared = (each[..., None] * positions.terms for each in (rate, second, rate**2))
@@ -176,6 +176,21 @@ class Motion:
         phase = np.linspace(0.0, self.period, _POSITIONS, endpoint=False)
         forces = self.unit_axial_forces(Positions(self.beams, phase))
         return phase, np.stack([-each.min(axis=1) for each in forces], axis=1)
+
+    def _at_any_speed(self, phase: Array) -> tuple[Positions, Array]:
+        """The rigid positions and the damping by ratio (m, n, n), kept for the phases that were asked for
+        last: those of one grid are wanted at one speed after another."""
+        key = phase.tobytes()
+        found = self._kept.get(key)
+        if found is None:
+            found = Positions(self.beams, phase), self._damping(phase)
+            self._kept.clear()
+            self._kept[key] = found
+        return found
+
+    @cached_property
+    def _kept(self) -> dict[bytes, tuple[Positions, Array]]:
+        return {}
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
