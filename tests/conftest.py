@@ -40,6 +40,7 @@ if sys.dont_write_bytecode and not os.path.exists(pytest.__spec__.cached):
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _NOBODY = {"user": 65534, "group": 65534, "extra_groups": []}
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 _CHECKOUT = Path(__file__).resolve().parents[1]
 _DROP_CAPABILITY, _PASS_OVER_RIGHTS = 24, (1, 2)
 
@@ -59,6 +60,21 @@ def pytest_collection():
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    """Every other process reads folders backwards, so that in a fresh clone no two compile the same modules
+    at the same time: one finds what the other has compiled."""
+    report = yield
+    if isinstance(collector, pytest.Directory) and _WORKER % 2:
+        report.result.reverse()
+    return report
+
+
+def pytest_collection_modifyitems(items):
+    """The same order in all processes again, which have to agree on it."""
+    items.sort(key=lambda item: item.path.parts)
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from solve.arrays import Array, across
 from solve.batch.family import Family
 from solve.kernel.engines import NUMPY
 from solve.period.grid import pieces
+from solve.period.multipliers import EPS
 from solve.period.points import Tables
 
 _MOST_TERMS = 10
@@ -126,7 +127,8 @@ class Separation:
         predicted = Tables(self.table(checks), coefficients, self.entry, self.n).entries()
         error = across(np.maximum, np.abs(samples[:, -len(checks) :] - predicted), 1)
         largest = across(np.maximum, np.abs(samples), 1)
-        return coefficients, across(np.logical_and, (error <= _FITS * largest) & np.isfinite(largest))
+        allowed = _FITS * largest + EPS * _scales(largest, self.n)
+        return coefficients, across(np.logical_and, (error <= allowed) & np.isfinite(largest))
 
 
 @dataclass(frozen=True)
@@ -197,6 +199,20 @@ def training(points: Array) -> Array:
     others = np.linspace(0, len(points) - 1, _TRAINING_POINTS).astype(int)
     scattered = np.random.default_rng(0).integers(0, len(points), _TRAINING_POINTS)
     return points[np.unique([*extremes, *others, *scattered])]
+
+
+def _scales(largest: Array, n: int) -> Array:
+    """The largest entry of M, C, K or d (P, E) that each of theirs stands for in coordinates whose inertias
+    are alike: that times the smallest unit of rounding is what sums that cancel leave of it."""
+    units = np.sqrt(largest[:, : n * n : n + 1])
+    both = (units[:, :, None] * units[:, None, :]).reshape(len(largest), -1)
+    ends = np.arange(n * n, 3 * n * n + 1, n * n)
+    scales = []
+    for part, unit in zip(np.split(largest, ends, axis=1), (both, both, both, units), strict=True):
+        with np.errstate(invalid="ignore"):
+            alike = np.divide(part, unit, out=np.zeros_like(part), where=unit > 0)
+        scales.append(alike.max(axis=1, keepdims=True) * unit)
+    return np.concatenate(scales, axis=1)
 
 
 def _pivots(samples: Array) -> tuple[Array, Array, Array]:

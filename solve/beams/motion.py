@@ -12,7 +12,8 @@ and from dashpots to the ground.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -21,6 +22,23 @@ from solve.beams.assembly import Beams, Positions
 from solve.beams.elements import AXIAL, HELD
 from solve.model.modes import lowest_frequencies, modal_damping
 from solve.trigonometric import interpolated
+
+Value = TypeVar("Value")
+
+
+class Latest(Generic[Value]):
+    """A function of phases (m,) that keeps what it gave last, which is not to be changed: the phases of one
+    grid are asked for at one speed after another."""
+
+    def __init__(self, function: Callable[[Array], Value]):
+        self._function = function
+        self._kept: tuple[bytes, Value] | None = None
+
+    def __call__(self, phase: Array) -> Value:
+        key, kept = phase.tobytes(), self._kept
+        if kept is None or kept[0] != key:
+            kept = self._kept = key, self._function(phase)
+        return kept[1]
 
 
 def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:
@@ -117,7 +135,7 @@ class Motion:
         self, phase: Array, speed: Array | float, acceleration: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), Ω, one or (m, 1), in rad/s, Ω̇ in rad/s²."""
-        positions = Positions(self.beams, phase)
+        positions = self._positions(phase)
         rate, second = self.rates_in_time(phase, speed, acceleration)
         M, K = positions.matrices()
         d = inertia_load(positions, rate, second)
@@ -178,8 +196,12 @@ class Motion:
         return phase, np.stack([-each.min(axis=1) for each in forces], axis=1)
 
     @cached_property
-    def _damping(self) -> Callable[[Array], Array]:
-        return _DAMPING[self.damping](self.beams, self.period)
+    def _positions(self) -> "Latest[Positions]":
+        return Latest(partial(Positions, self.beams))
+
+    @cached_property
+    def _damping(self) -> "Latest[Array]":
+        return Latest(_DAMPING[self.damping](self.beams, self.period))
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:

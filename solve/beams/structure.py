@@ -11,7 +11,7 @@ from solve.arrays import Array, Asked, Plane
 from solve.beams.assembly import Beams, Positions, Properties
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frozen import lowest, shapes
-from solve.beams.motion import Motion, State
+from solve.beams.motion import Latest, Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
 from solve.contracts import DrawnLink, Matrices, ModeShape
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
@@ -77,14 +77,14 @@ class Kinematics:
         return rate, second
 
     @cached_property
-    def _angles(self) -> Sampler:
+    def _angles(self) -> Latest[Array]:
         import casadi
 
         phase = casadi.SX.sym("phase")  # pyright: ignore[reportAttributeAccessIssue]
         angle = self._properties(phase=phase, p=self._p)["angle"]
         rate = casadi.jacobian(angle, phase)
         rows = map(casadi.densify, (angle, rate, casadi.jacobian(rate, phase)))
-        return Sampler(casadi.Function("angles", [phase], [casadi.vertcat(*rows)]))
+        return Latest(Sampler(casadi.Function("angles", [phase], [casadi.vertcat(*rows)])))
 
 
 class StructureModel(Model):

@@ -10,7 +10,6 @@ from functools import cache, cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag as block_diagonal
 
 from solve.arrays import Array
 from solve.contracts import Dependence
@@ -203,6 +202,9 @@ def _parted(
             continue
         # Those with the same samples, and all extrema, go together.
         alone.setdefault(0 if each.fractions is None else id(each.fractions), []).append((each, columns))
+    # Read late: it takes longer than all that a command without solutions does.
+    from scipy.linalg import block_diag as block_diagonal
+
     for group in alone.values():
         weights = [each.weights for each, _ in group]
         fractions = group[0][0].fractions

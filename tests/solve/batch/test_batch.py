@@ -122,6 +122,26 @@ def test_a_point_unlike_those_learnt_from_is_found_out():
     assert fits.tolist() == [True, False]
 
 
+def test_rounding_is_represented_and_what_is_small_by_its_unit_is_not_rounding():
+    """A load of cancelling sums, in a coordinate whose unit is large."""
+    unit = 1e-9
+
+    def build(kink, size):
+        def matrices(phase, _):
+            one = np.ones((len(phase), 1, 1))
+            M = one * np.diag([1.0, unit**2])
+            rounding = (size * np.sin(phase)) ** 2 + (size * np.cos(phase)) ** 2 - size**2
+            d = np.stack((np.cos(phase), unit * (rounding + kink * np.cos(3 * phase))), axis=1)
+            return M, 0.1 * M, 4 * M, d
+
+        return systems.system(matrices, 2)
+
+    points = np.column_stack((np.zeros(50), np.linspace(1, 2, 50)))
+    family = BuiltFamily(build, ["kink", "size"], points, 1.0)
+    _, fits = Separation(family, points, 2 * np.pi, 2).coefficients(np.array([[0.0, 1.51], [1e-12, 1.51]]))
+    assert fits.tolist() == [True, False]
+
+
 def kinked(kink, delta):
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
