@@ -200,7 +200,7 @@ class Motion:
         return Latest(partial(Positions, self.beams))
 
     @cached_property
-    def _damping(self) -> "Latest[Array]":
+    def _damping(self) -> Callable[[Array], Array]:
         return Latest(_DAMPING[self.damping](self.beams, self.period))
 
     @cached_property

@@ -255,9 +255,7 @@ class Figures:
         """Of a figure. Raises NoDerivativeError."""
         name, figure = asked.subject, asked.figure
         self.settle([asked])
-        if not (
-            (name, figure) in self._settled if figure in _WAYS else np.isfinite(self._sampled(name)).all()
-        ):
+        if not ((name, figure) in self._settled if figure in _WAYS else self._finite(name)):
             raise NoDerivativeError(f"{name} is no finite number at some phases: it has no derivatives")
         if figure in _WAYS:
             return self._of_extremum(asked)
@@ -306,11 +304,14 @@ class Figures:
             (nodes[:-1, None] + width * fractions).ravel(), (width * weights / period).ravel(), fractions
         )
 
+    def _finite(self, name: str) -> bool:
+        return bool(np.isfinite(self._sampled(name)).all())
+
     def settle(self, asked: Sequence[Named]) -> None:
         """Find the extrema that are asked for, all together."""
         wanted = dict.fromkeys((each.subject, each.figure) for each in asked if each.figure in _WAYS)
         new = [pair for pair in wanted if pair not in self._settled]
-        pairs = [pair for pair in new if pair in self._starts or np.isfinite(self._sampled(pair[0])).all()]
+        pairs = [pair for pair in new if pair in self._starts or self._finite(pair[0])]
         if not pairs:
             return
         known = [self._starts.get(pair) or self._promising(*pair) for pair in pairs]
