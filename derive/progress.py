@@ -171,11 +171,11 @@ def part(what: str, parts: float = 1) -> Iterator[None]:
     counting.add(parts)
 
 
-def foreseen(what: str, done: float, total: float) -> None:
+def foreseen(what: str, done: float, total: Callable[[], float]) -> None:
     """For the innermost stage, if it counts these: what is done, and the total as it is foreseen now."""
     counting = _counting(what)
     if counting is not None:
-        counting.total, counting.done = max(total, done), done
+        counting.total, counting.done = max(total(), done), done
         counting.add(0)
 
 

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "1d899e825888a20886661d6f6735966dd73b7bf4f9c9711c41a72408b3eb0ff7"
+DERIVE_SHA256 = "ae11de894b2ffb0310300886210563669ddd957a5ec70c724672ab7bd1ac5c97"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ec52b7920e497b0616a05dab9f71e57ee1dfa8215017e4b1bb20a9d9ba8fa7b8"
+FILE_SHA256 = "4b109053d5588421b569742ed46d498199ffc3071d3dbef8f1a78fd44bfcc775"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -355,7 +355,7 @@ of_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 
 
 def _checked_period(period: float) -> float:
-    if not (isinstance(period, int | float | np.number) and math.isfinite(period) and period > 0):
+    if isinstance(period, str) or not (math.isfinite(period) and period > 0):
         raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
     return float(period)
 

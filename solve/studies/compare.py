@@ -62,9 +62,10 @@ def compare(
     """
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
-    for count in steps or []:
+    given = [] if steps is None else list(steps)
+    for count in given:
         require_whole("steps", count)
-    if not targets:
+    if len(targets) == 0:
         raise ValueOutOfBoundsError("targets are empty; give one error at least, such as 1e-3")
     goals = sorted((checked_rtol(target) for target in targets), reverse=True)
     named = [methods] if isinstance(methods, str) else methods
@@ -74,7 +75,7 @@ def compare(
     judged_by = ORBIT if reference.q.any() else MULTIPLIERS
     finest = max(_BEYOND * min(goals), 10 * max(reference.error_estimate))
     rows, measured = [], []
-    counts = steps or usual_steps(system, omega)
+    counts = given or usual_steps(system, omega)
     with stage("methods", len(rules)):
         for rule in rules:
             run = _AgainstReference(reference, rule, judged_by)

@@ -85,6 +85,6 @@ def test_what_is_of_another_kind_is_refused(words):
         REFUSED[words]()
 
 
-def test_one_method_may_be_a_text():
-    rows = solve.compare(plane(), 2.0, "gauss", [20], [0.1]).rows
+def test_one_method_may_be_a_text_and_numbers_arrays():
+    rows = solve.compare(plane(), 2.0, "gauss", np.array([20]), np.array([0.1])).rows
     assert {row.method for row in rows} == {"gauss"}
