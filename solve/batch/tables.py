@@ -127,7 +127,9 @@ class Separation:
         predicted = Tables(self.table(checks), coefficients, self.entry, self.n).entries()
         error = across(np.maximum, np.abs(samples[:, -len(checks) :] - predicted), 1)
         largest = across(np.maximum, np.abs(samples), 1)
-        allowed = _FITS * largest + EPS * _scales(largest, self.n)
+        allowed = _FITS * largest
+        if (error > allowed).any():
+            allowed += EPS * _scales(largest, self.n)
         return coefficients, across(np.logical_and, (error <= allowed) & np.isfinite(largest))
 
 
