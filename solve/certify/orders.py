@@ -4,6 +4,7 @@ A smooth system has orders over its period; one with jumps has orders over each 
 those of Chebyshev's polynomials: either way even samples on a circle give them.
 """
 
+import weakref
 from collections.abc import Callable
 
 import numpy as np
@@ -76,22 +77,48 @@ def _beyond(points: Points, steps: int, angle: float, most: float = 1.0) -> Arra
 
     def sizes(samples: Array) -> tuple[Array, Array]:
         """Largest order, and the sum of those not seen, of samples (…, k, m): (…, m) each."""
-        found = [np.abs(np.fft.rfft(part, axis=-2, norm="forward")) for part in np.split(samples, ends, -2)]
-        largest = np.max([each.max(axis=-2) for each in found], axis=0)
-        sums = [each[..., last + 1 :, :].sum(axis=-2) for each, last in zip(found, seen, strict=True)]
-        return largest, np.max(sums, axis=0)
+        return _largest_and_sums(_orders(samples, ends), seen)
 
     own = points.bytes_a_phase
     fit = max(1, _MEMORY // (len(phases) * max(own, 8 * (3 * points.n**2 + points.n))))
     if len(points) <= fit or not own:
         tables = points.tables(phases)
-        largest, rest = sizes(tables.table)
+        largest, rest = _largest_and_sums(_latest(tables.table, ends), seen)
         if (rest <= 64 * EPS * largest).all():
             return np.zeros((len(points), 2))
         if len(points) <= fit:
             return _parts(parted(tables.entries(), points.n), sizes)
     split = np.array_split(np.arange(len(points)), -(-len(points) // fit))
     return np.concatenate([_beyond(points[some], steps, angle, most) for some in split])
+
+
+def _orders(samples: Array, ends: Array) -> list[Array]:
+    """Moduli of the orders (…, k', m) of each part of samples (…, k, m), parted at `ends`."""
+    return [np.abs(np.fft.rfft(part, axis=-2, norm="forward")) for part in np.split(samples, ends, -2)]
+
+
+class _Latest:
+    """`_orders` of the last table, which a model keeps for its next solutions."""
+
+    def __init__(self) -> None:
+        self._kept: tuple[weakref.ref[Array], list[Array]] | None = None
+
+    def __call__(self, table: Array, ends: Array) -> list[Array]:
+        kept = self._kept
+        if kept is None or kept[0]() is not table:
+            kept = self._kept = weakref.ref(table), _orders(table, ends)
+        return kept[1]
+
+
+_latest = _Latest()
+
+
+def _largest_and_sums(orders: list[Array], seen: list[int]) -> tuple[Array, Array]:
+    """Of each part the largest order, and the sum of those beyond the last that is seen, (…, m); the larger
+    of the parts."""
+    largest = np.max([each.max(axis=-2) for each in orders], axis=0)
+    sums = [each[..., last + 1 :, :].sum(axis=-2) for each, last in zip(orders, seen, strict=True)]
+    return largest, np.max(sums, axis=0)
 
 
 def _circles(points: Points, steps: int, angle: float) -> list[tuple[Array, int]]:

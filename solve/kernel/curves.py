@@ -1,6 +1,7 @@
 """How far apart curves are, in compiled code."""
 
 import ctypes
+from functools import lru_cache
 
 import numpy as np
 
@@ -48,6 +49,7 @@ def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[A
     return None if library.differences(ctypes.byref(problem)) else (apart, largest)
 
 
+@lru_cache
 def _powers(samples: int, D: int) -> Array:
     """Of θ (D, MOST) at the samples of a step; any behind these."""
     return (np.arange(MOST) / samples) ** np.arange(D)[:, None]

@@ -97,7 +97,7 @@ def run(
     Raises CompilerError, MemoryError.
     """
     indices = np.ascontiguousarray(np.zeros(1) if entry is None else entry, dtype=np.intc)
-    pointers = {name: part.__array_interface__["data"][0] for name, part in arrays.items()}
+    pointers = {name: part.ctypes.data for name, part in arrays.items()}
     problem = _Problem(entry=indices.ctypes.data, **pointers, **numbers)
     if getattr(library(size), kernel)(ctypes.byref(problem)):
         raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")

@@ -67,7 +67,8 @@ class Frozen:
                 determinant *= M[k, k]
                 for i in range(k + 1, self._n):
                     M[i, k + 1 :] -= M[i, k] / M[k, k] * M[k, k + 1 :]
-            usual = np.median(determinant, axis=1, keepdims=True)
+            middle = determinant.shape[1] // 2
+            usual = np.partition(determinant, middle, axis=1)[:, [middle]]
             return np.asarray((determinant * np.sign(usual) > part * np.abs(usual)).all(axis=1))
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:

@@ -6,22 +6,32 @@ from collections.abc import Callable
 from typing import TypeVar
 
 REPEATS = 5
+WARM = 0.2
 
 Result = TypeVar("Result")
 
 
 def median(run: Callable[[], Result], repeats: int = REPEATS) -> tuple[float, Result]:
-    """Median time in seconds, after one run to warm up unless a single one is asked for, and the last
-    result."""
-    if repeats > 1:
-        run()
-    times = []
+    """Median time in seconds of so many runs, and the last result. Unless a single run is asked for, others
+    warm up before, and short ones go on until WARM seconds have passed: ten of a few milliseconds pass before
+    the interpreter and the caches are warm."""
+    if repeats == 1:
+        start = time.process_time()
+        result = run()
+        return time.process_time() - start, result
+    _times(run, 1)
+    times, result = _times(run, repeats)
+    return statistics.median(times), result
+
+
+def _times(run: Callable[[], Result], repeats: int) -> tuple[list[float], Result]:
+    times: list[float] = []
     while True:
         start = time.process_time()
         result = run()
         times.append(time.process_time() - start)
-        if len(times) == repeats:
-            return statistics.median(times), result
+        if len(times) >= repeats and sum(times) >= WARM:
+            return times, result
 
 
 def best(run: Callable[[], object], repeats: int = REPEATS) -> float:
