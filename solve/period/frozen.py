@@ -61,7 +61,7 @@ class Frozen:
             if steady.all():
                 return steady
         M = self._fields[: self._n**2].reshape(self._n, self._n, *self._fields.shape[1:]).copy()
-        determinant = np.ones(M.shape[2:])
+        determinant: Array = np.ones(M.shape[2:])
         with np.errstate(all="ignore"):
             for k in range(self._n):
                 determinant *= M[k, k]
