@@ -52,7 +52,6 @@ called = {
     "sensitivities": solve.sensitivities(cam, "600 rpm", "q1.max_abs", "k1", **rough),
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
     "floquet": solve.floquet(mathieu, 1.0, **rough),
-    "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
     "export": solve.export(cam, tempfile.mkdtemp() + "/cam.c"),
     "state_space": solve.state_space(cam, "600 rpm"),
     "harmonic_transfer": solve.harmonic_transfer(mathieu, 1.0),
