@@ -4,7 +4,7 @@ An entry is one of those of Ω²M, ΩC, K by rows and d, the matrices of derivat
 3n² + n of them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -118,12 +118,11 @@ class Points(Protocol):
 
 
 @dataclass(frozen=True)
-class OnePoint:
-    """A system at a speed (rad/s)."""
+class _OfSystem:
+    """Points of one system."""
 
     system: PeriodicSystem
-    speed: float
-    bytes_a_phase: int = 0
+    bytes_a_phase: int = field(default=0, init=False)
 
     @property
     def n(self) -> int:
@@ -136,6 +135,13 @@ class OnePoint:
     @property
     def breaks(self) -> tuple[float, ...]:
         return self.system.breaks
+
+
+@dataclass(frozen=True)
+class OnePoint(_OfSystem):
+    """A system at a speed (rad/s)."""
+
+    speed: float
 
     def __len__(self) -> int:
         return 1
@@ -151,24 +157,10 @@ class OnePoint:
 
 
 @dataclass(frozen=True)
-class AtSpeeds:
+class AtSpeeds(_OfSystem):
     """A system whose entries are sums of terms, at speeds (P,) in rad/s."""
 
-    system: PeriodicSystem
     speeds: Array
-    bytes_a_phase: int = 0
-
-    @property
-    def n(self) -> int:
-        return self.system.n
-
-    @property
-    def period(self) -> float:
-        return self.system.period
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return self.system.breaks
 
     def __len__(self) -> int:
         return len(self.speeds)
