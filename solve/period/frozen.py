@@ -17,8 +17,8 @@ _ITERATIONS = 6
 _NULL = 12 * EPS
 """Remainder of an equation whose largest coefficient is about 1 that counts as rounding."""
 
-_FEW = 8
-"""One phase in so many tells the sizes of entries."""
+_LOOKS = 16
+"""Phases, about, that tell the sizes of entries."""
 
 _ALIKE = 64.0
 """Ratio of two rows, or of two entries of a column, that costs elimination few digits."""
@@ -86,7 +86,8 @@ class Frozen:
     def equation_factors(self) -> Array | None:
         """Powers of 2 (P, n) that make the inertias in all equations alike, in balanced units of the
         coordinates; 1 for points whose rows differ little. None where they are 1 for all."""
-        sizes = np.abs(self._matrices[..., ::_FEW]).max(axis=-1)
+        entries = self._matrices
+        sizes = np.abs(entries[..., :: max(1, entries.shape[-1] // _LOOKS)]).max(axis=-1)
         own = np.einsum("aiip->aip", sizes)
         alike = sizes <= _ALIKE * (own + own[:1])[:, None]
         if self._n == 1 or alike.all():
