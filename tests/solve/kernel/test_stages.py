@@ -72,7 +72,7 @@ def test_units_of_equations_cost_no_digit(engine):
         (again.solved(unit) * every, found.solved(unit)),
         (again.pulled(unit) * every[:, None], found.pulled(unit)),
     ):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-13 * np.abs(other).max())
+        np.testing.assert_allclose(one, other, rtol=0, atol=5e-15 * np.abs(other).max())
 
 
 def test_many_accelerations_are_left_to_lapack():
