@@ -255,6 +255,15 @@ def test_units_of_equations_and_coordinates_cost_no_digit(in_units, method, engi
     assert again.steps == found.steps
 
 
+@pytest.mark.parametrize("method", ["fourier", "hill"])
+def test_units_cost_no_digit_of_balanced_harmonics(in_units, method):
+    given, other, columns = in_units
+    found, again = (periodic(each, 1.0, method, steps=21) for each in (given, other))
+    phase = np.linspace(0.0, 2 * np.pi, 50)
+    truth, q = found.at(phase), columns[:, None] * again.at(phase)
+    assert (np.abs(q - truth).max(axis=1) <= 1e-13 * np.abs(truth).max(axis=1)).all()
+
+
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 def test_units_cost_no_digit_of_small_multipliers(in_units, engine):
     found, again = (
