@@ -93,12 +93,14 @@ class Frozen:
         if self._n == 1 or alike.all():
             return None
         at = np.flatnonzero(~alike.all(axis=(0, 1, 2)))
-        coupling, rows = self[at]._coupling[0], np.moveaxis(sizes[0][..., at], -1, 0)
-        sound = np.isfinite(coupling).all(axis=(1, 2)) & (rows.max(axis=2) > 0).all(axis=1)
-        at, coupling, rows = at[sound], coupling[sound], rows[sound]
-        exponents = -np.round(np.log2((rows * scaled_alike(coupling)[1][:, None]).max(axis=2)))
-        exponents -= exponents.max(axis=1, keepdims=True)
-        apart = exponents.min(axis=1) < -np.log2(_ALIKE)
+        coupling = self[at]._coupling[0]
+        sound = np.isfinite(coupling).all(axis=(1, 2))
+        at, units = at[sound], scaled_alike(coupling[sound])[1]
+        with np.errstate(all="ignore"):
+            inertia = np.moveaxis(sizes[0][..., at], -1, 0) * units[:, None]
+            exponents = -np.round(np.log2(inertia.max(axis=2)))
+            exponents -= exponents.max(axis=1, keepdims=True)
+        apart = np.isfinite(exponents).all(axis=1) & (exponents.min(axis=1) < -np.log2(_ALIKE))
         factors = np.ones((len(self), self._n))
         factors[at[apart]] = np.exp2(exponents[apart])
         return factors if apart.any() else None
