@@ -374,7 +374,12 @@ def require_inertia(M: Array) -> None:
     diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))
     diagonal[diagonal == 0.0] = 1.0
     scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
-    if np.linalg.cond(scaled).max() > 0.1 / _EPS:
+    singular = np.linalg.cond(scaled) > 0.1 / _EPS
+    # Equations need not be in the units that an energy of the coordinates would give them.
+    for axis in (2, 1, 2, 1) if singular.any() else ():
+        largest = np.abs(scaled).max(axis=axis, keepdims=True)
+        scaled = scaled / np.where(largest > 0, largest, 1.0)
+    if singular.any() and np.linalg.cond(scaled).max() > 0.1 / _EPS:
         raise MatricesError(
             "M is singular: some coordinate has no inertia; give every coordinate a mass, "
             "or leave a massless coordinate out"

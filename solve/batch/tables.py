@@ -140,6 +140,7 @@ class Separated:
     separation: Separation
     coefficients: Array
     bytes_a_phase: int = 0
+    alone: bool = False
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -172,6 +173,7 @@ class Sampled:
     points: Array
     engine: str = NUMPY
     breaks: tuple[float, ...] = ()
+    alone: bool = False
 
     @property
     def n(self) -> int:

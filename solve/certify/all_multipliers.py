@@ -13,9 +13,10 @@ from solve.certify.certified import Certified, Request
 from solve.errors import StepsError
 from solve.methods.method import Method, OneStep, Solutions
 from solve.period.floquet_modes import FloquetMode, floquet_modes
+from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import matched
-from solve.period.points import OnePoint, matrices
+from solve.period.points import OnePoint, Points, matrices
 from solve.period.product_eigenvalues import (
     Blocks,
     ProductEigenvalues,
@@ -141,7 +142,11 @@ class Spectrum:
         """Those whose steps tell the modes."""
         if self.refined is None or self._work(self.refined.steps) > _WITH_MODES:
             return self.certified.solutions
-        return _solutions(self.point, self.certified.method, self.certified.request, self.refined.steps)
+        return _solutions(self._equations, self.certified.method, self.certified.request, self.refined.steps)
+
+    @property
+    def _equations(self) -> Points:
+        return balanced(self.point, self.certified.modes)
 
     def _work(self, steps: int) -> float:
         return steps * (2 * self.point.n) ** 2
@@ -179,7 +184,7 @@ class Spectrum:
         if digits.all() or not self._factors_serve or not certified.errors[0, 1] < _NO_DIGIT:
             return logarithms, errors
         own, order = self._factored[1], self._order
-        finer = _on_steps(self.point, certified.method, certified.request, 2 * certified.steps)
+        finer = _on_steps(self._equations, certified.method, certified.request, 2 * certified.steps)
         small = _known(_errors(finer.logarithms[0], own))
         return np.where(digits, logarithms, own.logarithms[0][order]), np.where(digits, errors, small[order])
 
@@ -213,11 +218,11 @@ def checked_maps(method: Method) -> None:
 def refined(point: OnePoint, method: Method, request: Request, steps: int) -> Refined:
     """Multipliers on `steps` and as many more as bring the error of each to `rtol`; fewer where twice the
     steps gain nothing or take too long. With steps of the request's own: on twice as many."""
-    most = _MOST / (2 * point.n) ** 2
-    coarse, before = _on_steps(point, method, request, steps), math.inf
+    most, points = _MOST / (2 * point.n) ** 2, balanced(point, frozen(point))
+    coarse, before = _on_steps(points, method, request, steps), math.inf
     while True:
         steps *= 2
-        fine = _on_steps(point, method, request, steps)
+        fine = _on_steps(points, method, request, steps)
         errors = _errors(coarse.logarithms[0], fine)
         largest = float(errors.max())
         done = largest <= request.rtol or request.steps is not None
@@ -226,7 +231,7 @@ def refined(point: OnePoint, method: Method, request: Request, steps: int) -> Re
         coarse, before = fine, largest if largest < _NO_DIGIT else math.inf
 
 
-def _solutions(point: OnePoint, method: Method, request: Request, steps: int) -> Solutions:
+def _solutions(point: Points, method: Method, request: Request, steps: int) -> Solutions:
     grid = Grid.uniform(steps, point.period, point.breaks)
     solutions = method.solutions(point, grid, False, request.engine)
     for reason in solutions.failures.values():
@@ -239,7 +244,7 @@ def _blocks(solutions: Solutions) -> Blocks:
     return balanced_blocks(solutions.steps.A)
 
 
-def _on_steps(point: OnePoint, method: Method, request: Request, steps: int) -> ProductEigenvalues:
+def _on_steps(point: Points, method: Method, request: Request, steps: int) -> ProductEigenvalues:
     """Multipliers from the factors on so many steps, which are taken in parts where memory asks for it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     parts = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)

@@ -8,7 +8,7 @@ from solve.contracts import Motion
 from solve.kernel.formulas import columns_by
 from solve.methods.method import Method, Solutions
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
+from solve.period.points import Multiplied, OnePoint
 from solve.system import PeriodicSystem
 
 _COMPARED = 4
@@ -16,12 +16,19 @@ _COMPARED = 4
 
 
 def corrected(
-    system: PeriodicSystem, motion: Motion, speed: float, method: Method, grid: Grid, engine: str
+    system: PeriodicSystem,
+    motion: Motion,
+    speed: float,
+    method: Method,
+    grid: Grid,
+    engine: str,
+    factors: Array | None = None,
 ) -> Solutions:
     """The next iterate after a motion, on a grid over the motion's period: what solves the system linearised
-    along the motion. Raises SolveError where that has no solution, LinearModelError for linear systems."""
-    along = system.along(motion, columns_by(engine))
-    found = method.solutions(OnePoint(along, speed), grid, True, engine)
+    along the motion, its equations multiplied by factors (1, n). Raises SolveError where that has no
+    solution, LinearModelError for linear systems."""
+    point = OnePoint(system.along(motion, columns_by(engine)), speed)
+    found = method.solutions(point if factors is None else Multiplied(point, factors), grid, True, engine)
     for reason in found.failures.values():
         raise reason
     return found

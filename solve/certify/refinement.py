@@ -37,7 +37,7 @@ from solve.certify.pace import (
 )
 from solve.errors import StepsError
 from solve.methods.method import Method, Solutions, no_orbit
-from solve.period.frozen import Frozen, frozen
+from solve.period.frozen import Frozen, balanced, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, Multipliers, roughly
 from solve.period.points import Points
@@ -120,6 +120,11 @@ class Refinement:
         """Frozen ones of all points."""
         return frozen(self.points)
 
+    @cached_property
+    def _equations(self) -> Points:
+        """The points as the method solves them."""
+        return balanced(self.points, self.modes)
+
     def burdens(self, positions: Array) -> Burdens:
         """What acts on the coordinates of points at the positions (k,)."""
         return lambda at, sizes: self.modes[positions[at]].burdens(sizes)
@@ -148,7 +153,7 @@ class Refinement:
 
     def solved(self, steps: int, positions: Array) -> Solutions:
         """Those of the points at the positions (k,) on that many steps."""
-        points = self.points if len(positions) == len(self.points) else self.points[positions]
+        points = self._equations if len(positions) == len(self.points) else self._equations[positions]
         grid = Grid.uniform(steps, points.period, points.breaks)
         with stage(f"{self.method.name} on {steps} steps"):
             return self.method.solutions(points, grid, self.request.orbit, self.request.engine)

@@ -1,6 +1,7 @@
 """The steps of a turn by collocation, their stage systems solved once for any loads, and the chain that they
 make, in compiled code or in NumPy."""
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -12,8 +13,12 @@ from solve.kernel.engines import COMPILED
 from solve.kernel.stages import factorised
 from solve.methods.collocation import Collocation
 from solve.methods.method import no_orbit
+from solve.period.frozen import Frozen
 from solve.period.period_map import SINGULAR, Steps, periodic_states, states_from
 from solve.period.points import Tables, parted
+
+_LOOKS = 16
+"""Phases, about, that tell in which units the equations are."""
 
 
 class Stages(Protocol):
@@ -45,9 +50,31 @@ class InvertedStages:
         return self._inverse.swapaxes(1, 2) @ weights
 
 
+class MultipliedStages:
+    """The same of stage systems in which the equations are multiplied by factors (n,)."""
+
+    def __init__(self, systems: Stages, factors: Array):
+        self.by_state, self.maps, self._systems = systems.by_state, systems.maps, systems
+        self._factors = np.tile(factors, self.by_state.shape[1] // len(factors))[:, None]
+
+    def solved(self, loads: Array) -> Array:
+        return self._systems.solved(self._factors * loads)
+
+    def pulled(self, weights: Array) -> Array:
+        return self._factors * self._systems.pulled(weights)
+
+
 def stages(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> Stages:
     """Of steps of lengths h (m,), from tables at as many phases in each, of which those `at` are the stages.
     Raises MemoryError."""
+    some = tables.table[..., :: max(1, tables.table.shape[-2] // _LOOKS), :]
+    factors = Frozen(replace(tables, table=some), float(h.sum())).equation_factors()
+    if factors is None:
+        return _stages(rule, h, tables, at, engine)
+    return MultipliedStages(_stages(rule, h, tables.multiplied(factors), at, engine), factors[0])
+
+
+def _stages(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> Stages:
     if engine == COMPILED:
         samples = Samples(tables.table, tables.coefficients, tables.entry)
         made = factorised(rule.weights, h, samples, at, tables.n)

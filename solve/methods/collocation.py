@@ -21,7 +21,7 @@ from solve.methods.method import Discretisation, OneStep, Solutions
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
-from solve.period.points import OnePoint, Points, Tables, affine, matrices
+from solve.period.points import Points, Tables, affine, matrices
 from solve.sizes import SMALL
 
 _MEMORY = 2**25
@@ -257,7 +257,7 @@ class Collocated(OneStep):
             nodes = _samples(points.tables(grid.nodes[:-1]))
         h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
         # One of many takes the lanes of these, so that its numbers do not depend on how they are parted.
-        alone = len(points) == 1 and (stages.own or isinstance(points, OnePoint))
+        alone = len(points) == 1 and (stages.own or points.alone)
         made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
         steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
         if not orbit or made.curves is None or made.condition is None:

@@ -14,6 +14,7 @@ from solve.kernel.engines import NUMPY
 from solve.methods.method import Method, Solutions, no_orbit, one_by_one
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
+from solve.period.multipliers import scaled_alike
 from solve.period.points import Points, matrices, state_rate
 from solve.threads import interruptible
 
@@ -92,8 +93,7 @@ class Fourier(Method):
     def collocated(self, point: Points, phases: Array) -> tuple[Array, float]:
         """q (m, n) at the phases, and the condition number of the linear system.
 
-        Solved for u = q - q″, in units in which the coordinates have inertias alike: the harmonics of q
-        alone would make the condition grow with m².
+        Solved for u = q - q″: the harmonics of q alone would make the condition grow with m².
         """
         m, n = len(phases), point.n
         M, C, K, d = (part[0] for part in matrices(point, phases))
@@ -101,12 +101,20 @@ class Fourier(Method):
         smooth = 1.0 / (1.0 - rates**2)
         parts = zip((M, C, K), (rates**2 * smooth, rates * smooth, smooth), strict=True)
         A = sum(np.einsum("jab,jk->jakb", part, _circulant(symbol)) for part, symbol in parts)
-        unit = 1.0 / np.sqrt(np.abs(np.einsum("jaa->ja", M)).mean(axis=0))
-        matrix = (unit[:, None, None] * A * unit).reshape(m * n, m * n)
-        u, condition = balanced(matrix, (d * unit).ravel())
+        factor, unit = in_balance(np.abs(A).max(axis=(0, 2)))
+        matrix = (factor[:, None, None] * A * unit).reshape(m * n, m * n)
+        u, condition = balanced(matrix, (d * factor).ravel())
         u = u.reshape(m, n)
         q = np.real(np.fft.ifft(smooth[:, None] * np.fft.fft(u, axis=0), axis=0)) * unit
         return q, condition
+
+
+def in_balance(sizes: Array) -> tuple[Array, Array]:
+    """Factors of equations and units of coordinates (n,) in which the coefficients, of such sizes (n, n), are
+    1 on the diagonal and alike beside it."""
+    own = np.where(np.diag(sizes) > 0, np.diag(sizes), 1.0)
+    units = scaled_alike(sizes / own[:, None])[1]
+    return 1.0 / (own * units), units
 
 
 def balanced(matrix: Array, load: Array) -> tuple[Array, float]:

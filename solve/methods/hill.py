@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.methods.fourier import Fourier, balanced, from_exponents
+from solve.methods.fourier import Fourier, balanced, from_exponents, in_balance
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, Points, matrices, state_rate
@@ -46,10 +46,11 @@ class Hill(Fourier):
         rates = 2j * np.pi / point.period * orders
         M, C, K, d = (_spectrum(part[0], 2 * N) for part in matrices(point, _samples(point, 2 * N)))
         smooth, rate = (part[:, None, None] for part in (1.0 / (1.0 - rates**2), rates))
-        M0, (M, C, K) = M[2 * N], (toeplitz(part, orders, orders) for part in (M, C, K))
+        M, C, K = (toeplitz(part, orders, orders) for part in (M, C, K))
         blocks = (K + rate * C + rate**2 * M) * smooth
-        unit = 1.0 / np.sqrt(np.abs(np.diag(M0)))
-        u, condition = balanced(together(unit[:, None] * blocks * unit), (d[N : 3 * N + 1] * unit).ravel())
+        factor, unit = in_balance(np.abs(blocks).max(axis=(0, 1)))
+        matrix = together(factor[:, None] * blocks * unit)
+        u, condition = balanced(matrix, (d[N : 3 * N + 1] * factor).ravel())
         q = (u.reshape(-1, n) * unit * smooth[:, 0])[N:]
         q[1:] *= 2.0
         return FourierCurve(grid.nodes, q.T[None]), condition

@@ -16,7 +16,7 @@ from solve.methods.method import Method, Solutions, one_by_one
 from solve.period.curve import Curve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
-from solve.period.points import OnePoint, Points
+from solve.period.points import Multiplied, OnePoint, Points
 from solve.progress import stage
 from solve.system import PeriodicSystem
 from solve.threads import one_thread
@@ -40,7 +40,7 @@ _COARSE = 256
 @dataclass(frozen=True)
 class Task:
     """The orbit to find: of a system at a speed (rad/s), over so many of its periods, by a method on grids
-    whose corrections end at rtol."""
+    whose corrections end at rtol; factors (1, n): by which equations in far units are multiplied."""
 
     system: PeriodicSystem
     speed: float
@@ -48,6 +48,7 @@ class Task:
     method: Collocated
     engine: str
     rtol: float
+    factors: Array | None = None
 
     def in_words(self, speed: float) -> str:
         """A speed (rad/s)."""
@@ -141,7 +142,7 @@ def on(grid: Grid, motion: Motion) -> Curve:
 
 
 def _corrected(task: Task, curve: Curve, grid: Grid) -> tuple[Solutions, float]:
-    found = corrected(task.system, curve, task.speed, task.method, grid, task.engine)
+    found = corrected(task.system, curve, task.speed, task.method, grid, task.engine, task.factors)
     return found, float(correction(curve, found).max())
 
 
@@ -172,13 +173,15 @@ class Newton(Method):
         return self.task.method.most_steps(n)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = "numpy") -> Solutions:
-        return one_by_one(points, lambda _: self._converged(grid))
+        return one_by_one(points, lambda point: self._converged(point, grid))
 
-    def _converged(self, grid: Grid) -> Solutions:
-        found = self.found
+    def _converged(self, point: Points, grid: Grid) -> Solutions:
+        found, task = self.found, self.task
+        if isinstance(point, Multiplied):
+            found, task = None, replace(task, factors=point.factors)
         try:
             if found is None or not np.array_equal(found.solutions.grid.nodes, grid.nodes):
-                found = iterated(self.task, self.start, grid)
+                found = iterated(task, self.start, grid)
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
                 raise StepsError(str(reason)) from None

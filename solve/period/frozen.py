@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array, solved, whole
 from solve.period.multipliers import EPS, scaled_alike
-from solve.period.points import Points, Tables, parted, rate_of
+from solve.period.points import Multiplied, Points, Tables, parted, rate_of
 
 PHASES = 128
 """At which the coefficients are frozen unless a caller asks for fewer."""
@@ -16,6 +16,12 @@ _ITERATIONS = 6
 
 _NULL = 12 * EPS
 """Remainder of an equation whose largest coefficient is about 1 that counts as rounding."""
+
+_LOOKS = 16
+"""Phases, about, that tell the sizes of entries."""
+
+_ALIKE = 64.0
+"""Ratio of two rows, or of two entries of a column, that costs elimination few digits."""
 
 _RETURNS = 1e-6
 """Relative difference of a state after a period that counts as none."""
@@ -78,13 +84,39 @@ class Frozen:
         entries = self._fields[..., phases].transpose(1, 2, 0)
         return _eigenvalues(rate_of(*parted(entries, self._n))[..., :-1])
 
+    def equation_factors(self) -> Array | None:
+        """Powers of 2 (P, n) that make the inertias in all equations alike, in balanced units of the
+        coordinates; 1 for points whose rows differ little. None where they are 1 for all."""
+        entries = self._matrices
+        sizes = np.abs(entries[..., :: max(1, entries.shape[-1] // _LOOKS)]).max(axis=-1)
+        own = np.einsum("aiip->aip", sizes)
+        alike = sizes <= _ALIKE * (own + own[:1])[:, None]
+        if self._n == 1 or alike.all():
+            return None
+        at = np.flatnonzero(~alike.all(axis=(0, 1, 2)))
+        coupling = self[at]._coupling[0]
+        sound = np.isfinite(coupling).all(axis=(1, 2))
+        at, units = at[sound], scaled_alike(coupling[sound])[1]
+        with np.errstate(all="ignore"):
+            inertia = np.moveaxis(sizes[0][..., at], -1, 0) * units[:, None]
+            exponents = -np.round(np.log2(inertia.max(axis=2)))
+            exponents -= exponents.max(axis=1, keepdims=True)
+        apart = np.isfinite(exponents).all(axis=1) & (exponents.min(axis=1) < -np.log2(_ALIKE))
+        factors = np.ones((len(self), self._n))
+        factors[at[apart]] = np.exp2(exponents[apart])
+        return factors if apart.any() else None
+
+    @property
+    def _coupling(self) -> tuple[Array, Array]:
+        """How strongly the coordinates (P, n, n) and the loads (P, n) drive coordinates."""
+        n = self._n
+        rate = np.abs(rate_of(*parted(np.moveaxis(self._fields, 0, -1), n))[..., n:, :]).mean(axis=1)
+        return rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
+
     def burdens(self, sizes: Array) -> Array:
         """How far all that acts on a coordinate would move it against its own stiffness (P, n): the others,
         as large as `sizes` (P, n), and a load as large as any, in units in which the equations balance."""
-        n = self._n
-        entries = np.moveaxis(self._fields, 0, -1)
-        rate = np.abs(rate_of(*parted(entries, n))[..., n:, :]).mean(axis=1)
-        coupling, load = rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
+        coupling, load = self._coupling
         units = scaled_alike(coupling)[1]
         largest = units * (load / units).max(axis=1, keepdims=True)
         own = 1.0 + np.einsum("pii->pi", coupling)
@@ -206,6 +238,13 @@ def frozen(points: Points, phases: int = PHASES) -> Frozen:
 def _middles(count: int, period: float) -> Array:
     """Of so many equal parts of the period."""
     return (np.arange(count) + 0.5) * (period / count)
+
+
+def balanced(points: Points, modes: Frozen) -> Points:
+    """The points, of which these are the frozen modes, with equations in units that are alike: elimination
+    chooses its pivots by the sizes of rows."""
+    factors = modes.equation_factors()
+    return points if factors is None else Multiplied(points, factors)
 
 
 def surviving(eigenvalues: Array, period: float, limit: float) -> Array:

@@ -35,6 +35,14 @@ class Tables:
         table = self.table[points] if self.own else self.table
         return Tables(table, self.coefficients[points], self.entry, self.n)
 
+    def multiplied(self, factors: Array) -> "Tables":
+        """With the equations multiplied by factors (P, n)."""
+        equation = np.concatenate((np.tile(np.repeat(np.arange(self.n), self.n), 3), np.arange(self.n)))
+        factors = factors[:, equation[self.entry]]
+        if self.own:
+            return Tables(self.table * factors[:, None], self.coefficients, self.entry, self.n)
+        return Tables(self.table, self.coefficients * factors, self.entry, self.n)
+
     @property
     def own(self) -> bool:
         """Whether every point has a table of its own."""
@@ -91,7 +99,8 @@ class Tables:
 class Points(Protocol):
     """Some points: n coordinates each, the period in phase, and breaks, phases where the matrices jump.
 
-    bytes_a_phase: memory that a point's own tables take a phase.
+    bytes_a_phase: memory that a point's own tables take a phase. alone: whether it is one that was never
+    among others.
     """
 
     @property
@@ -105,6 +114,9 @@ class Points(Protocol):
 
     @property
     def bytes_a_phase(self) -> int: ...
+
+    @property
+    def alone(self) -> bool: ...
 
     def __len__(self) -> int: ...
 
@@ -142,6 +154,7 @@ class OnePoint(_OfSystem):
     """A system at a speed (rad/s)."""
 
     speed: float
+    alone: bool = field(default=True, init=False)
 
     def __len__(self) -> int:
         return 1
@@ -161,6 +174,7 @@ class AtSpeeds(_OfSystem):
     """A system whose entries are sums of terms, at speeds (P,) in rad/s."""
 
     speeds: Array
+    alone: bool = field(default=False, init=False)
 
     def __len__(self) -> int:
         return len(self.speeds)
@@ -172,6 +186,24 @@ class AtSpeeds(_OfSystem):
         terms = self.system.terms(phase, self.speeds)
         assert terms is not None
         return Tables(*terms, self.n)
+
+
+class Multiplied:
+    """Points with their equations multiplied by factors (P, n), which changes no solution."""
+
+    def __init__(self, points: Points, factors: Array):
+        self.points, self.factors = points, factors
+        self.n, self.period, self.breaks = points.n, points.period, points.breaks
+        self.bytes_a_phase, self.alone = points.bytes_a_phase, points.alone
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, positions: Array) -> "Multiplied":
+        return Multiplied(self.points[positions], self.factors[positions])
+
+    def tables(self, phase: Array) -> Tables:
+        return self.points.tables(phase).multiplied(self.factors)
 
 
 def matrices(points: Points, phase: Array) -> Matrices:

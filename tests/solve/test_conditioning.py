@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from solve import floquet, periodic
+from solve import floquet, periodic, sweep
 from solve.errors import ResonanceError
-from tests.solve.systems import cam, constant, system
+from tests.solve.systems import cam, constant, random_system, system
 from tests.solve.witnesses import Shooting
 
 METHODS = ["auto", "radau", "gauss"]
@@ -222,3 +222,61 @@ def test_rounding_counts_by_the_size_that_a_tuned_absorber_leaves(detuned, rtol,
     truth = np.real(first * np.exp(1j * phase))
     error = np.abs(orbit.at(phase)[0] - truth).max() / abs(first)
     assert error <= 10 * orbit.error_estimate.orbit
+
+
+FAR = 2.0 ** np.array([-20, 0, 20])
+UNITS = {"as an energy has them": (FAR, FAR), "of equations": (FAR, 1.0), "of both": (FAR, 1 / FAR)}
+"""By what equations and coordinates of three are divided, in powers of 2: entries lose no digit."""
+
+
+@pytest.fixture(params=UNITS)
+def in_units(request):
+    """A system, the same in other units, and what its coordinates are multiplied by."""
+    (rows, columns), given = UNITS[request.param], random_system(0, 3)
+
+    def matrices(phase, speed):
+        M, C, K, d = given.at(phase, speed)
+        return (*((rows * (part * columns).swapaxes(1, 2)).swapaxes(1, 2) for part in (M, C, K)), rows * d)
+
+    return given, system(matrices, 3), np.broadcast_to(columns, 3)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+@pytest.mark.parametrize("method", ["radau", "gauss"])
+def test_units_of_equations_and_coordinates_cost_no_digit(in_units, method, engine):
+    given, other, columns = in_units
+    found, again = (periodic(each, 1.0, method, rtol=1e-11, engine=engine) for each in (given, other))
+    phase = np.linspace(0.0, 2 * np.pi, 50)
+    truth, q = found.at(phase), columns[:, None] * again.at(phase)
+    assert (np.abs(q - truth).max(axis=1) <= 1e-13 * np.abs(truth).max(axis=1)).all()
+    np.testing.assert_allclose(
+        again.multipliers, found.multipliers, rtol=0, atol=2e-14 * found.spectral_radius
+    )
+    assert again.steps == found.steps
+
+
+@pytest.mark.parametrize("method", ["fourier", "hill"])
+def test_units_cost_no_digit_of_balanced_harmonics(in_units, method):
+    given, other, columns = in_units
+    found, again = (periodic(each, 1.0, method, steps=21) for each in (given, other))
+    phase = np.linspace(0.0, 2 * np.pi, 50)
+    truth, q = found.at(phase), columns[:, None] * again.at(phase)
+    assert (np.abs(q - truth).max(axis=1) <= 1e-13 * np.abs(truth).max(axis=1)).all()
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_units_cost_no_digit_of_small_multipliers(in_units, engine):
+    found, again = (
+        floquet(each, 1.0, rtol=1e-10, engine=engine, all_multipliers=True) for each in in_units[:2]
+    )
+    np.testing.assert_allclose(again.multipliers, found.multipliers, rtol=1e-13)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_units_cost_no_digit_of_many_points(in_units, engine):
+    given, other, columns = in_units
+    speeds = np.linspace(0.8, 1.2, 9)
+    found, again = (sweep(each, speeds, "radau", rtol=1e-11, engine=engine) for each in (given, other))
+    np.testing.assert_allclose(again.spectral_radius, found.spectral_radius, rtol=1e-13)
+    for name, column in zip(given.coordinates, columns, strict=True):
+        np.testing.assert_allclose(column * again.figures(name), found.figures(name), rtol=1e-12)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from solve.derivatives.stages import InvertedStages
+from solve.derivatives.stages import InvertedStages, stages
 from solve.kernel.collocation import Samples
 from solve.kernel.stages import factorised
 from solve.methods.gauss import Gauss
 from solve.methods.radau import Radau
+from solve.period.points import Tables
 from tests.solve.kernel.test_lanes import needs_compiler
 
 
@@ -51,6 +52,27 @@ def test_of_steps_that_exchange_other_rows():
 @needs_compiler
 def test_every_width(width):
     same(Radau(order=3), 2, 11)
+
+
+@pytest.mark.parametrize("engine", ["numpy", pytest.param("compiled", marks=needs_compiler)])
+def test_units_of_equations_cost_no_digit(engine):
+    """What loads do falls as the units rise, and what the states do stays."""
+    n, steps, rule, units = 3, 9, Radau().collocation, 2.0 ** np.array([0, 25, -25])
+    s, h, rng = len(rule.c), np.full(steps, 0.3), np.random.default_rng(4)
+    entries = rng.standard_normal((1, steps * s, 3 * n**2 + n))
+    entries[..., : n**2] += 3 * np.eye(n).ravel()
+    tables, unit = Tables.of(entries, n), np.broadcast_to(np.eye(s * n), (steps, s * n, s * n))
+    found, again = (
+        stages(rule, h, each, slice(None), engine) for each in (tables, tables.multiplied(units[None]))
+    )
+    every = np.tile(units, s)
+    for one, other in (
+        (again.by_state, found.by_state),
+        (again.maps, found.maps),
+        (again.solved(unit) * every, found.solved(unit)),
+        (again.pulled(unit) * every[:, None], found.pulled(unit)),
+    ):
+        np.testing.assert_allclose(one, other, rtol=0, atol=5e-15 * np.abs(other).max())
 
 
 def test_many_accelerations_are_left_to_lapack():

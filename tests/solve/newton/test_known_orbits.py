@@ -73,3 +73,32 @@ def test_a_linear_model_has_the_same_orbit():
     assert found.found_by == "linear orbit"
     assert relative_error(found.at(PHASE), linear.at(PHASE)) < 1e-8
     np.testing.assert_allclose(found.multipliers, linear.multipliers, rtol=1e-8)
+
+
+class InUnits(solve.PeriodicSystem):
+    """A model with its equations multiplied by numbers (n,)."""
+
+    def __init__(self, model, units):
+        self.model, self.units = model, units
+        super().__init__(self.of(model), model.coordinates)
+
+    def of(self, model):
+        def matrices(phase, speed):
+            M, C, K, d = model.at(phase, speed)
+            return (*(self.units[:, None] * part for part in (M, C, K)), self.units * d)
+
+        return matrices
+
+    def along(self, motion, compiled=None):
+        return solve.PeriodicSystem(self.of(self.model.along(motion, compiled)), self.coordinates)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_units_of_the_equations_cost_no_digit(engine):
+    model, orbit = known_system(2)
+    found, again = (
+        solve.nonlinear(each, 1.0, start=orbit, rtol=1e-11, engine=engine)
+        for each in (model, InUnits(model, 2.0 ** np.array([11, -11])))
+    )
+    assert relative_error(again.at(PHASE), found.at(PHASE)) < 5e-14
+    np.testing.assert_allclose(again.multipliers, found.multipliers, rtol=0, atol=2e-14)

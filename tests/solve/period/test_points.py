@@ -13,6 +13,7 @@ from solve.kernel.library import trouble
 from solve.methods.hsu import Hsu
 from solve.methods.march import March
 from solve.methods.modal import Modal
+from solve.period.frozen import frozen
 from solve.period.grid import Grid
 from solve.period.points import Tables, matrices
 from solve.single import request
@@ -126,3 +127,27 @@ def test_matrices_of_several_points_are_those_of_each(points):
     phase = np.linspace(0.0, 6.0, 5)
     for part, own in zip(matrices(points, phase), points.each[-1].in_phase(phase, 1.0), strict=True):
         np.testing.assert_array_equal(part[PLACE], own)
+
+
+def test_factors_of_equations_are_those_of_each_point_alone():
+    """Points with equations in their own units and in others, side by side."""
+    far = 2.0 ** np.array([0, 30, -30])
+
+    def in_units(seed, units):
+        given = systems.random_system(seed, 3)
+
+        def matrices(phase, speed):
+            M, C, K, d = given.at(phase, speed)
+            return (*(units[:, None] * part for part in (M, C, K)), units * d)
+
+        return systems.system(matrices, 3)
+
+    each = tuple(in_units(seed, units) for seed in SEEDS for units in (np.ones(3), far))
+    points = Several(each, np.arange(len(each)))
+    factors = frozen(points).equation_factors()
+    assert factors is not None
+    assert (factors[::2] == 1).all()
+    for at, own in enumerate(factors):
+        alone = frozen(points[np.array([at])]).equation_factors()
+        np.testing.assert_array_equal(own, np.ones(3) if alone is None else alone[0])
+        assert np.ptp(np.log2(own * (far if at % 2 else 1.0))) <= 2
