@@ -135,7 +135,7 @@ def critical_speeds(
 
 def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int) -> Array:
     """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and those of
-    resonances."""
+    resonances and halfway between these, so that what is unstable at two is not taken for one range."""
     low, high, lowest = omegas[0], omegas[-1], float(frequencies.values[0, 0])
     between = np.empty(0)
     first, last = lowest / high, min(lowest / low, orders + 1.0)
@@ -143,7 +143,9 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int) -> A
         count = int(np.ceil((last - first) * _A_DIVISION)) + 1
         require_size("speeds between the divisions up to that order", count, orders)
         between = np.clip(lowest / np.linspace(first, last, count), low, high)
-    return np.unique(np.concatenate((omegas, between, resonances(frequencies, low, high))))
+    resonant = np.unique(resonances(frequencies, low, high))
+    halfway = (resonant[:-1] + resonant[1:]) / 2
+    return np.unique(np.concatenate((omegas, between, resonant, halfway)))
 
 
 def _left_out(

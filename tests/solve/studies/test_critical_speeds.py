@@ -325,6 +325,22 @@ def test_ranges_of_two_modes_that_are_nearly_equal_are_told_apart(frequencies, s
     assert np.ravel([(band.low, band.high) for band in found]) == pytest.approx(edges[::-1], rel=1e-6)
 
 
+def test_resonances_of_which_each_is_unstable_are_ranges_of_their_own():
+    """Two modes, parametrically coupled: principal resonances at 200 and 220, their sum at 210."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        K = np.diag([1e4, 1.21e4]) + np.cos(phase)[:, None, None] * np.full((2, 2), 100.0)
+        return one * np.eye(2), one * 0.1 * np.eye(2), K, np.zeros((len(phase), 2))
+
+    system = systems.system(matrices, 2)
+    bands = solve.bands(system, [199.0, 222.0])
+    ranges = solve.critical_speeds(system, [199.0, 222.0], orders=1).unstable_ranges
+    assert len(ranges) == len(bands) == 3
+    for (low, high, _), band in zip(ranges, bands, strict=True):
+        assert band.low < low <= high < band.high
+
+
 def test_a_table_of_speeds_of_six_digits_with_all_columns_has_80_columns_at_most():
     made = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
     lines = [line.rstrip() for line in str(made).splitlines()]
