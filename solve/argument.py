@@ -9,7 +9,7 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import SolveError, StepsError, ValueOutOfBoundsError
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
@@ -42,7 +42,14 @@ def listed(names: str | Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
 
 
-def require_whole(name: str, given: object, least: int = 1, hint: str = "") -> None:
-    """Raise ValueOutOfBoundsError unless it is a whole number, at least so large; hint: what else to say."""
+def require_whole(
+    name: str, given: object, least: int = 1, hint: str = "", error: type[SolveError] = ValueOutOfBoundsError
+) -> None:
+    """Raise the error unless it is a whole number, at least so large; hint: what else to say."""
     if isinstance(given, bool) or not (isinstance(given, int | np.integer) and given >= least):
-        raise ValueOutOfBoundsError(f"{name} is {given!r}; allowed: whole numbers of at least {least}{hint}")
+        raise error(f"{name} is {given!r}; allowed: whole numbers of at least {least}{hint}")
+
+
+def require_steps(steps: object, least: int = 1) -> None:
+    """Raise StepsError unless it is a number of steps, at least so many."""
+    require_whole("steps", steps, least, "; leave steps out to have their number chosen", StepsError)

@@ -280,7 +280,9 @@ class Refinement:
         unit circle, which twice the steps will tell if differences go on to fall."""
         with np.errstate(over="ignore"):
             e = np.where(np.isfinite(errors), errors, 0.0) * fine.multipliers.spectral_radius
-        near = (e > KNOWN_ON_CIRCLE) & (e <= KNOWN_ON_CIRCLE * 2**self.method.order) & (found < before / 2)
+        near = (
+            (e > KNOWN_ON_CIRCLE / 2) & (e <= KNOWN_ON_CIRCLE * 2**self.method.order) & (found < before / 2)
+        )
         at = np.flatnonzero(near)
         if len(at):
             near[at] = roughly(fine.multipliers[at], e[at]) == UNDETERMINED

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.argument import require_steps
 from solve.arrays import Array, across, whole
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
 from solve.kernel.engines import NUMPY
@@ -155,13 +156,7 @@ class Method:
 
     def require_steps(self, steps: Any, points: Points) -> None:
         """Raise StepsError for a number of steps that can be used and judged at none of the points."""
-        fewest = max(1, len(points.breaks))
-        is_whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
-        if not is_whole or steps < fewest:
-            raise StepsError(
-                f"steps is {steps!r}; allowed: whole numbers of at least {fewest}; leave steps out to have "
-                "their number chosen"
-            )
+        require_steps(steps, max(1, len(points.breaks)))
         most = self.most_steps(points.n) // (2 if self.converges else 1)
         if steps > most:
             raise StepsError(

@@ -19,7 +19,7 @@ UNIT_CIRCLE = 1e-9
 """Distance from 1 within which a modulus counts as 1, beside its own error."""
 
 KNOWN_ON_CIRCLE = 1e-6
-"""Absolute error of a modulus up to which a multiplier counts as being on the unit circle."""
+"""Distance of a modulus from 1, its error added, up to which a multiplier counts as being on the circle."""
 
 _SURE = 2.0
 """Times its estimate that an error is taken for before a modulus counts as larger than 1."""
@@ -257,8 +257,8 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia
     errors (P,): of the multipliers, absolute; e is that, or the bound of unresolved ones where it is larger.
     Asymptotically stable: all |ρ| + e < 1 - 1e-9. Unstable: some |ρ| - 2 e > 1 + 1e-9, since an estimate is
     no bound, or a coordinate that drifts freely. Stable: those that are not inside have |ρ| - e ≤ 1 + 1e-9
-    and e ≤ 1e-6, and none may be defective (chapter Section 2). Else undetermined. Where two are so near that
-    they may be one, 10 e takes the place of e in the first, of 2 e in the second.
+    and ||ρ| - 1| + e ≤ 1e-6, and none may be defective (chapter Section 2). Else undetermined. Where two are
+    so near that they may be one, 10 e takes the place of e in the first, of 2 e in the second.
     """
     values, e = multipliers.values, _absolute(multipliers, errors)
     near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
@@ -297,7 +297,7 @@ def _by_moduli(multipliers: Multipliers, e: Array, inner: Array, outer: Array) -
     inside, outside = modulus + inner < 1 - UNIT_CIRCLE, modulus - outer > 1 + UNIT_CIRCLE
     on_circle = ~inside & ~outside
     judged = np.where(across(np.logical_or, on_circle), STABLE, ASYMPTOTICALLY_STABLE)
-    known = (e <= KNOWN_ON_CIRCLE) & (modulus - e <= 1 + UNIT_CIRCLE)
+    known = (np.abs(modulus - 1) + e <= KNOWN_ON_CIRCLE) & (modulus - e <= 1 + UNIT_CIRCLE)
     judged = np.where(across(np.logical_or, on_circle & ~known), UNDETERMINED, judged)
     return np.where(across(np.logical_or, outside), UNSTABLE, judged)
 

@@ -6,7 +6,7 @@ once, and so do its multipliers over speed. Radau damps out what its steps do no
 modes: a multiplier belongs to these where two grids agree on it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,7 +28,7 @@ from solve.results.points import KINDS, Kept
 from solve.studies.boundaries import Search
 from solve.studies.judged import Judge, Judged, judge
 from solve.studies.known_speeds import ends_with_matrices, without_result
-from solve.studies.tongues import LIGHTLY_DAMPED, hidden
+from solve.studies.tongues import LIGHTLY_DAMPED, Turning, fastest_turning, hidden, parted, rising
 from solve.system import PeriodicSystem, of_system
 from solve.units import ShownUnit, checked_tolerance, speeds_between
 
@@ -40,10 +40,6 @@ _FEWEST, _MOST = 40, 2000
 
 _TURN = 0.25
 """Angle in rad by which the fastest multiplier may turn between two speeds."""
-
-_PHASES = 16
-_DAMPED_OUT = 1e-2
-"""Modulus below which a multiplier, with the matrices frozen, has no part in losing stability."""
 
 _HALVINGS = 3
 """Of the distance of two speeds between which multipliers may meet."""
@@ -96,7 +92,7 @@ def bands(
             "their bands, of high order, are not looked for; a single solution follows all modes"
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
-    turning = _turning(system, ends, _FOLLOWED if fast else np.inf)
+    turning = fastest_turning(system, ends, _FOLLOWED if fast else np.inf)
     coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
     turned = -np.diff(1 / coarse) * turning(coarse[1:])
     points = _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))[:, None]
@@ -106,20 +102,20 @@ def bands(
         step("all speeds")
         known = asked(points)
         step("speeds where multipliers are near each other")
-        known = _closer(asked, known, turning)
+        known = parted(asked, _closer(asked, known, turning), turning)
         middle = np.arange(1, len(known.points) - 1)
         spacing = float(np.diff(known.points[:, 0]).max())
         step("narrow bands")
         known += hidden(asked, known, middle)
         if known.failed.any():
-            notes = [*notes, _left_out(batch, _rising(known), system.speed_unit)]
+            notes = [*notes, _left_out(batch, rising(known), system.speed_unit)]
         step("edges of bands")
         runs = _Runs(asked, checked_tolerance(tolerance), omegas[-1:])
-        found = runs.bands(_rising(known))
-    rising = _rising(sum(runs.looked, known))
-    radius = np.where(rising.failed, np.nan, np.abs(rising.multipliers[:, 0]))
+        found = runs.bands(rising(known))
+    known = rising(sum(runs.looked, known))
+    radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
     range_ = float(omegas[0]), float(omegas[-1])
-    return Bands(found, system, range_, spacing, notes, rising.points[:, 0], radius)
+    return Bands(found, system, range_, spacing, notes, known.points[:, 0], radius)
 
 
 def _left_out(batch: Batch, known: Judged, unit: ShownUnit) -> str:
@@ -131,25 +127,6 @@ def _left_out(batch: Batch, known: Judged, unit: ShownUnit) -> str:
     if known.failed.all():
         raise NoResultError(failed)
     return f"{failed}; bands end open beside them"
-
-
-Turning = Callable[[Array], Array]
-"""By how much the fastest multiplier that counts turns over 1/Ω (k,), at speeds (k,): its frequency by the
-period in phase."""
-
-
-def _turning(system: PeriodicSystem, ends: tuple[float, float], most: float) -> Turning:
-    """From the matrices frozen at phases and at the lowest and the highest speed that have some; a mode that
-    is damped out within a turn does not count, nor one that turns by more than `most` at the lowest."""
-    values = [omega * frozen(OnePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
-    exponents = np.concatenate(values) * system.period
-    exponents = exponents[np.abs(np.imag(exponents)) <= most * ends[0]]
-
-    def turning(speeds: Array) -> Array:
-        counts = np.real(exponents) > np.log(_DAMPED_OUT) * speeds[:, None]
-        return np.where(counts, np.abs(np.imag(exponents)), 0.0).max(axis=1, initial=0.0)
-
-    return turning
 
 
 def _divided(speeds: Array, parts: Array) -> Array:
@@ -168,7 +145,7 @@ def _closer(asked: Judge, known: Judged, turning: Turning) -> Judged:
         near = np.minimum(distance[:-1], distance[1:]) < 2 * turned
         if not near.any():
             break
-        known = _rising(known + asked(((speeds[:-1] + speeds[1:]) / 2)[near, None]))
+        known = rising(known + asked(((speeds[:-1] + speeds[1:]) / 2)[near, None]))
     return known
 
 
@@ -178,10 +155,6 @@ def _distance(multipliers: Array) -> Array:
     apart = 1e3 * (1 + np.arange(multipliers.shape[1]))
     angles = np.sort(np.where(rotating, np.angle(multipliers), apart), axis=1)
     return np.diff(angles, axis=1).min(axis=1)
-
-
-def _rising(known: Judged) -> Judged:
-    return known[np.argsort(known.points[:, 0])]
 
 
 @dataclass(frozen=True)
@@ -203,7 +176,7 @@ class _Runs:
             found, inside = self._looked_into(known)
             if len(inside.points) == 0:
                 break
-            known = _rising(known + inside)
+            known = rising(known + inside)
         return found
 
     def _looked_into(self, known: Judged) -> tuple[list[Band], Judged]:

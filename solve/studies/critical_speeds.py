@@ -27,7 +27,7 @@ from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
 from solve.studies.boundaries import Search
 from solve.studies.explained import CLOSE, Explained, Turn, allowed_distance, of_modulus, of_real_part
-from solve.studies.judged import Judged, judge
+from solve.studies.judged import Judged, judge, passing
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
 from solve.studies.mean_frequencies import (
@@ -37,7 +37,7 @@ from solve.studies.mean_frequencies import (
     resonances,
     shifted_by_rates,
 )
-from solve.studies.tongues import LIGHTLY_DAMPED, hidden
+from solve.studies.tongues import LIGHTLY_DAMPED, Turning, fastest_turning, hidden, parted, rising
 from solve.system import PeriodicSystem, of_system
 from solve.units import checked_tolerance, speeds_between
 
@@ -55,9 +55,6 @@ _BESIDE = 4.0
 
 _SHARE = 0.1
 """Part of the largest rise of an order's power from which on that order explains a maximum."""
-
-_LOOKS = 4
-"""Times at most that maxima of the response are looked for, until every edge beyond +1 has its other one."""
 
 _ALIKE = 1e-3
 """Relative difference of speeds up to which maxima of a multiplier's real part and of its modulus are one."""
@@ -89,7 +86,7 @@ def critical_speeds(
     require_name("figure", figure, RESPONSES)
     require_whole("orders", orders, hint=", such as 20")
     require_size("orders", orders, len(omegas) * system.n**2)
-    low, _ = ends_with_matrices(system, omegas)
+    low, high = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = MeanFrequencies(system, np.array([0.0]))
     # Where there are no matrices at rest, frequencies at a speed stand for those.
@@ -97,7 +94,8 @@ def critical_speeds(
     grid = _refined_grid(omegas, first, orders)
     batch = task.batch(grid[:, None])
     without = replace(task, request=replace(task.request, orbit=False)).batch(grid[:, None])
-    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance))
+    turning = fastest_turning(system, (low, high))
+    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance), turning)
     with steps(4) as step:
         step("all speeds")
         found = search.solved(grid)
@@ -111,14 +109,11 @@ def critical_speeds(
         real_part = np.where(_resolved(frequencies, orders), np.maximum(real_part, 0.0), np.nan)
         turned = search.maxima(grid, real_part, error, search.real_part)
         step("maxima of the response")
-        tops, others = [], np.array([top.speed for top in turned if top.height > 1])
-        for _ in range(_LOOKS):
-            grid, found = search.with_edges(grid, found, others)
-            frequencies = replace(frequencies, speeds=grid)
-            tops = search.tops(found, frequencies, orders)
-            others = search.lone_edges(grid, tops)
-            if len(others) == 0:
-                break
+        grid, found = search.with_edges(
+            grid, found, np.array([top.speed for top in turned if top.height > 1])
+        )
+        frequencies = replace(frequencies, speeds=grid)
+        tops = search.tops(found, frequencies, orders)
         rows = _rows(search, found, frequencies, rest, tops, turned, orders)
     return CriticalSpeeds(
         system,
@@ -140,7 +135,7 @@ def critical_speeds(
 
 def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int) -> Array:
     """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and those of
-    resonances."""
+    resonances and halfway between these, so that what is unstable at two is not taken for one range."""
     low, high, lowest = omegas[0], omegas[-1], float(frequencies.values[0, 0])
     between = np.empty(0)
     first, last = lowest / high, min(lowest / low, orders + 1.0)
@@ -148,7 +143,9 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int) -> A
         count = int(np.ceil((last - first) * _A_DIVISION)) + 1
         require_size("speeds between the divisions up to that order", count, orders)
         between = np.clip(lowest / np.linspace(first, last, count), low, high)
-    return np.unique(np.concatenate((omegas, between, resonances(frequencies, low, high))))
+    resonant = np.unique(resonances(frequencies, low, high))
+    halfway = (resonant[:-1] + resonant[1:]) / 2
+    return np.unique(np.concatenate((omegas, between, resonant, halfway)))
 
 
 def _left_out(
@@ -172,11 +169,12 @@ class _Search:
     kept: Kept
     figure: str
     tolerance: float
+    turning: Turning
 
     def solved(self, speeds: Array) -> PointResults:
         return gathered(self.batch, speeds[:, None], self.kept)
 
-    def turning(self, speeds: Array) -> PointResults:
+    def without_orbits(self, speeds: Array) -> PointResults:
         """Multipliers alone."""
         return gathered(self.multipliers, speeds[:, None], Kept(warnings=False))
 
@@ -200,7 +198,7 @@ class _Search:
         known = np.isfinite(values)
         speeds, values = speeds[known], values[known]
 
-        solved = self.solved if value == self.response else self.turning
+        solved = self.solved if value == self.response else self.without_orbits
         top = peaks(values, errors[known])
         return sharpened(speeds, values, top, lambda trials: value(solved(trials)), self.tolerance)
 
@@ -248,7 +246,7 @@ class _Search:
         that goes along the real axis, as at the edge of an unstable range, or along the unit circle, as where
         nothing damps a resonance."""
         near = 1 + _BESIDE * self.tolerance * np.array([-1, 0, 1])
-        found = self.turning((at[:, None] * near).ravel())
+        found = self.without_orbits((at[:, None] * near).ravel())
         off, side = np.abs(1 - found.multipliers), _side(found).reshape(-1, 3)
         least = off.argmin(axis=1)[:, None]
         size, modulus = (
@@ -259,28 +257,23 @@ class _Search:
         return (side[:, 0] * side[:, 2] < 0) | turned & (size[:, 1] < size[:, ::2].min(axis=1))
 
     def with_edges(self, speeds: Array, found: PointResults, others: Array) -> tuple[Array, PointResults]:
-        """The speeds (P,) and what was found there, with others (k,), those between all these at which any
-        multiplier is beyond +1, and those at which one passes +1 along the real axis: the response may grow
-        beyond all bounds there, however narrow its maximum."""
+        """The speeds (P,) and what was found there, with others (k,), and those at and beside which a
+        multiplier passes +1 along the real axis between these, the first or the last of those beyond: the
+        response may grow beyond all bounds there, however narrow its maximum."""
         speeds, found = self._with(speeds, found, others)
-        judged, known = judge(self.multipliers), Judged.of(speeds[:, None], found).by(0)
-        beyond = hidden(lambda points: judged(points).by(0), known, np.arange(1, len(speeds) - 1))
-        speeds, found = self._with(speeds, found, beyond.points[:, 0])
-        side = _side(found)
-        changes = np.flatnonzero(side[:-1] * side[1:] < 0)
-        known = Judged.of(speeds[:, None], found)
-        brackets = Search(judged, speeds[:1], self.tolerance)
-        ends = brackets.passages(known[changes], known[changes + 1], 0)
-        return self._with(speeds, found, np.concatenate([end.points[:, 0] for end in ends]))
+        solving = judge(self.multipliers)
 
-    def lone_edges(self, speeds: Array, tops: list[Maximum]) -> Array:
-        """Speeds (k,) on both sides of those maxima of the response, far from all the speeds (P,), at which a
-        multiplier passes +1 along the real axis."""
-        at, aside = np.array([top.speed for top in tops]), _BESIDE * self.tolerance
-        near = at[:, None] * (1 + aside * np.array([-1, 1]))
-        known = np.diff(np.searchsorted(speeds, near))[:, 0] > 0
-        side = _side(self.turning(near.ravel())).reshape(-1, 2)
-        return near[~known & (side[:, 0] * side[:, 1] < 0)].ravel()
+        def judged(points: Array) -> Judged:
+            return solving(points).by(0)
+
+        known = parted(judged, Judged.of(speeds[:, None], found).by(0), self.turning, (1,))
+        known = rising(known + hidden(judged, known, np.arange(1, len(known.points) - 1)))
+        side = known.stable.astype(int) - known.unstable
+        changes = np.flatnonzero(side[:-1] * side[1:] < 0)
+        brackets = Search(judged, speeds[:1], self.tolerance)
+        low, high = (end.points[:, 0] for end in brackets.passages(known[changes], known[changes + 1], 0))
+        aside = _BESIDE * self.tolerance
+        return self._with(speeds, found, np.concatenate((low * (1 - aside), low, high, high * (1 + aside))))
 
     def _with(self, speeds: Array, found: PointResults, others: Array) -> tuple[Array, PointResults]:
         """The speeds (P,) and what was found there, with others (k,)."""
@@ -296,8 +289,8 @@ class _Search:
         unstable ranges, at which another multiplier takes the lead."""
         at = np.array([one.speed for one in maxima])
         near = 1 + _BESIDE * self.tolerance * np.array([-1, 1])
-        sides = self.turning((at[:, None] * near).ravel()).verdicts.reshape(-1, 2) == UNSTABLE
-        found = self.turning(at)
+        sides = self.without_orbits((at[:, None] * near).ravel()).verdicts.reshape(-1, 2) == UNSTABLE
+        found = self.without_orbits(at)
         leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)
         return [
             explained
@@ -311,7 +304,7 @@ class _Search:
     def raised(self, maxima: list[Maximum], orders: int) -> list[Explained]:
         """Maxima of the spectral radius, each with what explains it; but for those of stable motions that
         nothing explains, for it falls on either side where a mode meets one that decays faster."""
-        found = self.turning(np.array([one.speed for one in maxima]))
+        found = self.without_orbits(np.array([one.speed for one in maxima]))
         return [
             explained
             for one, (turn, grows) in zip(maxima, self._turns(maxima, found), strict=True)
@@ -331,7 +324,7 @@ def _side(found: PointResults) -> Array:
     where one is +1 but for its error."""
     off = 1 - found.multipliers
     sure = np.abs(off).min(axis=1) > found.errors[:, 1] * found.spectral_radius
-    return np.where(sure, np.sign(np.real(off.prod(axis=1))), 0.0)
+    return np.where(sure, np.sign(passing(found.multipliers, 1)[:, 0]), 0.0)
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:

@@ -68,10 +68,10 @@ class Judged:
         return ~(self.stable | self.unstable)
 
     def by(self, way: int) -> "Judged":
-        """The same where the gap of one way, 0 for +1, 1 for -1, decides what is stable; gaps (k, 1)."""
+        """The same where the gap of one way, 0 for +1, 1 for -1, alone counts and decides what is stable."""
         gap, known = self.gaps[:, way], ~self.failed
         found = Judged(self.points, known & (gap > 0), known & (gap < 0), self.multipliers)
-        found.__dict__["gaps"] = gap[:, None]
+        found.__dict__["gaps"] = np.where(np.arange(self.gaps.shape[1]) == way, self.gaps, _FAR)
         return found
 
     @property
@@ -82,16 +82,19 @@ class Judged:
     @cached_property
     def margins(self) -> Array:
         """What falls through zero, smoothly, where points (k,) become unstable in one of the KINDS, (k, 4):
-        the gaps for +1 and -1, and the distance of the largest multiplier from the unit circle; behind them,
-        for pairs that meet on the circle, the square of their distance."""
+        det(I - Φ) for +1 and det(I + Φ) for -1, but negative wherever a multiplier is beyond; the distance of
+        the largest multiplier from the unit circle; behind them, for pairs that meet on the circle, the
+        square of their distance."""
         size = np.maximum(np.abs(self.multipliers[:, 0]), NOISE)
         leaving = np.where(size > 1 + NOISE, -np.square(size - 1 / size), self.gaps[:, 2])
-        return np.column_stack((self.gaps[:, :2], 1 - size, leaving))
+        plus, minus = (np.abs(1 - sign * self.multipliers).prod(axis=1) for sign in (1, -1))
+        signed = np.copysign(np.column_stack((plus, minus)), self.gaps[:, :2])
+        return np.column_stack((signed, 1 - size, leaving))
 
     @cached_property
     def gaps(self) -> Array:
-        """How far stable points (k,) are from each way to lose stability, (k, 4): det(I - Φ) for +1,
-        det(I + Φ) for -1, the distance of two pairs squared, and that of a pair from the unit circle."""
+        """How far stable points (k,) are from each way to lose stability, (k, 4): the least of `passing` for
+        +1 and for -1, the distance of two pairs squared, and that of a pair from the unit circle."""
         rho = np.ascontiguousarray(self.multipliers.T)
         upper = np.imag(rho) > 0
         pairs = np.full(rho.shape[1], _FAR)
@@ -102,8 +105,26 @@ class Judged:
                 pairs[both] = np.minimum(pairs[both], distance)
         inside = 1 - np.abs(np.where(upper, rho, 0.0)).max(axis=0)
         inside = np.where(inside > NOISE, inside, _FAR)
-        plus, minus = (np.real(np.prod(1 - sign * rho, axis=0)) for sign in (1, -1))
+        plus, minus = (passing(self.multipliers, sign)[:, 0] for sign in (1, -1))
         return np.clip(np.column_stack((plus, minus, pairs, inside)), -_FAR, _FAR)
+
+
+def passing(multipliers: Array, sign: int) -> Array:
+    """How far each pair of multipliers (k, N) is from +1, or from -1: (1 ∓ ρ)(1 ∓ ρ′), rising, (k, N / 2). It
+    falls through zero, smoothly, where one of the two passes. Pairs are conjugate, or real ones of one sign,
+    the largest with the smallest."""
+    rho, order = sign * multipliers, np.arange(multipliers.shape[1])
+    if len(order) == 2:
+        return np.real((1 - rho[:, :1]) * (1 - rho[:, 1:]))
+    real = np.imag(rho) == 0
+    negative, every = ((real & (np.real(rho) < least)).sum(axis=1)[:, None] for least in (0, np.inf))
+    sorted_ = np.sort(np.where(real, np.real(rho), np.nan), axis=1)
+    partner = np.where(order < negative, negative, negative + every) - 1 - order
+    # Of an odd number the one in the middle is left alone.
+    other = np.take_along_axis(sorted_, np.clip(partner, 0, order[-1]), axis=1) * (partner != order)
+    met = np.where(order < every, (1 - sorted_) * (1 - other), np.nan)
+    turning = np.where(real, np.nan, np.square(np.abs(1 - rho)))
+    return np.sort(np.concatenate((met, turning), axis=1), axis=1)[:, : len(order) : 2]
 
 
 Judge = Callable[[Array], Judged]

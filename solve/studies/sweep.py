@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from solve.argument import listed
+from solve.argument import listed, require_steps
 from solve.arrays import Array
 from solve.batch.family import SPEED, SystemFamily
 from solve.batch.store import made_folder
 from solve.batch.task import task_of
-from solve.errors import MissingValueError, StepsError, ValueOutOfBoundsError, require_name
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
 from solve.progress import part, stage
@@ -61,11 +61,8 @@ def sweep(
     system, omegas = system.shown_in(given[0]), np.array(given)
     names = system.known_quantities(quantities)
     kept = Kept(names, system.known_quantities(spectra), harmonics if spectra else 0)
-    if steps is not None and not (isinstance(steps, int | np.integer) and steps >= 1):
-        raise StepsError(
-            f"steps is {steps!r}; allowed: whole numbers of at least 1; leave steps out to have their number "
-            "chosen"
-        )
+    if steps is not None:
+        require_steps(steps)
     require_size("points", math.prod(map(len, (omegas, *values.values()))), NUMBERS_A_POINT)
     family = SystemFamily(system, [*values, SPEED])
     points = np.column_stack([each.ravel() for each in np.meshgrid(*values.values(), omegas, indexing="ij")])

@@ -1,11 +1,15 @@
 """Narrow unstable tongues between stable points that are neighbours on lines."""
 
 import functools
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.studies.judged import Judge, Judged
+from solve.period.frozen import frozen
+from solve.period.points import OnePoint
+from solve.studies.judged import Judge, Judged, passing
+from solve.system import PeriodicSystem
 
 LIGHTLY_DAMPED = 0.5
 """Modulus of the largest multiplier from which instability is looked for next to stable points."""
@@ -14,6 +18,64 @@ _PARABOLAS, _GAIN = 10, 0.5
 """Parabolas a minimum, each of which must predict that it comes down to this part of itself."""
 
 _CLOSE = 1e-10
+
+_PHASES = 16
+_DAMPED_OUT = 1e-2
+"""Modulus below which a multiplier, with the matrices frozen, has no part in losing stability."""
+
+_PARTINGS = 20
+"""Of the distance of two speeds between which two pairs of multipliers may pass +1 or -1."""
+
+_WITHIN, _AS_ONE = 0.5, 1e-4
+"""Distance from +1 or -1 up to which a pair of multipliers may pass there before the next speed; difference
+of these distances up to which two pass as one."""
+
+Turning = Callable[[Array], Array]
+"""By how much the fastest multiplier that counts turns over 1/Ω (k,), at speeds (k,): its frequency by the
+period in phase."""
+
+
+def fastest_turning(system: PeriodicSystem, ends: tuple[float, float], most: float = np.inf) -> Turning:
+    """From the matrices frozen at phases and at the lowest and the highest speed that have some; a mode that
+    is damped out within a turn does not count, nor one that turns by more than `most` at the lowest."""
+    values = [omega * frozen(OnePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
+    exponents = np.concatenate(values) * system.period
+    exponents = exponents[np.abs(np.imag(exponents)) <= most * ends[0]]
+
+    def turning(speeds: Array) -> Array:
+        counts = np.real(exponents) > np.log(_DAMPED_OUT) * speeds[:, None]
+        return np.where(counts, np.abs(np.imag(exponents)), 0.0).max(axis=1, initial=0.0)
+
+    return turning
+
+
+def rising(known: Judged) -> Judged:
+    """The same in order of the speeds."""
+    return known[np.argsort(known.points[:, 0])]
+
+
+def parted(judge: Judge, known: Judged, turning: Turning, signs: Sequence[int] = (1, -1)) -> Judged:
+    """Known speeds, rising, and others between those between which two pairs of multipliers may both pass +1,
+    or both -1: each then has a minimum of the gap of its own."""
+    for _ in range(_PARTINGS):
+        speeds = known.points[:, 0]
+        reach = np.minimum(-2 * np.diff(1 / speeds) * turning(speeds[1:]), _WITHIN)
+        near = np.any([_both_near(known, sign, reach) for sign in signs], axis=0)
+        if not near.any():
+            break
+        known = rising(known + judge(((speeds[:-1] + speeds[1:]) / 2)[near, None]))
+    return known
+
+
+def _both_near(known: Judged, sign: int, reach: Array) -> Array:
+    """Whether two pairs may pass +1, or -1, between neighbours (k - 1,), within reach of both of these."""
+    nearest = passing(known.multipliers, sign)[:, :2]
+    if nearest.shape[1] == 1:
+        return np.zeros(len(reach), dtype=bool)
+    first, second = np.sqrt(np.maximum(nearest, 0.0)).T
+    inside = nearest[:, 1] < 0
+    farther, apart = (np.maximum(each[:-1], each[1:]) for each in (second, second - first))
+    return (farther < reach) & (apart > _AS_ONE) & ~(inside[:-1] | inside[1:])
 
 
 def hidden(judge: Judge, known: Judged, middle: Array, stride: int = 1, predicted: float = 1.0) -> Judged:

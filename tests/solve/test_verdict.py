@@ -83,6 +83,16 @@ def test_a_coarse_grid_cannot_tell_growth_below_its_own_error():
     assert floquet(slow, 1.0, "rk4", steps=2000, rtol=0.5).verdict == "unstable"
 
 
+@pytest.mark.parametrize("growth", [-5e-7, 5e-7])
+def test_stable_is_said_only_of_what_is_within_1e_6_of_the_circle_with_its_error(growth):
+    """|ρ| = 1 + growth, which so many steps know to somewhat more than that."""
+    slow = free([[1]], [[-growth / np.pi]], [[0.5]])
+    found = floquet(slow, 1.0, "rk4", steps=68)
+    assert found.spectral_radius == pytest.approx(1 + growth, abs=1e-7)
+    assert 6e-7 < found.error_estimate.multipliers < 1e-6
+    assert found.verdict == "undetermined"
+
+
 @pytest.mark.parametrize("stiffness", [3e3, 2e4])
 def test_a_loose_tolerance_leaves_no_verdict_open_that_a_few_steps_decide(stiffness):
     """The multipliers of an undamped system are on the circle: to 1e-6, whatever is asked of the rest."""

@@ -286,6 +286,61 @@ def test_both_edges_are_found_where_another_mode_leads(shaken, other):
     assert found == pytest.approx([band.high, band.low], rel=2e-5)
 
 
+@pytest.mark.parametrize(
+    ("frequencies", "shares", "ranges"),
+    [
+        ((100.0, 101.5), (0.084, 0.047), 2),
+        ((100.0, 100.4), (0.031, 0.023), 2),
+        ((100.0, 100.02), (0.08, 0.05), 1),
+    ],
+)
+def test_ranges_of_two_modes_that_are_nearly_equal_are_told_apart(frequencies, shares, ranges):
+    """Between two of the speeds; of the third pair the ranges overlap."""
+    damping = 100 * min(shares) ** 2 / 16
+
+    def shaken(w, share, turn):
+        def matrices(phase, speed):
+            one = np.ones((len(phase), 1, 1))
+            K = np.einsum("ij,pj,kj->pik", turn, w**2 * (1 + np.cos(phase)[:, None] * share), turn)
+            return (
+                one * np.eye(len(w)),
+                one * damping * np.eye(len(w)),
+                K,
+                np.outer(np.cos(phase), turn.sum(1)),
+            )
+
+        return systems.system(matrices, len(w))
+
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    w, share = np.array(frequencies), np.array(shares)
+    alone = [next(iter(solve.bands(shaken(w[[i]], share[[i]], np.eye(1)), [98.0, 103.0]))) for i in (0, 1)]
+    edges = sorted((edge for band in alone for edge in (band.low, band.high)), reverse=True)
+    edges = edges if ranges == 2 else [edges[0], edges[-1]]
+    both = shaken(w, share, turn)
+    made = solve.critical_speeds(both, [30.0, 160.0], orders=1)
+    found = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    assert found == pytest.approx(edges, rel=3e-5)
+    assert np.ravel([each[:2] for each in made.unstable_ranges]) == pytest.approx(edges[::-1], rel=3e-5)
+    found = solve.bands(both, [30.0, 160.0])
+    assert np.ravel([(band.low, band.high) for band in found]) == pytest.approx(edges[::-1], rel=1e-6)
+
+
+def test_resonances_of_which_each_is_unstable_are_ranges_of_their_own():
+    """Two modes, parametrically coupled: principal resonances at 200 and 220, their sum at 210."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        K = np.diag([1e4, 1.21e4]) + np.cos(phase)[:, None, None] * np.full((2, 2), 100.0)
+        return one * np.eye(2), one * 0.1 * np.eye(2), K, np.zeros((len(phase), 2))
+
+    system = systems.system(matrices, 2)
+    bands = solve.bands(system, [199.0, 222.0])
+    ranges = solve.critical_speeds(system, [199.0, 222.0], orders=1).unstable_ranges
+    assert len(ranges) == len(bands) == 3
+    for (low, high, _), band in zip(ranges, bands, strict=True):
+        assert band.low < low <= high < band.high
+
+
 def test_a_table_of_speeds_of_six_digits_with_all_columns_has_80_columns_at_most():
     made = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
     lines = [line.rstrip() for line in str(made).splitlines()]

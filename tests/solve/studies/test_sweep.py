@@ -120,6 +120,7 @@ def test_unstable_runs():
         ([100.0], {"rtol": 0.0}, ValueOutOfBoundsError, "rtol"),
         ([100.0], {"steps": 0}, StepsError, "steps is 0"),
         ([100.0], {"steps": 9.5}, StepsError, "steps is 9.5"),
+        ([100.0], {"steps": True}, StepsError, "steps is True"),
         ([100.0], {"method": "gaus"}, UnknownNameError, "did you mean 'gauss'"),
     ],
 )
