@@ -87,11 +87,13 @@ class Frozen:
     def equation_factors(self) -> Array | None:
         """Powers of 2 (P, n) that make the inertias in all equations alike, in balanced units of the
         coordinates; 1 for points whose rows differ little. None where they are 1 for all."""
+        if self._n == 1:
+            return None
         entries = self._matrices
         sizes = np.abs(entries[..., :: max(1, entries.shape[-1] // _LOOKS)]).max(axis=-1)
         own = np.einsum("aiip->aip", sizes)
         alike = sizes <= _ALIKE * (own + own[:1])[:, None]
-        if self._n == 1 or alike.all():
+        if alike.all():
             return None
         at = np.flatnonzero(~alike.all(axis=(0, 1, 2)))
         coupling = self[at]._coupling[0]
