@@ -2,6 +2,7 @@
 thread of its own for what cannot be interrupted."""
 
 import atexit
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -27,9 +28,10 @@ def one_thread(coordinates: int) -> Iterator[None]:
         yield
         return
     with _lock:
-        limited = bool(_within) or any(each.num_threads != 1 for each in _libraries().lib_controllers)
+        libraries = _libraries("scipy.linalg" in sys.modules)
+        limited = bool(_within) or any(each.num_threads != 1 for each in libraries.lib_controllers)
         if limited:
-            _within.append(None if _within else _libraries().limit(limits=1))
+            _within.append(None if _within else libraries.limit(limits=1))
     if not limited:
         yield
         return
@@ -44,9 +46,8 @@ def one_thread(coordinates: int) -> Iterator[None]:
 
 
 @cache
-def _libraries() -> Any:
-    """Those of BLAS that this process has loaded, SciPy's among them."""
-    import scipy.linalg  # noqa: F401
+def _libraries(with_scipy: bool) -> Any:
+    """Those of BLAS that this process has loaded: NumPy's, and SciPy's own once it is there."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")

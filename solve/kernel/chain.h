@@ -6,6 +6,8 @@
 #define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
 #define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
 #define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
+#define BALANCING 50               /* sweeps of balancing at most */
+#define UNLIKE 2.0                 /* power of 2 between the squares of the norms of a row and its column that asks for some */
 #define APART 1e-3                 /* of what acts on any state: elimination costs those their digits on which less acts */
 #define ROUNDING 1.8e-15           /* 8 units of it, times a condition number: what is no larger rests */
 #define RESTS 1e-11                /* of what acts on any state: what rests is no larger, however much rounding there is */
@@ -141,27 +143,30 @@ static lane close_row(const lane *row, lane *z, lane *x) {
     return condition;
 }
 
-/* Powers of 2 by which columns are multiplied and rows divided so that their norms are alike (LAPACK's
-   dgebal without permutations). */
+/* Powers of 2 by which columns are multiplied and rows divided so that their norms are alike (as `scaled_alike` of
+   period/multipliers.py). */
 static void scale_alike(double size[NX][NX], double *unit) {
-    int again = 1;
+    double power[NX] = {0.0}, ratio[NX];
     for (int i = 0; i < NX; i++) unit[i] = 1.0;
-    for (int sweep = 0; again && sweep < 100; sweep++) {
-        again = 0;
+    for (int sweep = 0; sweep < BALANCING; sweep++) {
+        double most = 0.0;
         for (int i = 0; i < NX; i++) {
-            double column = 0.0, row = 0.0, factor = 1.0;
-            for (int j = 0; j < NX; j++) column += size[j][i] * size[j][i], row += size[i][j] * size[i][j];
-            column = sqrt(column), row = sqrt(row);
-            if (!(column > 0.0 && row > 0.0 && isfinite(column + row))) continue;
-            const double before = column + row;
-            for (; column < row / 2; column *= 2, row /= 2) factor *= 2;
-            for (; column / 2 >= row; column /= 2, row *= 2) factor /= 2;
-            if (column + row >= 0.95 * before) continue;
-            again = 1;
-            unit[i] *= factor;
-            for (int j = 0; j < NX; j++) size[j][i] *= factor, size[i][j] /= factor;
+            double row = 0.0, column = 0.0;
+            for (int j = 0; j < NX; j++) {
+                const double x = size[i][j] * (unit[j] / unit[i]), y = size[j][i] * (unit[i] / unit[j]);
+                row += x * x, column += y * y;
+            }
+            ratio[i] = log2(row / column);
+            if (!isfinite(ratio[i])) ratio[i] = 0.0;
+            most = fmax(most, fabs(ratio[i]));
+        }
+        if (!(most > UNLIKE)) break;
+        for (int i = 0; i < NX; i++) {
+            power[i] += ratio[i] / 8.0;
+            unit[i] = exp2(power[i]);
         }
     }
+    for (int i = 0; i < NX; i++) unit[i] = exp2(rint(power[i]));
 }
 
 /* Units (NX) of the states, powers of 2, in which the maps of the blocks are balanced: of each lane by itself, or

@@ -27,11 +27,12 @@ class Samples(NamedTuple):
 
 
 class Periods(NamedTuple):
-    """Monodromy matrices Phi (P, N, N); with orbits, coefficients of the curves (P, n, m, D), lowest power
-    first, and condition numbers (P,) of the linear systems that gave them; of one point, the maps of the
-    steps (1, m, N, N+1)."""
+    """Monodromy matrices Phi (P, N, N); of several coordinates, the units (P, N), powers of 2, in which these
+    are balanced; with orbits, coefficients of the curves (P, n, m, D), lowest power first, and condition
+    numbers (P,) of the linear systems that gave them; of one point, the maps of the steps (1, m, N, N+1)."""
 
     Phi: Array
+    units: Array | None
     curves: Array | None
     condition: Array | None
     maps: Array | None
@@ -74,16 +75,19 @@ def solved(
         "condition": condition,
         "curves": curves,
     }
+    if n > 1:
+        arrays["units"] = np.empty((groups * width, N))
     if points == 1 and size.orbit:
         arrays["maps"] = np.empty((width, steps, N, N + 1))
     own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
     numbers = {"groups": groups, "steps": steps, "jumps": jumps, "terms": len(stages.entry), "own": own}
     run("segments" if segments else "level", size, arrays, stages.entry, **numbers)
+    units = arrays["units"][:points] if "units" in arrays else None
     if not size.orbit:
-        return Periods(Phi[:points], None, None, None)
+        return Periods(Phi[:points], units, None, None, None)
     maps = arrays["maps"].reshape(-1, m, N, N + 1)[:1] if "maps" in arrays else None
     curves = curves.swapaxes(0, 1).reshape(1, n, m, D) if segments else curves[:points]
-    return Periods(Phi[:points], curves, condition[:points], maps)
+    return Periods(Phi[:points], units, curves, condition[:points], maps)
 
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:

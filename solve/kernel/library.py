@@ -41,7 +41,7 @@ class _Problem(ctypes.Structure):
         ("own", ctypes.c_int),
         *((name, ctypes.c_void_p) for name in ("entry", "stages", "nodes", "h", "coefficients")),
         *((name, ctypes.c_void_p) for name in ("A", "A2", "b", "bA", "c", "powers")),
-        *((name, ctypes.c_void_p) for name in ("Phi", "condition", "curves", "maps")),
+        *((name, ctypes.c_void_p) for name in ("Phi", "units", "condition", "curves", "maps")),
     )
 
 

@@ -39,7 +39,8 @@ class Solutions:
     gave the curves; NaN without. defect (P,): relative error of the curve that no finer grid would mend.
     rounding (P,): relative error that the way to Φ leaves in the multipliers, beyond that of their
     condition; 1 where the grid does not determine Φ. notes: what the method has to say, none or one a point.
-    failures: why a point has no solution, by position.
+    failures: why a point has no solution, by position. units (P, N): powers of 2 in which Φ is balanced,
+    where the way to it has found them.
     """
 
     grid: Grid
@@ -51,6 +52,7 @@ class Solutions:
     rounding: Array = field(default_factory=lambda: np.zeros(1))
     notes: tuple[str, ...] = ()
     failures: Mapping[int, SolveError] = field(default_factory=dict)
+    units: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("defect", "rounding"):
@@ -74,6 +76,7 @@ class Solutions:
             self.defect[points],
             self.rounding[points],
             tuple(np.array(self.notes)[points].tolist()) if self.notes else (),
+            units=None if self.units is None else self.units[points],
         )
         return made.with_multipliers(self.multipliers[points])
 
@@ -92,12 +95,12 @@ class Solutions:
 
     @cached_property
     def multipliers(self) -> Multipliers:
-        return Multipliers.of(self.Phi)
+        return Multipliers.of(self.Phi, self.units)
 
     @cached_property
     def multiplier_rounding(self) -> Array:
         """Errors of the multipliers (P,) that rounding leaves."""
-        return np.maximum(rounding_errors(self.Phi), 8 * self.rounding)
+        return np.maximum(rounding_errors(self.Phi, self.units), 8 * self.rounding)
 
 
 class Method:
@@ -237,6 +240,7 @@ class OneStep(Method):
         curve: PeriodicCurve | None = None,
         condition: Array | None = None,
         steps: Steps | None = None,
+        units: Array | None = None,
     ) -> Solutions:
         """The solutions, with a reason for each that is not finite or not unique."""
         unique = kept = finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
@@ -253,7 +257,7 @@ class OneStep(Method):
             Phi = np.where(kept[:, None, None], Phi, 0.0)
         if condition is None:
             condition = np.full(len(Phi), np.nan)
-        return Solutions(grid, Phi, curve, condition, steps, failures=failures)
+        return Solutions(grid, Phi, curve, condition, steps, failures=failures, units=units)
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:

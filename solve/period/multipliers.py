@@ -36,6 +36,10 @@ _NEAR_ONE = 1e-3
 _APART = 1e3
 """Errors by which multipliers are known to be distinct."""
 
+_SWEEPS, _ALIKE = 50, 2.0
+"""Of balancing: at most so often, and only where the squares of the norms of a row and its column are farther
+apart than this power of 2."""
+
 
 class Inertia(Protocol):
     """What verdicts need of points at positions (k,), see `Frozen`."""
@@ -64,9 +68,9 @@ class Multipliers:
     bound: Array
 
     @classmethod
-    def of(cls, Phi: Array) -> "Multipliers":
+    def of(cls, Phi: Array, units: Array | None = None) -> "Multipliers":
         """Eigenvalues of finite monodromy matrices (…, N, N); rounding is 8 eps‖Φ‖ of the balanced
-        matrix, in whatever units Φ is given, or 1e-100."""
+        matrix, in whatever units Φ is given, or 1e-100. units: as in `scaled_alike`, where known."""
         scaled, unit = _scaled(Phi)
         if len(scaled) == 4:
             values = pairs.eigenvalues(*scaled) * unit[..., None]
@@ -81,7 +85,8 @@ class Multipliers:
         # Frobenius' norm bounds that of the balanced matrix, which is asked for only where it decides.
         unsure = modulus[..., -1] <= _LOST * norm
         if unsure.any():
-            norm[unsure] = unit[unsure] * _spectral(_balanced(_matrices(scaled)[unsure]))
+            known = None if units is None else units[unsure]
+            norm[unsure] = unit[unsure] * _spectral(_balanced(_matrices(scaled)[unsure], known))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
         return cls(np.where(kept, values, 0.0), across(np.add, kept.astype(int)), bound)
@@ -109,7 +114,7 @@ class Multipliers:
         return np.where(known, np.abs(self.values - 1.0), np.inf).min(axis=-1)
 
     def distance(self, other: "Multipliers") -> Array:
-        """Largest distance (…) to the matched multipliers of `other`."""
+        """Largest distance (…) to the multipliers of `other`, each matched with one of them."""
         if self.values.shape[-1] == 2:
             return pairs.apart(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
@@ -117,9 +122,10 @@ class Multipliers:
         largest, places = np.asarray(least.max(axis=-1)), np.arange(nearest.shape[-1])
         if (nearest == places).all():
             return largest
-        # Where two have the same nearest neighbour, and not each that of its own place, pairing takes more.
+        # No matching has a smaller largest distance; where two have the same nearest neighbour, that by
+        # places may have the same.
         shared = (np.sort(nearest, axis=-1) != places).any(axis=-1)
-        shared &= (np.abs(self.values - other.values) > least).any(axis=-1)
+        shared &= np.abs(self.values - other.values).max(axis=-1) > largest
         for point in zip(*np.nonzero(np.atleast_1d(shared)), strict=True) if shared.any() else ():
             at = point if largest.ndim else ()
             largest[at] = distance[at][matched(distance[at])].max()
@@ -143,12 +149,24 @@ class Multipliers:
 
 def matched(distance: Array) -> tuple[Array, Array]:
     """Rows and columns of a matrix of distances (k, N), k ≤ N, that are paired so that their sum is least."""
-    nearest = distance.argmin(axis=1)
+    nearest, places = distance.argmin(axis=1), np.arange(len(distance))
     if len(set(nearest.tolist())) == len(nearest):
-        return np.arange(len(nearest)), nearest
+        return places, nearest
+    if len(distance) == distance.shape[1] and _least_by_places(distance):
+        return places, places
+    # The package alone takes longer to be read than many a command.
     from scipy.optimize import linear_sum_assignment
 
     return linear_sum_assignment(distance)
+
+
+def _least_by_places(distance: Array) -> bool:
+    """Whether each row with the column of its own place has the least sum (N, N), but for rounding: no cycle
+    of exchanges makes it less (R. W. Floyd's shortest paths, Commun. ACM 5 (1962) 345)."""
+    ways = distance - np.diagonal(distance)[:, None]
+    for k in range(len(ways)):
+        ways = np.minimum(ways, ways[:, k, None] + ways[k])
+    return bool((np.diagonal(ways) >= -_LOST * distance.max()).all())
 
 
 def frobenius(Phi: Array) -> Array:
@@ -179,9 +197,10 @@ def most_rounding(Phi: Array, radius: Array) -> Array:
     return np.where(known, np.sqrt(perturbation), 0.0)
 
 
-def rounding_errors(Phi: Array) -> Array:
+def rounding_errors(Phi: Array, units: Array | None = None) -> Array:
     """Errors of the multipliers (…), relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes:
-    as many times larger as the eigenvalue is ill-conditioned, and its k-th root in a defective block of k."""
+    as many times larger as the eigenvalue is ill-conditioned, and its k-th root in a defective block of k.
+    units: as in `scaled_alike`, where known."""
     scaled, unit = _scaled(Phi)
     if len(scaled) == 4:
         entries = pairs.balanced(*scaled)
@@ -189,7 +208,7 @@ def rounding_errors(Phi: Array) -> Array:
         norm, condition = pairs.conditions(entries, values, 8 * EPS)
         conditions = np.stack((condition, condition), axis=-1)
     else:
-        balanced = _balanced(_matrices(scaled))
+        balanced = _balanced(_matrices(scaled), units)
         values, right = np.linalg.eig(balanced)
         # Complex for every point alike, whatever its neighbours are.
         right = right.astype(complex)
@@ -220,11 +239,11 @@ def _block(values: Array, conditions: Array, perturbation: Array) -> Array:
     return size
 
 
-def _balanced(Phi: Array) -> Array:
-    """Matrices (…, N, N) in units of the state in which rows and columns are alike."""
-    if Phi.shape[-1] > 2:
-        return scaled_alike(Phi)[0]
-    return _matrices(pairs.balanced(*_by_entry(Phi)))
+def _balanced(Phi: Array, units: Array | None = None) -> Array:
+    """Matrices (…, N, N) in units of the state in which rows and columns are alike, if known these."""
+    if Phi.shape[-1] == 2:
+        return _matrices(pairs.balanced(*_by_entry(Phi)))
+    return scaled_alike(Phi)[0] if units is None else _in_units(Phi, units)
 
 
 def _by_entry(matrices: Array) -> Array:
@@ -242,13 +261,25 @@ def _matrices(entries: Array) -> Array:
 
 def scaled_alike(matrices: Array) -> tuple[Array, Array]:
     """Matrices (…, N, N) with rows and columns scaled by powers of two so that their norms are alike, and
-    the units (…, N) in which they then are: A_ij unit_j / unit_i."""
-    # The routine itself: `matrix_balance` takes ten times as long for what it adds.
-    from scipy.linalg.lapack import dgebal  # pyright: ignore[reportAttributeAccessIssue]
+    the units (…, N) in which they then are: A_ij unit_j / unit_i (E. E. Osborne, J. ACM 7 (1960) 338-345,
+    all rows at once). Rows and columns of zeros stay as they are."""
+    scaled, powers = matrices, np.zeros(matrices.shape[:-1])
+    with np.errstate(all="ignore"):
+        for _ in range(_SWEEPS):
+            squares = np.square(scaled / np.abs(scaled).max(axis=(-2, -1), keepdims=True))
+            ratio = np.log2(squares.sum(axis=-1)) - np.log2(squares.sum(axis=-2))
+            ratio = np.where(np.isfinite(ratio), ratio, 0.0)
+            unlike = np.abs(ratio).max(axis=-1, keepdims=True) > _ALIKE
+            if not unlike.any():
+                break
+            powers += np.where(unlike, ratio / 8, 0.0)
+            scaled = _in_units(matrices, np.exp2(powers))
+    units = np.exp2(np.round(powers))
+    return _in_units(matrices, units), units
 
-    flat = matrices.reshape(-1, *matrices.shape[-2:])
-    units = np.array([dgebal(each, scale=1, permute=0)[3] for each in flat]).reshape(matrices.shape[:-1])
-    return matrices * units[..., None, :] / units[..., :, None], units
+
+def _in_units(matrices: Array, units: Array) -> Array:
+    return matrices * units[..., None, :] / units[..., :, None]
 
 
 def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia) -> Array:

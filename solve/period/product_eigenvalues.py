@@ -29,6 +29,9 @@ LOSS = 1e-12
 ROUNDING = 4.0
 """Units of rounding by which the algorithm errs in a factor, relative to its norm, as measured."""
 
+_FEW = 32
+"""Factors up to which systems along the chain are solved as full ones."""
+
 _SWEEPS = 60
 """Sweeps for one eigenvalue after which the algorithm gives up; two to three are usual."""
 
@@ -317,9 +320,17 @@ def _triangular_eigenvectors(F: Array, logarithms: Array) -> Array:
 def _cyclic(own: Array, following: Array, right: Array) -> Array:
     """x of own_k x_k + following_k x_{k+1} = right_k, closed after m; 0 where that is singular.
 
-    In the order 0, m-1, 1, m-2, … the cyclic matrix has two bands on each side of its diagonal.
+    In the order 0, m-1, 1, m-2, … the cyclic matrix has two bands on each side of its diagonal, which save
+    work where m is large.
     """
     m, k = len(own), np.arange(len(own))
+    if m <= _FEW:
+        matrix = np.diag(own)
+        matrix[k, (k + 1) % m] += following
+        try:
+            return np.linalg.solve(matrix, right)
+        except np.linalg.LinAlgError:
+            return np.zeros(m)
     place = np.where(2 * k < m, 2 * k, 2 * (m - k) - 1)
     bands = np.zeros((7, m), dtype=complex)
     after = np.roll(place, -1)
@@ -327,7 +338,7 @@ def _cyclic(own: Array, following: Array, right: Array) -> Array:
     bands[4 + place - after, after] += following
     permuted = np.empty_like(right)
     permuted[place] = right
-    # The package alone takes longer to be read than many a command, which ask for no such eigenvalues.
+    # The package alone takes longer to be read than many a command.
     from scipy.linalg.lapack import zgbsv  # pyright: ignore[reportAttributeAccessIssue]
 
     solution, failed = zgbsv(2, 2, bands, permuted[:, None])[2:]

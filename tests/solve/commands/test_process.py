@@ -51,6 +51,15 @@ def test_help_needs_no_heavy_package():
     assert ran.stderr == "[]\n"
 
 
+@pytest.mark.parametrize("line", ["periodic cam --speed 600rpm", "sweep gear_pair --speeds 900:1900:4rpm"])
+def test_usual_commands_read_no_scipy(line):
+    code = (
+        f"import sys; from solve.commands.app import run; status = run({line.split()}); "
+        "sys.exit(status or 10 * ('scipy.linalg' in sys.modules))"
+    )
+    assert python("-c", code, cwd=ROOT).returncode == 0
+
+
 def test_pictures_need_no_pyplot(tmp_path):
     code = (
         "import sys; from solve.commands.app import run; "

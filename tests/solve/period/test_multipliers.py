@@ -1,8 +1,13 @@
 """Multipliers and the digits of them that are known."""
 
-import numpy as np
+from itertools import permutations
 
-from solve.period.multipliers import Multipliers
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from solve.period.multipliers import Multipliers, matched, scaled_alike
 
 
 def _of(*values: complex) -> Multipliers:
@@ -23,3 +28,44 @@ def test_an_unknown_error_leaves_no_digit_of_any():
         assert kept.resolved == 0
         assert kept.bound == np.inf
         assert not kept.values.any()
+
+
+@given(st.integers(0, 2**31), st.integers(2, 5), st.booleans())
+def test_pairs_have_the_least_sum(seed, size, near):
+    """Of all permutations, whether or not they are nearly those by places."""
+    random = np.random.default_rng(seed)
+    numbers = random.normal(size=size)
+    others = numbers + 0.3 * random.normal(size=size) if near else random.normal(size=size)
+    distance = np.abs(numbers[:, None] - others)
+    least = min(distance[range(size), order].sum() for order in permutations(range(size)))
+    assert distance[matched(distance)].sum() == pytest.approx(least, rel=1e-12)
+
+
+def test_the_distance_is_that_of_the_best_pairs():
+    """Two of ours are nearest to one of theirs, and by places no pair is farther apart than it must be."""
+    ours, theirs = _of(1.0, 0.5, 0.4), _of(1.25, 0.48, 0.2)
+    assert ours.distance(theirs) == pytest.approx(0.25)
+    assert _of(0.5, 0.4).distance(_of(0.2, 0.45)) == pytest.approx(0.2)
+
+
+@given(st.integers(0, 2**31), st.integers(2, 8))
+def test_balancing_takes_units_back(seed, size):
+    """Norms of rows and columns are alike whatever the units: within a factor of 2, and of another 2 for each
+    since units are rounded to powers of two."""
+    random = np.random.default_rng(seed)
+    units = 10.0 ** random.uniform(-9, 9, size)
+    matrices = random.uniform(0.1, 1.0, (3, size, size))
+    matrices[1] = matrices[1] * units / units[:, None]
+    balanced, found = scaled_alike(matrices)
+    rows, columns = np.linalg.norm(balanced, axis=2), np.linalg.norm(balanced, axis=1)
+    assert (np.maximum(rows / columns, columns / rows) <= 8).all()
+    assert (np.frexp(found)[0] == 0.5).all()
+    np.testing.assert_allclose(balanced, matrices * found[:, None, :] / found[:, :, None])
+    np.testing.assert_array_equal(scaled_alike(matrices[1:2])[1], found[1:2])
+
+
+def test_balancing_leaves_zeros():
+    for matrix in (np.zeros((3, 3)), [[0.0, 1.0], [0.0, 0.0]]):
+        balanced, found = scaled_alike(np.array(matrix))
+        np.testing.assert_array_equal(balanced, matrix)
+        np.testing.assert_array_equal(found, 1.0)
