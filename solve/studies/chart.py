@@ -102,13 +102,12 @@ def chart(
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
     """That of orbits at points (P, 2); where there is no orbit, as at resonance, by itself."""
+    results = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
+    for name in _OF_STABILITY:
+        getattr(results, name)[:] = getattr(orbits, name)
     failed = np.flatnonzero(orbits.failed)
-    blank = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
-    nothing = {"kept": blank.kept, "figures": blank.figures, "amplitudes": blank.amplitudes}
-    own = {name: getattr(orbits, name).copy() for name in _OF_STABILITY}
-    results = replace(orbits, **nothing, **own, failures={})
     if len(failed):
-        results.insert(failed, gathered(batch, points[failed], blank.kept))
+        results.insert(failed, gathered(batch, points[failed], results.kept))
     return results
 
 
