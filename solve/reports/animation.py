@@ -26,8 +26,7 @@ from solve.results.style import Figure, drawn
 from solve.single import periodic
 from solve.system import PeriodicSystem
 
-MOVING = (".gif", ".html")
-ENDINGS = (*MOVING, *PICTURES)
+ENDINGS = (".gif", ".html", *PICTURES)
 
 FREE_TURNS = 8
 """Periods of the matrices over which a free vibration is shown."""

@@ -5,7 +5,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +17,6 @@ from solve.results.plot import labelled, title_of
 from solve.results.quantities import prefixed
 from solve.results.report import Facts, RenderableType, Table, table, text
 from solve.results.result import Result
-from solve.results.save import checked
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.system import PeriodicSystem
 from solve.units import ShownUnit
@@ -236,8 +234,3 @@ class Fitted(Result):
             unit = json.dumps(self.system.parameter_labels[name][0])
             lines.append(f"{name} = {{ value = {value!r}, unit = {unit}, source = {json.dumps(source)} }}")
         return "\n".join(lines) + "\n"
-
-
-def checked_case(path: str | Path) -> Path:
-    """The path of a case file that can be written. Raises FileError."""
-    return checked(path, (".toml",), "case")

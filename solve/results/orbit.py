@@ -11,12 +11,12 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import corrected, correction
-from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import Quantities, Signal, samples_a_step
 from solve.results.contents import Column, Contents, plain, require_different_names
-from solve.results.plot import MOST_ROWS, Motion, checked_scale, orbit_figure, shown
+from solve.results.plot import MOST_ROWS, SCALES, Motion, orbit_figure, shown
 from solve.results.quantities import fixed, greek, measured, prefixed
 from solve.results.report import Facts, RenderableType, Table, stacked, table
 from solve.results.stability import Stability
@@ -332,7 +332,7 @@ class Orbit(Stability, Turn):
         the largest amplitude; up to `harmonics` orders, by default all that can be seen. Raises
         UnknownNameError, ValueOutOfBoundsError.
         """
-        checked_scale(scale)
+        require_name("scale", scale, SCALES)
         beside = self._beside(quasi_static)
         phase = np.linspace(0.0, self.system.period, self.samples + 1)
         motions = {}

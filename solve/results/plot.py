@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.results.quantities import greek, headed, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
@@ -118,12 +118,6 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
             f"{len(known)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
         )
     return list(known)
-
-
-def checked_scale(scale: str) -> str:
-    """The scale itself. Raises UnknownNameError."""
-    require_name("scale", scale, SCALES)
-    return scale
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:
