@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.period.multipliers import UNIT_CIRCLE, VERDICTS
 from solve.results.contents import Column, Columns
 from solve.results.plot import MOST_ROWS, label_quantity, label_speeds, title_of
 from solve.results.quantities import headed, prefixed
@@ -20,11 +21,10 @@ from solve.system import PeriodicSystem
 _MOST_ROWS = 40
 """Of the table; of more points every k-th is shown."""
 
-_CIRCLE = 1e-9
 _NARROW = 1e-3
 """Range of the speeds, by the largest, below which seven digits hardly tell them apart."""
 
-STABLE, UNSTABLE, UNDETERMINED = "asymptotically stable", "unstable", "undetermined"
+STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
 _YES = {True: "yes", False: ""}
 _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
@@ -62,8 +62,8 @@ class Branch(Result):
         """Of each point: "asymptotically stable", "unstable", or "undetermined" where the error of the
         radius leaves it open."""
         low, high = self.radius - self.errors[:, 1], self.radius + self.errors[:, 1]
-        chosen = np.where(high < 1 - _CIRCLE, STABLE, np.where(low > 1 + _CIRCLE, UNSTABLE, UNDETERMINED))
-        return chosen.tolist()
+        beyond = np.where(low > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
+        return np.where(high < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
 
     @cached_property
     def warnings(self) -> list[str]:
