@@ -68,7 +68,12 @@ class Channel(NamedTuple):
     @property
     def axis(self) -> str:
         """What the values are functions of, as a label."""
-        return "mode" if self.position is not None else "order" if self.orders else "phase (°)"
+        return "phase (°)" if self.by_phase else "order" if self.orders else "mode"
+
+    @property
+    def by_phase(self) -> bool:
+        """Whether it is a curve over the phase."""
+        return self.position is None and not self.orders
 
     @property
     def relative(self) -> float:
@@ -120,9 +125,9 @@ def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str
     )
     unit = "rad/s" if each.position is not None else system.units.get(each.name, "")
     factor, unit = prefixed(unit, float(np.abs(measured).max()))
-    order, discrete = np.argsort(each.at, kind="stable"), each.axis != "phase (°)"
-    across = each.at[order] if discrete else np.degrees(each.at[order])
-    line: dict[str, Any] = {"marker": "x", "linestyle": ""} if discrete else {"linewidth": 1.2}
+    order = np.argsort(each.at, kind="stable")
+    across = np.degrees(each.at[order]) if each.by_phase else each.at[order]
+    line: dict[str, Any] = {"linewidth": 1.2} if each.by_phase else {"marker": "x", "linestyle": ""}
     axes.plot(across, factor * measured[order], "o", markersize=3, color=VERMILION, label="measured")
     axes.plot(across, factor * computed[order], color=BLUE, label="computed", **line)
     axes.set_ylabel(labelled(each.name, unit))
@@ -139,7 +144,7 @@ def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
     order = order[np.append(np.diff(phases[order]) > _SAME * system.period, True)]
     gaps = np.diff(np.append(phases[order], phases[order[:1]] + system.period))
     even = len(order) > 4 and np.ptp(gaps) <= _EVEN * gaps.mean()
-    return order if even and each.axis == "phase (°)" else None
+    return order if even and each.by_phase else None
 
 
 @dataclass(frozen=True)
