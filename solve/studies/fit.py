@@ -242,10 +242,8 @@ def _of_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple
 def _of_orders(on: OnGrid, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:
     """Complex amplitudes (k,) of orders and their derivatives (r, k), or moduli, but for the mean's sign."""
     pairs = [on.figures.harmonic(name, round(order)) for order in orders.tolist()]
-    amplitudes, moved = (
-        np.array([pair[0] for pair in pairs]),
-        np.array(on.forward.of([pair[1] for pair in pairs])).T,
-    )
+    amplitudes = np.array([amplitude for amplitude, _ in pairs])
+    moved = np.array(on.forward.of([sums for _, sums in pairs])).T
     if angles:
         return amplitudes, moved
     size = np.abs(amplitudes)
