@@ -7,7 +7,7 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Flag, Problem, Results, Speed
 from solve.commands.parse import assignments
 from solve.errors import MissingValueError, ValueOutOfBoundsError
-from solve.results.save import checked
+from solve.results.files import checked
 
 
 def fit(

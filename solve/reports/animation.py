@@ -18,10 +18,10 @@ from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.transients import transient
 from solve.reports.moving_page import page_text
 from solve.reports.moving_picture import Drawn, Panel, gif, still
+from solve.results.files import PICTURES, checked, write_whole
 from solve.results.orbit import Orbit
 from solve.results.plot import shown, titled
 from solve.results.quantities import round_magnification
-from solve.results.save import PICTURES, checked, write_whole
 from solve.results.style import Figure, drawn
 from solve.single import periodic
 from solve.system import PeriodicSystem
