@@ -80,8 +80,8 @@ def _with_measured(
     report: Callable[[], RenderableType],
 ) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
     """Record, report and figure with what was measured beside the orbit. Raises ValueOutOfBoundsError."""
-    from solve.results.fit import compared_figure, differences_table
-    from solve.studies.fit import beside
+    from solve.results.channels import compared_figure, differences_table
+    from solve.studies.measured import beside
 
     channels = beside(orbit, records)
     title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
