@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import UNIT_CIRCLE, VERDICTS
 from solve.results.contents import Column, Columns
-from solve.results.plot import MOST_ROWS, label_quantity, label_speeds, title_of
+from solve.results.plot import MOST_SHOWN, label_quantity, label_speeds, title_of
 from solve.results.quantities import headed, prefixed
 from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
@@ -88,7 +88,7 @@ class Branch(Result):
     @property
     def columns(self) -> Columns:
         """A row a point."""
-        names, shown = self.system.coordinates, self.system.coordinates[: MOST_ROWS - 1]
+        names, shown = self.system.coordinates, self.system.coordinates[: MOST_SHOWN - 1]
         found = {"speed": speeds_of(self.system, self.speeds, heading="{}", form=self._digits)}
         for name, values in zip(names, self.peaks.T, strict=True):
             factor, unit = prefixed(self.system.units.get(name, ""), float(values.max()))
@@ -122,7 +122,7 @@ class Branch(Result):
     def plot(self) -> Figure:
         """Largest moduli and the spectral radius over speed, where the branch is unstable dashed (matplotlib
         Figure)."""
-        names = self.system.coordinates[: MOST_ROWS - 1]
+        names = self.system.coordinates[: MOST_SHOWN - 1]
         title = f"{title_of(self.system)}: branch of nonlinear orbits"
         with page(1.4 + 1.5 * (len(names) + 1), title) as figure:
             axes = figure.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]

@@ -16,7 +16,7 @@ from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import Quantities, Signal, samples_a_step
 from solve.results.contents import Column, Contents, plain, require_different_names
-from solve.results.plot import MOST_ROWS, SCALES, Motion, orbit_figure, shown
+from solve.results.plot import MOST_SHOWN, SCALES, Motion, orbit_figure, shown
 from solve.results.quantities import fixed, greek, measured, prefixed
 from solve.results.report import Facts, RenderableType, Table, stacked, table
 from solve.results.stability import Stability
@@ -223,7 +223,7 @@ class Orbit(Stability, Turn):
     @property
     def summary(self) -> str:
         """The verdict in plain words, and how far the coordinates go."""
-        units, names = self.system.units, self.coordinates[:MOST_ROWS]
+        units, names = self.system.units, self.coordinates[:MOST_SHOWN]
         largest = ((name, abs(self.statistics(name).max_abs)) for name in names)
         reached = [f"max|{greek(name)}| = {measured(size, units.get(name, ''))}" for name, size in largest]
         more = len(self.coordinates) - len(reached)

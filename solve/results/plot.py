@@ -45,7 +45,9 @@ _LABEL = 54
 _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
 
-MOST_ROWS = len(_ROW_HEIGHTS)
+MOST_SHOWN = len(_ROW_HEIGHTS)
+"""Quantities of one picture, and coordinates beside each other in tables and sentences."""
+
 SCALES = ("linear", "dB")
 
 
@@ -111,11 +113,11 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     """The names to show: those given, or the first coordinates. Raises UnknownNameError, and
     ValueOutOfBoundsError for more rows than a page holds."""
     if not names:
-        return list(system.coordinates[:MOST_ROWS])
+        return list(system.coordinates[:MOST_SHOWN])
     known = system.known_quantities(names)
-    if len(known) > MOST_ROWS:
+    if len(known) > MOST_SHOWN:
         raise ValueOutOfBoundsError(
-            f"{len(known)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
+            f"{len(known)} quantities to show; allowed: up to {MOST_SHOWN} in one picture"
         )
     return list(known)
 

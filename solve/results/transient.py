@@ -14,7 +14,7 @@ from solve.period.curve import Curve
 from solve.period.quantities import Quantities
 from solve.results.contents import Column, Contents, plain, require_different_names
 from solve.results.orbit import Orbit
-from solve.results.plot import MOST_ROWS, axis_label, label_quantity, shown, title_of, titled
+from solve.results.plot import MOST_SHOWN, axis_label, label_quantity, shown, title_of, titled
 from solve.results.quantities import measured
 from solve.results.report import Facts, RenderableType, digits, sized, speeds_of, table, table_of, text
 from solve.results.result import Result
@@ -280,7 +280,7 @@ class Transient(Result):
         """A row a turn: the largest modulus of each coordinate, and the distance to the orbit. A row an
         output: its extrema."""
         columns = {"": Column(range(1, self.turns + 1), heading="turn")}
-        for name, peaks in zip(self.system.coordinates[:MOST_ROWS], self.peaks.T, strict=False):
+        for name, peaks in zip(self.system.coordinates[:MOST_SHOWN], self.peaks.T, strict=False):
             columns[name] = sized(peaks, self.system.units.get(name, ""), "", name, 6)
         distances = Column(self.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
         speeds = speeds_of(self.system, self.ends[1:], heading="to {}")

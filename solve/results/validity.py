@@ -7,7 +7,7 @@ from typing import Any
 
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
-from solve.results.plot import MOST_ROWS, draw_through, label_speeds, shades, title_of
+from solve.results.plot import MOST_SHOWN, draw_through, label_speeds, shades, title_of
 from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
 from solve.results.style import GREY, Figure, page
@@ -50,7 +50,7 @@ class Validity(Result):
     def columns(self) -> Columns:
         """A row a speed."""
         speeds = speeds_of(self.system, self.speeds, heading="{}", axes=("speed",))
-        shown = self.system.coordinates[:MOST_ROWS]
+        shown = self.system.coordinates[:MOST_SHOWN]
         errors = {
             f"{name}_error": Column(
                 *(row, "1", f"error of the linear orbit in {name}, relative", name if name in shown else ""),
@@ -89,7 +89,7 @@ class Validity(Result):
 
     def plot(self) -> Figure:
         """The errors over speed (matplotlib Figure)."""
-        unit, names = self.system.speed_unit, self.system.coordinates[:MOST_ROWS]
+        unit, names = self.system.speed_unit, self.system.coordinates[:MOST_SHOWN]
         with page(3.4, f"{title_of(self.system)}: error of the linear orbit") as figure:
             axes = figure.subplots()
             for name, row, shade in zip(names, self.errors.T, shades(len(names)), strict=False):
