@@ -144,7 +144,7 @@ def animate(
     `.save("cam.gif")` writes it. Raises NoSketchError where the model states no lines, NoMotionError where it
     does not move, and other SolveError subclasses for bad input.
     """
-    checked_magnification(scale)
+    require_magnification(scale)
     frame_count(frames, False, False)
     asked = system.system if isinstance(system, Orbit) else system
     if not asked.solvable:
@@ -257,8 +257,8 @@ def _scaled(made: Animation, scale: float | None) -> Animation:
     return replace(made, scale=float(scale))
 
 
-def checked_magnification(scale: float | None) -> None:
-    """Raises ValueOutOfBoundsError."""
+def require_magnification(scale: float | None) -> None:
+    """Raise ValueOutOfBoundsError for what is no magnification."""
     if scale is None:
         return
     try:
