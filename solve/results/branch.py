@@ -88,21 +88,18 @@ class Branch(Result):
     @property
     def columns(self) -> Columns:
         """A row a point."""
-        names, shown = self.system.coordinates, self.system.coordinates[: MOST_SHOWN - 1]
         found = {"speed": speeds_of(self.system, self.speeds, heading="{}", form=self._digits)}
-        for name, values in zip(names, self.peaks.T, strict=True):
-            factor, unit = prefixed(self.system.units.get(name, ""), float(values.max()))
-            title = headed(f"max|{name}|", unit) if name in shown else ""
-            given = self.system.units.get(name, ""), f"largest modulus of {name}", title
-            found[f"{name}_max_abs"] = Column(values, *given, digits(".5g", factor))
-        meaning = "error of the orbit, relative, estimated"
+        for at, (name, values) in enumerate(zip(self.system.coordinates, self.peaks.T, strict=True)):
+            unit, meaning = self.system.units.get(name, ""), f"largest modulus of {name}"
+            factor, shown = prefixed(unit, float(values.max()))
+            title = headed(f"max|{name}|", shown) if at < MOST_SHOWN - 1 else ""
+            found[f"{name}_max_abs"] = Column(values, unit, meaning, title, digits(".5g", factor))
+        meaning, back = "error of the orbit, relative, estimated", self.turns.astype(bool)
         return {
             **found,
             "spectral_radius": Column(self.radius, "1", "spectral radius", "radius", digits(".5g")),
             "verdict": Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__),
-            "turns": Column(
-                self.turns.astype(bool), "", "whether the branch turns back", "turns", _YES.__getitem__
-            ),
+            "turns": Column(back, "", "whether the branch turns back", "turns", _YES.__getitem__),
             "error": Column(self.errors[:, 0], "1", meaning),
             "radius_error": Column(self.errors[:, 1], "1", "error of the spectral radius, estimated"),
         }

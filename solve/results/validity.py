@@ -49,16 +49,12 @@ class Validity(Result):
     @property
     def columns(self) -> Columns:
         """A row a speed."""
-        speeds = speeds_of(self.system, self.speeds, heading="{}", axes=("speed",))
-        shown = self.system.coordinates[:MOST_SHOWN]
-        errors = {
-            f"{name}_error": Column(
-                *(row, "1", f"error of the linear orbit in {name}, relative", name if name in shown else ""),
-                *(digits(".3g", 100), ("speed",)),
-            )
-            for name, row in zip(self.system.coordinates, self.errors.T, strict=True)
-        }
-        return {"speed": speeds, **errors}
+        columns = {"speed": speeds_of(self.system, self.speeds, heading="{}", axes=("speed",))}
+        for at, (name, row) in enumerate(zip(self.system.coordinates, self.errors.T, strict=True)):
+            meaning = f"error of the linear orbit in {name}, relative"
+            heading = name if at < MOST_SHOWN else ""
+            columns[f"{name}_error"] = Column(row, "1", meaning, heading, digits(".3g", 100), ("speed",))
+        return columns
 
     def record(self) -> dict[str, Any]:
         """Of `solve validity --json`."""

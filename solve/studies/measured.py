@@ -165,14 +165,11 @@ def _frequencies(
             "Hz; allowed: above 0"
         )
     positions = columns.get(_POSITION, np.zeros(len(modes)))
-    return [
-        Measured(
-            *(0.0, False, modes[positions == each]),
-            {FREQUENCY: columns[FREQUENCY][positions == each]},
-            position=each,
-        )
-        for each in dict.fromkeys(positions.tolist())
-    ]
+    found = []
+    for position in dict.fromkeys(positions.tolist()):
+        here = positions == position
+        found.append(Measured(0.0, False, modes[here], {FREQUENCY: columns[FREQUENCY][here]}, position))
+    return found
 
 
 def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, place: int) -> Array:
