@@ -82,7 +82,7 @@ class Bands(Sequence[Band], Result):
         edges = [(band.low, band.high, band.kind) for band in self]
         if sweep is not None:
             return radius_figure(self.system, sweep.speeds, sweep.spectral_radius, edges)
-        ends = [*(end for low, high, _ in edges for end in (low, high) if end not in self.range)]
+        ends = [end for low, high, _ in edges for end in (low, high) if end not in self.range]
         speeds = np.append(self.speeds, ends)
         return radius_figure(self.system, speeds, np.append(self.spectral_radius, np.ones(len(ends))), edges)
 
