@@ -153,14 +153,13 @@ def _draw_curve(
     return factor, unit
 
 
-def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> Any:
-    """Values z (ny, nx) as colours over x and y, and their scale beside, which is returned."""
+def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> None:
+    """Values z (ny, nx) as colours over x and y, and their scale beside."""
     mesh = axes.pcolormesh(x, y, z, shading="nearest", rasterized=True, **colours)
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
     bar.set_label(label, color=GREY)
     axes.ticklabel_format(scilimits=(-3, 6))
     axes.grid(visible=False)
-    return bar
 
 
 def axis_label(system: PeriodicSystem, name: str) -> str:
