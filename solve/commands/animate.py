@@ -7,7 +7,7 @@ from solve.commands.groups import Accuracy, Flag, Problem, Speed
 from solve.commands.parse import out_file
 from solve.reports.animation import ENDINGS, frame_count
 from solve.reports.animation import animate as made
-from solve.results.save import PICTURES
+from solve.results.files import PICTURES
 
 
 def animate(

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from solve.commands.groups import Results
+from solve.results.files import Whole, write_whole
 from solve.results.report import RenderableType
 from solve.results.result import Result
-from solve.results.save import Whole, write_whole, writer
+from solve.results.save import writer
 from solve.results.style import Figure, drawn
 
 if TYPE_CHECKING:

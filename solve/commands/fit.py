@@ -7,7 +7,7 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Flag, Problem, Results, Speed
 from solve.commands.parse import assignments
 from solve.errors import MissingValueError, ValueOutOfBoundsError
-from solve.results.fit import checked_case
+from solve.results.files import checked
 
 
 def fit(
@@ -27,7 +27,7 @@ def fit(
     if data is None or free is None:
         missing = "--data FILE" if data is None else "--free NAME,NAME"
         raise MissingValueError(f"a fit needs what was measured and what is free; add {missing}")
-    case = None if toml is None else checked_case(toml)
+    case = None if toml is None else checked(toml, [".toml"], "case")
     names, limits = [name.strip() for name in free.split(",") if name.strip()], _bounds(bounds)
     model = problem.loaded()
     given = speed.speed or model.case_speed

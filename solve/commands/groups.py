@@ -21,7 +21,8 @@ from solve.methods.choice import Rule, chosen
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.setup import Setup
-from solve.results.save import PICTURES, checked, checked_data
+from solve.results.files import PICTURES, checked
+from solve.results.save import checked_data
 from solve.sizes import MOST, limited
 from solve.units import speeds_in_si
 

@@ -7,7 +7,7 @@ from typing import Any
 import typer
 
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
-from solve.results.save import checked
+from solve.results.files import checked
 from solve.units import evenly, quantity, require_size_of_number
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, OnePoint, Problem, Results, Speed
 from solve.commands.parse import harmonic_count
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.model.model import Model
 from solve.results.orbit import Orbit
-from solve.results.plot import checked_scale, shown, titled
+from solve.results.plot import SCALES, shown, titled
 from solve.results.report import RenderableType, stacked
 from solve.results.style import Figure
 from solve.results.turn_plot import fits_figure
@@ -38,7 +38,7 @@ def periodic(
 ) -> None:
     """Periodic vibration, its spectrum and its stability."""
     orders, model = harmonic_count(harmonics), problem.loaded()
-    checked_scale(scale)
+    require_name("scale", scale, SCALES)
     shown(model, show)
     if fits and results.plot is None:
         raise ValueOutOfBoundsError("--fits chooses what is drawn; add --plot FILE")
@@ -80,8 +80,8 @@ def _with_measured(
     report: Callable[[], RenderableType],
 ) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
     """Record, report and figure with what was measured beside the orbit. Raises ValueOutOfBoundsError."""
-    from solve.results.fit import compared_figure, differences_table
-    from solve.studies.fit import beside
+    from solve.results.channels import compared_figure, differences_table
+    from solve.studies.measured import beside
 
     channels = beside(orbit, records)
     title = f"{titled(orbit.system, orbit.speed)}: computed over measured"

@@ -13,7 +13,7 @@ from solve.results.plot import shown
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
 from solve.results.sweep_plot import SPEED, labelled_by, moving
-from solve.results.turn_plot import checked_turn, turn_figure, turns_figure
+from solve.results.turn_plot import require_turn, turn_figure, turns_figure
 from solve.single import periodic as solved
 from solve.studies.sweep import sweep as swept
 from solve.system import PeriodicSystem
@@ -79,7 +79,7 @@ def _check_turn(
         raise MissingValueError(f"--turn {name} draws a picture; add the file, such as --plot turn.png")
     if waterfall is not None:
         raise ValueOutOfBoundsError("--turn and --waterfall draw one picture each; give one of them")
-    checked_turn(model, name, count)
+    require_turn(model, name, count)
 
 
 def _turns(model: Model, sweep: Sweep, turn: str, asked: tuple[Any, ...]) -> Figure:

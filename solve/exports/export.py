@@ -11,7 +11,7 @@ from solve.exports.c_code import c_code
 from solve.exports.fmu import fmu
 from solve.exports.mat_file import mat_file
 from solve.exports.state_space import SAMPLES, state_space
-from solve.results.save import Whole, checked
+from solve.results.files import Whole, checked
 from solve.single import floquet
 from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si

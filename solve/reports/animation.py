@@ -18,16 +18,15 @@ from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.transients import transient
 from solve.reports.moving_page import page_text
 from solve.reports.moving_picture import Drawn, Panel, gif, still
+from solve.results.files import PICTURES, checked, write_whole
 from solve.results.orbit import Orbit
 from solve.results.plot import shown, titled
 from solve.results.quantities import round_magnification
-from solve.results.save import PICTURES, checked, write_whole
 from solve.results.style import Figure, drawn
 from solve.single import periodic
 from solve.system import PeriodicSystem
 
-MOVING = (".gif", ".html")
-ENDINGS = (*MOVING, *PICTURES)
+ENDINGS = (".gif", ".html", *PICTURES)
 
 FREE_TURNS = 8
 """Periods of the matrices over which a free vibration is shown."""
@@ -145,7 +144,7 @@ def animate(
     `.save("cam.gif")` writes it. Raises NoSketchError where the model states no lines, NoMotionError where it
     does not move, and other SolveError subclasses for bad input.
     """
-    checked_magnification(scale)
+    require_magnification(scale)
     frame_count(frames, False, False)
     asked = system.system if isinstance(system, Orbit) else system
     if not asked.solvable:
@@ -258,8 +257,8 @@ def _scaled(made: Animation, scale: float | None) -> Animation:
     return replace(made, scale=float(scale))
 
 
-def checked_magnification(scale: float | None) -> None:
-    """Raises ValueOutOfBoundsError."""
+def require_magnification(scale: float | None) -> None:
+    """Raise ValueOutOfBoundsError for what is no magnification."""
     if scale is None:
         return
     try:

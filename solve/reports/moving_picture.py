@@ -216,13 +216,15 @@ def _closed(places: Plane, size: float) -> bool:
 
 def _panel(axes: Axes, drawn: Drawn, panel: Panel) -> list[Mover]:
     """A quantity over the phase, and what marks the phase of a frame."""
+    from matplotlib.ticker import MultipleLocator
+
     factor, unit = prefixed(drawn.system.units.get(panel.name, ""), float(np.abs(panel.curve).max()))
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.plot(np.degrees(drawn.fine), factor * panel.curve, color=BLUE)
     axes.set_xlim(0.0, math.degrees(drawn.fine[-1]))
     axes.set_ylabel(labelled(panel.name, unit))
     axes.margins(y=0.1)
-    axes.xaxis.set_major_locator(_turn_ticks(math.degrees(drawn.fine[-1])))
+    axes.xaxis.set_major_locator(MultipleLocator(math.degrees(drawn.fine[-1]) / 4))
     if axes.get_subplotspec().is_last_row():  # type: ignore[union-attr]
         axes.set_xlabel("phase φ (°)")
     low, high = axes.get_ylim()
@@ -232,12 +234,6 @@ def _panel(axes: Axes, drawn: Drawn, panel: Panel) -> list[Mover]:
         _mover(axes, np.stack((x + 1j * low, x + 1j * high)), _MARK),
         _mover(axes, (x + 1j * factor * panel.values)[None], _DOT),
     ]
-
-
-def _turn_ticks(degrees: float):
-    from matplotlib.ticker import MultipleLocator
-
-    return MultipleLocator(degrees / 4)
 
 
 def _mover(axes: Axes, places: Plane, style: Mapping) -> Mover:

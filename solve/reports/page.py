@@ -12,11 +12,11 @@ from typing import BinaryIO
 
 from solve.errors import SolveError
 from solve.results.contents import versions
+from solve.results.files import checked, write_whole
 from solve.results.markup import html
 from solve.results.quantities import greek
 from solve.results.report import table, text
 from solve.results.result import Result
-from solve.results.save import checked, write_whole
 from solve.results.style import Figure, drawn
 from solve.system import PeriodicSystem
 

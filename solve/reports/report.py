@@ -128,17 +128,17 @@ def _over_speeds(
     between = f"from {system.speed_unit.span(min(omegas), max(omegas))}"
     response = f"Largest moduli over a period and the spectral radius {between}."
     critical = f"Maxima of the response and of the dominant multiplier, divisions of frequencies, {between}."
+    unstable = f"Speeds {between} at which disturbances grow."
     off = f"How far the linear vibration is from the nonlinear one {between}."
-    parts = {
-        sweep: Part("Response over speed", response),
-        critical_speeds: Part("Critical speeds", critical),
-        bands: Part("Unstable bands", f"Speeds {between} at which disturbances grow."),
-        validity: Part("Validity of the linear answer", off),
-    }
-    asked = {find: partial(find, system, omegas, **given) for find in parts}
+
+    def over(find: Callable[..., Result]) -> Callable[[], Result]:
+        return partial(find, system, omegas, **given)
+
     return [
-        Asked(part, asked[find] if find is bands else _loaded(asked[find], system, omega))
-        for find, part in parts.items()
+        Asked(Part("Response over speed", response), _loaded(over(sweep), system, omega)),
+        Asked(Part("Critical speeds", critical), _loaded(over(critical_speeds), system, omega)),
+        Asked(Part("Unstable bands", unstable), over(bands)),
+        Asked(Part("Validity of the linear answer", off), _loaded(over(validity), system, omega)),
     ]
 
 
@@ -160,13 +160,14 @@ def _modes(system: PeriodicSystem) -> list[Asked]:
         here = frequencies(system)
         return Findings(here, shapes=here.shapes())
 
+    def over_turn() -> Findings:
+        return Findings(frequencies(system), frequencies(system, turn(system)))
+
     about = f"Undamped natural frequencies and mode shapes{place}."
-    shapes = Asked(Part("Natural frequencies and modes", about), at_rest)
-    over = Asked(
-        Part(
-            "Natural frequencies over the turn",
-            "Undamped natural frequencies with the drive held still at positions of the turn.",
-        ),
-        lambda: Findings(frequencies(system), frequencies(system, turn(system))),
-    )
-    return [*([shapes] if system.links else []), *([over] if system.moves else [])]
+    over = "Undamped natural frequencies with the drive held still at positions of the turn."
+    found = []
+    if system.links:
+        found.append(Asked(Part("Natural frequencies and modes", about), at_rest))
+    if system.moves:
+        found.append(Asked(Part("Natural frequencies over the turn", over), over_turn))
+    return found

@@ -82,7 +82,7 @@ class Bands(Sequence[Band], Result):
         edges = [(band.low, band.high, band.kind) for band in self]
         if sweep is not None:
             return radius_figure(self.system, sweep.speeds, sweep.spectral_radius, edges)
-        ends = [*(end for low, high, _ in edges for end in (low, high) if end not in self.range)]
+        ends = [end for low, high, _ in edges for end in (low, high) if end not in self.range]
         speeds = np.append(self.speeds, ends)
         return radius_figure(self.system, speeds, np.append(self.spectral_radius, np.ones(len(ends))), edges)
 
@@ -95,24 +95,21 @@ class Bands(Sequence[Band], Result):
     @property
     def columns(self) -> Columns:
         """A row a band."""
-        low, high = ([getattr(band, edge) for band in self] for edge in ("low", "high"))
-        opens = [[getattr(band, f"open_{edge}") for band in self] for edge in ("low", "high")]
         unit = self.system.speed_unit
-        lows, highs = (
-            [f"{'< ' * open_}{unit.of(speed):.3f}" for speed, open_ in zip(speeds, flags, strict=True)]
-            for speeds, flags in zip((low, high), opens, strict=True)
-        )
-        kinds, radii = [band.kind for band in self], [band.spectral_radius for band in self]
-        widths = [above - below for below, above in zip(low, high, strict=True)]
+        low, high = [band.low for band in self], [band.high for band in self]
+        lows = [f"{'< ' * band.open_low}{unit.of(band.low):.3f}" for band in self]
+        highs = [f"{'< ' * band.open_high}{unit.of(band.high):.3f}" for band in self]
+        widths, radii = [band.high - band.low for band in self], [band.spectral_radius for band in self]
+        kinds, motions = [band.kind for band in self], [_MEANINGS[band.kind] for band in self]
         return {
             "kind": Column(kinds, "", "multiplier that leaves the unit circle", "kind"),
-            "motion": Column([_MEANINGS[kind] for kind in kinds], "", "that grows", "motion"),
+            "motion": Column(motions, "", "that grows", "motion"),
             "from": Column(low, "rad/s", "lower edge", f"from ({unit.name})", lows),
             "to": Column(high, "rad/s", "upper edge", f"to ({unit.name})", highs),
             "width": speeds_of(self.system, widths, "of the band", "width ({})", ".3g"),
             "spectral_radius": Column(radii, "1", "largest in the band", "largest |ρ|", digits(".6g")),
-            "open_low": Column(opens[0], "", "whether it goes on below"),
-            "open_high": Column(opens[1], "", "whether it goes on above"),
+            "open_low": Column([band.open_low for band in self], "", "whether it goes on below"),
+            "open_high": Column([band.open_high for band in self], "", "whether it goes on above"),
         }
 
     @property

@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.period.multipliers import UNIT_CIRCLE, VERDICTS
 from solve.results.contents import Column, Columns
-from solve.results.plot import MOST_ROWS, label_quantity, label_speeds, title_of
+from solve.results.plot import MOST_SHOWN, label_quantity, label_speeds, title_of
 from solve.results.quantities import headed, prefixed
 from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
@@ -20,11 +21,10 @@ from solve.system import PeriodicSystem
 _MOST_ROWS = 40
 """Of the table; of more points every k-th is shown."""
 
-_CIRCLE = 1e-9
 _NARROW = 1e-3
 """Range of the speeds, by the largest, below which seven digits hardly tell them apart."""
 
-STABLE, UNSTABLE, UNDETERMINED = "asymptotically stable", "unstable", "undetermined"
+STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
 _YES = {True: "yes", False: ""}
 _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
@@ -62,8 +62,8 @@ class Branch(Result):
         """Of each point: "asymptotically stable", "unstable", or "undetermined" where the error of the
         radius leaves it open."""
         low, high = self.radius - self.errors[:, 1], self.radius + self.errors[:, 1]
-        chosen = np.where(high < 1 - _CIRCLE, STABLE, np.where(low > 1 + _CIRCLE, UNSTABLE, UNDETERMINED))
-        return chosen.tolist()
+        beyond = np.where(low > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
+        return np.where(high < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
 
     @cached_property
     def warnings(self) -> list[str]:
@@ -88,21 +88,18 @@ class Branch(Result):
     @property
     def columns(self) -> Columns:
         """A row a point."""
-        names, shown = self.system.coordinates, self.system.coordinates[: MOST_ROWS - 1]
         found = {"speed": speeds_of(self.system, self.speeds, heading="{}", form=self._digits)}
-        for name, values in zip(names, self.peaks.T, strict=True):
-            factor, unit = prefixed(self.system.units.get(name, ""), float(values.max()))
-            title = headed(f"max|{name}|", unit) if name in shown else ""
-            given = self.system.units.get(name, ""), f"largest modulus of {name}", title
-            found[f"{name}_max_abs"] = Column(values, *given, digits(".5g", factor))
-        meaning = "error of the orbit, relative, estimated"
+        for at, (name, values) in enumerate(zip(self.system.coordinates, self.peaks.T, strict=True)):
+            unit, meaning = self.system.units.get(name, ""), f"largest modulus of {name}"
+            factor, shown = prefixed(unit, float(values.max()))
+            title = headed(f"max|{name}|", shown) if at < MOST_SHOWN - 1 else ""
+            found[f"{name}_max_abs"] = Column(values, unit, meaning, title, digits(".5g", factor))
+        meaning, back = "error of the orbit, relative, estimated", self.turns.astype(bool)
         return {
             **found,
             "spectral_radius": Column(self.radius, "1", "spectral radius", "radius", digits(".5g")),
             "verdict": Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__),
-            "turns": Column(
-                self.turns.astype(bool), "", "whether the branch turns back", "turns", _YES.__getitem__
-            ),
+            "turns": Column(back, "", "whether the branch turns back", "turns", _YES.__getitem__),
             "error": Column(self.errors[:, 0], "1", meaning),
             "radius_error": Column(self.errors[:, 1], "1", "error of the spectral radius, estimated"),
         }
@@ -122,7 +119,7 @@ class Branch(Result):
     def plot(self) -> Figure:
         """Largest moduli and the spectral radius over speed, where the branch is unstable dashed (matplotlib
         Figure)."""
-        names = self.system.coordinates[: MOST_ROWS - 1]
+        names = self.system.coordinates[: MOST_SHOWN - 1]
         title = f"{title_of(self.system)}: branch of nonlinear orbits"
         with page(1.4 + 1.5 * (len(names) + 1), title) as figure:
             axes = figure.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]

@@ -1,7 +1,6 @@
 """Methods side by side on one problem: at equal steps and at equal accuracy."""
 
 import math
-import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,6 +14,7 @@ from solve.results.orbit import Orbit
 from solve.results.plot import titled
 from solve.results.report import Facts, RenderableType, digits, table_of, text
 from solve.results.result import Result
+from solve.results.stability import in_short
 from solve.results.style import GREY, LIGHT, MANY, Figure, page
 from solve.system import PeriodicSystem
 
@@ -32,7 +32,6 @@ _DOTS: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4, "ma
 _LINES = ("-", "--", ":")
 """Past the last colour the next kind of line begins."""
 
-_short = operator.methodcaller("removesuffix", "ally stable")
 _WORST = 3.0
 """Relative error above which a result is no result; not drawn."""
 
@@ -130,7 +129,7 @@ class Comparison(Result):
             "orbit_error": ("1", "relative", "q error", digits(".1e")),
             "multiplier_error": ("1", "relative", "ρ error", digits(".1e")),
             "time": ("s", "of the processor, shortest of some runs", "time (ms)", digits(".2f", 1e3)),
-            "verdict": ("", "", "stability", _short),
+            "verdict": ("", "", "stability", in_short),
             "at": ("", "what the methods are compared at"),
             "followed": ("", "whether the steps follow the fastest mode"),
             "target": ("1", f"error of the {self.judged_by} to reach"),

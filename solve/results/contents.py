@@ -110,6 +110,16 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in _DISTRIBUTIONS}
 
 
+def curves_of(
+    system: PeriodicSystem, time: Array, phase: Array, q: Array, outputs: Mapping[str, Array]
+) -> list[tuple[str, Column]]:
+    """Time, phase, coordinates (n, k) and outputs (k,) by name, at k phases."""
+    curves = [("time", (time, "s", "time")), ("phase", (phase, "rad", "phase of the drive"))]
+    for name, values in (*zip(system.coordinates, q, strict=True), *outputs.items()):
+        curves.append((name, (values, system.units.get(name, ""), system.meanings.get(name, ""))))
+    return [(name, Column(*curve, axes=("phase",))) for name, curve in curves]
+
+
 def require_different_names(variables: Sequence[tuple[str, Column]]) -> None:
     """Raise ValueOutOfBoundsError where a name stands for two columns, of which one would be lost."""
     known: dict[str, Column] = {}

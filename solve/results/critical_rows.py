@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,11 +27,7 @@ class Combination:
 
     def same(self, other: "Combination | None") -> bool:
         """Whether both name the same resonance, wherever the frequencies were taken."""
-        return other is not None and (self.modes, self.sign, self.order) == (
-            other.modes,
-            other.sign,
-            other.order,
-        )
+        return other is not None and self == replace(other, speed=self.speed)
 
 
 @lasting

@@ -238,17 +238,15 @@ class CriticalSpeeds(Result):
 
     def tables(self) -> Sequence[RenderableType]:
         """A row a critical speed; unstable ranges and combinations below."""
-        further = [self._unstable_table()] * bool(self.unstable_ranges)
-        span = self.system.speed_unit.span(self.speeds[0], self.speeds[-1])
+        unit = self.system.speed_unit
+        span = unit.span(self.speeds[0], self.speeds[-1])
         none = text(f"\nno maximum and no division up to order {self.orders} found from {span}")
-        return [
-            self._rows_table() if self.rows else none,
-            *further,
-            *[self._combinations_table()] * bool(self.combinations),
-        ]
-
-    def _unstable_table(self) -> Table:
-        return table_of(f"Unstable among the speeds, {self.system.speed_unit.name}", self._unstable)
+        made = [self._rows_table() if self.rows else none]
+        if self.unstable_ranges:
+            made.append(table_of(f"Unstable among the speeds, {unit.name}", self._unstable))
+        if self.combinations:
+            made.append(self._combinations_table())
+        return made
 
     def _rows_table(self) -> Table:
         columns = {**self.columns}

@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.contracts import ModeShape
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, Contents, model_record, plain
-from solve.results.frequencies_plot import shapes_figure, turn_figure, variation_figure
+from solve.results.frequencies_plot import positions_figure, shapes_figure, variation_figure
 from solve.results.quantities import fixed, headed
 from solve.results.report import Facts, RenderableType, Table, digits, table_of
 from solve.results.result import Result
@@ -57,7 +57,7 @@ class Frequencies(Result):
         """Mode shapes at one position; frequencies over several. Raises ValueOutOfBoundsError where there
         are no links to draw."""
         if len(self.positions) > 1:
-            return turn_figure(self.system, self.positions, self.values)
+            return positions_figure(self.system, self.positions, self.values)
         if not self.system.links:
             raise ValueOutOfBoundsError(
                 f"{self.system.name} at one position has nothing to draw; draw the whole turn: --turn 36"
@@ -123,7 +123,7 @@ class Variation(Result):
     def plot(self) -> Figure:
         """The lowest frequency over the parameter beside those of the links alone (thesis Fig. 9.1)."""
         lowest = {name: values[:, 0] for name, values in self.figures.items()}
-        return variation_figure(self.system, self.parameter, self.values, lowest, self.pinned, self._whole)
+        return variation_figure(self.system, self.parameter, self.values, lowest, self.pinned, self._several)
 
     @property
     def whole(self) -> dict[str, Any]:
@@ -139,7 +139,7 @@ class Variation(Result):
         largest, tenths = float(np.abs(self.values).max()), partial(fixed, magnitude=100.0, digits=6)
         varied = partial(fixed, magnitude=largest, digits=5)
         columns = {self.parameter: Column(self.values, unit, "varied", title, varied)}
-        headings = {"mean": "mean ω1", "min": "min", "max": "max"} if self._whole else {"mean": "ω1"}
+        headings = {"mean": "mean ω1", "min": "min", "max": "max"} if self._several else {"mean": "ω1"}
         for k, (name, values) in itertools.product(range(self.frequencies.shape[2]), self.figures.items()):
             about = "rad/s", f"{name} over the positions", headings.get(name, "") if k == 0 else ""
             columns[f"frequency{k + 1}_{name}"] = Column(values[:, k], *about, tenths)
@@ -149,13 +149,13 @@ class Variation(Result):
         return columns
 
     @property
-    def _whole(self) -> bool:
+    def _several(self) -> bool:
         """Whether at several positions."""
         return len(self.positions) > 1
 
     def tables(self) -> Sequence[Table]:
         """A row a value of the parameter: the lowest frequency, and those of up to three links alone."""
-        mean_of = f": the mean of {len(self.positions)} positions" if self._whole else ""
+        mean_of = f": the mean of {len(self.positions)} positions" if self._several else ""
         caption = "alone: the link's lowest frequency, pinned at both ends" if self.pinned else None
         title = f"Over {self.parameter}, rad/s{mean_of}"
         return [table_of(title, self.columns, most=_MOST_ROWS, caption=caption)]

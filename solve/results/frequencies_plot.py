@@ -63,7 +63,7 @@ def shapes_figure(system: PeriodicSystem, position: float, every: Sequence[ModeS
     return made
 
 
-def turn_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
+def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
     """Every frequency (m, k) over the positions (m,) of a turn, its mean dashed."""
     from matplotlib.ticker import MultipleLocator
 
@@ -91,17 +91,17 @@ def variation_figure(
     values: Array,
     lowest: Mapping[str, Array],
     pinned: Mapping[str, Array],
-    whole: bool,
+    several: bool,
 ) -> Figure:
     """The lowest frequency over a parameter (v,), with its range over the turn, beside the links alone.
 
-    lowest: mean, min and max (v,) of the positions, which are a whole turn or one; pinned: by link.
+    lowest: mean, min and max (v,) of the positions, `several` or one; pinned: by link.
     """
     with page(3.8, f"{title_of(system)}: lowest frequency over {parameter}") as made:
         axes = made.subplots()
-        if whole:
+        if several:
             axes.fill_between(values, lowest["min"], lowest["max"], color=BLUE, alpha=0.15, linewidth=0)
-        label = "mechanism, mean and range of the turn" if whole else "mechanism"
+        label = "mechanism, mean and range of the turn" if several else "mechanism"
         axes.plot(values, lowest["mean"], color=BLUE, marker="o", label=label)
         top = 2.2 * np.nanmax(lowest["max"], initial=0.0)
         for (link, alone), color in zip(pinned.items(), (GREY, VERMILION, GREEN, *_COLORS), strict=False):

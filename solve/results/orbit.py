@@ -11,12 +11,12 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import corrected, correction
-from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import Quantities, Signal, samples_a_step
-from solve.results.contents import Column, Contents, plain, require_different_names
-from solve.results.plot import MOST_ROWS, Motion, checked_scale, orbit_figure, shown
+from solve.results.contents import Column, Contents, curves_of, plain, require_different_names
+from solve.results.plot import MOST_SHOWN, SCALES, Motion, orbit_figure, shown
 from solve.results.quantities import fixed, greek, measured, prefixed
 from solve.results.report import Facts, RenderableType, Table, stacked, table
 from solve.results.stability import Stability
@@ -24,7 +24,6 @@ from solve.results.style import Figure
 from solve.results.turn import QuasiStatic, Turn, broken
 from solve.statistics import Statistics
 
-_AXIS = ("phase",)
 _RANKS = ("strongest", "second", "third")
 
 _ALIKE = 1e-6
@@ -223,7 +222,7 @@ class Orbit(Stability, Turn):
     @property
     def summary(self) -> str:
         """The verdict in plain words, and how far the coordinates go."""
-        units, names = self.system.units, self.coordinates[:MOST_ROWS]
+        units, names = self.system.units, self.coordinates[:MOST_SHOWN]
         largest = ((name, abs(self.statistics(name).max_abs)) for name in names)
         reached = [f"max|{greek(name)}| = {measured(size, units.get(name, ''))}" for name, size in largest]
         more = len(self.coordinates) - len(reached)
@@ -302,18 +301,11 @@ class Orbit(Stability, Turn):
                 -1, len(self.phase)
             ),
         }
-        curves = [
-            ("time", Column(self.time, "s", "time", axes=_AXIS)),
-            ("phase", Column(self.phase, "rad", "phase of the drive", axes=_AXIS)),
-        ]
-        for name, values in (*zip(system.coordinates, q, strict=True), *outputs.items()):
-            unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
-            curves.append((name, Column(values, unit, meaning, axes=_AXIS)))
-        rates = []
+        curves, rates = curves_of(system, self.time, self.phase, q, outputs), []
         for suffix, word, per, rows in (("d", "velocity", "/s", qd), ("dd", "acceleration", "/s^2", qdd)):
             for name, values in zip(system.coordinates, rows, strict=True):
                 unit = system.units.get(name, "")
-                rate = Column(values, unit and unit + per, f"{word} of {name}", axes=_AXIS)
+                rate = Column(values, unit and unit + per, f"{word} of {name}", axes=("phase",))
                 rates.append((name + suffix, rate))
         rates += stability.columns.items()
         require_different_names([*curves, *rates])
@@ -332,7 +324,7 @@ class Orbit(Stability, Turn):
         the largest amplitude; up to `harmonics` orders, by default all that can be seen. Raises
         UnknownNameError, ValueOutOfBoundsError.
         """
-        checked_scale(scale)
+        require_name("scale", scale, SCALES)
         beside = self._beside(quasi_static)
         phase = np.linspace(0.0, self.system.period, self.samples + 1)
         motions = {}

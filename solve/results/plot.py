@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.results.quantities import greek, headed, named, prefixed
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
@@ -45,7 +45,9 @@ _LABEL = 54
 _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
 
-MOST_ROWS = len(_ROW_HEIGHTS)
+MOST_SHOWN = len(_ROW_HEIGHTS)
+"""Quantities of one picture, and coordinates beside each other in tables and sentences."""
+
 SCALES = ("linear", "dB")
 
 
@@ -111,19 +113,13 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     """The names to show: those given, or the first coordinates. Raises UnknownNameError, and
     ValueOutOfBoundsError for more rows than a page holds."""
     if not names:
-        return list(system.coordinates[:MOST_ROWS])
+        return list(system.coordinates[:MOST_SHOWN])
     known = system.known_quantities(names)
-    if len(known) > MOST_ROWS:
+    if len(known) > MOST_SHOWN:
         raise ValueOutOfBoundsError(
-            f"{len(known)} quantities to show; allowed: up to {MOST_ROWS} in one picture"
+            f"{len(known)} quantities to show; allowed: up to {MOST_SHOWN} in one picture"
         )
     return list(known)
-
-
-def checked_scale(scale: str) -> str:
-    """The scale itself. Raises UnknownNameError."""
-    require_name("scale", scale, SCALES)
-    return scale
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:
@@ -157,14 +153,13 @@ def _draw_curve(
     return factor, unit
 
 
-def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> Any:
-    """Values z (ny, nx) as colours over x and y, and their scale beside, which is returned."""
+def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> None:
+    """Values z (ny, nx) as colours over x and y, and their scale beside."""
     mesh = axes.pcolormesh(x, y, z, shading="nearest", rasterized=True, **colours)
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
     bar.set_label(label, color=GREY)
     axes.ticklabel_format(scilimits=(-3, 6))
     axes.grid(visible=False)
-    return bar
 
 
 def axis_label(system: PeriodicSystem, name: str) -> str:

@@ -150,11 +150,6 @@ def _number_table() -> type[Table]:
     return NumberTable
 
 
-def model_heading(system: PeriodicSystem, choices: Sequence[str]) -> Table:
-    """Which model; further rows can be added."""
-    return heading(system, None, choices)
-
-
 def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str], facts: Facts = ()) -> Table:
     """Which model, at which speed (rad/s), and facts: a word, and what it stands for."""
     from rich.table import Table

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from solve.results.contents import Columns, Contents, model_record, plain, rows_of
+from solve.results.files import write_whole
 from solve.results.lasting import Lasting
 from solve.results.markup import html
 from solve.results.report import Facts, RenderableType, Table, heading, stacked, table_of
-from solve.results.save import checked_data, dataset, write_whole, writer
+from solve.results.save import checked_data, dataset, writer
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
 

@@ -137,7 +137,7 @@ class Sensitivities(Result):
             certain = each.errors <= _UNCERTAIN * np.abs(each.derivatives)
             sizes = self.elasticities(quantity)
             known = {by for by, sure in zip(sizes, certain, strict=True) if sure and np.isfinite(sizes[by])}
-            name = next(filter(known.__contains__, self._ranked(quantity)), None)
+            name = next((by for by in self._ranked(quantity) if by in known), None)
             if name is not None:
                 parts.append(f"{quantity} with {name} ({_number(sizes[name], 3)} % per 1 % of it)")
         return f"What changes most by a parameter: {', '.join(parts)}." if parts else ""

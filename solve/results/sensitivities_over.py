@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns
 from solve.results.plot import label_speeds, shades, title_of
-from solve.results.report import RenderableType, table
+from solve.results.report import RenderableType, speeds_of, table
 from solve.results.result import Result
 from solve.results.style import Figure, page
 from solve.system import PeriodicSystem
@@ -70,21 +70,19 @@ class SensitivitiesOver(Result):
                 for quantity, rows in zip(self.quantities, np.moveaxis(found, 1, 0), strict=True)
             }
 
-        return plain(
-            {
-                "speeds": self.speeds,
-                "values": dict(zip(self.quantities, self.values.T, strict=True)),
-                "sensitivities": by_name(self.derivatives),
-                "elasticities": by_name(self.elasticities),
-                "errors": by_name(self.errors),
-            }
-        )
+        return {
+            "speeds": self.speeds,
+            "values": dict(zip(self.quantities, self.values.T, strict=True)),
+            "sensitivities": by_name(self.derivatives),
+            "elasticities": by_name(self.elasticities),
+            "errors": by_name(self.errors),
+        }
 
     @property
     def columns(self) -> Columns:
         """A row a speed, quantity and parameter."""
         return {
-            "speed": Column(self.speeds, "rad/s", "speed of rotation", axes=_AXES[:1]),
+            "speed": speeds_of(self.system, self.speeds, axes=_AXES[:1]),
             "quantity": Column(np.array(self.quantities), "", "what changes", axes=_AXES[1:2]),
             "by": Column(np.array(self.by), "", "with which parameter", axes=_AXES[2:]),
             "derivative": Column(np.real(self.derivatives), "", "in SI units, real part", axes=_AXES),
@@ -135,7 +133,6 @@ class SensitivitiesOver(Result):
 
 
 def _number(value: Any) -> str:
-    if not np.isfinite(value):
-        return "–"
-    size = abs(value) if isinstance(value, complex) and value.imag else float(np.real(value))
+    """The value, or the modulus of a complex one."""
+    size = abs(value) if value.imag else value.real
     return f"{size:.4g}" if math.isfinite(size) else "–"

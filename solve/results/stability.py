@@ -36,6 +36,11 @@ _MEANS = (
 _VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
 
+def in_short(verdict: str) -> str:
+    """A verdict in few characters."""
+    return verdict.removesuffix("ally stable")
+
+
 @lasting
 class ErrorEstimate(NamedTuple):
     """orbit: per coordinate max|error|/max|q|, the largest (NaN without an orbit); multipliers:

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from solve.results.files import write_whole
 from solve.results.quantities import greek
-from solve.results.save import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -20,7 +20,7 @@ from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.quantities import headed
 from solve.results.report import RenderableType, digits, sized, speeds_of, stacked, table_of
 from solve.results.result import Result
-from solve.results.stability import ErrorEstimate
+from solve.results.stability import ErrorEstimate, in_short
 from solve.results.style import Figure
 from solve.results.sweep_plot import sweep_figure, waterfall_figure
 from solve.system import PeriodicSystem
@@ -67,7 +67,7 @@ class SweepPoint:
     @property
     def stability(self) -> str:
         """The verdict in few characters."""
-        return "failed" if self.error else self.verdict.removesuffix("ally stable")
+        return "failed" if self.error else in_short(self.verdict)
 
     def record(self, system: PeriodicSystem) -> dict[str, Any]:
         """As plain data; the system is that of the sweep."""

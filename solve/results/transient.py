@@ -12,9 +12,9 @@ from solve.contracts import driven
 from solve.labels import SPEED
 from solve.period.curve import Curve
 from solve.period.quantities import Quantities
-from solve.results.contents import Column, Contents, plain, require_different_names
+from solve.results.contents import Column, Contents, curves_of, plain, require_different_names
 from solve.results.orbit import Orbit
-from solve.results.plot import MOST_ROWS, axis_label, label_quantity, shown, title_of, titled
+from solve.results.plot import MOST_SHOWN, axis_label, label_quantity, shown, title_of, titled
 from solve.results.quantities import measured
 from solve.results.report import Facts, RenderableType, digits, sized, speeds_of, table, table_of, text
 from solve.results.result import Result
@@ -22,7 +22,6 @@ from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
-_AXIS = ("phase",)
 _AT_ONCE = 2**19
 """States and outputs at them of turns whose figures are found at once."""
 
@@ -280,7 +279,7 @@ class Transient(Result):
         """A row a turn: the largest modulus of each coordinate, and the distance to the orbit. A row an
         output: its extrema."""
         columns = {"": Column(range(1, self.turns + 1), heading="turn")}
-        for name, peaks in zip(self.system.coordinates[:MOST_ROWS], self.peaks.T, strict=False):
+        for name, peaks in zip(self.system.coordinates[:MOST_SHOWN], self.peaks.T, strict=False):
             columns[name] = sized(peaks, self.system.units.get(name, ""), "", name, 6)
         distances = Column(self.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
         speeds = speeds_of(self.system, self.ends[1:], heading="to {}")
@@ -347,15 +346,9 @@ class Transient(Result):
         """Time, phase, coordinates and outputs, for a file; in .npz and .mat also q, qd (n, j), from
         whose end another transient can go on."""
         system, q = self.system, self.q
-        columns = [
-            ("time", Column(self.time, "s", "time", axes=_AXIS)),
-            ("phase", Column(self.phase, "rad", "phase of the drive", axes=_AXIS)),
-        ]
+        columns = curves_of(system, self.time, self.phase, q, self.outputs)
         if self.ramp:
-            columns.append(("speed", speeds_of(system, self.speeds, axes=_AXIS)))
-        for name, values in (*zip(system.coordinates, q, strict=True), *self.outputs.items()):
-            unit, meaning = system.units.get(name, ""), system.meanings.get(name, "")
-            columns.append((name, Column(values, unit, meaning, axes=_AXIS)))
+            columns.insert(2, ("speed", speeds_of(system, self.speeds, axes=("phase",))))
         require_different_names(columns)
         arrays = {"phase": self.phase, "time": self.time, "q": q, "qd": self.qd}
         arrays["coordinates"] = np.array(system.coordinates)

@@ -26,22 +26,20 @@ MOST_CURVES = 12
 """Speeds whose curves one picture can tell apart."""
 
 
-def checked_turn(system: PeriodicSystem, name: str, curves: int) -> str:
-    """The name itself. Raises UnknownNameError, and ValueOutOfBoundsError for more curves than one picture
-    can tell apart."""
+def require_turn(system: PeriodicSystem, name: str, curves: int) -> None:
+    """Raise UnknownNameError, and ValueOutOfBoundsError for more curves than one picture can tell apart."""
     system.known_quantities([name])
     if curves > MOST_CURVES:
         raise ValueOutOfBoundsError(
             f"{curves} curves to draw over the turn; allowed: up to {MOST_CURVES}, such as "
             '--speeds "600 900 1200 rpm"'
         )
-    return name
 
 
 def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     """A coordinate or output over one period, a curve a speed, the slowest darkest; the orbits are of one
     system. Raises UnknownNameError and ValueOutOfBoundsError."""
-    checked_turn(orbits[0].system, name, len(orbits))
+    require_turn(orbits[0].system, name, len(orbits))
     ordered = sorted(orbits, key=lambda orbit: orbit.speed)
     unit = orbits[0].system.speed_unit
     by_speed = {f"{unit.of(orbit.speed):.6g}": orbit for orbit in ordered}

@@ -7,7 +7,7 @@ from typing import Any
 
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, plain
-from solve.results.plot import MOST_ROWS, draw_through, label_speeds, shades, title_of
+from solve.results.plot import MOST_SHOWN, draw_through, label_speeds, shades, title_of
 from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
 from solve.results.style import GREY, Figure, page
@@ -49,16 +49,12 @@ class Validity(Result):
     @property
     def columns(self) -> Columns:
         """A row a speed."""
-        speeds = speeds_of(self.system, self.speeds, heading="{}", axes=("speed",))
-        shown = self.system.coordinates[:MOST_ROWS]
-        errors = {
-            f"{name}_error": Column(
-                *(row, "1", f"error of the linear orbit in {name}, relative", name if name in shown else ""),
-                *(digits(".3g", 100), ("speed",)),
-            )
-            for name, row in zip(self.system.coordinates, self.errors.T, strict=True)
-        }
-        return {"speed": speeds, **errors}
+        columns = {"speed": speeds_of(self.system, self.speeds, heading="{}", axes=("speed",))}
+        for at, (name, row) in enumerate(zip(self.system.coordinates, self.errors.T, strict=True)):
+            meaning = f"error of the linear orbit in {name}, relative"
+            heading = name if at < MOST_SHOWN else ""
+            columns[f"{name}_error"] = Column(row, "1", meaning, heading, digits(".3g", 100), ("speed",))
+        return columns
 
     def record(self) -> dict[str, Any]:
         """Of `solve validity --json`."""
@@ -89,7 +85,7 @@ class Validity(Result):
 
     def plot(self) -> Figure:
         """The errors over speed (matplotlib Figure)."""
-        unit, names = self.system.speed_unit, self.system.coordinates[:MOST_ROWS]
+        unit, names = self.system.speed_unit, self.system.coordinates[:MOST_SHOWN]
         with page(3.4, f"{title_of(self.system)}: error of the linear orbit") as figure:
             axes = figure.subplots()
             for name, row, shade in zip(names, self.errors.T, shades(len(names)), strict=False):

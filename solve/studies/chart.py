@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial, singledispatch
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +32,6 @@ from solve.studies.judged import Judged, judge
 from solve.studies.tongues import hidden
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
-
-Names = tuple[str, str]
-Speed = float | str | None
 
 _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods"
 """Arrays of results that tell of it."""
@@ -105,13 +102,12 @@ def chart(
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
     """That of orbits at points (P, 2); where there is no orbit, as at resonance, by itself."""
+    results = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
+    for name in _OF_STABILITY:
+        getattr(results, name)[:] = getattr(orbits, name)
     failed = np.flatnonzero(orbits.failed)
-    blank = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
-    nothing = {"kept": blank.kept, "figures": blank.figures, "amplitudes": blank.amplitudes}
-    own = {name: getattr(orbits, name).copy() for name in _OF_STABILITY}
-    results = replace(orbits, **nothing, **own, failures={})
     if len(failed):
-        results.insert(failed, gathered(batch, points[failed], blank.kept))
+        results.insert(failed, gathered(batch, points[failed], results.kept))
     return results
 
 
@@ -215,40 +211,32 @@ def _axis(
     return name, numbers
 
 
-@singledispatch
 def _family(
-    build: Callable[..., PeriodicSystem], names: Names, points: Array, speed: Speed, case: str | None
+    model: str | PeriodicSystem | Callable[..., PeriodicSystem],
+    names: tuple[str, str],
+    points: Array,
+    speed: float | str | None,
+    case: str | None,
 ) -> Family:
-    """The systems at the points (P, 2): built by a function, those of a name, or one that varies."""
-    _refuse_case(case)
-    return BuiltFamily(build, names, points, _held(speed, names))
-
-
-@_family.register
-def _(name: str, names: Names, points: Array, speed: Speed, case: str | None) -> Family:
-    return _family(load(name, case), names, points, speed, None)
-
-
-@_family.register
-def _(system: PeriodicSystem, names: Names, points: Array, speed: Speed, case: str | None) -> Family:
-    _refuse_case(case)
-    omega = _held(system.case_speed if speed is None else speed, names)
-    system.require_motion()
-    found = SystemFamily(system, names, omega)
-    for extreme in (points[0], points[-1]):
-        values = dict(zip(names, map(float, extreme), strict=True))
-        system.require_bounds({name: value for name, value in values.items() if name != SPEED})
-    return found
-
-
-def _refuse_case(case: str | None) -> None:
+    """The systems at the points (P, 2): of a name, one that varies, or those built by a function."""
+    if isinstance(model, str):
+        model, case = load(model, case), None
     if case is not None:
         raise ValueOutOfBoundsError(
             f"case '{case}' is for the name of a model; a system has its numbers already"
         )
+    if not isinstance(model, PeriodicSystem):
+        return BuiltFamily(model, names, points, _held(speed, names))
+    omega = _held(model.case_speed if speed is None else speed, names)
+    model.require_motion()
+    found = SystemFamily(model, names, omega)
+    for extreme in (points[0], points[-1]):
+        values = dict(zip(names, map(float, extreme), strict=True))
+        model.require_bounds({name: value for name, value in values.items() if name != SPEED})
+    return found
 
 
-def _held(speed: Speed, names: Names) -> float | None:
+def _held(speed: float | str | None, names: tuple[str, str]) -> float | None:
     if speed is None and SPEED not in names:
         raise MissingValueError("no speed given; give one, or make it one of the two quantities")
     return None if speed is None else speed_in_si(speed)

@@ -48,9 +48,9 @@ class Explained(NamedTuple):
     combinations: Sequence[Combination] = ()
 
 
-def allowed_distance(order: float) -> float:
-    """Difference of a frequency over the speed from an order, up to which that may explain a maximum."""
-    return min(_NEAR, CLOSE * order)
+def allowed_distance(orders: Array | float) -> Array:
+    """Differences of frequencies over the speed from orders, up to which these may explain a maximum."""
+    return np.minimum(_NEAR, CLOSE * orders)
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class Turn:
             unsure[pair] += abs(decays[pair] - decays[fed].mean())
         rates = mean_modes(self.system, self.speed).rates / self.speed
         turned = np.sqrt(np.maximum(self.ratios**2 - rates**2, 0.0))
-        allowed = self.turns * np.minimum(_NEAR, CLOSE * self.ratios) + _TURNED
+        allowed = self.turns * allowed_distance(self.ratios) + _TURNED
         off = (self.angles[:, None] - _folded(turned * self.turns)) / allowed
         decay = rates * self.turns * 2 * math.pi
         slower = (decays[:, None] - decay) / (_DECAYS * np.abs(decay) + unsure[:, None] + _TURNED)

@@ -19,8 +19,8 @@ from solve.methods.collocation import Collocated
 from solve.model.bounds import clauses
 from solve.model.model import Model, of_model
 from solve.progress import part, stage
-from solve.results.fit import Channel, Fitted, Interval
-from solve.results.orbit import Orbit
+from solve.results.channels import Channel
+from solve.results.fit import Fitted, Interval
 from solve.single import periodic
 from solve.studies.measured import FREQUENCY, Measured, measured
 from solve.studies.misfit import misfits
@@ -32,9 +32,6 @@ _UNTOLD = 0.5
 
 _SHARE = 0.1
 """Part of the largest from which on a parameter is named in a combination."""
-
-_ALIKE = 1e-3
-"""Relative difference of the speeds of an orbit and of what is drawn beside it."""
 
 _STEP = 1e-3
 """Part of a parameter by which natural frequencies are differenced."""
@@ -93,35 +90,6 @@ def fit(
                 found = least_squares(problem.residuals, found.x, loss="soft_l1", f_scale=scale, **settings)
     sigma = _spread(found.fun) if robust else np.sqrt(2 * found.cost / (count - len(names)))
     return _fitted(problem, found.x, found.jac, float(sigma), count, Path(data).name, ratios)
-
-
-def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
-    """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
-    ValueOutOfBoundsError where there is none."""
-    found = []
-    for each in sets:
-        if each.position is not None or not np.isclose(each.speed, orbit.speed, rtol=_ALIKE):
-            continue
-        for name, values in each.channels.items():
-            if each.orders:
-                computed = orders_of(orbit, name, each.at, np.iscomplexobj(values))
-            else:
-                computed = orbit.signal(name)(each.at)
-            found.append(Channel(each.speed, each.orders, name, each.at, values, computed))
-    if not found:
-        unit = orbit.system.speed_unit
-        speeds = ", ".join(unit.text(each.speed) for each in sets if each.position is None) or "none"
-        raise ValueOutOfBoundsError(
-            f"nothing is measured at {unit.text(orbit.speed)}; the data are of: {speeds}"
-        )
-    return found
-
-
-def orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
-    """Complex amplitudes (k,) of orders, or moduli, but for the mean's sign."""
-    size, angle = orbit.harmonics(name, round(orders.max()))
-    at = np.round(orders).astype(int)
-    return (size * np.exp(1j * angle))[at] if angles else size[at]
 
 
 def _spread(residuals: Array) -> float:
@@ -242,10 +210,8 @@ def _of_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple
 def _of_orders(on: OnGrid, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:
     """Complex amplitudes (k,) of orders and their derivatives (r, k), or moduli, but for the mean's sign."""
     pairs = [on.figures.harmonic(name, round(order)) for order in orders.tolist()]
-    amplitudes, moved = (
-        np.array([pair[0] for pair in pairs]),
-        np.array(on.forward.of([pair[1] for pair in pairs])).T,
-    )
+    amplitudes = np.array([amplitude for amplitude, _ in pairs])
+    moved = np.array(on.forward.of([sums for _, sums in pairs])).T
     if angles:
         return amplitudes, moved
     size = np.abs(amplitudes)

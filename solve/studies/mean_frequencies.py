@@ -149,13 +149,13 @@ def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
         [
             speed
             for speed, weight in zip(speeds[within].tolist(), np.abs(weights[within]), strict=True)
-            if _remembered(system, speed) @ weight / 2 <= -math.log(LIGHTLY_DAMPED)
+            if _decays(system, speed) @ weight / 2 <= -math.log(LIGHTLY_DAMPED)
         ]
     )
 
 
-def _remembered(system: PeriodicSystem, speed: float) -> Array:
-    """Decays of the modes in a period (n,)."""
+def _decays(system: PeriodicSystem, speed: float) -> Array:
+    """Of the modes in a period (n,)."""
     return mean_modes(system, speed).rates * system.period / speed
 
 

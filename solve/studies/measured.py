@@ -1,7 +1,8 @@
-"""Measured vibration: curves over a turn or in time, amplitudes of orders, or natural frequencies."""
+"""Measured vibration: curves over a turn or in time, amplitudes of orders, or natural frequencies; and an
+orbit beside it."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, require_name
 from solve.model.tables import size_in_header
+from solve.results.channels import Channel
+from solve.results.orbit import Orbit
 from solve.studies.records import AXES, Record, record
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, speed_in_si
@@ -18,6 +21,9 @@ _SPEED, _PHASE, _POSITION = "speed", "_phase", "position"
 
 _MOST_ORDERS, _LARGEST = 10**5, 1e100
 """Orders, and values whose squares can be summed."""
+
+_ALIKE = 1e-3
+"""Relative difference of the speeds of an orbit and of what is drawn beside it."""
 
 FREQUENCY = "frequency"
 """The channel of natural frequencies."""
@@ -81,6 +87,35 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     return found
 
 
+def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
+    """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
+    ValueOutOfBoundsError where there is none."""
+    found = []
+    for each in sets:
+        if each.position is not None or not np.isclose(each.speed, orbit.speed, rtol=_ALIKE):
+            continue
+        for name, values in each.channels.items():
+            if each.orders:
+                computed = _orders_of(orbit, name, each.at, np.iscomplexobj(values))
+            else:
+                computed = orbit.signal(name)(each.at)
+            found.append(Channel(each.speed, each.orders, name, each.at, values, computed))
+    if not found:
+        unit = orbit.system.speed_unit
+        speeds = ", ".join(unit.text(each.speed) for each in sets if each.position is None) or "none"
+        raise ValueOutOfBoundsError(
+            f"nothing is measured at {unit.text(orbit.speed)}; the data are of: {speeds}"
+        )
+    return found
+
+
+def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
+    """Complex amplitudes (k,) of orders, or moduli, but for the mean's sign."""
+    size, angle = orbit.harmonics(name, round(orders.max()))
+    at = np.round(orders).astype(int)
+    return (size * np.exp(1j * angle))[at] if angles else size[at]
+
+
 def _require_sound(file: str, axis: str, at: Array, speeds: Array, channels: Mapping[str, Array]) -> None:
     """Raise ValueOutOfBoundsError for phases, orders, speeds or channels that cannot be."""
     if not np.isfinite(at).all():
@@ -130,14 +165,11 @@ def _frequencies(
             "Hz; allowed: above 0"
         )
     positions = columns.get(_POSITION, np.zeros(len(modes)))
-    return [
-        Measured(
-            *(0.0, False, modes[positions == each]),
-            {FREQUENCY: columns[FREQUENCY][positions == each]},
-            position=each,
-        )
-        for each in dict.fromkeys(positions.tolist())
-    ]
+    found = []
+    for position in dict.fromkeys(positions.tolist()):
+        here = positions == position
+        found.append(Measured(0.0, False, modes[here], {FREQUENCY: columns[FREQUENCY][here]}, position))
+    return found
 
 
 def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, place: int) -> Array:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.fit import Channel
+from solve.results.channels import Channel
 
 _EXACT = 1e-5
 """Difference, relative, up to which it may be what the solution itself leaves."""
@@ -41,7 +41,7 @@ def misfits(channels: Sequence[Channel], period: float, ratios: Mapping[str, flo
         size = float(np.linalg.norm(left) / np.linalg.norm(measured))
         pairs = [_alike(left, lag) for lag in range(1, 1 + min(_MOST_LAGS, len(left) // _A_LAG))]
         noise = chi2.sf(sum(far**2 for far, _ in pairs), max(1, len(pairs)))
-        curve = not any(each.orders or each.position is not None for each in channels)
+        curve = all(each.by_phase for each in channels)
         if curve and len(measured) > 2 and not np.ptp(measured):
             found.append(f"{name} is measured as the same number everywhere; look at the record")
         elif size > _APART:
@@ -64,7 +64,7 @@ def misfits(channels: Sequence[Channel], period: float, ratios: Mapping[str, flo
 def _in_order(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
     """Where one quantity was measured (k,), and there measured and computed less measured: neighbours are of
     one speed and next phases, or of one order or mode and next speeds."""
-    by_phase = channels[0].axis == "phase (°)"
+    by_phase = channels[0].by_phase
     at = np.concatenate([np.mod(each.at, period) if by_phase else each.at for each in channels])
     counts = [len(each.at) for each in channels]
     sets = np.repeat([each.speed if each.position is None else each.position for each in channels], counts)

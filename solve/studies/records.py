@@ -108,12 +108,8 @@ def _universal(path: Path) -> Record:
     for each in sets:
         if len(each["x"]) != len(x) or not np.allclose(each["x"], x, rtol=1e-9, atol=0.0):
             raise CaseFileError(f"data: {path.name} has functions on several abscissas; give them one")
-        name, unit, values = (
-            str(each["id1"]).strip(),
-            _label(each, "ordinate") or "1",
-            np.asarray(each["data"]),
-        )
-        titles.append(f"{name} ({unit})")
+        name, values = str(each["id1"]).strip(), np.asarray(each["data"])
+        titles.append(f"{name} ({_label(each, 'ordinate') or '1'})")
         columns.append(np.abs(values) if np.iscomplexobj(values) else values)
         if np.iscomplexobj(values):
             titles.append(f"{name}_phase (rad)")

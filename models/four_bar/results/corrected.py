@@ -19,7 +19,7 @@ from solve.results.report import RenderableType, digits, sized, table_of
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
 from solve.results.style import Figure
-from solve.results.turn_plot import BEHIND, checked_turn, curves_figure
+from solve.results.turn_plot import BEHIND, curves_figure, require_turn
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
@@ -121,7 +121,7 @@ def corrections(
     one = model.varied(options={"elements": 1})
     systems |= {f"corrected, {load}": Corrected(one, load) for load in LOADS}
     for system in systems.values():
-        checked_turn(system, system.parts(of)[0], len(systems))
+        require_turn(system, system.parts(of)[0], len(systems))
     phase = np.linspace(0.0, model.period, _SAMPLES)
     found: dict[str, OneModel] = {}
     drawn = ""

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from models.four_bar.results.outcome import Outcome
 from solve.results.contents import Column, Columns
-from solve.results.report import digits, model_heading, speeds_of, table_of
+from solve.results.report import digits, heading, speeds_of, table_of
 
 
 def outcome_report(result: Outcome, choices: Sequence[str]) -> RenderableType:
@@ -27,20 +27,20 @@ def outcome_report(result: Outcome, choices: Sequence[str]) -> RenderableType:
 
 def _heading(result: Outcome, choices: Sequence[str]) -> Table:
     stresses = result.design.map
-    grid = model_heading(stresses.model, choices)
     allowable = ", ".join(
         f"{link} {stress / 1e6:.5g}" for link, stress in zip(stresses.links, stresses.allowable, strict=True)
     )
-    grid.add_row("allowable", f"{allowable} MPa")
-    grid.add_row("L4", f"{stresses.L4[0]:.4f} … {stresses.L4[-1]:.4f} m, its own {stresses.own_L4:.4f} m")
-    grid.add_row(
-        "map",
-        f"{len(stresses.speeds)} speeds "
-        f"{stresses.model.speed_unit.span(stresses.speeds[0], stresses.speeds[-1], '…', '.4g')} times "
-        f"{len(stresses.L4)} lengths, error {np.nanmax(stresses.error):.1e}, between speeds "
-        f"{stresses.interpolation_error:.1e}",
-    )
-    return grid
+    speeds = stresses.model.speed_unit.span(stresses.speeds[0], stresses.speeds[-1], "…", ".4g")
+    facts = [
+        ("allowable", f"{allowable} MPa"),
+        ("L4", f"{stresses.L4[0]:.4f} … {stresses.L4[-1]:.4f} m, its own {stresses.own_L4:.4f} m"),
+        (
+            "map",
+            f"{len(stresses.speeds)} speeds {speeds} times {len(stresses.L4)} lengths, error "
+            f"{np.nanmax(stresses.error):.1e}, between speeds {stresses.interpolation_error:.1e}",
+        ),
+    ]
+    return heading(stresses.model, None, choices, facts)
 
 
 def _speeds(result: Outcome, speeds: Any, heading: str, form: str = ".2f") -> Column:

@@ -9,8 +9,8 @@ import pytest
 
 from solve.commands.app import run
 from solve.errors import FileError
-from solve.results import save
-from solve.results.save import PICTURES, Whole, checked, write_whole
+from solve.results import files as module
+from solve.results.files import PICTURES, Whole, checked, write_whole
 
 CSV = (".csv",)
 
@@ -96,14 +96,14 @@ def test_names_that_no_file_can_have_are_refused(tmp_path, name):
 
 
 def test_temporary_names_cannot_be_foreseen(tmp_path, monkeypatch):
-    seen, opened = [], save.Path.open
+    seen, opened = [], module.Path.open
 
     def noting(path, *mode, **how):
         if "x" in "".join(mode):
             seen.append(path.name)
         return opened(path, *mode, **how)
 
-    monkeypatch.setattr(save.Path, "open", noting)
+    monkeypatch.setattr(module.Path, "open", noting)
     for _ in range(2):
         write_whole(tmp_path / "a.csv", text("one"))
     assert len(set(seen)) == len(seen) == 2
@@ -112,8 +112,8 @@ def test_temporary_names_cannot_be_foreseen(tmp_path, monkeypatch):
 def test_what_processes_that_died_left_is_removed_and_what_others_write_stays(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    (tmp_path / f"{save._part_of(gone.pid)}abc").write_text("half")
-    (tmp_path / f"{save._part_of(os.getppid())}abc").write_text("theirs")
+    (tmp_path / f"{module._part_of(gone.pid)}abc").write_text("half")
+    (tmp_path / f"{module._part_of(os.getppid())}abc").write_text("theirs")
     (tmp_path / ".mine-1-parametric").write_text("mine")
     write_whole(tmp_path / "a.csv", text("one"))
     assert sorted(held(tmp_path).values()) == ["mine", "one", "theirs"]
@@ -122,13 +122,13 @@ def test_what_processes_that_died_left_is_removed_and_what_others_write_stays(tm
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from solve.results import save
+from solve.results import files
 
 def kill(*_):
     os.kill(os.getpid(), signal.SIGKILL)
 
-setattr(save.Path, sys.argv[1], kill)
-save.write_whole(Path("a.csv"), lambda stream: stream.write(b"after" * 1000))
+setattr(files.Path, sys.argv[1], kill)
+files.write_whole(Path("a.csv"), lambda stream: stream.write(b"after" * 1000))
 """
 
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import solve
 from solve import PeriodicSystem
 from solve.errors import FileError, ValueOutOfBoundsError
-from solve.results.save import write_whole
+from solve.results.files import write_whole
 from tests.solve.results.problems import chain, orbit, x_of
 
 
