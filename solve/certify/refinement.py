@@ -122,8 +122,9 @@ class Refinement:
 
     @cached_property
     def _equations(self) -> Points:
-        """The points as the method solves them."""
-        return balanced(self.points, self.modes)
+        """The points as the method solves them: factors would change modal masses, and what an approximation
+        makes of these."""
+        return balanced(self.points, self.modes) if self.method.converges else self.points
 
     def burdens(self, positions: Array) -> Burdens:
         """What acts on the coordinates of points at the positions (k,)."""

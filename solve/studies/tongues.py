@@ -69,13 +69,13 @@ def parted(judge: Judge, known: Judged, turning: Turning, signs: Sequence[int] =
 
 def _both_near(known: Judged, sign: int, reach: Array) -> Array:
     """Whether two pairs may pass +1, or -1, between neighbours (k - 1,), within reach of both of these."""
-    nearest = passing(known.multipliers, sign)[:, :2]
-    if nearest.shape[1] == 1:
-        return np.zeros(len(reach), dtype=bool)
-    first, second = np.sqrt(np.maximum(nearest, 0.0)).T
-    inside = nearest[:, 1] < 0
-    farther, apart = (np.maximum(each[:-1], each[1:]) for each in (second, second - first))
-    return (farther < reach) & (apart > _AS_ONE) & ~(inside[:-1] | inside[1:])
+    nearest = passing(known.multipliers, sign)
+    distance, beyond = np.sqrt(np.maximum(nearest, 0.0)), nearest[:, 1:] < 0
+    farther, apart = (
+        np.maximum(each[:-1], each[1:]) for each in (distance[:, 1:], np.diff(distance, axis=1))
+    )
+    near = (farther < reach[:, None]) & (apart > _AS_ONE) & ~(beyond[:-1] | beyond[1:])
+    return np.asarray(near.any(axis=1))
 
 
 def hidden(judge: Judge, known: Judged, middle: Array, stride: int = 1, predicted: float = 1.0) -> Judged:

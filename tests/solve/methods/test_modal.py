@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from solve import floquet, periodic
 from solve.errors import MatricesError
-from tests.solve.systems import constant, spd, system
+from tests.solve.systems import constant, random_system, spd, system
 from tests.solve.witnesses import multiplier_error, relative_error, slope
 
 PHASES = np.linspace(0.0, 2 * np.pi, 301)
@@ -109,6 +109,18 @@ def test_damping_that_couples_the_modes_is_left_out():
     expected = np.exp(2 * np.pi * np.array([*lambdas, *np.conj(lambdas)]))
     assert multiplier_error(found.multipliers, expected) < 1e-12
     assert found.error_estimate.multipliers > 0.1
+
+
+def test_units_of_coordinates_do_not_change_the_approximation():
+    """Modal masses are those of the equations as an energy gives them, in units however far."""
+    given, units = random_system(5, 3), 2.0 ** np.array([-12, 0, 12])
+
+    def matrices(phase, speed):
+        M, C, K, d = given.at(phase, speed)
+        return (*(units[:, None] * part * units for part in (M, C, K)), units * d)
+
+    found, again = (periodic(each, 1.0, "modal", steps=90, rtol=0.9) for each in (given, system(matrices, 3)))
+    assert relative_error(units[:, None] * again.at(PHASES), found.at(PHASES)) < 1e-12
 
 
 def test_complex_frozen_modes_are_refused():

@@ -83,6 +83,28 @@ def test_a_combination_resonance_is_a_complex_pair():
     assert (band.high - band.low) / 2 == pytest.approx(0.4 / (2 * 4.5**0.25), rel=0.05)
 
 
+def test_of_three_modes_that_are_nearly_equal_one_alone_may_be_unstable():
+    """Beside a band in which both of the others are."""
+
+    def shaken(w, share):
+        def matrices(phase, speed):
+            one, eye = np.ones((len(phase), 1, 1)), np.eye(len(w))
+            K = (w**2 * (1 + np.cos(phase)[:, None] * share))[:, :, None] * eye
+            return one * eye, 0.005 * one * eye, K, np.zeros((len(phase), len(w)))
+
+        return systems.system(matrices, len(w))
+
+    w, share = np.array([100.0, 100.05, 100.2]), np.array([0.028, 0.067, 0.032])
+    ((first,), (second,), (third,)) = (
+        solve.bands(shaken(w[[i]], share[[i]]), [98.0, 103.0]) for i in range(3)
+    )
+    found = [
+        (band.low, band.high) for band in solve.bands(shaken(w, share), [60.0, 260.0]) if band.kind == "+1"
+    ]
+    alone = [(min(first.low, second.low), max(first.high, second.high)), (third.low, third.high)]
+    assert np.ravel(found) == pytest.approx(np.ravel(alone), rel=1e-6)
+
+
 def test_damping_removes_a_weak_band():
     speeds = np.linspace(0.9, 4.0, 40)
     kinds = [band.kind for band in solve.bands(mathieu(damping=0.3), speeds)]
