@@ -75,11 +75,11 @@ def bands(
     Speeds are added until they divide the range into at least 40 parts and no multiplier that a turn
     leaves above 0.01 turns by more than 0.25 rad from one to the next, but not many more than 2000.
     Bands narrower than their distance, the result's `spacing`, are looked for where multipliers come
-    closest to each other, to +1 and to -1, and may be missed all the same; a growth below 1e-6 a turn
-    makes no band. Where lightly damped modes turn too far in one turn to be followed at many speeds, `auto`
-    looks for bands of the slower ones alone, and the notes say so. Edges are found to `tolerance`,
-    relative. engine: as in `sweep`. Raises ValueOutOfBoundsError for fewer than two speeds, and SolveError
-    subclasses for what no speed could mend.
+    closest to each other, to +1 and to -1, and may be missed all the same, as may a stable range narrower
+    than a sixteenth of the unstable one around it; a growth below 1e-6 a turn makes no band. Where lightly
+    damped modes turn too far in one turn to be followed at many speeds, `auto` looks for bands of the slower
+    ones alone, and the notes say so. Edges are found to `tolerance`, relative. engine: as in `sweep`. Raises
+    ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
     """
     given = speeds_between(speeds, "bands")
     system, omegas = system.shown_in(given[0]), np.array(given)
