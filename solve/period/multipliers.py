@@ -21,7 +21,7 @@ UNIT_CIRCLE = 1e-9
 KNOWN_ON_CIRCLE = 1e-6
 """Distance of a modulus from 1, its error added, up to which a multiplier counts as being on the circle."""
 
-_SURE = 2.0
+SURE = 2.0
 """Times its estimate that an error is taken for before a modulus counts as larger than 1."""
 
 _TIMES_ESTIMATE = 10.0
@@ -295,7 +295,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia
     near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     meet = _meetings(values, errors, near)
     alone = ~across(np.logical_or, meet)
-    inner, outer = (np.where(alone, times, _TIMES_ESTIMATE) * e for times in (1.0, _SURE))
+    inner, outer = (np.where(alone, times, _TIMES_ESTIMATE) * e for times in (1.0, SURE))
     judged = _by_moduli(multipliers, e, inner, outer)
     drifting = across(np.add, (np.abs(values - 1) <= _NEAR_ONE).astype(int)) > 1
     open_ = np.flatnonzero(((judged == STABLE) | (judged == UNDETERMINED)) & drifting)

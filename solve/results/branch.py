@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.period.multipliers import UNIT_CIRCLE, VERDICTS
+from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.results.contents import Column, Columns
 from solve.results.plot import MOST_SHOWN, label_quantity, label_speeds, title_of
 from solve.results.quantities import headed, prefixed
@@ -60,10 +60,10 @@ class Branch(Result):
     @property
     def verdicts(self) -> list[str]:
         """Of each point: "asymptotically stable", "unstable", or "undetermined" where the error of the
-        radius leaves it open."""
-        low, high = self.radius - self.errors[:, 1], self.radius + self.errors[:, 1]
-        beyond = np.where(low > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
-        return np.where(high < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
+        radius leaves it open; with the margins of `solve.period.multipliers.verdicts`."""
+        errors = self.errors[:, 1]
+        beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
+        return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
 
     @cached_property
     def warnings(self) -> list[str]:

@@ -264,9 +264,9 @@ class _Search:
         solving = judge(self.multipliers)
 
         def judged(points: Array) -> Judged:
-            return solving(points).by(0)
+            return solving(points).by_plus_one
 
-        known = parted(judged, Judged.of(speeds[:, None], found).by(0), self.turning, (1,))
+        known = parted(judged, Judged.of(speeds[:, None], found).by_plus_one, self.turning, (1,))
         known = rising(known + hidden(judged, known, np.arange(1, len(known.points) - 1)))
         side = known.stable.astype(int) - known.unstable
         changes = np.flatnonzero(side[:-1] * side[1:] < 0)

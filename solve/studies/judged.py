@@ -67,11 +67,12 @@ class Judged:
         """Where nothing is known (k,)."""
         return ~(self.stable | self.unstable)
 
-    def by(self, way: int) -> "Judged":
-        """The same where the gap of one way, 0 for +1, 1 for -1, alone counts and decides what is stable."""
-        gap, known = self.gaps[:, way], ~self.failed
+    @property
+    def by_plus_one(self) -> "Judged":
+        """The same where the gap of +1 alone counts and decides what is stable."""
+        gap, known = self.gaps[:, 0], ~self.failed
         found = Judged(self.points, known & (gap > 0), known & (gap < 0), self.multipliers)
-        found.__dict__["gaps"] = np.where(np.arange(self.gaps.shape[1]) == way, self.gaps, _FAR)
+        found.__dict__["gaps"] = np.where(np.arange(self.gaps.shape[1]) == 0, self.gaps, _FAR)
         return found
 
     @property

@@ -1,5 +1,7 @@
 """Branches through the speeds where they turn back, against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import fsolve
@@ -45,6 +47,14 @@ def test_every_orbit_of_the_branch_is_one(rotor_branch):
         assert abs(balance(speed, x)[0]) < 4e-5 * NUMBERS["f"] ** 2
         assert y == pytest.approx(x, rel=1e-5)
         assert radii == pytest.approx(radius(speed, x), rel=1e-3)
+
+
+def test_verdicts_keep_the_margins_of_single_orbits(rotor_branch):
+    """An estimate is no bound: unstable is said from twice the error on."""
+    radii, errors = rotor_branch.radius.copy(), rotor_branch.errors.copy()
+    radii[:4], errors[:4, 1] = 1.003, (1e-3, 1.4e-3, 1.6e-3, 4e-3)
+    verdicts = replace(rotor_branch, radius=radii, errors=errors).verdicts
+    assert verdicts[:4] == ["unstable", "unstable", "undetermined", "undetermined"]
 
 
 def test_it_turns_back_where_the_closed_form_does(rotor_branch):
