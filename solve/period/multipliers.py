@@ -240,7 +240,7 @@ def _block(values: Array, conditions: Array, perturbation: Array) -> Array:
 
 
 def _balanced(Phi: Array, units: Array | None = None) -> Array:
-    """Matrices (…, N, N) in units of the state in which rows and columns are alike, if known these."""
+    """Matrices (…, N, N) in units of the state in which rows and columns are alike: in these, where known."""
     if Phi.shape[-1] == 2:
         return _matrices(pairs.balanced(*_by_entry(Phi)))
     return scaled_alike(Phi)[0] if units is None else _in_units(Phi, units)
