@@ -12,18 +12,13 @@ from solve.arrays import Array
 from solve.certify.certified import Certified, Request
 from solve.errors import StepsError
 from solve.methods.method import Method, OneStep, Solutions
+from solve.period.blocks import Blocks, balanced_blocks, joined_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import matched
 from solve.period.points import OnePoint, Points, matrices
-from solve.period.product_eigenvalues import (
-    Blocks,
-    ProductEigenvalues,
-    balanced_blocks,
-    joined_blocks,
-    product_eigenvalues,
-)
+from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
 from solve.progress import stage
 
 _NO_DIGIT = 0.1

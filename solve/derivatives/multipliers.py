@@ -13,13 +13,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum, matched_logarithms
 from solve.derivatives.turn import TurnOnGrid
-from solve.period.product_eigenvalues import (
-    Blocks,
-    ProductEigenvalues,
-    balanced_blocks,
-    carried,
-    product_eigenvalues,
-)
+from solve.period.blocks import Blocks, balanced_blocks, carried
+from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
 
 MEET = 1e-6
 """Relative distance of two multipliers up to which neither has a derivative."""

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.period.blocks import Blocks, carried
 from solve.period.grid import Grid
-from solve.period.product_eigenvalues import Blocks, ProductEigenvalues, carried
+from solve.period.product_eigenvalues import ProductEigenvalues
 
 _ALIASED = 0.1
 """Part by which the mean square of the rates may differ from that of the orders that the steps see."""

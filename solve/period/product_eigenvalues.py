@@ -13,18 +13,13 @@ with their number as the last axis, F (N, N, m).
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array, solved
-from solve.period.multipliers import scaled_alike
-
-EPS = float(np.finfo(float).eps)
-
-LOSS = 1e-12
-"""Rounding of a product of neighbours, relative to its smallest singular value, up to which it is formed."""
+from solve.arrays import Array
+from solve.period.multipliers import EPS
 
 ROUNDING = 4.0
 """Units of rounding by which the algorithm errs in a factor, relative to its norm, as measured."""
@@ -34,29 +29,6 @@ _FEW = 32
 
 _SWEEPS = 60
 """Sweeps for one eigenvalue after which the algorithm gives up; two to three are usual."""
-
-
-@dataclass(frozen=True)
-class Blocks:
-    """Factors (P, m, N, N) with the product of a period's steps, in units (P, N) of the state, which are
-    powers of 2: a state x of the factors is units · x for the steps, and a left vector y is y / units.
-    variance (P, m, N, N): squares of the errors of their entries; starts (m,): step at which each begins."""
-
-    factors: Array
-    variance: Array
-    units: Array
-    starts: Array
-
-    def in_units(self, units: Array) -> "Blocks":
-        """The same in other units (P, N)."""
-        ratio = self.units / units
-        change = (ratio[:, :, None] / ratio[:, None, :])[:, None]
-        return Blocks(self.factors * change, self.variance * change**2, units, self.starts)
-
-    @property
-    def rounding(self) -> Array:
-        """Frobenius norm of the error of each factor (P, m)."""
-        return np.sqrt(self.variance.sum(axis=(-2, -1)))
 
 
 @dataclass(frozen=True)
@@ -73,62 +45,6 @@ class ProductEigenvalues:
     errors: Array
     right: Array | None
     left: Array | None
-
-
-def balanced_blocks(steps: Array, rounding: float = EPS / 2, first: int = 0) -> Blocks:
-    """Blocks of the steps' maps (P, m, N, N), in order of application: balanced by common units, and
-    neighbours multiplied as long as their product keeps its digits in every direction, at every point.
-
-    rounding: relative error of the maps' entries; first: of the steps, in the period.
-    """
-    starts = first + np.arange(steps.shape[1])
-    return _multiplied(Blocks(steps, (rounding * steps) ** 2, np.ones(steps.shape[::2]), starts))
-
-
-def joined_blocks(parts: Sequence[Blocks]) -> Blocks:
-    """Blocks of the whole period from those of its parts, in order of application."""
-    alike = [part.in_units(parts[0].units) for part in parts]
-    factors, variance, starts = (
-        np.concatenate([getattr(part, name) for part in alike], axis=axis)
-        for name, axis in (("factors", 1), ("variance", 1), ("starts", 0))
-    )
-    return _multiplied(Blocks(factors, variance, parts[0].units, starts))
-
-
-def _multiplied(blocks: Blocks) -> Blocks:
-    """The blocks balanced anew, and neighbours multiplied where that costs no digit."""
-    blocks, offset, stalled = _balanced(blocks), 0, 0
-    while len(blocks.starts) > 1 and stalled < 2:
-        A, variance = blocks.factors, blocks.variance
-        first = np.arange(offset, A.shape[1] - 1, 2)
-        left, right = A[:, first + 1], A[:, first]
-        product = left @ right
-        # Roundings are independent: their squares add up.
-        error = (left**2) @ (variance[:, first] + (EPS / 2 * right) ** 2) + variance[:, first + 1] @ right**2
-        # Bounds of the singular values, quicker than these.
-        with np.errstate(all="ignore"):
-            least = 1 / np.linalg.norm(solved(product, np.eye(product.shape[-1])), axis=(-2, -1))
-        joined = np.sqrt(error.sum(axis=(-2, -1))) <= LOSS * least
-        joined = (joined & (least > 1e-60) & (np.abs(product).max(axis=(-2, -1)) < 1e60)).all(axis=0)
-        kept, gone = first[joined], first[joined] + 1
-        A[:, kept], variance[:, kept] = product[:, joined], error[:, joined]
-        rest = np.delete(A, gone, 1), np.delete(variance, gone, 1), np.delete(blocks.starts, gone)
-        offset, stalled = 1 - offset, 0 if joined.any() else stalled + 1
-        # What couples states weakly in a step may couple them strongly in many.
-        blocks = _balanced(Blocks(rest[0], rest[1], blocks.units, rest[2]))
-    return blocks
-
-
-def carried(steps: Array, starts: Array, vectors: Array) -> tuple[Array, Array]:
-    """Vectors (b, N, …) at the starts (b,) of blocks carried through the maps of their steps (m, N, N): at
-    the start of every step (m, N, …), and at the ends of the blocks (b, N, …)."""
-    lengths, reached = np.diff(np.append(starts, len(steps))), vectors.copy()
-    every = np.empty((len(steps), *vectors.shape[1:]), dtype=vectors.dtype)
-    for inner in range(int(lengths.max())):
-        inside = np.flatnonzero(lengths > inner)
-        every[starts[inside] + inner] = reached[inside]
-        reached[inside] = steps[starts[inside] + inner] @ reached[inside]
-    return every, reached
 
 
 def product_eigenvalues(
@@ -152,13 +68,6 @@ def product_eigenvalues(
     logarithms = np.stack(logarithms) + scale[:, None]
     errors = np.stack(errors) + EPS * np.abs(np.real(logarithms))
     return ProductEigenvalues(logarithms, errors, right, left)
-
-
-def _balanced(blocks: Blocks) -> Blocks:
-    """The blocks in units that balance the mean of |A|."""
-    A = blocks.factors
-    size = np.abs(A) / np.maximum(np.abs(A).max(axis=(2, 3), keepdims=True), np.finfo(float).tiny)
-    return blocks.in_units(blocks.units * scaled_alike(size.mean(axis=1))[1])
 
 
 def _point(A: Array, rounding: Array, vectors: bool) -> tuple[Array, Array, Array | None, Array | None]:

@@ -7,8 +7,9 @@ from scipy.linalg import block_diag, expm
 from scipy.optimize import linear_sum_assignment
 
 import solve
+from solve.period.blocks import balanced_blocks
 from solve.period.grid import Grid
-from solve.period.product_eigenvalues import balanced_blocks, product_eigenvalues
+from solve.period.product_eigenvalues import product_eigenvalues
 from tests.solve.systems import chain_of, constant, system
 
 
