@@ -83,7 +83,9 @@ def _beyond(points: Points, steps: int, angle: float, most: float = 1.0) -> Arra
     fit = max(1, _MEMORY // (len(phases) * max(own, 8 * (3 * points.n**2 + points.n))))
     if len(points) <= fit or not own:
         tables = points.tables(phases)
-        largest, rest = _largest_and_sums(_latest(tables.table, ends), seen)
+        # Tables that points have of their own do not come again.
+        orders = _orders(tables.table, ends) if tables.own else _latest(tables.table, ends)
+        largest, rest = _largest_and_sums(orders, seen)
         if (rest <= 64 * EPS * largest).all():
             return np.zeros((len(points), 2))
         if len(points) <= fit:

@@ -82,7 +82,7 @@ def solved(
     own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
     numbers = {"groups": groups, "steps": steps, "jumps": jumps, "terms": len(stages.entry), "own": own}
     run("segments" if segments else "level", size, arrays, stages.entry, **numbers)
-    units = arrays["units"][:points] if "units" in arrays else None
+    units = arrays["units"][:points] if n > 1 else None
     if not size.orbit:
         return Periods(Phi[:points], units, None, None, None)
     maps = arrays["maps"].reshape(-1, m, N, N + 1)[:1] if "maps" in arrays else None

@@ -398,10 +398,12 @@ static void write(const problem *p, long group, const room *r) {
     for (int i = 0; i < NX; i++)
         for (int j = 0; j < NX; j++)
             for (int l = 0; l < LANES; l++) p->Phi[((group * LANES + l) * NX + i) * NX + j] = r->sum[i * W + j][l];
-    lane unit[NX];
-    if (p->units) balance(0, 1, r->sum, unit);
-    for (int i = 0; p->units && i < NX; i++)
-        for (int l = 0; l < LANES; l++) p->units[(group * LANES + l) * NX + i] = unit[i][l];
+    if (p->units) {
+        lane unit[NX];
+        balance(0, 1, r->sum, unit);
+        for (int i = 0; i < NX; i++)
+            for (int l = 0; l < LANES; l++) p->units[(group * LANES + l) * NX + i] = unit[i][l];
+    }
     if (!ORBIT) return;
     trace(p, r->length, r->x0, r->stages, r->x, r->a);
     for (long k = 0; k < (STIFF && !p->jumps ? 0 : p->steps); k++) {

@@ -103,7 +103,7 @@ class Fourier(Method):
         A = sum(np.einsum("jab,jk->jakb", part, _circulant(symbol)) for part, symbol in parts)
         factor, unit = in_balance(np.abs(A).max(axis=(0, 2)))
         matrix = (factor[:, None, None] * A * unit).reshape(m * n, m * n)
-        u, condition = balanced(matrix, (d * factor).ravel())
+        u, condition = solved_balance(matrix, (d * factor).ravel())
         u = u.reshape(m, n)
         q = np.real(np.fft.ifft(smooth[:, None] * np.fft.fft(u, axis=0), axis=0)) * unit
         return q, condition
@@ -117,7 +117,7 @@ def in_balance(sizes: Array) -> tuple[Array, Array]:
     return 1.0 / (own * units), units
 
 
-def balanced(matrix: Array, load: Array) -> tuple[Array, float]:
+def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
     """The solution of the balance, and its condition number. Raises ResonanceError."""
     condition = float(np.linalg.cond(matrix, 1))
     if not condition < _SINGULAR:

@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.methods.fourier import Fourier, balanced, from_exponents, in_balance
+from solve.methods.fourier import Fourier, from_exponents, in_balance, solved_balance
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, Points, matrices, state_rate
@@ -50,7 +50,7 @@ class Hill(Fourier):
         blocks = (K + rate * C + rate**2 * M) * smooth
         factor, unit = in_balance(np.abs(blocks).max(axis=(0, 1)))
         matrix = together(factor[:, None] * blocks * unit)
-        u, condition = balanced(matrix, (d[N : 3 * N + 1] * factor).ravel())
+        u, condition = solved_balance(matrix, (d[N : 3 * N + 1] * factor).ravel())
         q = (u.reshape(-1, n) * unit * smooth[:, 0])[N:]
         q[1:] *= 2.0
         return FourierCurve(grid.nodes, q.T[None]), condition
