@@ -12,8 +12,9 @@ from solve.argument import listed
 from solve.arrays import Array
 from solve.certify.pace import Pace, estimated
 from solve.contracts import Dependence
-from solve.derivatives.figures import Adjoint, Figures, Forward, OrbitOnGrid, Starts, Sums, scattered
+from solve.derivatives.figures import Figures, Starts
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
+from solve.derivatives.sums import Adjoint, Forward, OrbitOnGrid, Sums, scattered
 from solve.derivatives.turn import TurnOnGrid
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.kernel.engines import COMPILED
