@@ -81,6 +81,9 @@ class _Stream(io.TextIOBase):
     def flush(self) -> None:
         self._tried(self._stream.flush)
 
+    def close(self) -> None:
+        """Nothing: the stream behind it stays open. A flush here would fail again, as Python ends."""
+
     def _tried(self, action: Callable[..., object], *text: str) -> None:
         try:
             action(*text)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "ae11de894b2ffb0310300886210563669ddd957a5ec70c724672ab7bd1ac5c97"
+DERIVE_SHA256 = "39fa5d6d23e13f3ee3f9b787ce41a6f8422cd2ba7723c5ae11a65fbda6b27ca7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f58fa028a9bb5ee87481d7283319dd0ecd66a52c02209d1ab936febd93076f59"
+FILE_SHA256 = "4039833d682cffeee7469571863f5c7a19456699ae1bba1ad400dd9fca7cdcce"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

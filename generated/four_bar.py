@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "ae11de894b2ffb0310300886210563669ddd957a5ec70c724672ab7bd1ac5c97"
+DERIVE_SHA256 = "39fa5d6d23e13f3ee3f9b787ce41a6f8422cd2ba7723c5ae11a65fbda6b27ca7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3df5b03943c3b6cf53eda8a66b68b2ffa20642dc1b41051a977466fd37b50b81"
+FILE_SHA256 = "ced45b1bb149dd5c6eacef667641ac0c925bd6c99410ce217e2dd5b19075af69"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

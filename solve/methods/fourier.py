@@ -119,7 +119,8 @@ def in_balance(sizes: Array) -> tuple[Array, Array]:
 
 def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
     """The solution of the balance, and its condition number. Raises ResonanceError."""
-    condition = float(np.linalg.cond(matrix, 1))
+    # NumPy 2.0 gives that of a complex matrix as a complex number.
+    condition = float(np.real(np.linalg.cond(matrix, 1)))
     if not condition < _SINGULAR:
         raise no_orbit("the balance of forces")
     return np.linalg.solve(matrix, load), condition

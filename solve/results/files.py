@@ -33,7 +33,8 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
             raise FileError(f"{kind} file '{path}': there is no folder '{file.parent}'; make it first")
         # Only trying tells for certain: rights and read-only file systems alike.
         with _beside(target):
-            writable = not target.exists() or os.access(target, os.W_OK)
+            # Where links lead has no end if it is a link.
+            writable = not target.is_symlink() and (not target.exists() or os.access(target, os.W_OK))
     except (OSError, ValueError, RuntimeError):
         writable = False
     if not writable:
