@@ -100,7 +100,7 @@ def _compiler() -> str:
             f"{_WHAT} needs CasADi 3.8; install it with: pip install parametric-vibration[fmu]"
         )
     try:
-        return c_compiler()[0]
+        return c_compiler().path
     except CompilerError as reason:
         raise MissingLibraryError(f"{_WHAT} needs a C compiler: {reason}; install one") from None
 

@@ -11,9 +11,14 @@ import tempfile
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
-MACHINE = ("-march=native",)
-"""Flags that tell the compiler what the processor can do."""
+_NATIVE = ("-march=native",), ("-mcpu=native",), ()
+"""Flags that let a compiler use all that the processor can do; the first ones that it knows are taken. Clang
+has the second ones for ARM."""
+
+MACHINE: tuple[str, ...] = ()
+"""Flags behind these, of what the processor is to be taken for."""
 
 _FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
 _CONTRACTED = ("-ffp-contract=fast",)
@@ -44,17 +49,17 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
     """The library of a C file with the sizes as macros, and a file with the formulas as another, FORMULAS,
     where there are some; a first compilation is announced by a line of the logger of this module. Raises
     CompilerError."""
-    compiler, identity = c_compiler()
+    compiler = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
-    flags = (*MACHINE, *_FLAGS, *(() if formulas else _CONTRACTED))
+    flags = (*compiler.machine, *_FLAGS, *(() if formulas else _CONTRACTED))
     texts = [each.read_text(encoding="utf-8") for each in (source, *sorted(_HEADERS.glob("*.h")))]
-    text = "\0".join((*texts, formulas, identity, *flags, *macros))
+    text = "\0".join((*texts, formulas, compiler.macros, *flags, *macros))
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
         if not _sound(library):
             of = f" of {sizes['N']} coordinates" if "N" in sizes else ""
             _LOGGER.warning("compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), of)
-            command = [compiler, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
+            command = [compiler.path, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
             _compile(command, library, formulas)
         return ctypes.CDLL(str(library))
     except OSError as error:
@@ -88,15 +93,30 @@ def _hash(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+class Compiler(NamedTuple):
+    """The C compiler. machine: flags that tell it about the processor. macros: those that it defines then,
+    which tell both from others."""
+
+    path: str
+    machine: tuple[str, ...]
+    macros: str
+
+
 @lru_cache
-def c_compiler() -> tuple[str, str]:
-    """Path of the C compiler, and a text that tells it and this machine's processor from others."""
+def c_compiler() -> Compiler:
+    """The one of this machine. Raises CompilerError."""
     wanted = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
     found = next(filter(None, map(shutil.which, wanted)), None)
     if found is None:
         raise CompilerError(f"no C compiler ({', '.join(wanted)}) on this machine")
-    command = [found, *MACHINE, "-dM", "-E", "-x", "c", os.devnull]
-    return found, _run(command)
+    failures = []
+    for native in _NATIVE:
+        machine = (*native, *MACHINE)
+        try:
+            return Compiler(found, machine, _run([found, *machine, "-dM", "-E", "-x", "c", os.devnull]))
+        except CompilerError as error:
+            failures.append(error)
+    raise failures[0]
 
 
 def _compile(command: list[str], library: Path, formulas: str) -> None:

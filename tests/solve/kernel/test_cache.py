@@ -65,6 +65,18 @@ def test_a_broken_compiler_is_told_of_in_one_line(own_cache, tmp_path, monkeypat
     assert list(own_cache.iterdir()) == [], "something half-written is left"
 
 
+@needs_compiler
+@pytest.mark.parametrize("known", ["-mcpu=*", ""])
+def test_a_compiler_that_does_not_know_some_flags_of_the_processor(own_cache, tmp_path, monkeypatch, known):
+    """As Clang for ARM does not; here the compiler itself gets none of them."""
+    refusal = 'echo "the compiler does not support $each" >&2; exit 1'
+    kept = f"{known}) ;; -m*) {refusal};;" if known else f"-m*) {refusal};;"
+    command = f'for each; do case "$each" in {kept} *) set -- "$@" "$each";; esac; shift; done; exec cc "$@"'
+    monkeypatch.setenv("CC", script(tmp_path / "other", command))
+    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert (found.engine, found.notes) == ("compiled", [])
+
+
 def test_without_a_compiler_one_line_says_why_it_is_slower(own_cache, tmp_path, monkeypatch):
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
