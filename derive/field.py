@@ -46,7 +46,7 @@ class Field:
     unit: str
     meaning: str
     length: sympy.Expr
-    shape: Shape
+    shape: Shape = field(repr=False)
     modes: str
     points: dict[Any, tuple[Moving, sympy.Expr]] = field(default_factory=dict, init=False)
     """What `at` gave: a symbol for w, w′, w″ or the tension at a position."""

@@ -48,6 +48,8 @@ def _derived(mechanism: Mechanism, statement: str) -> str:
 def _statement(mechanism: Mechanism) -> Iterator[str]:
     """Everything that is stated; expressions to the last digit."""
     yield repr(mechanism)
+    if mechanism.declared_field:
+        yield sympy.srepr(mechanism.declared_field.shape(*sympy.symbols("k xi")))
     for each in (mechanism.kinetic, mechanism.potential, mechanism.dissipation, mechanism.period):
         yield sympy.srepr(each)
     for pair in (*mechanism.forces, *mechanism.fundamental_motion.items()):
