@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "1eaf89609e604c671328615ee89ec4bdb93087edf194858fdf1629553f8d08a1"
+DERIVE_SHA256 = "59125007e5f8b431a0312a52f54778949c855acf77ff823cada85010f8dd3378"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f6ddceb3ff73da9a79613f89d1b59e3cd1ea1ad901f2852a4f741b1264fa4bef"
+FILE_SHA256 = "46ce04bf237bdb931eceb99e86500664f3fa082a782bc18e4dfb0d759013a8fb"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

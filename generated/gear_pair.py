@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "b72fd1921bf1bd162a4399c0ba59896da155a09f4ca7c295530f9f1055810df0"
-DERIVE_SHA256 = "1eaf89609e604c671328615ee89ec4bdb93087edf194858fdf1629553f8d08a1"
+DERIVE_SHA256 = "59125007e5f8b431a0312a52f54778949c855acf77ff823cada85010f8dd3378"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "169a210e550b26bac0b8b39d39d04539eacba6daae8c06732b9c5268d916bae4"
+FILE_SHA256 = "9812f81b6f3d8a44377cdafcbb5a8bba32d97c68ca04ba50a9d1755d35593f7f"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -125,7 +125,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )
 
 

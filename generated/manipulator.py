@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "1eaf89609e604c671328615ee89ec4bdb93087edf194858fdf1629553f8d08a1"
+DERIVE_SHA256 = "59125007e5f8b431a0312a52f54778949c855acf77ff823cada85010f8dd3378"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3af765a6e3aa2f36b2cf82d08190ce28694ec5e1287eec6a6ff46981d2ce1c91"
+FILE_SHA256 = "3003761a539ada6ef05dc8a73800c4d9b985a67474dd4142d5c965b38030bdba"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -96,7 +96,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "1eaf89609e604c671328615ee89ec4bdb93087edf194858fdf1629553f8d08a1"
+DERIVE_SHA256 = "59125007e5f8b431a0312a52f54778949c855acf77ff823cada85010f8dd3378"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1053989c6d0ce4d3ecf3131f1d7b873f683c988607bf469d286e26b4fc70a130"
+FILE_SHA256 = "a7ab05f8af2da04b78088d374e404c8dfb3af318fb3ce66b564783613c20509f"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -44,7 +44,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )
 
 

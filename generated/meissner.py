@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0d04bf238be57b677531795ee4e9650d62ac915350169ac37b5f2e5ae2c4c9ab"
-DERIVE_SHA256 = "1eaf89609e604c671328615ee89ec4bdb93087edf194858fdf1629553f8d08a1"
+DERIVE_SHA256 = "59125007e5f8b431a0312a52f54778949c855acf77ff823cada85010f8dd3378"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1f9ce06f340b8fcf447b345490c74959afab9b08b63676a95b2e9b4a57dbb3eb"
+FILE_SHA256 = "86d7c2eeedff18c11b10429201537dd33a4604dc660a575538328647001da2ea"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -64,7 +64,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )
 
 
