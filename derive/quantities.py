@@ -146,6 +146,7 @@ class Quantities:
 
         `Option.choose` picks expressions by word.
         """
+        require_result(name)
         self._require_unused(name)
         words = isinstance(values, tuple) and all(value.isidentifier() for value in values)
         if len(values) < 2 or not (words or isinstance(values, range)):
