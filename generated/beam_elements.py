@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "861d5444354e2dc963e56392e501f7e41530d17d7f87e3474799af56a04dbcf8"
+DERIVE_SHA256 = "199dedf9ac825df164ef37eb0879535db4857d58b80972ff1aded2721e74bc18"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "98372ddc0acb100b908dd149ca9d469324d6367563039de0f1ab927f998eec14"
+FILE_SHA256 = "159dab69a7b1d42b7f1702d519cb3ba387a6cd2c467c4989d1edbe323e523778"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

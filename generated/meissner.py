@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0d04bf238be57b677531795ee4e9650d62ac915350169ac37b5f2e5ae2c4c9ab"
-DERIVE_SHA256 = "861d5444354e2dc963e56392e501f7e41530d17d7f87e3474799af56a04dbcf8"
+DERIVE_SHA256 = "199dedf9ac825df164ef37eb0879535db4857d58b80972ff1aded2721e74bc18"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4f977ebece29b7fdcbc78fc9b92e37ebae8101139c25a08fbd9a607d896cc010"
+FILE_SHA256 = "02ab39517ee87999e4299bbf9e985dca61812c802c0078a5ee7fc6a96b21bbd8"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -36,9 +36,15 @@ OPERATIONS = {"linearised": 11, "residual": 13, "outputs": 0}
 NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 
-def _passes(slope, offset, targets, turn):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns."""
+def _passes(known):
+    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
+    no numbers, as on a branch that is not taken."""
     found = []
+    try:
+        slope, offset, targets, turn = known()
+        targets = [float(target) for target in targets]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return found
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
@@ -267,8 +273,8 @@ def breaks(speed, p):
     (w1, w2, share) = p
     return [
         0.0,
-        *_passes(1, 0, (2*math.pi*share,), 2*math.pi),
-        *_passes(1/2, 0, _angles(0, 1, 0), 2*math.pi),
+        *_passes(lambda: (1, 0, (2*math.pi*share,), 2*math.pi)),
+        *_passes(lambda: (1/2, 0, _angles(0, 1, 0), 2*math.pi)),
     ]
 
 

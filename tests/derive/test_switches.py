@@ -193,6 +193,17 @@ def test_breaks_that_parameters_move():
     assert "would hold impulses" in module.NO_DRIVE_TORQUE
 
 
+def test_a_step_lies_nowhere_on_a_branch_that_has_no_value():
+    one, _, p = oscillator(a=("1", "one number"), b=("1", "another"), s=("1", "slope"))
+    threshold = Piecewise((sqrt(p["a"] - p["b"]), p["a"] > p["b"]), (sqrt(p["b"] - p["a"]), True))
+    one.potential *= 1 + Heaviside(sin(one.phase) - threshold) + Heaviside(p["s"] * wrapped(one.phase) - 1)
+    module = module_of(one)
+    start = math.asin(0.5)
+    for a, b in ((0.5, 0.25), (0.25, 0.5)):
+        found = set(module.breaks(1.0, [2.0, 5.0, a, b, 0.0]))
+        assert sorted(found) == pytest.approx([0.0, start, math.pi - start], abs=1e-14)
+
+
 def test_breaks_that_nothing_moves():
     """√3 cos 2φ + sin 2φ = 2 cos(2φ − π/6) is 1 where 2φ = π/6 ± π/3."""
     one, q, p = oscillator(F=("N", "load"))
