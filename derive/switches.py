@@ -174,7 +174,9 @@ class Numbers:
         """exact: to many digits, else in floating point, which is quicker."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
         made = [_stood_in(sympy.sympify(each)) for each in expressions]
-        self._function = sympy.lambdify(symbols, made, [_STEPS, "mpmath" if exact else "math"])
+        modules = [_STEPS, "mpmath" if exact else "math"]
+        # By dummies: a symbol may be called like a function.
+        self._function = sympy.lambdify(symbols, made, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
         """At values of all symbols."""

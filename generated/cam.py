@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "199dedf9ac825df164ef37eb0879535db4857d58b80972ff1aded2721e74bc18"
+DERIVE_SHA256 = "fb5df563b5c6cc08156ef953d3e17adb95f05012114de84f73c0b4f573258ef0"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "78e09ff5ec1bcd0d28d0daa02cc6b7f8877f1fb4c6714cafe7c397d9e179a6d5"
+FILE_SHA256 = "25b72ed52e429de22c9b36d18934d47961ad747a0f484bd2e373370db06186ba"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

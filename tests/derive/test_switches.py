@@ -204,6 +204,13 @@ def test_a_step_lies_nowhere_on_a_branch_that_has_no_value():
         assert sorted(found) == pytest.approx([0.0, start, math.pi - start], abs=1e-14)
 
 
+def test_a_parameter_may_be_called_like_a_function():
+    one, q, p = oscillator(sign=("N", "friction"))
+    one.force(-p["sign"] * sign(rate(q)), along=q)
+    with pytest.raises(ExpansionError, match="there is no linearisation at the desired motion"):
+        module_of(one)
+
+
 def test_breaks_that_nothing_moves():
     """√3 cos 2φ + sin 2φ = 2 cos(2φ − π/6) is 1 where 2φ = π/6 ± π/3."""
     one, q, p = oscillator(F=("N", "load"))
