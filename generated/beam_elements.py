@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "fb5df563b5c6cc08156ef953d3e17adb95f05012114de84f73c0b4f573258ef0"
+DERIVE_SHA256 = "5656b134a744648580de57de119d41ddea6c75634a9e3a3bc9236bc39a79f7cd"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ee34e1606051a605d40939f2acf64a4d633c5be30d3a463d99642f37fef3a7d9"
+FILE_SHA256 = "3fd66d0cf30ce64613d33105d8eb87e43a9191081f0789e304833e2e00dfb3e7"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
