@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "5656b134a744648580de57de119d41ddea6c75634a9e3a3bc9236bc39a79f7cd"
+DERIVE_SHA256 = "91c3741876944f67c6f5a6068ae80b2e8acc3f6f3474164259c08d1bf37bc7e4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3fd66d0cf30ce64613d33105d8eb87e43a9191081f0789e304833e2e00dfb3e7"
+FILE_SHA256 = "686f970ccd7131d7fbc6aa0add14c63c9c84ac22d2cbaf14b6210efc4a52df79"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
