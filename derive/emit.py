@@ -122,7 +122,7 @@ def derive_equations(mechanism: Mechanism) -> Equations:
         outputs.append(_in_its_unit(each, lagrange.from_fundamental(mechanism, each.expression)))
     q = [each.symbol for each in mechanism.declared_coordinates]
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
-    moving = [s for each in q for s in (each, each.rate, each.rate.rate)]
+    moving = [s for each in q for s in each.motion]
     return Equations(
         linearised._asdict(),
         varying,

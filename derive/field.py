@@ -125,11 +125,9 @@ class Field:
         expression = sympy.sympify(expression)
         values: dict[sympy.Basic, Any] = {self.position: sympy.sympify(position)}
         for local in (*self.derivatives, self.tension):
-            if expression.has(local, local.rate, local.rate.rate):
-                symbol, point = local, self._point(local, values[self.position])
-                for _ in range(3):
-                    values[symbol] = point
-                    symbol, point = symbol.rate, point.rate
+            if expression.has(*local.motion):
+                point = self._point(local, values[self.position])
+                values |= zip(local.motion, point.motion, strict=True)
         return expression.xreplace(values)
 
     def _point(self, local: Moving, position: sympy.Expr) -> Any:

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "91c3741876944f67c6f5a6068ae80b2e8acc3f6f3474164259c08d1bf37bc7e4"
+DERIVE_SHA256 = "2ff120759fab55021c0383a1d1949741255b9d14c6419f1f4340d5e42723e43a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "686f970ccd7131d7fbc6aa0add14c63c9c84ac22d2cbaf14b6210efc4a52df79"
+FILE_SHA256 = "6b565c60e3977cf8044b99ee794b83aa1e2f22435e14aad13ac0a2cb135e1325"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
