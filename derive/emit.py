@@ -13,7 +13,7 @@ from derive.declarations import Condition, Output
 from derive.errors import ImpulseError
 from derive.field import Field
 from derive.field_text import along, definitions, field_functions, field_tools
-from derive.freshness import banner, hashed_module
+from derive.freshness import hashed_module
 from derive.function_text import (
     VARYING,
     GeneratedFunction,
@@ -160,7 +160,6 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
 def module_text(
     mechanism: Mechanism,
     source_sha256: str,
-    derive_sha256: str,
     command: str,
     report: Callable[[str], object] = lambda _: None,
 ) -> str:
@@ -187,9 +186,7 @@ def module_text(
         *_reasons(equations),
     ]
     body = "\n\n\n".join(["\n".join(data), *tools, *equations.tools, *texts]) + "\n"
-    return hashed_module(
-        banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body
-    )
+    return hashed_module(mechanism.title, command, source_sha256, body)
 
 
 def _reasons(equations: Equations) -> list[str]:

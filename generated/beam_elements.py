@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "2ff120759fab55021c0383a1d1949741255b9d14c6419f1f4340d5e42723e43a"
+DERIVE_SHA256 = "511482aab30f5f217baef2f1654ffaebc57f7db2327a68c804cfb122b046e536"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "6b565c60e3977cf8044b99ee794b83aa1e2f22435e14aad13ac0a2cb135e1325"
+FILE_SHA256 = "55b6cd815925c0e92ee49683890af2f4bc2cc4a24d87151511f01f12f65a769d"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -244,7 +244,7 @@ def test_the_residual_is_that_of_the_matrices():
 
 
 def test_the_generated_text_does_not_grow_with_the_number_of_modes():
-    few, many = (module_text(column(sine, most=most), "0" * 64, "0" * 64, "column") for most in (3, 20))
+    few, many = (module_text(column(sine, most=most), "0" * 64, "column") for most in (3, 20))
     listed = "".join(f'    ("c{k}", "m", "deflection: amplitude of mode {k}"),\n' for k in range(4, 21))
     assert len(many) == len(few) + len(listed) + len("1, 21") - len("1, 4")
 
@@ -342,7 +342,7 @@ def test_a_local_quantity_is_no_output():
 
 def projected(beam):
     check(beam)
-    return module_text(beam, "0" * 64, "0" * 64, "beam")
+    return module_text(beam, "0" * 64, "beam")
 
 
 def test_no_inertia():

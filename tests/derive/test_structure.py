@@ -34,7 +34,7 @@ def stated() -> tuple[Structure, dict]:
 def module_of(structure: Structure) -> ModuleType:
     check(structure)
     module = ModuleType(structure.name)
-    exec(structure_text(structure, "0" * 64, "0" * 64, structure.name), module.__dict__)
+    exec(structure_text(structure, "0" * 64, structure.name), module.__dict__)
     return module
 
 

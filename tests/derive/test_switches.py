@@ -158,7 +158,7 @@ def test_duffings_cubic_spring_is_named():
     # It moves nothing either, but it loads the drive of a run-up.
     one.kinetic += p["J"] * one.speed**2 / 2
     reported = []
-    module_text(one, "", "", "one", reported.append)
+    module_text(one, "", "one", reported.append)
     assert reported == [
         "k3 is in the energies but not in the linearised equations; the linear answer ignores it",
         "W is in the energies but moves nothing: it is in no equation of motion and in no output",
