@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "511482aab30f5f217baef2f1654ffaebc57f7db2327a68c804cfb122b046e536"
+DERIVE_SHA256 = "8c3d1fe7826be28c55bd7666740664d18f01ced65a56ed1e9c9f9bc59bdebc77"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c9bb780170d55edfb5cb162e0841802015e07d751ed56244e85746aa4fcf7d3b"
+FILE_SHA256 = "eeca084214aba592a6772bfb93c32721026cdbad5baddceb7b02318469c7e29c"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

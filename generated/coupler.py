@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "511482aab30f5f217baef2f1654ffaebc57f7db2327a68c804cfb122b046e536"
+DERIVE_SHA256 = "8c3d1fe7826be28c55bd7666740664d18f01ced65a56ed1e9c9f9bc59bdebc77"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8d41a994f85e84df3f0881fc2d164976a6581d4f45fa7bee05a6412a3aa3f39c"
+FILE_SHA256 = "f116b69af5094b9e90e496cd24d6a5aeb86ce71e3dbd3f4c5a78f9fa36cfca9d"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

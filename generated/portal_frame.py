@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "511482aab30f5f217baef2f1654ffaebc57f7db2327a68c804cfb122b046e536"
+DERIVE_SHA256 = "8c3d1fe7826be28c55bd7666740664d18f01ced65a56ed1e9c9f9bc59bdebc77"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "debc36aa907e7415323d4b40e729725321f51b2e311af4d2cbb80ec855f256dd"
+FILE_SHA256 = "b43e4c84c2bd6371d4e4d0ced21e0ac5da83bc3d6540a3d2ddc58bc8a3465711"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -135,6 +135,17 @@ def checked(build) -> None:
             ('"a b" cannot be the name', "crank"),
         ),
         (
+            lambda f, of: (f.clamp("foot"), f.link("rod", "tip", "arm_1", of["L"], 0, of["section"])),
+            DeclarationError,
+            ('"arm_1"', "a node within link arm", "rename"),
+        ),
+        (
+            lambda f, of: (f.clamp("foot"), f.link("a", "b_c", "tip", of["L"], 0, of["section"]),
+                           f.link("a_b", "c", "tip", of["L"], 0, of["section"])),
+            DeclarationError,
+            ('"a_b_c"', "the ends of two links", "rename"),
+        ),
+        (
             lambda f, of: (f.clamp("foot"), f.link("r", "a", "b", of["m"], 0, of["section"])),
             UnitError,
             ("length of link r", '"m"', "kg"),
