@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "8c3d1fe7826be28c55bd7666740664d18f01ced65a56ed1e9c9f9bc59bdebc77"
+DERIVE_SHA256 = "62acbaf8468f0cb0ed8530c36e9abbbbee848f3c7e500e0232222241e4c58142"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "eeca084214aba592a6772bfb93c32721026cdbad5baddceb7b02318469c7e29c"
+FILE_SHA256 = "ce23a7eb0c1d2b0dc3aef214edd988f1ef5bff92751271ac5e0506df310909eb"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

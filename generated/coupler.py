@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "8c3d1fe7826be28c55bd7666740664d18f01ced65a56ed1e9c9f9bc59bdebc77"
+DERIVE_SHA256 = "62acbaf8468f0cb0ed8530c36e9abbbbee848f3c7e500e0232222241e4c58142"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f116b69af5094b9e90e496cd24d6a5aeb86ce71e3dbd3f4c5a78f9fa36cfca9d"
+FILE_SHA256 = "3f7a001d8e3e6a680c9e7fe2f319090dba8dcf1c5d5da475d58c9abb7c88f5b3"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

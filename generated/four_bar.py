@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "8c3d1fe7826be28c55bd7666740664d18f01ced65a56ed1e9c9f9bc59bdebc77"
+DERIVE_SHA256 = "62acbaf8468f0cb0ed8530c36e9abbbbee848f3c7e500e0232222241e4c58142"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ef14e0f8413d309c0112dde7741841e8acfd503984389559ebfcc3ad43f47a03"
+FILE_SHA256 = "1cdaea7f6d6c35fc7e2818d2d4b09db7b83197d7b405d7a13ca5ed3f51cb881e"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "8c3d1fe7826be28c55bd7666740664d18f01ced65a56ed1e9c9f9bc59bdebc77"
+DERIVE_SHA256 = "62acbaf8468f0cb0ed8530c36e9abbbbee848f3c7e500e0232222241e4c58142"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "bec32c3d50fd049674588ed838f6b013b36a2f09a3dcaecd804eeda09478dbcb"
+FILE_SHA256 = "de63ed697cd49ea028a2bf7d85ec83b2ecd7da4b59b70baddff02e9c4b59462a"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (

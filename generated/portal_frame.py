@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "8c3d1fe7826be28c55bd7666740664d18f01ced65a56ed1e9c9f9bc59bdebc77"
+DERIVE_SHA256 = "62acbaf8468f0cb0ed8530c36e9abbbbee848f3c7e500e0232222241e4c58142"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b43e4c84c2bd6371d4e4d0ced21e0ac5da83bc3d6540a3d2ddc58bc8a3465711"
+FILE_SHA256 = "7dbb5290f026e075d795bbb20909dd00d92486f99e19599f65cc88c80d129c2a"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
