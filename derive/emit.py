@@ -1,6 +1,7 @@
 """The text of a generated module: its constants, and functions that build CasADi functions."""
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,7 +11,7 @@ import sympy
 from derive import lagrange
 from derive.breaks import ANGLES, PASSES, Passage, passages
 from derive.declarations import Condition, Output
-from derive.errors import ImpulseError
+from derive.errors import DeclarationError, ImpulseError
 from derive.field import Field
 from derive.field_text import along, definitions, field_functions, field_tools
 from derive.freshness import hashed_module
@@ -186,7 +187,19 @@ def module_text(
         *_reasons(equations),
     ]
     body = "\n\n\n".join(["\n".join(data), *tools, *equations.tools, *texts]) + "\n"
+    _require_own_names(body)
     return hashed_module(mechanism.title, command, source_sha256, body)
+
+
+def _require_own_names(body: str) -> None:
+    """Raise DeclarationError where a field or a loop's unknown has the name of another function."""
+    defined = re.findall(r"^def _(\w+)", body, re.MULTILINE)
+    for name in defined:
+        if defined.count(name) > 1:
+            raise DeclarationError(
+                f'"{name}" cannot be the name of a field or of an unknown: a function of the generated '
+                "module is called so; choose another"
+            )
 
 
 def _reasons(equations: Equations) -> list[str]:

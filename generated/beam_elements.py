@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "62acbaf8468f0cb0ed8530c36e9abbbbee848f3c7e500e0232222241e4c58142"
+DERIVE_SHA256 = "531b16281a30d42a818760c011ee6686d1c5af3d0e3f1e7bf7c91025fd381111"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "40a21c5e9d46bc6d7493947b86ee6158457a300cbb6138a0613eaf4d4df8d684"
+FILE_SHA256 = "aba3d4c1637d97fe18bcc41d3e0f009541fac162439ced10ae32fcd270547495"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

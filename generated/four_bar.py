@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "62acbaf8468f0cb0ed8530c36e9abbbbee848f3c7e500e0232222241e4c58142"
+DERIVE_SHA256 = "531b16281a30d42a818760c011ee6686d1c5af3d0e3f1e7bf7c91025fd381111"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1cdaea7f6d6c35fc7e2818d2d4b09db7b83197d7b405d7a13ca5ed3f51cb881e"
+FILE_SHA256 = "5dcfa94470f0be63ac0cdde3de915f9813208c0471b3ee3caf4e6b020c72b580"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -303,6 +303,15 @@ def test_names_of_a_field_are_taken():
             beam.parameters(**{name: ("m", "length")})
 
 
+def test_names_of_the_functions_of_a_module_are_taken():
+    beam, length, mu = statement()
+    modes = beam.option("modes", range(1, 4))
+    line = beam.field("pairs", "m", "deflection", length=length, shape=sine, modes=modes)
+    beam.kinetic = line.integral(mu * rate(line.deflection) ** 2 / 2)
+    with pytest.raises(DeclarationError, match='"pairs" cannot be the name of a field'):
+        module_of(beam)
+
+
 def test_names_of_modal_integrals_are_taken():
     beam, line, _ = declared()
     (mass,) = beam.parameters(w_00_0=("kg/m", "mass a length", "> 0"))

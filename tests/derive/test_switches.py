@@ -135,7 +135,7 @@ def test_contact_without_clearance_has_no_linearisation(contact):
 
 
 def test_the_modulus_of_a_root():
-    """SymPy does not know √(L² − q²) to be real. From the side u of a wire, which is longer than its chord."""
+    """SymPy does not know √(L² − q²) to be real."""
     one, q, p = oscillator(L=("m", "wire"), u=("m", "side"), F=("N", "load"))
     side = sqrt(p["L"] ** 2 - q**2)
     one.potential += p["k"] * Abs(side - p["u"]) ** 3 / p["L"]
@@ -145,8 +145,8 @@ def test_the_modulus_of_a_root():
     wire = -3 * 5 * (at - 0.5) ** 2 * h / at / 1.5
     r = values(module.residual(), 1.0, 1.0, h, 0.0, 0.0, given)[0].item()
     assert r == pytest.approx(5 * h + wire - 3 * abs(at - 1) / 1.5, rel=1e-14)
-    K = values(module.linearised(), 1.0, 1.0, given)[2].item()
-    assert K == pytest.approx(5 - 3 * 5 / 1.5**2, rel=1e-14)
+    stiffness = values(module.linearised(), 1.0, 1.0, given)[2].item()
+    assert stiffness == pytest.approx(5 - 3 * 5 / 1.5**2, rel=1e-14)
 
 
 def test_kinks_that_cancel_are_none():
