@@ -5,7 +5,7 @@ import json
 import sympy
 
 from derive.beam import BENDING, ELEMENTS, FAMILIES, XI, Element, Family
-from derive.freshness import banner, hashed_module
+from derive.freshness import hashed_module
 
 TITLE = "Beam elements of unit length"
 FACTORS = """\
@@ -17,13 +17,12 @@ FACTORS = """\
 # the coefficients of 1, ξ, ξ², …."""
 
 
-def beam_elements_text(source_sha256: str, derive_sha256: str, command: str) -> str:
+def beam_elements_text(source_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
     families = "".join(f'    "{family.name}": {_dict(_family(family), 4)},\n' for family in FAMILIES)
     elements = "".join(f'    "{element.name}": {_dict(_element(element), 4)},\n' for element in ELEMENTS)
     body = f"{FACTORS}\n\nFAMILIES = {{\n{families}}}\n\nELEMENTS = {{\n{elements}}}\n"
-    head = banner(TITLE, command)
-    return hashed_module(head, source_sha256, derive_sha256, sympy.__version__, body, imports="")
+    return hashed_module(TITLE, command, source_sha256, body, imports="")
 
 
 def _family(family: Family) -> dict[str, str]:

@@ -20,9 +20,15 @@ from derive.symbols import PHASE, SPEED, Moving
 from derive.units import short
 
 PASSES = '''\
-def _passes(slope, offset, targets, turn):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns."""
+def _passes(known):
+    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
+    no numbers, as on a branch that is not taken."""
     found = []
+    try:
+        slope, offset, targets, turn = known()
+        targets = [float(target) for target in targets]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return found
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
@@ -60,7 +66,7 @@ class Passage:
     @property
     def text(self) -> str:
         slope, offset, turn = (MathPrinter().doprint(each) for each in (self.slope, self.offset, self.turn))
-        return f"*_passes({slope}, {offset}, {self.targets}, {turn})"
+        return f"*_passes(lambda: ({slope}, {offset}, {self.targets}, {turn}))"
 
 
 def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:

@@ -129,7 +129,7 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
 def _sketches(mechanism: Mechanism) -> Iterator[_Statement]:
     moving = [each.symbol for each in mechanism.declared_coordinates]
     local = mechanism.declared_field.symbols if mechanism.declared_field else []
-    never = {s for q in (*moving, *local) for s in (q.rate, q.rate.rate)}
+    never = {s for q in (*moving, *local) for s in q.motion[1:]}
     if mechanism.declared_field:
         never |= {*mechanism.declared_field.points, mechanism.declared_field.tension}
     own = {AROUND: ONE, METRE: parse("m")}
@@ -140,7 +140,7 @@ def _sketches(mechanism: Mechanism) -> Iterator[_Statement]:
 
 def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:
     moving = [each.symbol for each in mechanism.declared_coordinates]
-    motion = {s for q in moving for s in (q, q.rate, q.rate.rate)}
+    motion = {s for q in moving for s in q.motion}
     for loop in mechanism.declared_loops:
         for equation in loop.closure:
             yield _Statement(f"loop of {loop}", equation, None, motion | {PHASE, SPEED})
@@ -194,7 +194,7 @@ def dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
         moving |= mechanism.declared_field.dimensions(length, parse(mechanism.energy))
         known[mechanism.declared_field.position] = length
     for symbol, unit in moving.items():
-        known |= {symbol: unit, symbol.rate: unit / SECOND, symbol.rate.rate: unit / SECOND**2}
+        known |= {each: unit / SECOND**order for order, each in enumerate(symbol.motion)}
     for loop in mechanism.declared_loops:
         known |= {z: parse(unit) for z, unit in zip(loop.unknowns, loop.units, strict=True)}
         for given, argument in zip(loop.given, loop.arguments, strict=True):

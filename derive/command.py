@@ -81,7 +81,7 @@ def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> s
     if source.name == loader.BEAM_ELEMENTS:
         from derive.beam_text import beam_elements_text
 
-        return beam_elements_text(source.sha256, freshness.derive_sha256(), source.command)
+        return beam_elements_text(source.sha256, source.command)
     from derive.emit import module_text
     from derive.structure import Structure
     from derive.structure_text import structure_text
@@ -89,8 +89,8 @@ def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> s
     mechanism = loader.load(source)
     with loader.located(source, mechanism):
         if isinstance(mechanism, Structure):
-            return structure_text(mechanism, source.sha256, freshness.derive_sha256(), source.command)
-        return module_text(mechanism, source.sha256, freshness.derive_sha256(), source.command, report)
+            return structure_text(mechanism, source.sha256, source.command)
+        return module_text(mechanism, source.sha256, source.command, report)
 
 
 def _write(sources: list[Source]) -> None:

@@ -32,12 +32,12 @@ def require_plain(name: str) -> None:
 
 
 def require_result(name: str) -> None:
-    """Raise DeclarationError unless a generated function can give something of the name."""
+    """Raise DeclarationError unless a generated function can give, or be made for, something of the name."""
     require_plain(name)
     if name in ARGUMENTS:
         raise DeclarationError(
-            f'"{name}" cannot be the name of an output or of a line: generated functions take arguments of '
-            "that name; choose a longer one"
+            f'"{name}" cannot be the name of an output, an option or a line: generated functions take '
+            "arguments of that name; choose a longer one"
         )
 
 

@@ -1,6 +1,7 @@
 """The text of a generated module: its constants, and functions that build CasADi functions."""
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,10 +11,10 @@ import sympy
 from derive import lagrange
 from derive.breaks import ANGLES, PASSES, Passage, passages
 from derive.declarations import Condition, Output
-from derive.errors import ImpulseError
+from derive.errors import DeclarationError, ImpulseError
 from derive.field import Field
 from derive.field_text import along, definitions, field_functions, field_tools
-from derive.freshness import banner, hashed_module
+from derive.freshness import hashed_module
 from derive.function_text import (
     VARYING,
     GeneratedFunction,
@@ -122,7 +123,7 @@ def derive_equations(mechanism: Mechanism) -> Equations:
         outputs.append(_in_its_unit(each, lagrange.from_fundamental(mechanism, each.expression)))
     q = [each.symbol for each in mechanism.declared_coordinates]
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
-    moving = [s for each in q for s in (each, each.rate, each.rate.rate)]
+    moving = [s for each in q for s in each.motion]
     return Equations(
         linearised._asdict(),
         varying,
@@ -160,7 +161,6 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
 def module_text(
     mechanism: Mechanism,
     source_sha256: str,
-    derive_sha256: str,
     command: str,
     report: Callable[[str], object] = lambda _: None,
 ) -> str:
@@ -187,9 +187,19 @@ def module_text(
         *_reasons(equations),
     ]
     body = "\n\n\n".join(["\n".join(data), *tools, *equations.tools, *texts]) + "\n"
-    return hashed_module(
-        banner(mechanism.title, command), source_sha256, derive_sha256, sympy.__version__, body
-    )
+    _require_own_names(body)
+    return hashed_module(mechanism.title, command, source_sha256, body)
+
+
+def _require_own_names(body: str) -> None:
+    """Raise DeclarationError where a field or a loop's unknown has the name of another function."""
+    defined = re.findall(r"^def _(\w+)", body, re.MULTILINE)
+    for name in defined:
+        if defined.count(name) > 1:
+            raise DeclarationError(
+                f'"{name}" cannot be the name of a field or of an unknown: a function of the generated '
+                "module is called so; choose another"
+            )
 
 
 def _reasons(equations: Equations) -> list[str]:

@@ -46,7 +46,7 @@ class Field:
     unit: str
     meaning: str
     length: sympy.Expr
-    shape: Shape
+    shape: Shape = field(repr=False)
     modes: str
     points: dict[Any, tuple[Moving, sympy.Expr]] = field(default_factory=dict, init=False)
     """What `at` gave: a symbol for w, w′, w″ or the tension at a position."""
@@ -125,11 +125,9 @@ class Field:
         expression = sympy.sympify(expression)
         values: dict[sympy.Basic, Any] = {self.position: sympy.sympify(position)}
         for local in (*self.derivatives, self.tension):
-            if expression.has(local, local.rate, local.rate.rate):
-                symbol, point = local, self._point(local, values[self.position])
-                for _ in range(3):
-                    values[symbol] = point
-                    symbol, point = symbol.rate, point.rate
+            if expression.has(*local.motion):
+                point = self._point(local, values[self.position])
+                values |= zip(local.motion, point.motion, strict=True)
         return expression.xreplace(values)
 
     def _point(self, local: Moving, position: sympy.Expr) -> Any:

@@ -44,10 +44,8 @@ def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
     for moment in projection.moments:
         texts[moment] = f"_column(_{moment}, {modes})"
     for weighted, moment in projection.weighted.items():
-        symbol = weighted
-        for amplitudes in AMPLITUDES:
+        for symbol, amplitudes in zip(weighted.motion, AMPLITUDES, strict=True):
             texts[symbol] = f"casadi.dot(_column(_{moment}, {modes}), {amplitudes})"
-            symbol = symbol.rate
     return texts | _points(projection.deflection)
 
 
@@ -109,11 +107,9 @@ def _points(deflection: Field) -> dict[sympy.Symbol, str]:
             order = deflection.derivatives.index(local)
             xi = printer.doprint(position / deflection.length)
             scale = f"/({printer.doprint(deflection.length**order)})" if order else ""
-            symbol = point
-            for amplitudes in AMPLITUDES:
-                shape = f"_{deflection.name}({xi}, {order}, {deflection.modes})"
+            shape = f"_{deflection.name}({xi}, {order}, {deflection.modes})"
+            for symbol, amplitudes in zip(point.motion, AMPLITUDES, strict=True):
                 texts[symbol] = f"casadi.dot({shape}, {amplitudes}){scale}"
-                symbol = symbol.rate
     return texts
 
 

@@ -116,7 +116,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )'''
 
 
@@ -185,6 +186,8 @@ def _listed(names: Iterable[str]) -> str:
 
 def _return(function: GeneratedFunction, printed: Sequence[str]) -> list[str]:
     names = (function.inputs, tuple(function.results))
+    # An output may be called acceleration.
+    options = '    {"allow_duplicate_io_names": True},' if {*function.inputs} & {*function.results} else ""
     return [
         "return casadi.Function(",
         f'    "{function.name}",',
@@ -193,6 +196,7 @@ def _return(function: GeneratedFunction, printed: Sequence[str]) -> list[str]:
         *(textwrap.indent(result, "        ") + "," for result in printed),
         "    ],",
         *(f"    [{', '.join(map(json.dumps, each))}]," for each in names),
+        *([options] if options else []),
         ")",
     ]
 

@@ -210,9 +210,7 @@ def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -
     """The symbol of a moment's column times the amplitudes, differentiated by time."""
     symbol = Moving(f"{moment.name}_q")
     projection.weighted[symbol] = moment
-    for _ in range(times):
-        symbol = symbol.rate
-    return symbol
+    return symbol.motion[times]
 
 
 def _first_order(expression: Any, moving: tuple[Moving, ...]) -> Any:
@@ -222,8 +220,8 @@ def _first_order(expression: Any, moving: tuple[Moving, ...]) -> Any:
     return sympy.Add(expression.xreplace(rest), *(s * expression.diff(s).xreplace(rest) for s in symbols))
 
 
-def _zeroed(moving: list[Any]) -> Mapping[sympy.Basic, Any]:
-    return dict.fromkeys((s for each in moving for s in (each, each.rate, each.rate.rate)), sympy.S.Zero)
+def _zeroed(moving: list[Moving]) -> Mapping[sympy.Basic, Any]:
+    return dict.fromkeys((s for each in moving for s in each.motion), sympy.S.Zero)
 
 
 def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:

@@ -7,7 +7,7 @@ import sympy
 from derive.checks import check
 from derive.emit import module_text
 from derive.errors import DeriveError
-from derive.freshness import derive_sha256, sha256
+from derive.freshness import sha256
 from derive.mechanism import Mechanism
 from derive.stated import line_of
 from derive.structure import Structure
@@ -32,7 +32,7 @@ def code(mechanism: Mechanism) -> str:
 
 
 def _derived(mechanism: Mechanism, statement: str) -> str:
-    of_statement = sha256(statement), derive_sha256(), f"{mechanism.name}.py"
+    of_statement = sha256(statement), f"{mechanism.name}.py"
     try:
         check(mechanism)
         if isinstance(mechanism, Structure):
@@ -48,6 +48,8 @@ def _derived(mechanism: Mechanism, statement: str) -> str:
 def _statement(mechanism: Mechanism) -> Iterator[str]:
     """Everything that is stated; expressions to the last digit."""
     yield repr(mechanism)
+    if mechanism.declared_field:
+        yield sympy.srepr(mechanism.declared_field.shape(*sympy.symbols("k xi")))
     for each in (mechanism.kinetic, mechanism.potential, mechanism.dissipation, mechanism.period):
         yield sympy.srepr(each)
     for pair in (*mechanism.forces, *mechanism.fundamental_motion.items()):

@@ -72,6 +72,9 @@ class LoopFunction(sympy.Function):
         text = by + sympy.latex(sympy.Symbol(type(self).__name__)) + primed(primes)
         return text if exp is None else rf"\left({text}\right)^{{{exp}}}"
 
+    def _mathml_presentation(self, printer: Any) -> Any:
+        return printer.unknown(self)
+
 
 def _exponent(times: int) -> str:
     return f"^{{{times}}}" if times > 1 else ""

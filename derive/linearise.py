@@ -11,7 +11,7 @@ from derive.gather import simplified, unshifted
 from derive.kinematics import LoopFunction
 from derive.kinks import at_desired_motion, open_clearances, require_tangents
 from derive.mechanism import Mechanism
-from derive.switches import beside
+from derive.switches import beside, known_real
 from derive.symbols import Moving
 from derive.transmission import PeriodicFunction
 
@@ -58,7 +58,7 @@ def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix
     """Derivatives beside switches by q̈, q̇ and q, and these."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
-    return residual.jacobian(moving).applyfunc(beside), moving
+    return known_real(residual).jacobian(moving).applyfunc(beside), moving
 
 
 def _require_expansion(mechanism: Mechanism, matrices: Linearised) -> None:

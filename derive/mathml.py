@@ -54,17 +54,11 @@ class _Printer(MathMLPresentationPrinter):
         text = re.sub(_NAMED, lambda name: f"&#{ord(unescape(name[0]))};", super().doprint(expr))
         return text.replace(f"<mo>{_TIMES}</mo>", f'<mo rspace="0.12em">{_TIMES}</mo>')
 
-    def _print_Function(self, e: Any) -> Any:
-        # SymPy's printers find no method by the class from which a function's own class is made.
-        if isinstance(e, PeriodicFunction):
-            return self._series(e)
-        return self._unknown(e) if isinstance(e, LoopFunction) else super()._print_Function(e)
-
-    def _series(self, expr: PeriodicFunction) -> Element:
+    def series(self, expr: PeriodicFunction) -> Element:
         name = self._primed(sympy.Symbol(type(expr).__name__), expr.order)
         return name if expr.args[0] == PHASE else self._element("mrow", name, self._bracketed(expr.args[0]))
 
-    def _unknown(self, expr: LoopFunction) -> Element:
+    def unknown(self, expr: LoopFunction) -> Element:
         primes, others = expr.derivatives
         by = [
             self._element("msubsup", self._element("mo", "&#x2202;"), self._print(by), self._print(times))

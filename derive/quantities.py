@@ -146,6 +146,7 @@ class Quantities:
 
         `Option.choose` picks expressions by word.
         """
+        require_result(name)
         self._require_unused(name)
         words = isinstance(values, tuple) and all(value.isidentifier() for value in values)
         if len(values) < 2 or not (words or isinstance(values, range)):
@@ -173,7 +174,7 @@ class Quantities:
         moving = [each.symbol for each in self.declared_coordinates]
         moving += self.declared_field.symbols if self.declared_field else []
         taken = {unknown.name for loop in self.declared_loops for unknown in loop.unknowns}
-        taken |= {symbol.name for q in moving for symbol in (q, q.rate, q.rate.rate)}
+        taken |= {symbol.name for q in moving for symbol in q.motion}
         taken |= {each.symbol.name for each in self.declared_parameters}
         taken |= {each.name for each in self.declared_outputs}
         for option in self.declared_options:
@@ -205,7 +206,7 @@ class Quantities:
         return unit, meaning, bound_of(name, bound)
 
     def _require_unused_moving(self, symbol: Moving) -> None:
-        for moving in (symbol, symbol.rate, symbol.rate.rate):
+        for moving in symbol.motion:
             self._require_unused(moving.name)
 
     def _require_unused(self, name: str) -> None:

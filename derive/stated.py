@@ -1,5 +1,6 @@
 """Where in the author's file an expression is stated, so that a fault found later names its line."""
 
+import os
 import sys
 from collections.abc import Hashable, Mapping
 from pathlib import Path
@@ -11,7 +12,7 @@ from derive.errors import DeriveError
 from derive.switches import switches
 from derive.symbols import counted
 
-_HERE = str(Path(__file__).parent)
+_HERE = f"{Path(__file__).parent}{os.sep}"
 _MADE = "<string>"
 """File of functions that dataclasses make."""
 

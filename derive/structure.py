@@ -224,12 +224,26 @@ class Structure(Mechanism):
             raise DeclarationError(
                 f"{self.name} has {len(self.damping_ratios)} damping ratios; give a structure one for all"
             )
+        self._require_own_freedoms()
         springs = self.to_ground(self.declared_springs)
         self.to_ground(self.declared_dashpots)
         if not self.supported and not springs:
             raise DeclarationError(
                 f"{self.name} is held nowhere; use support(joint), clamp(joint) or spring(joint, ...)"
             )
+
+    def _require_own_freedoms(self) -> None:
+        """Raise DeclarationError where two freedoms would have one name and so be one: those of joints,
+        "knee", of links' ends, "arm_knee", and of nodes within links, "arm_1"."""
+        ends = [f"{each.name}_{joint}" for each in self.declared_links for joint in (each.start, each.end)]
+        for name in (*self.joints, *ends):
+            link, _, number = name.rpartition("_")
+            within = f"a node within link {link}" if link in self.links and number.isdigit() else ""
+            twice = "the ends of two links" if ends.count(name) > 1 else ""
+            if within or twice:
+                raise DeclarationError(
+                    f'"{name}" would name the freedoms of {within or twice} too; rename a link or a joint'
+                )
 
     def _elastic(self, joint: str, links: tuple[str, ...], x: Any, y: Any, turn: Any) -> Elastic:
         return Elastic(joint, self._links_at(joint, links), *map(sympy.sympify, (x, y, turn)))

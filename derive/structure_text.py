@@ -14,7 +14,7 @@ from derive.emit import (
     literal,
     sketch_functions,
 )
-from derive.freshness import banner, hashed_module
+from derive.freshness import hashed_module
 from derive.function_text import GeneratedFunction, tuple_lines
 from derive.reading import links
 from derive.structure import ELEMENT_NAMES, Structure
@@ -41,7 +41,7 @@ Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), 
 springs and dashpots where there are any, and the damping ratio of every mode."""
 
 
-def structure_text(structure: Structure, source_sha256: str, derive_sha256: str, command: str) -> str:
+def structure_text(structure: Structure, source_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
     texts, counts = functions_text(
         structure,
@@ -59,9 +59,7 @@ def structure_text(structure: Structure, source_sha256: str, derive_sha256: str,
         *texts,
         equations_text(links(structure)),
     ]
-    head = banner(structure.title, command)
-    body = "\n\n\n".join(parts) + "\n"
-    return hashed_module(head, source_sha256, derive_sha256, sympy.__version__, body)
+    return hashed_module(structure.title, command, source_sha256, "\n\n\n".join(parts) + "\n")
 
 
 def _properties(structure: Structure) -> GeneratedFunction:

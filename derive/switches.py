@@ -112,7 +112,18 @@ def slope(expression: Any, by: Any) -> Any:
     """Derivative by a symbol beside the switches. Raises ImpulseError where the expression jumps as the
     symbol passes one."""
     require_no_jump(expression, (by,))
-    return beside(sympy.sympify(expression).diff(by))
+    return beside(known_real(sympy.sympify(expression)).diff(by))
+
+
+def known_real(expression: Any) -> Any:
+    """Modulus and sign of what SymPy does not know to be real, such as a root, by steps and kinks whose
+    derivatives it knows."""
+    moduli, signs = (
+        {part: part.args[0] for part in expression.atoms(kind) if part.args[0].is_extended_real is None}
+        for kind in (sympy.Abs, sympy.sign)
+    )
+    known = {part: sympy.Max(inner, -inner) for part, inner in moduli.items()}
+    return expression.xreplace(known | {part: 2 * sympy.Heaviside(x) - 1 for part, x in signs.items()})
 
 
 def beside(derivative: Any) -> Any:
@@ -174,7 +185,9 @@ class Numbers:
         """exact: to many digits, else in floating point, which is quicker."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
         made = [_stood_in(sympy.sympify(each)) for each in expressions]
-        self._function = sympy.lambdify(symbols, made, [_STEPS, "mpmath" if exact else "math"])
+        modules = [_STEPS, "mpmath" if exact else "math"]
+        # By dummies: a symbol may be called like a function.
+        self._function = sympy.lambdify(symbols, made, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
         """At values of all symbols."""

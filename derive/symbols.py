@@ -21,6 +21,11 @@ class Moving(sympy.Symbol):
     def rate(self) -> Any:
         return Moving(self.name + "d")
 
+    @property
+    def motion(self) -> tuple[Any, Any, Any]:
+        """The symbol, its rate and its acceleration."""
+        return self, self.rate, self.rate.rate
+
 
 class Phase(Moving):
     """The phase φ = Ωt of the drive, rad; its rate is the constant speed Ω."""

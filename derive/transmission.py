@@ -62,6 +62,9 @@ class PeriodicFunction(sympy.Function):
             name += r"\left(" + printer._print(self.args[0]) + r"\right)"
         return name if exp is None else rf"\left({name}\right)^{{{exp}}}"
 
+    def _mathml_presentation(self, printer: Any) -> Any:
+        return printer.series(self)
+
     @classmethod
     def coefficients(cls) -> tuple[sympy.Symbol, ...]:
         """All parameters of the series, the mean first."""

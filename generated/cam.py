@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "39fa5d6d23e13f3ee3f9b787ce41a6f8422cd2ba7723c5ae11a65fbda6b27ca7"
+DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4039833d682cffeee7469571863f5c7a19456699ae1bba1ad400dd9fca7cdcce"
+FILE_SHA256 = "7f365929e1c30206e27a264a48cce5efbc08daea4dc2a7f23c8252dabe312aef"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -117,7 +117,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "39fa5d6d23e13f3ee3f9b787ce41a6f8422cd2ba7723c5ae11a65fbda6b27ca7"
+DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ced45b1bb149dd5c6eacef667641ac0c925bd6c99410ce217e2dd5b19075af69"
+FILE_SHA256 = "56d0911695aed46b77158852804dfb7862c7c6b04e4f3bd6d0d1d219e184fa7b"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "b72fd1921bf1bd162a4399c0ba59896da155a09f4ca7c295530f9f1055810df0"
-DERIVE_SHA256 = "39fa5d6d23e13f3ee3f9b787ce41a6f8422cd2ba7723c5ae11a65fbda6b27ca7"
+DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1079cf3811941a1c0b55ebe7a4e7dac8cbfde470a0e34446bd2eab63f46a1894"
+FILE_SHA256 = "3b86d124deabc17c0b404da15172d5626a2c055e87ec31e1733a5e6cfe239aec"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -125,7 +125,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )
 
 

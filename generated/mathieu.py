@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "39fa5d6d23e13f3ee3f9b787ce41a6f8422cd2ba7723c5ae11a65fbda6b27ca7"
+DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "62a66bb77c49a9b09b82bfb19e1f6bb133ca385416a002fe7d32923b4da6bb94"
+FILE_SHA256 = "6c684e69eb1928ffe5f34ebb57fc3a074e3a721aac692d263e1281bb226eea8e"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -44,7 +44,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0d04bf238be57b677531795ee4e9650d62ac915350169ac37b5f2e5ae2c4c9ab"
-DERIVE_SHA256 = "39fa5d6d23e13f3ee3f9b787ce41a6f8422cd2ba7723c5ae11a65fbda6b27ca7"
+DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d5db3eaf9ef627cbb42590d126bbd12dd8c75a97f349661dc0db78dd0b3409d9"
+FILE_SHA256 = "6e06f059a710196dd32c2263364a0fd309cdb41c55c1426eef519ff0d7f9e7e8"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -36,9 +36,15 @@ OPERATIONS = {"linearised": 11, "residual": 13, "outputs": 0}
 NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 
-def _passes(slope, offset, targets, turn):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns."""
+def _passes(known):
+    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
+    no numbers, as on a branch that is not taken."""
     found = []
+    try:
+        slope, offset, targets, turn = known()
+        targets = [float(target) for target in targets]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return found
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
@@ -64,7 +70,8 @@ def _varying(steady, added):
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
     results = [each + more for each, more in parts]
     return casadi.Function(
-        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out()
+        f"{steady.name()}_varying", inputs, results, added.name_in(), added.name_out(),
+        {"allow_duplicate_io_names": True},
     )
 
 
@@ -266,8 +273,8 @@ def breaks(speed, p):
     (w1, w2, share) = p
     return [
         0.0,
-        *_passes(1, 0, (2*math.pi*share,), 2*math.pi),
-        *_passes(1/2, 0, _angles(0, 1, 0), 2*math.pi),
+        *_passes(lambda: (1, 0, (2*math.pi*share,), 2*math.pi)),
+        *_passes(lambda: (1/2, 0, _angles(0, 1, 0), 2*math.pi)),
     ]
 
 

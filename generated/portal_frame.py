@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "39fa5d6d23e13f3ee3f9b787ce41a6f8422cd2ba7723c5ae11a65fbda6b27ca7"
+DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "9623337012574226165c8e2f8b4432acbabb56951e3612ba3421804a1e5f5a61"
+FILE_SHA256 = "a8c76d2483118ccca0efe2ddd01eaaa5eedbe88571af82deb26873d83c1f5ca2"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

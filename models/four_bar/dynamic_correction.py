@@ -67,27 +67,25 @@ class Corrected(PeriodicSystem):
         )
 
     def _equations(self, phase: Array, speed: float) -> Matrices:
-        omega, D, M = self._at_lowest(phase)
-        squared = (omega**2)[:, None, None]
-        K = D + squared * M
+        squared, D, M, K = self._at_lowest(phase)
         inertia, _, static, load = self._cubic.at(phase, speed)
         rigid = -np.linalg.solve(inertia, load[..., None])
         d = (D - static) @ rigid / squared if self.load == "consistent" else -M @ rigid
         return M, self._damping(phase), K, d[..., 0]
 
-    def _at_lowest(self, phase: Array) -> tuple[Array, Array, Array]:
-        """ω1 (m,), D and M (m, n, n) at ω1."""
+    def _at_lowest(self, phase: Array) -> tuple[Array, Array, Array, Array]:
+        """ω1² (m, 1, 1); D, M and K (m, n, n) at ω1."""
         positions, omega = self._exact.at_positions(phase), self.lowest(phase)
-        every = np.arange(len(omega))
-        return omega, positions.dynamic_stiffness(every, omega), positions.dynamic_mass(every, omega)
+        every, squared = np.arange(len(omega)), (omega**2)[:, None, None]
+        D, M = positions.dynamic_stiffness(every, omega), positions.dynamic_mass(every, omega)
+        return squared, D, M, D + squared * M
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
         """The ratio ζ of every mode at every position."""
 
         def at_positions(phase: Array) -> Array:
-            omega, D, M = self._at_lowest(phase)
-            K = D + (omega**2)[:, None, None] * M
+            _, _, M, K = self._at_lowest(phase)
             return modal_damping(M, K, self._exact.beams.properties.damping_ratio)
 
         return interpolated(at_positions, self.period)
@@ -108,8 +106,7 @@ class Corrected(PeriodicSystem):
         def value(name: str) -> Array:
             kind, link, fraction = self._observed[name]
             if kind == "strain_energy":
-                omega, D, M = self._at_lowest(phase)
-                K = D + (omega**2)[:, None, None] * M
+                *_, K = self._at_lowest(phase)
                 return np.einsum("ik,kij,jk->k", q, K, q, optimize=True) / 2
             if kind == "deflection":
                 return self.deflection(link, fraction, phase, q)

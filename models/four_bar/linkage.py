@@ -10,6 +10,7 @@ angles in rad, time in s; crank angles may be arrays of any shape.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,6 +22,8 @@ from solve.errors import SolveError, UnknownNameError, ValueOutOfBoundsError
 
 BRANCHES = {"open": 1.0, "crossed": -1.0}
 """Sign of sin(t3 - t2): open has B to the left of the line from A to C, crossed to the right."""
+
+_LENGTHS = ("L1", "L2", "L3", "L4")
 
 ADVISED = (math.radians(40), math.radians(140))
 """Range within which a transmission angle should stay (thesis 3.3)."""
@@ -54,8 +57,13 @@ class Linkage:
     L4: float
     branch: str = "open"
 
+    @classmethod
+    def of(cls, parameters: Mapping[str, float], branch: str) -> "Linkage":
+        """With the lengths among a model's parameters."""
+        return cls(*(parameters[name] for name in _LENGTHS), branch=branch)
+
     def __post_init__(self) -> None:
-        for name, length in zip(("L1", "L2", "L3", "L4"), self.lengths, strict=True):
+        for name, length in zip(_LENGTHS, self.lengths, strict=True):
             if not (math.isfinite(length) and length > 0):
                 raise ValueOutOfBoundsError(f"{name} is {length:g} m; allowed: a length > 0")
         if self.branch not in BRANCHES:

@@ -51,6 +51,27 @@ def test_the_same_statement_is_derived_once(cam, monkeypatch):
         other.code()
 
 
+def test_the_shapes_of_a_field_are_part_of_the_statement():
+    """A function that is gone may leave its place in memory, and so its text, to another."""
+
+    def stated(shape):
+        beam = derive.Mechanism("beam", "Pinned beam")
+        length, mu, stiffness = beam.parameters(
+            L=("m", "length"), mu=("kg/m", "mass a length"), EI=("N m^2", "bending stiffness")
+        )
+        modes = beam.option("modes", range(1, 3))
+        w = beam.field("w", "m", "deflection", length=length, shape=shape, modes=modes)
+        beam.kinetic = w.integral(mu * derive.rate(w.deflection) ** 2) / 2
+        beam.potential = w.integral(stiffness * w.curvature**2) / 2
+        return "\n".join(in_memory._statement(beam))
+
+    whole, half, again = (
+        stated(lambda k, xi, c=c: derive.sin((k - c) * derive.pi * xi)) for c in (0, derive.Rational(1, 2), 0)
+    )
+    assert whole == again != half
+    assert " at 0x" not in whole
+
+
 def test_the_model_pickles(cam):
     model = solve.load(cam, **solve.load("cam").parameters)
     again = pickle.loads(pickle.dumps(model))

@@ -16,7 +16,7 @@ def module_of(mechanism: Mechanism) -> ModuleType:
     """The module that would be written for a mechanism, executed."""
     check(mechanism)
     module = ModuleType(mechanism.name)
-    exec(module_text(mechanism, "0" * 64, "0" * 64, mechanism.name), module.__dict__)
+    exec(module_text(mechanism, "0" * 64, mechanism.name), module.__dict__)
     return module
 
 

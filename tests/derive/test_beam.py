@@ -20,7 +20,7 @@ XI, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 @cache
 def generated() -> ModuleType:
     module = ModuleType("beam_elements")
-    exec(beam_elements_text("0" * 64, "0" * 64, "beam_elements"), module.__dict__)
+    exec(beam_elements_text("0" * 64, "beam_elements"), module.__dict__)
     return module
 
 

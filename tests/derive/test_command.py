@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from derive import freshness, loader
+from derive import freshness, loader, stated
 
 ROOT = Path(__file__).resolve().parents[2]
 ROTOR = (Path(__file__).parent / "rotor.py").read_text(encoding="utf-8")
@@ -227,3 +227,9 @@ def test_a_folder_called_models_or_derive_where_the_user_stands(rotor, tmp_path)
     command = [sys.executable, "-m", "derive", "--check", "cam"]
     run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+
+
+def test_a_users_folder_may_begin_with_the_name_of_the_package():
+    file, noted = f"{Path(stated.__file__).parent}d/mine.py", {}
+    exec(compile("\n\nnote(noted, 1)", file, "exec"), {"note": stated.note, "noted": noted})
+    assert noted == {1: 3}

@@ -244,7 +244,7 @@ def test_the_residual_is_that_of_the_matrices():
 
 
 def test_the_generated_text_does_not_grow_with_the_number_of_modes():
-    few, many = (module_text(column(sine, most=most), "0" * 64, "0" * 64, "column") for most in (3, 20))
+    few, many = (module_text(column(sine, most=most), "0" * 64, "column") for most in (3, 20))
     listed = "".join(f'    ("c{k}", "m", "deflection: amplitude of mode {k}"),\n' for k in range(4, 21))
     assert len(many) == len(few) + len(listed) + len("1, 21") - len("1, 4")
 
@@ -303,6 +303,15 @@ def test_names_of_a_field_are_taken():
             beam.parameters(**{name: ("m", "length")})
 
 
+def test_names_of_the_functions_of_a_module_are_taken():
+    beam, length, mu = statement()
+    modes = beam.option("modes", range(1, 4))
+    line = beam.field("pairs", "m", "deflection", length=length, shape=sine, modes=modes)
+    beam.kinetic = line.integral(mu * rate(line.deflection) ** 2 / 2)
+    with pytest.raises(DeclarationError, match='"pairs" cannot be the name of a field'):
+        module_of(beam)
+
+
 def test_names_of_modal_integrals_are_taken():
     beam, line, _ = declared()
     (mass,) = beam.parameters(w_00_0=("kg/m", "mass a length", "> 0"))
@@ -342,7 +351,7 @@ def test_a_local_quantity_is_no_output():
 
 def projected(beam):
     check(beam)
-    return module_text(beam, "0" * 64, "0" * 64, "beam")
+    return module_text(beam, "0" * 64, "beam")
 
 
 def test_no_inertia():

@@ -110,6 +110,8 @@ def test_fundamental_motion_is_substituted_before_everything_else():
     assert values(module.residual(), *state, [*p, A])[0] == pytest.approx(expected, rel=1e-13)
     found = [value.item() for value in values(module.outputs(), *state, [*p, A])[1:]]
     assert found == pytest.approx(total, rel=1e-14)
+    varying = values(module.outputs_varying(), *state[:2], 0.0, *state[2:], [*p, A])[1:]
+    assert [value.item() for value in varying] == found
     assert values(module_of(plain).residual(), phase, speed, *total, p)[0] == pytest.approx(
         expected, rel=1e-13
     )

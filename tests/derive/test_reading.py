@@ -34,12 +34,12 @@ def slider():
     return crank
 
 
-def shaken():
-    """With every function that has a way of its own to be printed."""
+def shaken(name="S"):
+    """With every function that has a way of its own to be printed; name: of its series."""
     mine = Mechanism("shaken", "With pieces of the phase")
     q = mine.coordinate("q", "m", "deflection")
     m, k, c = mine.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring"), c=("N/m", "less spring"))
-    s = mine.series("S", harmonics=2, unit="m", meaning="motion of the support")
+    s = mine.series(name, harmonics=2, unit="m", meaning="motion of the support")
     stiffness = Piecewise((k, wrapped(3 * mine.phase) < pi), (c, True))
     mine.kinetic = m * rate(q + s(2 * mine.phase)) ** 2 / 2
     mine.potential = stiffness * q**2 / 2
@@ -136,6 +136,10 @@ def test_mathml_says_the_same():
     assert coupler[0] == "Mij=Al3ρ∫ψiψjdξ+Iρ∫ψi\u2032ψj\u2032dξl3"
     assert "∂l3φ4φ4\u2033" in coupler[2]
     assert "θcrank=φ" in [text(each) for each in load("four_bar").module.EQUATIONS]
+
+
+def test_a_series_may_be_called_like_a_function():
+    assert [text(each) for each in module_of(shaken("Ei")).EQUATIONS][-1] == "d=-4mΩ2Ei\u2033(2φ)"
 
 
 def test_what_is_too_long_to_be_read_is_said(monkeypatch):

@@ -107,6 +107,10 @@ def test_outputs_share_the_names():
     for argument in ("p", "qd"):
         with pytest.raises(DeclarationError, match=f'"{argument}" cannot be the name of an output'):
             one.output(argument, q, "m", "displacement")
+        with pytest.raises(
+            DeclarationError, match=f'"{argument}" cannot be the name of an output, an option'
+        ):
+            one.option(argument, ("soft", "hard"))
     one.output("drive_torque", q, "m", "displacement")
     with pytest.raises(DeclarationError, match='"drive_torque" follows from the energies'):
         check(one)

@@ -34,7 +34,7 @@ def stated() -> tuple[Structure, dict]:
 def module_of(structure: Structure) -> ModuleType:
     check(structure)
     module = ModuleType(structure.name)
-    exec(structure_text(structure, "0" * 64, "0" * 64, structure.name), module.__dict__)
+    exec(structure_text(structure, "0" * 64, structure.name), module.__dict__)
     return module
 
 
@@ -133,6 +133,17 @@ def checked(build) -> None:
             lambda f, of: f.link("a b", "a", "b", of["L"], 0, of["section"]),
             DeclarationError,
             ('"a b" cannot be the name', "crank"),
+        ),
+        (
+            lambda f, of: (f.clamp("foot"), f.link("rod", "tip", "arm_1", of["L"], 0, of["section"])),
+            DeclarationError,
+            ('"arm_1"', "a node within link arm", "rename"),
+        ),
+        (
+            lambda f, of: (f.clamp("foot"), f.link("a", "b_c", "tip", of["L"], 0, of["section"]),
+                           f.link("a_b", "c", "tip", of["L"], 0, of["section"])),
+            DeclarationError,
+            ('"a_b_c"', "the ends of two links", "rename"),
         ),
         (
             lambda f, of: (f.clamp("foot"), f.link("r", "a", "b", of["m"], 0, of["section"])),

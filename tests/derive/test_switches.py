@@ -134,6 +134,21 @@ def test_contact_without_clearance_has_no_linearisation(contact):
         derive_equations(one)
 
 
+def test_the_modulus_of_a_root():
+    """SymPy does not know √(L² − q²) to be real."""
+    one, q, p = oscillator(L=("m", "wire"), u=("m", "side"), F=("N", "load"))
+    side = sqrt(p["L"] ** 2 - q**2)
+    one.potential += p["k"] * Abs(side - p["u"]) ** 3 / p["L"]
+    one.force(p["F"] * sign(side - p["u"]) * Abs(side - 2 * p["u"]) / p["L"], along=q)
+    module, given = module_of(one), [2.0, 5.0, 1.5, 0.5, 3.0]
+    h, at = 0.2, math.sqrt(1.5**2 - 0.2**2)
+    wire = -3 * 5 * (at - 0.5) ** 2 * h / at / 1.5
+    r = values(module.residual(), 1.0, 1.0, h, 0.0, 0.0, given)[0].item()
+    assert r == pytest.approx(5 * h + wire - 3 * abs(at - 1) / 1.5, rel=1e-14)
+    stiffness = values(module.linearised(), 1.0, 1.0, given)[2].item()
+    assert stiffness == pytest.approx(5 - 3 * 5 / 1.5**2, rel=1e-14)
+
+
 def test_kinks_that_cancel_are_none():
     one, q, p = oscillator(s=STOP["s"])
     one.potential += p["s"] * (Max(0, q) ** 2 + Max(0, -q) ** 2) / 2
@@ -158,7 +173,7 @@ def test_duffings_cubic_spring_is_named():
     # It moves nothing either, but it loads the drive of a run-up.
     one.kinetic += p["J"] * one.speed**2 / 2
     reported = []
-    module_text(one, "", "", "one", reported.append)
+    module_text(one, "", "one", reported.append)
     assert reported == [
         "k3 is in the energies but not in the linearised equations; the linear answer ignores it",
         "W is in the energies but moves nothing: it is in no equation of motion and in no output",
@@ -191,6 +206,24 @@ def test_breaks_that_parameters_move():
         assert K == [5, 12, 12, 5]
     assert "drive_torque" not in {name for name, *_ in module.OUTPUTS}
     assert "would hold impulses" in module.NO_DRIVE_TORQUE
+
+
+def test_a_step_lies_nowhere_on_a_branch_that_has_no_value():
+    one, _, p = oscillator(a=("1", "one number"), b=("1", "another"), s=("1", "slope"))
+    threshold = Piecewise((sqrt(p["a"] - p["b"]), p["a"] > p["b"]), (sqrt(p["b"] - p["a"]), True))
+    one.potential *= 1 + Heaviside(sin(one.phase) - threshold) + Heaviside(p["s"] * wrapped(one.phase) - 1)
+    module = module_of(one)
+    start = math.asin(0.5)
+    for a, b in ((0.5, 0.25), (0.25, 0.5)):
+        found = set(module.breaks(1.0, [2.0, 5.0, a, b, 0.0]))
+        assert sorted(found) == pytest.approx([0.0, start, math.pi - start], abs=1e-14)
+
+
+def test_a_parameter_may_be_called_like_a_function():
+    one, q, p = oscillator(sign=("N", "friction"))
+    one.force(-p["sign"] * sign(rate(q)), along=q)
+    with pytest.raises(ExpansionError, match="there is no linearisation at the desired motion"):
+        module_of(one)
 
 
 def test_breaks_that_nothing_moves():

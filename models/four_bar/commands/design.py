@@ -1,6 +1,7 @@
 """`python -m models.four_bar design`: limiting speeds, quiet bands and the run-up plan under a stress."""
 
 import re
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -112,8 +113,9 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
 
 def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, float], int]:
     """Least and greatest L4 (m), and how many between. Raises LinkageError where the crank cannot turn."""
+    linkage = Linkage.of(model.parameters, str(model.options["branch"]))
     if text is None:
-        return allowed_lengths(_linkage(model, model.parameters["L4"])), _LENGTHS
+        return allowed_lengths(linkage), _LENGTHS
     usage = f'--L4 is \'{text}\'; write "A:B:N unit", N lengths from A to B, such as --L4 "0.52:0.63:48 m"'
     match = _RANGE.fullmatch(text.strip())
     if not match:
@@ -126,10 +128,5 @@ def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, floa
     if not 0 < low < high or not 2 <= count <= _MOST_LENGTHS:
         raise ValueOutOfBoundsError(usage + f", A below B, N from 2 to {_MOST_LENGTHS}")
     for length in (low, high):
-        _linkage(model, length).require_full_turn()
+        replace(linkage, L4=length).require_full_turn()
     return (low, high), count
-
-
-def _linkage(model: StructureModel, L4: float) -> Linkage:
-    L1, L2, L3 = (model.parameters[name] for name in ("L1", "L2", "L3"))
-    return Linkage(L1, L2, L3, L4, str(model.options["branch"]))

@@ -117,5 +117,5 @@ def rigid_motion(
 ) -> RigidMotion:
     """Of the linkage with these numbers, by default with the path of its coupler's middle. Raises SolveError
     subclasses."""
-    linkage = Linkage(*(parameters[name] for name in ("L1", "L2", "L3", "L4")), branch=branch)
+    linkage = Linkage.of(parameters, branch)
     return RigidMotion(case, parameters, linkage, speed, position, points or [complex(linkage.L2 / 2)])

@@ -1,6 +1,6 @@
 """What the design method comes to: the speed to run up to, the plan, and the plan simulated."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -119,9 +119,9 @@ class Outcome(Lasting):
     @cached_property
     def warnings(self) -> list[str]:
         stresses, texts = self.design.map, []
-        p, branch = stresses.model.parameters, str(stresses.model.options["branch"])
+        own = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))
         for L4 in (stresses.L4[0], stresses.L4[-1]):
-            ends = transmission_warnings(Linkage(p["L1"], p["L2"], p["L3"], float(L4), branch))
+            ends = transmission_warnings(replace(own, L4=float(L4)))
             texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]
         if stresses.radius_bound.max() >= 1:
             at = stresses.speeds[stresses.radius_bound >= 1][0]

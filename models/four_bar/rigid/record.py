@@ -21,6 +21,7 @@ JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
 
 RATIOS = ("omega", "alpha")
 TURN = 2 * math.pi
+_OUTSIDE = "outside {:g}°–{:g}°".format(*map(math.degrees, ADVISED))
 _CURVE_POINTS = 360
 _BALANCE_POINTS = 720
 _STRESS_POINTS = 65
@@ -143,10 +144,9 @@ def transmission_warnings(linkage: Linkage) -> list[str]:
     gamma = linkage.transmission_extremes()
     if _within(gamma.min, gamma.max):
         return []
-    low, high = (math.degrees(limit) for limit in ADVISED)
     return [
         f"the transmission angle goes from {math.degrees(gamma.min):.4g}° to {math.degrees(gamma.max):.4g}°, "
-        f"outside {low:g}°–{high:g}°: forces pass badly from coupler to follower, and small errors of the "
+        f"{_OUTSIDE}: forces pass badly from coupler to follower, and small errors of the "
         "lengths move the follower much"
     ]
 
@@ -158,11 +158,7 @@ def _position_warnings(linkage: Linkage, t1: float | None) -> list[str]:
     gamma = float(linkage.transmission_angle(t1))
     if _within(gamma, gamma):
         return []
-    low, high = (math.degrees(limit) for limit in ADVISED)
-    return [
-        f"at {math.degrees(t1):.4g}° the transmission angle is {math.degrees(gamma):.4g}°, outside "
-        f"{low:g}°–{high:g}°"
-    ]
+    return [f"at {math.degrees(t1):.4g}° the transmission angle is {math.degrees(gamma):.4g}°, {_OUTSIDE}"]
 
 
 def _force_record(linkage: Linkage, links: Sequence[Body], speed: float) -> dict[str, Any]:

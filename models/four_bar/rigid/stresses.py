@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from models.four_bar.linkage import Motion, Plane
+from models.four_bar.linkage import Motion
 from models.four_bar.rigid.forces import JointForces
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 
 LINKS = ("crank", "coupler", "follower")
 
