@@ -8,7 +8,8 @@ import sympy
 
 from derive.kinematics import Loop, LoopFunction, Order, lower_orders
 from derive.printer import CasadiPrinter
-from derive.symbols import unused_symbol
+from derive.recurrence import series_calls
+from derive.symbols import nesting, unused_symbol
 
 Assignment = tuple[sympy.Symbol, Any]
 
@@ -56,19 +57,28 @@ def loop_calls(
 ) -> tuple[list[str], dict[Any, sympy.Symbol]]:
     """Lines that solve every loop in the matrices, and the symbol that holds each value.
 
-    `taken` are names that the symbols must not have; the new ones are added to it.
+    `taken` are names that the symbols must not have; the new ones are added to it. A loop that others or a
+    series drive comes after these.
     """
     printer, lines = CasadiPrinter(), []
-    values: dict[Any, sympy.Symbol] = {}
+    values: dict[Any, Any] = {}
     unknowns = set().union(*(matrix.atoms(LoopFunction) for matrix in matrices))
     calls = {(each.loop.name, each.arguments): each.loop for each in unknowns}
-    for (name, arguments), loop in sorted(calls.items(), key=lambda call: sympy.default_sort_key(call[0])):
+    for (name, arguments), loop in sorted(calls.items(), key=_inner_first):
         named = [_named(loop, arguments, order, taken) for order in wanted[loop]]
         symbols = ", ".join(symbol.name for each in named for symbol in each.values())
-        inputs = ", ".join(printer.doprint(each) for each in (*arguments, *loop.parameters))
+        driven_by = sympy.Matrix(arguments).xreplace(values)
+        driving, series = series_calls([driven_by], taken)
+        lines += driving
+        inputs = ", ".join(printer.doprint(each) for each in (*driven_by.xreplace(series), *loop.parameters))
         lines.append(f"({symbols}) = {name}(\n    {inputs},\n)")
         values |= {function: symbol for each in named for function, symbol in each.items()}
     return lines, values
+
+
+def _inner_first(call: tuple[tuple[str, tuple[Any, ...]], Loop]) -> tuple[int, Any]:
+    (name, arguments), _ = call
+    return nesting(sympy.Tuple(*arguments), LoopFunction), sympy.default_sort_key((name, arguments))
 
 
 def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str]) -> tuple[list[str], int]:

@@ -6,7 +6,7 @@ from typing import Any
 import sympy
 
 from derive.printer import CasadiPrinter
-from derive.symbols import unused_symbol
+from derive.symbols import nesting, unused_symbol
 from derive.transmission import PeriodicFunction
 
 FOURIER = '''\
@@ -62,12 +62,7 @@ def series_operations(values: Mapping[PeriodicFunction, sympy.Symbol]) -> int:
 
 def _inner_first(key: tuple[type[PeriodicFunction], sympy.Expr]) -> tuple:
     series, argument = key
-    return _nesting(argument), series.__name__, sympy.default_sort_key(argument)
-
-
-def _nesting(expression: sympy.Basic) -> int:
-    inside = expression.atoms(PeriodicFunction)
-    return 1 + max(_nesting(each.args[0]) for each in inside) if inside else 0
+    return nesting(argument, PeriodicFunction), series.__name__, sympy.default_sort_key(argument)
 
 
 def _call(series: type[PeriodicFunction], argument: sympy.Expr, orders: Sequence[int]) -> str:

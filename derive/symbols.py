@@ -127,3 +127,9 @@ def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
         name += "_"
     taken.add(name)
     return sympy.Symbol(name, real=True)
+
+
+def nesting(expression: sympy.Basic, functions: type[sympy.Function]) -> int:
+    """How many of these functions stand within one another at most."""
+    applied = expression.atoms(functions)
+    return 1 + max(nesting(part, functions) for each in applied for part in each.args) if applied else 0

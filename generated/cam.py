@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
+DERIVE_SHA256 = "7922ac84fb979b634bcb3fafa49bec817b7c91fc6ecdaa5a02b4b4c994714907"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "7f365929e1c30206e27a264a48cce5efbc08daea4dc2a7f23c8252dabe312aef"
+FILE_SHA256 = "0212a87f96c6e5a19a35070e7f2bcb0411bae04ae0ada6673c297c953db51a71"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

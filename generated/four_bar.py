@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
+DERIVE_SHA256 = "7922ac84fb979b634bcb3fafa49bec817b7c91fc6ecdaa5a02b4b4c994714907"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "56d0911695aed46b77158852804dfb7862c7c6b04e4f3bd6d0d1d219e184fa7b"
+FILE_SHA256 = "edd0da74e96b2b01e1dc87aab81bd3a9f13d076ee8b3fc74cdc67186ee0d07a3"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

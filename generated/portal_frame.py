@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "a278676d3e630b1fb43baec2825d77782d7e5cc304507b91eff2a661315b1fb4"
+DERIVE_SHA256 = "7922ac84fb979b634bcb3fafa49bec817b7c91fc6ecdaa5a02b4b4c994714907"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a8c76d2483118ccca0efe2ddd01eaaa5eedbe88571af82deb26873d83c1f5ca2"
+FILE_SHA256 = "ca705260424b6aa5c73cbf9a2420aa6267377d2e6425683132a56d8ce0df79e8"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -183,6 +183,48 @@ def test_a_slider_crank_of_ones_own():
     np.testing.assert_allclose(np.array(found), np.array(known), rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("drive", ["linkage", "loop", "series", "series of a loop"])
+def test_a_loop_is_driven_by_others(drive):
+    """The rocker of a six-bar pushes a slider: s = r cos φ4 + sqrt(L² − (e − r sin φ4)²), behind a shaft that
+    twists; or another loop or a series takes the rocker's place."""
+    press = Mechanism("press", "Six-bar")
+    (q,) = press.coordinates(q=("rad", "twist of the crank's shaft"))
+    r, L, e, J, k = press.parameters(
+        r=("m", "arm", "> 0"), L=("m", "rod", "> 0"), e=("m", "offset"),
+        J=("kg m^2", "crank", "> 0"), k=("N m/rad", "shaft", "> 0"),
+    )  # fmt: skip
+    angle, numbers = press.phase + q, [0.1, 0.3, 0.03, 1.0, 1.0]
+    if drive == "linkage":
+        _, psi = press.four_bar(
+            "phi3", "phi4", ground=20, crank=5, coupler=16, follower=14, tilt=0, angle=angle, side=1
+        )
+    elif drive == "series":
+        psi = press.series("U", 2, "rad", "oscillating arm")(angle)
+    else:
+        (psi,) = press.loop(
+            {"psi": "rad"}, (angle,), lambda x, z: (z + sin(z) / 4 - sin(x),), lambda x: (sin(x) / 2,)
+        )
+        if drive == "series of a loop":
+            psi = press.series("U", 2, "rad", "oscillating arm")(psi)
+    numbers += [0.4, 0.3, 0.2, 0.1, 0.2] if "series" in drive else []
+    s, _ = press.loop(
+        {"s": "m", "beta": "rad"},
+        driven_by=(psi,),
+        closure=lambda x, s, beta: (r * cos(x) + L * cos(beta) - s, r * sin(x) + L * sin(beta) - e),
+        start=lambda x: (r * cos(x) + L, 0),
+    )
+    press.kinetic = J * rate(angle) ** 2 / 2
+    press.potential = k * q**2 / 2
+    written_out = r * cos(psi) + sqrt(L**2 - (e - r * sin(psi)) ** 2)
+    press.output("found", rate(rate(s)), "m/s^2", "by Newton's method")
+    press.output("known", rate(rate(written_out)), "m/s^2", "in closed form")
+    module = module_of(press)
+    assert len(module.PARAMETERS) == len(numbers)
+    _, found, known = module.outputs()(PHASES[None], 20.0, 0.3, -5.0, 70.0, numbers)
+    assert np.abs(np.array(known)).max() > 1.0
+    np.testing.assert_allclose(np.array(found), np.array(known), rtol=0, atol=1e-10)
+
+
 def margins(module, lengths, **options):
     count = len(module.PARAMETERS) - len(lengths)
     return np.array(module.conditions(**options)(PHASES[None], [*lengths, *[1.0] * count]))
