@@ -200,7 +200,7 @@ class OnGrid:
 
     @cached_property
     def figures(self) -> Figures:
-        return Figures(self.orbit, self.starts)
+        return Figures(self.orbit, self.starts, self.nodes)
 
     @cached_property
     def _multipliers(self) -> MultipliersOnGrid:
