@@ -51,7 +51,8 @@ class ModelMarcher:
         self._acceleration = casadi.Function("a", [s, first, last, offset, x], [rate[n:] * scale])
         grid = np.linspace(0.0, period, count + 1)
         most = max(_MOST_STEPS // count, _FEWEST)
-        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": most, **_QUIET}
+        # At rest longer steps would pass over a load that begins later in the turn.
+        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": most, "max_step_size": grid[1], **_QUIET}
         problem = {"x": x, "t": s, "p": casadi.vertcat(first, last, offset), "ode": rate}
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
         self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
