@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import driven
 from solve.errors import TransientError
-from solve.model.sampling import folded
+from solve.model.sampling import folded, symbol
 
 if TYPE_CHECKING:
     import casadi
@@ -38,10 +38,10 @@ class ModelMarcher:
         import casadi
 
         n = residual.size1_in("q")
-        s, first, last, offset = (casadi.SX.sym(name) for name in ("s", "first", "last", "offset"))  # pyright: ignore[reportAttributeAccessIssue]
+        s, first, last, offset = map(symbol, ("s", "first", "last", "offset"))
         phase, speed, acceleration = driven(s, first, last, period)
         mean = (first + last) / 2
-        x, a = casadi.SX.sym("x", 2 * n), casadi.SX.sym("a", n)  # pyright: ignore[reportAttributeAccessIssue]
+        x, a = symbol("x", 2 * n), symbol("a", n)
         scale = casadi.DM(sizes)
         q, v = x[:n] * scale, x[n:] * scale
         inputs = [phase + offset, speed, acceleration, q, mean * v, mean**2 * a, casadi.SX(0, 1)]
