@@ -37,7 +37,7 @@ _ASIDE = np.array([[3, -3, 1], [-5 / 2, 4, -3 / 2]])
 derivative there, by the distance."""
 
 _BEHIND = 2e-12
-"""Part of the period behind a jump of the matrices at which what follows it is taken."""
+"""Part of the period behind or before a jump of the matrices at which its sides are taken."""
 
 _WAYS = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}
 """Signs of the values of which the largest is looked for."""
@@ -157,19 +157,23 @@ class Figures:
             self._starts.setdefault(pair, found[:2])
 
     def _in_corners(self, names: Array, phases: Array, signs: Array) -> Array:
-        """Phases (k,) of extrema, those of outputs with a corner there at a jump of the matrices brought to
-        it."""
+        """Phases (k,) of extrema, those of outputs with a corner or their largest limit at a jump of the
+        matrices brought to it."""
         at, apart = self._nearest_break(phases)
         width = self.orbit.system.period / self.orbit.samples
         near = np.flatnonzero((np.abs(apart) < width) & ~np.isin(names, self.orbit.system.coordinates))
         if not len(near):
             return phases
         corner = self.orbit.turn.grid.nodes[at[near]]
-        (before, rise), (after, fall) = (self._beside(names[near], corner, side) for side in (-1, 1))
-        whole = np.abs(before - after) <= _ALIKE * np.maximum(np.abs(before), np.abs(after))
-        highest = whole & (signs[near] * rise > 0) & (signs[near] * fall < 0)
+        (before, rise), (after, fall) = (
+            signs[near] * self._beside(names[near], corner, side) for side in (-1, 1)
+        )
+        jump = after - before
+        whole = np.abs(jump) <= _ALIKE * np.maximum(np.abs(before), np.abs(after))
+        ahead, behind = (rise > 0) & (whole | (jump < 0)), (fall < 0) & (whole | (jump > 0))
+        side = np.where(whole, ahead & behind, behind.astype(int) - ahead)
         found = phases.copy()
-        found[near[highest]] = corner[highest] + _BEHIND * self.orbit.system.period
+        found[near] = np.where(side == 0, phases[near], corner + side * _BEHIND * self.orbit.system.period)
         return found
 
     def _nearest_break(self, phases: Array) -> tuple[Array, Array]:
@@ -183,11 +187,11 @@ class Figures:
         nearest = np.abs(apart).argmin(axis=1)
         return steps[nearest], apart[np.arange(len(phases)), nearest]
 
-    def _beside(self, names: Array, phases: Array, side: int) -> tuple[Array, Array]:
-        """Values and derivatives by the phase (k,) of quantities (k,) before (-1) or behind (1) phases."""
+    def _beside(self, names: Array, phases: Array, side: int) -> Array:
+        """Values and derivatives by the phase (2, k) of quantities (k,) before (-1) or behind (1) phases."""
         distance = side * _NEAR * self.orbit.system.period / self.orbit.samples
-        value, slope = _ASIDE @ self._each(names, phases[:, None] + distance * np.arange(1, 4)).T
-        return value, slope / distance
+        values = self._each(names, phases[:, None] + distance * np.arange(1, 4))
+        return _ASIDE @ values.T / np.array([[1.0], [distance]])
 
     def _carried(self, name: str, phases: Array) -> Array:
         """How much an output changes at phases (k,) as these go with the jumps just before them, (r, k)."""
