@@ -17,7 +17,7 @@ from solve.contracts import DrawnLink, Matrices, ModeShape
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.damping import beyond_critical
 from solve.model.model import Model
-from solve.model.sampling import Sampler
+from solve.model.sampling import Sampler, symbol
 from solve.model.setup import Setup
 from solve.model.sketches import SAMPLES, stated_lines
 
@@ -80,7 +80,7 @@ class Kinematics:
     def _angles(self) -> Latest[Array]:
         import casadi
 
-        phase = casadi.SX.sym("phase")  # pyright: ignore[reportAttributeAccessIssue]
+        phase = symbol("phase")
         angle = self._properties(phase=phase, p=self._p)["angle"]
         rate = casadi.jacobian(angle, phase)
         rows = map(casadi.densify, (angle, rate, casadi.jacobian(rate, phase)))

@@ -1,7 +1,7 @@
 """Derivatives of figures of coordinates and outputs: extrema, means, root mean squares, harmonics.
 
 An extremum changes as the quantity does at its phase, which may be held: the derivative by the phase is zero
-there (envelope theorem).
+there (envelope theorem). In a corner of an output, at a jump of the matrices, it goes with the jump.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,6 +32,13 @@ _NEAR = 0.03
 _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 """Weights of five values whose sums are their first and second derivative, by their distance."""
 
+_ASIDE = np.array([[3, -3, 1], [-5 / 2, 4, -3 / 2]])
+"""Weights of the values at one, two and three distances from a place whose sums are value and
+derivative there, by the distance."""
+
+_BEHIND = 2e-12
+"""Part of the period behind or before a jump of the matrices at which its sides are taken."""
+
 _WAYS = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}
 """Signs of the values of which the largest is looked for."""
 
@@ -48,10 +55,11 @@ class _Even(NamedTuple):
 
 class Figures:
     """Figures of an orbit as sums. starts: phases near which its extrema are, and their signs, by name and
-    figure, known from another grid, or filled in."""
+    figure, known from another grid, or filled in. nodes (m, r): how far the starts of steps move with the
+    quantities by which figures are differentiated."""
 
-    def __init__(self, orbit: OrbitOnGrid, starts: Starts):
-        self.orbit, self._starts = orbit, starts
+    def __init__(self, orbit: OrbitOnGrid, starts: Starts, nodes: Array):
+        self.orbit, self._starts, self._nodes = orbit, starts, nodes
         self._settled: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
 
     @cached_property
@@ -141,11 +149,58 @@ class Figures:
             with np.errstate(divide="ignore", invalid="ignore"):
                 moved = -_NEAR * first / second
             phases = phases + np.where(np.abs(moved) < 1, moved, 0.0) * width
+        phases = self._in_corners(names, phases, signs)
         values = signs * self._each(names, phases[:, None])[:, 0]
         parts = (np.split(part, np.cumsum(counts)[:-1]) for part in (phases, signs, values))
         for pair, found in zip(pairs, zip(*parts, strict=True), strict=True):
             self._settled[pair] = found
             self._starts.setdefault(pair, found[:2])
+
+    def _in_corners(self, names: Array, phases: Array, signs: Array) -> Array:
+        """Phases (k,) of extrema, those of outputs with a corner or their largest limit at a jump of the
+        matrices brought to it."""
+        at, apart = self._nearest_break(phases)
+        width = self.orbit.system.period / self.orbit.samples
+        near = np.flatnonzero((np.abs(apart) < width) & ~np.isin(names, self.orbit.system.coordinates))
+        if not len(near):
+            return phases
+        corner = self.orbit.turn.grid.nodes[at[near]]
+        (before, rise), (after, fall) = (
+            signs[near] * self._beside(names[near], corner, side) for side in (-1, 1)
+        )
+        jump = after - before
+        whole = np.abs(jump) <= _ALIKE * np.maximum(np.abs(before), np.abs(after))
+        ahead, behind = (rise > 0) & (whole | (jump < 0)), (fall < 0) & (whole | (jump > 0))
+        side = np.where(whole, ahead & behind, behind.astype(int) - ahead)
+        found = phases.copy()
+        found[near] = np.where(side == 0, phases[near], corner + side * _BEHIND * self.orbit.system.period)
+        return found
+
+    def _nearest_break(self, phases: Array) -> tuple[Array, Array]:
+        """The steps that begin at the jumps of the matrices nearest to phases (k,), and how far these are
+        behind the jumps, infinite without any."""
+        grid, period = self.orbit.turn.grid, self.orbit.system.period
+        steps = np.flatnonzero(grid.at_break)
+        if not len(steps):
+            return np.zeros(len(phases), dtype=int), np.full(len(phases), np.inf)
+        apart = (phases[:, None] - grid.nodes[steps] + period / 2) % period - period / 2
+        nearest = np.abs(apart).argmin(axis=1)
+        return steps[nearest], apart[np.arange(len(phases)), nearest]
+
+    def _beside(self, names: Array, phases: Array, side: int) -> Array:
+        """Values and derivatives by the phase (2, k) of quantities (k,) before (-1) or behind (1) phases."""
+        distance = side * _NEAR * self.orbit.system.period / self.orbit.samples
+        values = self._each(names, phases[:, None] + distance * np.arange(1, 4))
+        return _ASIDE @ values.T / np.array([[1.0], [distance]])
+
+    def _carried(self, name: str, phases: Array) -> Array:
+        """How much an output changes at phases (k,) as these go with the jumps just before them, (r, k)."""
+        at, apart = self._nearest_break(phases)
+        moved = (apart > 0) & (apart < 2 * _BEHIND * self.orbit.system.period)
+        if name in self.orbit.system.coordinates or not self._nodes[at][moved].any():
+            return np.zeros((self._nodes.shape[1], len(phases)))
+        slope = self._beside(np.full(len(phases), name), self.orbit.turn.grid.nodes[at], 1)[1]
+        return self._nodes[at].T * (moved * slope)
 
     def _each(self, names: Array, phases: Array) -> Array:
         """Values (k, j) of quantities (k,) at phases (k, j) of each."""
@@ -173,9 +228,10 @@ class Figures:
         phases, signs, values = self._settled[name, figure]
         largest = values >= values.max() - _SAME * np.abs(values).max()
         phases, signs = phases[largest], signs[largest]
-        sign = -1.0 if figure == "min" else 1.0
+        sign, carried = -1.0 if figure == "min" else 1.0, signs * self._carried(name, phases)
 
-        def made(every: Array) -> Array:
+        def made(held: Array) -> Array:
+            every = held + carried
             alike = np.ptp(every, axis=1) <= _ALIKE * np.abs(every).max(axis=1)
             return np.where(alike, sign * every[:, 0], np.nan)
 

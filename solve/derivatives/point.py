@@ -167,10 +167,8 @@ class OnGrid:
     @cached_property
     def turn(self) -> TurnOnGrid:
         system, engine = self.solved.system, self.solved.certified.request.engine
-        grid, point = (
-            Grid.uniform(self.steps, system.period, system.breaks),
-            OnePoint(system, self.solved.speed),
-        )
+        grid = Grid.uniform(self.steps, system.period, system.breaks)
+        point = OnePoint(system, self.solved.speed)
         return TurnOnGrid(point, self.rule, grid, engine, self._curve(grid, point, engine))
 
     def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
@@ -200,7 +198,7 @@ class OnGrid:
 
     @cached_property
     def figures(self) -> Figures:
-        return Figures(self.orbit, self.starts)
+        return Figures(self.orbit, self.starts, self.nodes)
 
     @cached_property
     def _multipliers(self) -> MultipliersOnGrid:
@@ -230,22 +228,15 @@ class OnGrid:
 
     def jumps(self, name: str) -> Array:
         """Whether quantities (r,) move a jump of an output."""
-        system = self.solved.system
-        if name not in system.outputs or not system.breaks:
-            return np.zeros(len(self.names), dtype=bool)
+        system, speed = self.solved.system, self.solved.speed
         nodes = np.flatnonzero(self.nodes.any(axis=1))
-        if not len(nodes):
+        if name not in system.outputs or not len(nodes):
             return np.zeros(len(self.names), dtype=bool)
-        starts, ends = (
-            self.turn.orbit.states[at, place, ..., 0] for at, place in ((nodes, 0), (nodes - 1, -1))
-        )
-        phases = [self.turn.phases[at, place] for at, place in ((nodes, 0), (nodes - 1, -1))]
-        speed = self.solved.speed
-        rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
-        values = []
-        for phase, states in zip(phases, (starts, ends), strict=True):
-            a, v, q = np.moveaxis(states * rates, 1, 0)
-            values.append(system.output_values(phase, speed, q.T, v.T, a.T)[name])
+        rates, values = speed ** np.array([2.0, 1.0, 0.0])[:, None], []
+        for at, place in ((nodes, 0), (nodes - 1, -1)):
+            a, v, q = np.moveaxis(self.turn.orbit.states[at, place, ..., 0] * rates, 1, 0)
+            phases = self.turn.phases[at, place]
+            values.append(system.output_values(phases, speed, q.T, v.T, a.T)[name])
         apart = np.abs(values[0] - values[1]) > _JUMP * np.abs(values).max()
         return (self.nodes[nodes[apart]] != 0).any(axis=0)
 

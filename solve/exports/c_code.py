@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from solve.errors import FileError
 from solve.exports.equations import Quantity, identifier, parameters_of, quantities_of, require_formulas
 from solve.model.model import Model
+from solve.model.sampling import by_rows, inputs_of
 from solve.results.contents import versions
 from solve.system import PeriodicSystem
 
@@ -18,6 +19,8 @@ _FUNCTIONS = {
     "outputs": "Outputs y, those of the drive at constant speed.",
 }
 """Those of a generated module, and what the header says of each."""
+
+_SCALARS = "phase", "speed"
 
 _ARGUMENTS = "Phase in rad, speed in rad/s, derivatives by time, SI units; matrices by rows, M[i * n + j]."
 
@@ -37,20 +40,17 @@ def _by_rows(model: Model, name: str) -> "casadi.Function":
     import casadi
 
     function = model.setup.function(name)
-    inputs = [casadi.SX.sym(each, function.size1_in(each)) for each in function.name_in()]  # pyright: ignore[reportAttributeAccessIssue]
-    # CasADi stores by columns; the transposes come by rows.
-    results = [casadi.vec(casadi.densify(part.T)) for part in function.call(inputs, True, False)]
-    made = ["y"] if name == "outputs" else function.name_out()
-    results = [casadi.vertcat(*results)] if name == "outputs" else results
-    return casadi.Function(f"{identifier(model)}_casadi_{name}", inputs, results, function.name_in(), made)
+    inputs = inputs_of(function)
+    parts = function.call([*inputs.values()], True, False)
+    names = ["y"] if name == "outputs" else function.name_out()
+    results = [by_rows(parts)] if name == "outputs" else [by_rows([part]) for part in parts]
+    return casadi.Function(
+        f"{identifier(model)}_casadi_{name}", [*inputs.values()], results, [*inputs], names
+    )
 
 
 def _prototype(model: Model, name: str, function: "casadi.Function") -> str:
-    scalar = [function.size1_in(each) == 1 and each in ("phase", "speed") for each in function.name_in()]
-    given = [
-        f"double {each}" if alone else f"const double *{each}"
-        for each, alone in zip(function.name_in(), scalar, strict=True)
-    ]
+    given = [f"double {each}" if each in _SCALARS else f"const double *{each}" for each in function.name_in()]
     results = [f"double *{each}" for each in function.name_out()]
     return f"int {identifier(model)}_{name}({', '.join([*given, *results])})"
 
@@ -106,7 +106,7 @@ def _source(model: Model, functions: dict[str, "casadi.Function"], stem: str) ->
 
 
 def _wrapper(model: Model, name: str, function: "casadi.Function") -> str:
-    given = [f"&{each}" if each in ("phase", "speed") else each for each in function.name_in()]
+    given = [f"&{each}" if each in _SCALARS else each for each in function.name_in()]
     sizes = function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()
     arguments, results, integers, work = (max(size, 1) for size in sizes)
     lines = [

@@ -19,6 +19,7 @@ from solve.exports.extras import library
 from solve.exports.state_space import signals
 from solve.kernel.compiler import CompilerError, c_compiler
 from solve.model.model import Model
+from solve.model.sampling import symbol
 from solve.newton.orbits import nonlinear
 from solve.system import PeriodicSystem
 
@@ -210,9 +211,9 @@ def _explicit(model: Model) -> "casadi.Function":
 
     n = model.n
     sizes = {"phase": 1, "speed": 1, "q": n, "qd": n, "u": n + 1, "p": len(model.parameters)}
-    symbols = {name: casadi.SX.sym(name, size) for name, size in sizes.items()}  # pyright: ignore[reportAttributeAccessIssue]
+    symbols = {name: symbol(name, size) for name, size in sizes.items()}
     phase, speed, q, qd, u, p = symbols.values()
-    a = casadi.SX.sym("a", n)  # pyright: ignore[reportAttributeAccessIssue]
+    a = symbol("a", n)
     drive = [phase, speed, u[0]]
     (r,) = model.setup.function("residual_varying").call([*drive, q, qd, a, p], True, False)
     M, rest = casadi.jacobian(r, a), casadi.substitute(r, a, 0)

@@ -160,8 +160,9 @@ class StateSpace:
         return self.coefficients.y0
 
     def frozen(self, phase: float) -> "control.StateSpace":
-        """The system held still at a phase, for python-control: poles there say nothing of stability, which
-        is that of the whole turn. Raises MissingLibraryError, ValueOutOfBoundsError."""
+        """The system held still at a phase, at a jump just behind it, for python-control: poles there say
+        nothing of stability, which is that of the whole turn. Raises MissingLibraryError,
+        ValueOutOfBoundsError."""
         control = library("control", "control", "a state space of python-control")
         try:
             place = float(phase)
@@ -169,7 +170,7 @@ class StateSpace:
             place = math.nan
         if not math.isfinite(place):
             raise ValueOutOfBoundsError(f"phase is {phase}; allowed: a finite one, in rad")
-        at = coefficients(self.system, self.speed, np.array([place]))
+        at = coefficients(self.system, self.speed, _after(self.system, np.array([place])))
         names = self.signals
         return control.StateSpace(
             *(part[0] for part in (at.A, at.B, at.C, at.D)),

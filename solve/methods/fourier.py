@@ -95,12 +95,16 @@ class Fourier(Method):
 
         Solved for u = q - q″: the harmonics of q alone would make the condition grow with m².
         """
+        from scipy.linalg import circulant
+
         m, n = len(phases), point.n
         M, C, K, d = (part[0] for part in matrices(point, phases))
         rates = 2j * np.pi / point.period * np.fft.fftfreq(m, 1.0 / m)
         smooth = 1.0 / (1.0 - rates**2)
         parts = zip((M, C, K), (rates**2 * smooth, rates * smooth, smooth), strict=True)
-        A = sum(np.einsum("jab,jk->jakb", part, _circulant(symbol)) for part, symbol in parts)
+        # Circulant matrices multiply the harmonics of the samples.
+        circulants = ((part, circulant(np.real(np.fft.ifft(symbol)))) for part, symbol in parts)
+        A = sum(np.einsum("jab,jk->jakb", *each) for each in circulants)
         factor, unit = in_balance(np.abs(A).max(axis=(0, 2)))
         matrix = (factor[:, None, None] * A * unit).reshape(m * n, m * n)
         u, condition = solved_balance(matrix, (d * factor).ravel())
@@ -124,12 +128,6 @@ def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
     if not condition < _SINGULAR:
         raise no_orbit("the balance of forces")
     return np.linalg.solve(matrix, load), condition
-
-
-def _circulant(symbol: Array) -> Array:
-    """The real matrix (m, m) that multiplies the harmonics of m samples by the symbol (m,)."""
-    m = len(symbol)
-    return np.real(np.fft.ifft(symbol))[np.arange(m)[:, None] - np.arange(m)]
 
 
 def differentiation(grid: Grid) -> Array:

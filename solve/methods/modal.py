@@ -73,9 +73,9 @@ class _Uncoupled:
         turned = np.einsum("pkai,pkab,pkbi->pki", modes[:, 1:], M[:, :-1], modes[:, :-1]) < 0
         modes[:, 1:] *= np.where(np.cumsum(turned, axis=1) % 2 == 1, -1.0, 1.0)[..., None, :]
         modes[self.complex] = np.nan
-        left = solved(M @ modes, np.broadcast_to(np.eye(self.n), M.shape))
-        damping = np.einsum("pkia,pkab,pkbi->pki", left, C, modes)
         eye = np.eye(self.n)
+        left = solved(M @ modes, np.broadcast_to(eye, M.shape))
+        damping = np.einsum("pkia,pkab,pkbi->pki", left, C, modes)
         unit, delta, omega2 = (
             np.broadcast_to(part, M.shape).reshape(*d.shape[:2], -1)
             for part in (eye, damping[..., None] * eye, squares[..., None] * eye)

@@ -36,9 +36,8 @@ class Newmark(OneStep):
                 raise ValueOutOfBoundsError(
                     f"{symbol} of newmark is {value}; allowed: 0 … 1; try gamma 0.5 and beta 0.25"
                 )
-
-        first_order = self.gamma != 0.5
-        self._set(order=1 if first_order else 2, curve_order=1 if first_order else 2)
+        order = 2 if self.gamma == 0.5 else 1
+        self._set(order=order, curve_order=order)
         if self.gamma < 0.5:
             self._set(
                 warnings=(

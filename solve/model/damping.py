@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import MatricesError, TransientError
 from solve.model.modes import modal_damping, vibrates
-from solve.model.sampling import MatrixSampler, parted
+from solve.model.sampling import MatrixSampler, inputs_of, parted
 from solve.trigonometric import Trigonometric, interpolated
 
 if TYPE_CHECKING:
@@ -73,9 +73,8 @@ def damped_residual(
             "damping ratios of matrices that jump cannot be followed in time by the nonlinear equations; "
             "state the dissipation instead"
         )
-    inputs = [casadi.SX.sym(name, residual.size1_in(name)) for name in residual.name_in()]  # pyright: ignore[reportAttributeAccessIssue]
-    by_name = dict(zip(residual.name_in(), inputs, strict=True))
-    C, n = curve.at(by_name["phase"], casadi.cos, casadi.sin), residual.size1_out("r")
-    (r,) = residual.call(inputs, True, False)
-    force = casadi.reshape(casadi.vertcat(*C), n, n).T @ by_name["qd"]
-    return casadi.Function("residual", inputs, [r + force], residual.name_in(), ["r"])
+    inputs = inputs_of(residual)
+    C, n = curve.at(inputs["phase"], casadi.cos, casadi.sin), residual.size1_out("r")
+    (r,) = residual.call([*inputs.values()], True, False)
+    force = casadi.reshape(casadi.vertcat(*C), n, n).T @ inputs["qd"]
+    return casadi.Function("residual", [*inputs.values()], [r + force], [*inputs], ["r"])

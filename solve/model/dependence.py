@@ -12,7 +12,7 @@ from solve.contracts import Columns, Formulas
 from solve.differences import slope
 from solve.labels import SPEED
 from solve.model.formulas import c_text
-from solve.model.sampling import Sampler
+from solve.model.sampling import Sampler, by_rows, symbol
 from solve.model.setup import Setup
 from solve.system import PeriodicSystem
 
@@ -89,7 +89,7 @@ class GeneratedSlopes:
     @cached_property
     def _symbols(self) -> list[Any]:
         """Phase, speed, q″, q′, q and the parameters."""
-        return [_symbol(f"x{at}", size) for at, size in enumerate((1, 1, *[self._n] * 3, len(self._setup.p)))]
+        return [symbol(f"x{at}", size) for at, size in enumerate((1, 1, *[self._n] * 3, len(self._setup.p)))]
 
     @cached_property
     def _equations(self) -> Any:
@@ -111,10 +111,9 @@ class GeneratedSlopes:
         import casadi
 
         n, states = self._n, self._symbols[2:5]
-        weights = _symbol("weights", 3 * n**2)
-        # CasADi stores by columns; the transposes come by rows.
-        entries = [casadi.vec(casadi.densify(casadi.jacobian(self._equations, x)).T) for x in states]
-        return self._slopes(casadi.dot(weights, casadi.vertcat(*entries)), states, weights)
+        weights = symbol("weights", 3 * n**2)
+        entries = by_rows(casadi.jacobian(self._equations, x) for x in states)
+        return self._slopes(casadi.dot(weights, entries), states, weights)
 
     def _output(self, name: str) -> _Slopes:
         """Of an output, by θ and the states."""
@@ -169,16 +168,13 @@ class GeneratedDependence:
         return self._slopes.residual.along(self._compiled, self._p, inputs, weights)[self._chosen]
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        slopes, count, inputs = (
-            self._slopes.matrices,
-            len(self._slopes.names),
-            [*self._inputs(phase, speed, states), weights.reshape(len(phase), -1)],
-        )
+        slopes = self._slopes.matrices
+        inputs = [*self._inputs(phase, speed, states), weights.reshape(len(phase), -1)]
         if self.linear:
             found = slopes.along(self._compiled, self._p, inputs, np.ones((len(phase), 1, 1)))
             return found[self._chosen, 0], np.zeros_like(states)
-        found = slopes.whole(slopes.values(self._compiled, self._p, inputs))[0]
-        return found[self._chosen].sum(axis=1), found[count:].T.reshape(-1, 3, self._n)
+        by_each, by_states = self._parted(slopes, slopes.values(self._compiled, self._p, inputs))
+        return by_each.sum(axis=0), by_states
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
         # Interpreted: formulas of outputs are short, and extrema are few phases.
@@ -193,6 +189,7 @@ class GeneratedDependence:
         return [phase, np.full(len(phase), speed), *_parts(states)]
 
     def _parted(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
+        """Derivatives of one quantity at phases (k,) by θ (k, r) and by the states (k, 3, n)."""
         (found,), count = slopes.whole(values), len(self._slopes.names)
         return found[self._chosen].T, found[count:].T.reshape(-1, 3, self._n)
 
@@ -252,12 +249,6 @@ def _in_parts(*arrays: Array) -> Iterator[tuple[Array, ...]]:
     """Arrays (k, …) by so many of their rows at a time as stay in a processor's cache."""
     parts = range(_TOGETHER, len(arrays[0]), _TOGETHER)
     return zip(*(np.split(each, parts) for each in arrays), strict=True)
-
-
-def _symbol(name: str, size: int) -> Any:
-    import casadi
-
-    return casadi.SX.sym(name, size)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _parts(states: Array) -> tuple[Array, Array, Array]:

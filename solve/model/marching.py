@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import driven
 from solve.errors import TransientError
-from solve.model.sampling import folded
+from solve.model.sampling import folded, symbol
 
 if TYPE_CHECKING:
     import casadi
@@ -38,10 +38,10 @@ class ModelMarcher:
         import casadi
 
         n = residual.size1_in("q")
-        s, first, last, offset = (casadi.SX.sym(name) for name in ("s", "first", "last", "offset"))  # pyright: ignore[reportAttributeAccessIssue]
+        s, first, last, offset = map(symbol, ("s", "first", "last", "offset"))
         phase, speed, acceleration = driven(s, first, last, period)
         mean = (first + last) / 2
-        x, a = casadi.SX.sym("x", 2 * n), casadi.SX.sym("a", n)  # pyright: ignore[reportAttributeAccessIssue]
+        x, a = symbol("x", 2 * n), symbol("a", n)
         scale = casadi.DM(sizes)
         q, v = x[:n] * scale, x[n:] * scale
         inputs = [phase + offset, speed, acceleration, q, mean * v, mean**2 * a, casadi.SX(0, 1)]
@@ -51,7 +51,8 @@ class ModelMarcher:
         self._acceleration = casadi.Function("a", [s, first, last, offset, x], [rate[n:] * scale])
         grid = np.linspace(0.0, period, count + 1)
         most = max(_MOST_STEPS // count, _FEWEST)
-        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": most, **_QUIET}
+        # At rest longer steps would pass over a load that begins later in the turn.
+        options = {"reltol": rtol, "abstol": rtol, "max_num_steps": most, "max_step_size": grid[1], **_QUIET}
         problem = {"x": x, "t": s, "p": casadi.vertcat(first, last, offset), "ode": rate}
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
         self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n

@@ -268,11 +268,10 @@ class Model(PeriodicSystem):
             return {}
         drive, state = (phase[None], np.atleast_2d(speed)), (q, qd, qdd, self.setup.p)
         if acceleration == 0:
-            values = self._outputs(*drive, *state)
+            values = self._outputs.call([*drive, *state])
         else:
-            values = self._outputs_varying(*drive, acceleration, *state)
-        columns = values if isinstance(values, tuple) else (values,)
-        return {name: value.full()[0] for name, value in zip(self.outputs, columns, strict=True)}
+            values = self._outputs_varying.call([*drive, acceleration, *state])
+        return {name: value.full()[0] for name, value in zip(self.outputs, values, strict=True)}
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
         names = tuple(sorted(varied))

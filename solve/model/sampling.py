@@ -2,8 +2,8 @@
 
 import math
 import threading
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -59,19 +59,37 @@ class Sampler:
         return results
 
 
+def symbol(name: str, size: int = 1) -> Any:
+    """A column of CasADi."""
+    import casadi
+
+    return casadi.SX.sym(name, size)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def inputs_of(function: "casadi.Function", *without: str) -> dict[str, Any]:
+    """Symbols for the inputs of a generated function, but for some, by name."""
+    return {name: symbol(name, function.size1_in(name)) for name in function.name_in() if name not in without}
+
+
+def by_rows(matrices: Iterable[Any]) -> Any:
+    """Entries of matrices of CasADi, each by rows, one after another in a column."""
+    import casadi
+
+    # CasADi stores by columns; the transposes come by rows.
+    return casadi.vertcat(*(casadi.vec(casadi.densify(each.T)) for each in matrices))
+
+
 def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
     """A generated function with its parameters, the last input, folded in, but for the free ones: these
     become the last input. Its outputs, each by rows, stand one after another."""
     import casadi
 
-    names = [name for name in function.name_in() if name != "p"]
-    inputs = [casadi.SX.sym(name, function.size1_in(name)) for name in names]  # pyright: ignore[reportAttributeAccessIssue]
-    values, p = casadi.SX.sym("values", len(free)), casadi.SX(casadi.DM(parameters))  # pyright: ignore[reportAttributeAccessIssue]
+    inputs = inputs_of(function, "p").values()
+    values, p = symbol("values", len(free)), casadi.SX(casadi.DM(parameters))
     for position, index in enumerate(free):
         p[index] = values[position]
-    # CasADi stores by columns; the transposes come by rows.
-    rows = [casadi.vec(casadi.densify(part.T)) for part in function.call([*inputs, p], True, False)]
-    return casadi.Function("folded", [*inputs, values], [casadi.vertcat(*rows)])
+    entries = by_rows(function.call([*inputs, p], True, False))
+    return casadi.Function("folded", [*inputs, values], [entries])
 
 
 def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
@@ -80,15 +98,12 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
     parameters that are free, if any; the others are fixed."""
     import casadi
 
-    names = [name for name in residual.name_in() if name != "p"]
-    inputs = [casadi.SX.sym(name, residual.size1_in(name)) for name in names]  # pyright: ignore[reportAttributeAccessIssue]
-    values = casadi.SX.sym("values", len(free))  # pyright: ignore[reportAttributeAccessIssue]
+    inputs, values = list(inputs_of(residual, "p").values()), symbol("values", len(free))
     (r,) = folded(residual, parameters, free).call([*inputs, values], True, False)
     states = inputs[:-4:-1]
     matrices = [casadi.densify(casadi.jacobian(r, x)) for x in states]
     d = sum((A @ x for A, x in zip(matrices, states, strict=True)), -r)
-    rows = [casadi.vec(A.T) for A in matrices]
-    entries = casadi.cse(casadi.vertcat(*rows, casadi.densify(d)))
+    entries = casadi.cse(casadi.vertcat(by_rows(matrices), casadi.densify(d)))
     return casadi.Function("tangent", [*inputs, values] if len(free) else inputs, [entries])
 
 
@@ -110,7 +125,7 @@ class MatrixSampler:
         import casadi
 
         self.n = linearised.size1_out("d")
-        phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")  # pyright: ignore[reportAttributeAccessIssue]
+        phase, speed = symbol("phase"), symbol("speed")
         (entries,) = folded(linearised, parameters).call([phase, speed, casadi.SX(0, 1)], True, False)
         self._terms = _powers(entries, speed)
         inputs, values = ([phase, speed], entries) if self._terms is None else ([phase], self._terms.values)

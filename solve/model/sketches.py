@@ -23,8 +23,8 @@ def stated_lines(setup: Setup, phase: Array, speed: float, q: Array) -> dict[str
         samples = SAMPLES[kind]
         running = np.tile(np.linspace(0.0, 1.0, samples), len(phase))
         many = np.repeat(np.vstack((phase, np.full(len(phase), speed), q)), samples, axis=1)
-        values = function(many[:1], many[1:2], many[2:], running[None], setup.p)
-        columns = (values if isinstance(values, tuple) else (values,))[number].full()
+        values = function.call([many[:1], many[1:2], many[2:], running[None], setup.p])
+        columns = values[number].full()
         places = columns[::2] + 1j * columns[1::2]
         if not np.isfinite(places).all():
             raise ValueOutOfBoundsError(

@@ -240,8 +240,7 @@ class _Follower:
 
     def _speed_alone(self, grid: Grid) -> _Place:
         """The direction of the speed towards the last."""
-        still = Curve(grid.nodes, np.zeros((self.task.system.n, grid.steps, 1)))
-        return _Place(still, self.last - self.task.speed)
+        return _Place(self.task.rest(grid), self.last - self.task.speed)
 
     def _inner(self, one: _Place, other: _Place, sizes: Array) -> float:
         """The product of two places, in sizes (n,) of the orbit and parts of the range of speeds."""

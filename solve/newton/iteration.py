@@ -67,7 +67,7 @@ class Task:
 
     def rest(self, grid: Grid) -> Curve:
         """The desired motion, q = 0: the iterate after it is the linear orbit."""
-        return Curve(grid.nodes, np.zeros((self.system.n, grid.steps, 1)))
+        return at_rest(self.system.n, grid)
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,16 @@ class Converged:
         curve = self.solutions.curve
         assert isinstance(curve, Curve)
         return curve[0]
+
+
+def at_rest(n: int, grid: Grid) -> Curve:
+    """q = 0 of n coordinates on a grid."""
+    return Curve(grid.nodes, np.zeros((n, grid.steps, 1)))
+
+
+def without_zeros(sizes: Array) -> Array:
+    """Sizes (n,) of coordinates, those that are 0 as large as the largest, or 1 where all are."""
+    return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
 
 def iterated(task: Task, start: Motion, grid: Grid, most: int = _MOST) -> Converged:

@@ -18,7 +18,7 @@ from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocation import Collocated
 from solve.methods.radau import Radau
 from solve.newton.continuation import by_load, by_speed
-from solve.newton.iteration import Converged, Newton, Task, iterated
+from solve.newton.iteration import Converged, Newton, Task, at_rest, iterated
 from solve.newton.settling import by_transient
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
@@ -72,8 +72,8 @@ def nonlinear(
 
 
 def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
-    rest = Task(system, speed, 1, Radau(), "", 0.0)
-    ((method, _),) = chosen_for(rule, OnePoint(system.along(rest.rest(rest.grid(1))), speed))
+    rest = at_rest(system.n, Grid.uniform(1, system.period))
+    ((method, _),) = chosen_for(rule, OnePoint(system.along(rest), speed))
     if not isinstance(method, Collocated):
         raise ValueOutOfBoundsError(
             f"method is {method.name}; a nonlinear orbit takes radau, gauss, or auto, which chooses"

@@ -7,7 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.iteration import Converged, Task, iterated
+from solve.newton.iteration import Converged, Task, iterated, without_zeros
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.progress import stage
@@ -69,8 +69,7 @@ def sizes_of(task: Task, grid: Grid) -> Array:
     except SolveError:
         return np.ones(task.system.n)
     assert found.curve is not None
-    sizes = np.abs(found.curve(found.grid.nodes)[0]).max(axis=1)
-    return np.where(sizes > 0, sizes, sizes.max() or 1.0)
+    return without_zeros(np.abs(found.curve(found.grid.nodes)[0]).max(axis=1))
 
 
 def _joined(turns: list[Array], period: float) -> Curve:

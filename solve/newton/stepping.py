@@ -10,6 +10,7 @@ from solve.arrays import Array
 from solve.contracts import Matrices, driven
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
+from solve.newton.iteration import without_zeros
 from solve.period.frozen import frozen
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
@@ -51,7 +52,7 @@ class StepMarcher:
             coarse, (found, reached) = found, turn.motion(state, 2 * self._steps, self.nodes)
             sizes = np.maximum(self._largest, reached)
             change = np.abs(found[0] - coarse[0]).max(axis=1)
-            off = float((change / np.where(sizes > 0, sizes, sizes.max() or 1.0)).max())
+            off = float((change / without_zeros(sizes)).max())
             agree, steps = off <= self._rtol, 2 * self._steps
             if agree or steps == _MOST:
                 self.off, self.angle = max(self.off, off), max(self.angle, turn.reach / steps)
@@ -80,9 +81,8 @@ class _Turn:
         curve = made.curve(x[None])[0]
         # At the period itself the curve begins anew.
         inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
-        return np.stack([curve(inside, order) for order in range(3)]), np.abs(x[:, : len(state) // 2]).max(
-            axis=0
-        )
+        largest = np.abs(x[:, : len(state) // 2]).max(axis=0)
+        return np.stack([curve(inside, order) for order in range(3)]), largest
 
     def _discretised(self, steps: int) -> Discretisation:
         grid = Grid.uniform(steps, self._system.period, self._breaks)

@@ -13,9 +13,11 @@ from solve.argument import require_whole
 from solve.arrays import Array
 from solve.contracts import Marcher
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
+from solve.newton.iteration import at_rest, without_zeros
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.stepping import METHOD, StepMarcher
 from solve.period.curve import Curve
+from solve.period.grid import Grid
 from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient, between_states, between_tolerance
@@ -165,8 +167,9 @@ class _Follow:
             sizes = np.abs(self.orbit.q).max(axis=1)
         if not self.nonlinear:
             return StepMarcher(self.system, sizes, count, finer)
-        self.system.along(Curve(np.array([0.0, self.system.period]), np.zeros((self.system.n, 1, 1))))
-        return self.system.marcher(np.where(sizes > 0, sizes, sizes.max() or 1.0), count, finer)
+        # A linear system says here that it is one.
+        self.system.along(at_rest(self.system.n, Grid.uniform(1, self.system.period)))
+        return self.system.marcher(without_zeros(sizes), count, finer)
 
 
 def _damped_out(march: Marcher) -> list[str]:

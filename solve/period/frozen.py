@@ -90,7 +90,7 @@ class Frozen:
         if self._n == 1:
             return None
         entries = self._matrices
-        sizes = np.abs(entries[..., :: max(1, entries.shape[-1] // _LOOKS)]).max(axis=-1)
+        sizes = np.abs(entries[..., some_phases(entries.shape[-1])]).max(axis=-1)
         own = np.einsum("aiip->aip", sizes)
         alike = sizes <= _ALIKE * (own + own[:1])[:, None]
         if alike.all():
@@ -240,6 +240,11 @@ def frozen(points: Points, phases: int = PHASES) -> Frozen:
 def _middles(count: int, period: float) -> Array:
     """Of so many equal parts of the period."""
     return (np.arange(count) + 0.5) * (period / count)
+
+
+def some_phases(count: int) -> slice:
+    """Of so many phases, as many as tell the sizes of entries."""
+    return slice(None, None, max(1, count // _LOOKS))
 
 
 def balanced(points: Points, modes: Frozen) -> Points:

@@ -37,6 +37,47 @@ def pushed(**changed):
     return model_of(module_of(made), **{**NUMBERS, **changed})
 
 
+def wedged(**changed):
+    """An oscillator under f sin φ, and an output with corners where sin(φ - begin) changes its sign."""
+    made = Mechanism("wedged", "An oscillator beside a wedge", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    k, c, f, begin = made.parameters(
+        k=("1/s^2", "stiffness"),
+        c=("1/s", "damping"),
+        f=("1/s^2", "load"),
+        begin=("rad", "place of the corner"),
+    )
+    side = sin(made.phase - begin)
+    made.kinetic, made.potential, made.dissipation = rate(q) ** 2 / 2, k * q**2 / 2, c * rate(q) ** 2 / 2
+    made.force(f * sin(made.phase), along=q)
+    made.output("wedge", k * q + 3 * f * side * sign(side), "1/s^2", "what has corners")
+    made.output("late", k * q + f * (1 + sign(side)) * (2 - side), "1/s^2", "largest behind a jump")
+    made.output("early", k * q + f * (1 - sign(side)) * (2 + side), "1/s^2", "largest before a jump")
+    made.decline_drive_torque("an equation without units")
+    return model_of(module_of(made), **{"k": 7.0, "c": 0.5, "f": 1.0, **changed})
+
+
+@pytest.mark.parametrize("nonlinear", [False, True])
+@pytest.mark.parametrize("begin", [1.0, 3.5])
+def test_an_extremum_in_a_corner_of_an_output_goes_with_the_corner(begin, nonlinear):
+    found = solve.sensitivities(wedged(begin=begin), 2.0, "wedge.min", ["begin", "k"], nonlinear=nonlinear)
+    answer = 1 / (7.0 - 2.0**2 + 2j * 0.5)
+    # Of both corners the one where k q is below 0; between them the wedge is higher.
+    wave = np.exp(1j * begin) * (-1 if (np.exp(1j * begin) * answer).imag > 0 else 1)
+    expected = (7.0 * 1j * wave * answer).imag, (wave * (answer - 7.0 * answer**2)).imag
+    assert found.found["wedge.min"].value == pytest.approx((7.0 * wave * answer).imag, rel=1e-8)
+    for name, value in zip(("begin", "k"), expected, strict=True):
+        assert found["wedge.min"][name] == pytest.approx(value, rel=1e-7)
+
+
+@pytest.mark.parametrize("name", ["late", "early"])
+def test_an_extremum_beside_a_jump_is_that_of_its_side(name):
+    found = solve.sensitivities(wedged(begin=1.0), 2.0, f"{name}.max", ["f", "k"])[f"{name}.max"]
+    answer, wave = 1 / (7.0 - 2.0**2 + 2j * 0.5), np.exp(1j)
+    assert found["f"] == pytest.approx((7.0 * wave * answer).imag + 4, rel=1e-9)
+    assert found["k"] == pytest.approx((wave * (answer - 7.0 * answer**2)).imag, rel=1e-8)
+
+
 @pytest.mark.parametrize("nonlinear", [False, True])
 def test_a_push_that_begins_later_moves_the_vibration_as_it_is(nonlinear):
     of = ["q.rms", "q.max", "spring.harmonic1", "spring.phase1", "q.phase3", "rho1.abs", "exponent1.im"]

@@ -96,6 +96,18 @@ def test_a_frozen_system_is_one_of_python_control():
             made.frozen(wrong)
 
 
+def test_a_system_frozen_at_a_jump_is_what_follows():
+    pytest.importorskip("control", reason="python-control is not installed")
+
+    def matrices(phase, speed):
+        one, half = np.ones((len(phase), 1, 1)), np.sign(np.sin(phase))[:, None, None]
+        return one, 0 * one, 5.0 + 4 * half, one[:, 0]
+
+    made = solve.state_space(solve.PeriodicSystem(matrices, ["q"], breaks=(0.0, np.pi)), 1.0, samples=4)
+    for phase, A in zip(made.phase, made.A, strict=True):
+        np.testing.assert_array_equal(made.frozen(phase).A, A)
+
+
 def test_names_with_dots_are_taken_by_python_control():
     pytest.importorskip("control", reason="python-control is not installed")
     given = solve.PeriodicSystem(random_system(0, 1).at, ["q.1"])

@@ -7,6 +7,7 @@ from scipy.interpolate import BPoly
 
 import solve
 from solve.errors import FileError, LinearModelError, ResonanceError, TransientError, ValueOutOfBoundsError
+from tests.solve.derivatives.test_jumps import pushed
 from tests.solve.newton.mechanisms import duffing, model_of
 
 NUMBERS = {"zeta": 0.05, "k": 1.0, "f": 0.4}
@@ -228,3 +229,13 @@ def test_a_start_of_another_model_is_refused(tmp_path):
     solve.transient(model, SPEED, 1).save(tmp_path / "duffing.npz")
     with pytest.raises(FileError, match=r"duffing.npz' is of duffing; give a state of mathieu"):
         solve.transient(solve.load("mathieu"), 2.0, 1, tmp_path / "duffing.npz")
+
+
+@pytest.mark.parametrize("drive", [{"speed": 2.0}, {"speeds": (0.0, 4.0)}, {"speeds": (1.0, 3.0)}])
+def test_a_load_that_begins_later_in_the_turn_moves_what_is_at_rest(drive):
+    followed, linear = (
+        solve.transient(pushed(), turns=4, nonlinear=nonlinear, **drive) for nonlinear in (True, False)
+    )
+    for name in ("q", "qd"):
+        ends = [getattr(each, name)[0, -1] for each in (followed, linear)]
+        assert ends[0] == pytest.approx(ends[1], abs=1e-4)
