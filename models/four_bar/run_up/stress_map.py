@@ -95,7 +95,7 @@ class StressMap:
         """Values at lengths (g,) from those at the nodes: (g, nodes)."""
         if len(self.nodes) == 1:
             return np.ones((len(L4), 1))
-        return BarycentricInterpolator(self.nodes, np.eye(len(self.nodes)))(L4)
+        return BarycentricInterpolator(self.nodes, np.eye(len(self.nodes)), rng=0)(L4)
 
     def by_link(self, values: Array, function: Callable[[Array], float]) -> Array:
         """A function of the values (S,) at the places of each link: (links,)."""
