@@ -91,6 +91,17 @@ def test_mat(result, tmp_path):
     assert json.loads(str(read["metadata"]))["method"] == result.method
 
 
+@pytest.mark.parametrize("name", ["φ", "_x"])
+def test_names_that_matlab_cannot_hold_are_refused(name, tmp_path):
+    """The library that writes would stop at the one, and leave the other out."""
+    found = solve.sweep(PeriodicSystem(chain(2).at, [name, "y"]), [3.0, 4.0], rtol=1e-3)
+    with pytest.raises(
+        ValueOutOfBoundsError, match=f"'{name}_max' cannot be the name of a variable in MATLAB"
+    ):
+        found.save(tmp_path / "sweep.mat")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_dataset(result):
     made = result.to_xarray()
     assert made["x"].dims == ("phase",)
