@@ -30,8 +30,9 @@ from solve.single import request
 _PARTS, _FEWEST, _MOST = 32, 8, 2**14
 """Parts that points are dealt out in; fewer, or more, where a part would have fewer or more points."""
 
-_WITNESSES = 8
-"""Phases at which the matrices of some points show whether a store holds the same calculation."""
+_WITNESSES = 256
+"""Phases at which the matrices of some points show whether a store holds the same calculation, beside one
+between each two at which they jump."""
 
 
 @dataclass(frozen=True)
@@ -111,12 +112,14 @@ class Task:
         """What decides the results, by which a store is known again."""
         family, asked, kept = self.family, self.request, self.kept
         example = family.example
-        phases = (np.arange(_WITNESSES) + 0.37) * (example.period / _WITNESSES)
+        between = np.convolve(example.breaks, (0.5, 0.5), "valid") if len(example.breaks) > 1 else ()
+        phases = np.append((np.arange(_WITNESSES) + 0.37) * (example.period / _WITNESSES), between)
         method = getattr(self.method, "__name__", None) or repr(self.method)
         return {
             **model_record(example),
             "points": _digest(points),
-            "matrices": _digest(family.entries(phases, region)),
+            "matrices": _digest(*(family.entries(phases, point[None]) for point in region)),
+            "breaks": [*map(float, example.breaks)],
             "method": method,
             "rtol": asked.rtol,
             "steps": asked.steps,
@@ -168,5 +171,8 @@ def _read(store: Store, parts: list[Array], results: PointResults, count: Stage)
             count.add(len(index))
 
 
-def _digest(values: Array) -> str:
-    return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:16]
+def _digest(*parts: Array) -> str:
+    digest = hashlib.sha256()
+    for values in parts:
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()[:16]

@@ -12,7 +12,7 @@ from solve.model.model import Model
 from solve.results.plot import shown
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
-from solve.results.sweep_plot import SPEED, labelled_by, moving
+from solve.results.sweep_plot import labelled_by, moving
 from solve.results.turn_plot import require_turn, turn_figure, turns_figure
 from solve.single import periodic as solved
 from solve.studies.sweep import sweep as swept
@@ -86,10 +86,10 @@ def _turns(model: Model, sweep: Sweep, turn: str, asked: tuple[Any, ...]) -> Fig
     """A curve a point that has a result, named by its speed or by what varies. Raises ValueOutOfBoundsError
     where none has."""
     orbits, vary = {}, moving(sweep.varied)
-    for point in (each for each in sweep.points if each.error is None):
-        values = {**point.parameters, SPEED: point.speed}
-        label = labelled_by(model, {name: values[name] for name in vary})
-        orbits[label] = solved(model.varied(point.parameters), point.speed, *asked)
+    labels = labelled_by(model, {name: sweep.varied[name] for name in vary})
+    for label, point in zip(labels, sweep.points, strict=True):
+        if point.error is None:
+            orbits[label] = solved(model.varied(point.parameters), point.speed, *asked)
     if not orbits:
         raise ValueOutOfBoundsError(f"--turn {turn}: no point has a result to draw; {sweep.points[0].error}")
     if not sweep.parameters:

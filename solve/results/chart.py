@@ -13,7 +13,7 @@ from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.named import Named
 from solve.results.chart_plot import Field, chart_figure, values_figure
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns, plain, require_different_names
 from solve.results.lasting import lasting
 from solve.results.plot import axis_label
 from solve.results.points import PointResults
@@ -250,16 +250,19 @@ class Chart(Result):
         if self.of is not None:
             meaning = "the quantity that was asked for"
             asked[self.of.text] = Column(self.values, self.of.unit, meaning, axes=plane)
-        return {
+        varied = {
             self.x_name: Column(self.x, *self._labels(self.x_name), axes=(self.x_name,)),
             self.y_name: Column(self.y, *self._labels(self.y_name), axes=(self.y_name,)),
+        }
+        found = {
             "spectral_radius": Column(self.spectral_radius, "1", radius, axes=plane),
             "verdict": Column(self.verdicts, "", "stability", axes=plane),
             "kind": Column(self.kinds, "", "largest multiplier of unstable points", axes=plane),
             "error_estimate": Column(self.error_estimate, "1", "of the multipliers, relative", axes=plane),
             "error": Column(np.array(errors), "", "why there is no result", axes=plane),
-            **asked,
         }
+        require_different_names([*varied.items(), *found.items()])
+        return {**varied, **found, **asked}
 
     def _range(self, name: str, values: Array) -> str:
         return f"{greek(name)} {self._span(name, values)} ({len(values)})"

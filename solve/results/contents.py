@@ -128,7 +128,7 @@ def require_different_names(variables: Sequence[tuple[str, Column]]) -> None:
         if first is not variable:
             raise ValueOutOfBoundsError(
                 f"'{name}' is the name of two quantities ({first.meaning or 'a coordinate'}; "
-                f"{variable.meaning or 'a coordinate'}); give the coordinate or output another"
+                f"{variable.meaning or 'a coordinate'}); give the coordinate, output or parameter another"
             )
 
 

@@ -2,8 +2,8 @@
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
 
 _CIRCLE_ROW = 2.45
 _DB_FLOOR = -120.0
+Value = TypeVar("Value", bound=Hashable)
+
 _VISIBLE = 4e-3
 """Part of the largest amplitude below which a linear spectrum shows nothing."""
 
@@ -125,6 +127,20 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
 def titled(system: PeriodicSystem, speed: float) -> str:
     """Model, case and speed."""
     return f"{title_of(system)}, {system.speed_unit.text(speed)}"
+
+
+def told_apart(values: Sequence[Value], words: Callable[[Value, str], str]) -> Sequence[str]:
+    """Each of the values in words, in the shortest of a few forms of numbers in which different ones differ.
+
+    >>> told_apart([1.0, 1.00000002], lambda value, form: f"{value:{form}}")
+    ['1', '1.00000002']
+    """
+    different, found = len(set(values)), []
+    for form in (".6g", ".10g", ".17g"):
+        found = [words(value, form) for value in values]
+        if len(set(found)) >= different:
+            break
+    return found
 
 
 def title_of(system: PeriodicSystem) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.argument import first_is
 from solve.arrays import Array
-from solve.errors import FileError
+from solve.errors import FileError, ValueOutOfBoundsError
 from solve.results.contents import Column, Contents, is_of_the_state
 from solve.results.files import checked
 from solve.results.lasting import packed, unpacked
@@ -125,6 +125,13 @@ def _write_mat(result: Saved, stream: BinaryIO) -> None:
     from scipy.io import savemat
 
     contents = result.contents()
+    for name in contents.numbers:
+        # The library leaves these out, or stops at them.
+        if name.startswith("_") or max(name) > "\xff":
+            raise ValueOutOfBoundsError(
+                f"'{name}' cannot be the name of a variable in MATLAB; save .nc or .npz, or give the "
+                "coordinate another"
+            )
 
     # MATLAB knows cells of texts, not arrays of them.
     arrays = {

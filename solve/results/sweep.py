@@ -15,7 +15,7 @@ from solve.errors import require_name
 from solve.labels import SPEED
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns, plain, require_different_names
 from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.quantities import headed
 from solve.results.report import RenderableType, digits, sized, speeds_of, stacked, table_of
@@ -245,7 +245,9 @@ class Sweep(Result):
         widths = itertools.accumulate(len(each.heading) + 2 for each in moduli.values())
         fitting = max(1, sum(width <= _WIDTH for width in widths))
         columns = {
-            name: Column(values, heading=headed(name, self.system.unit_of(name).name), text=digits(".6g"))
+            f"parameter {name}": Column(
+                values, heading=headed(name, self.system.unit_of(name).name), text=digits(".6g")
+            )
             for name, values in self.parameters.items()
         }
         columns[SPEED] = speeds_of(self.system, self.speeds, heading="{}", form=".7g")
@@ -261,14 +263,16 @@ class Sweep(Result):
     def columns(self) -> Columns:
         """A row a point."""
         system, points, axes = self.system, self.points, ("row" if self.parameters else "speed",)
-        columns = {"speed": speeds_of(system, self.speeds, axes=axes)}
+        columns = [("speed", speeds_of(system, self.speeds, axes=axes))]
         for name, values in self.parameters.items():
-            columns[name] = Column(values, *system.parameter_labels[name], axes=axes)
+            columns.append((name, Column(values, *system.parameter_labels[name], axes=axes)))
         for name in self.results.kept.names:
             unit, meaning = system.units.get(name, ""), system.meanings.get(name, name)
             for figure in ("max", "min", "max_abs", "mean", "rms"):
                 values = self.figures(name, figure)
-                columns[f"{name}_{figure}"] = Column(values, unit, f"{figure} of {meaning}", axes=axes)
+                columns.append(
+                    (f"{name}_{figure}", Column(values, unit, f"{figure} of {meaning}", axes=axes))
+                )
         radius = "largest modulus of a Floquet multiplier"
         texts = {
             "verdict": ([point.verdict for point in points], "stability"),
@@ -276,8 +280,8 @@ class Sweep(Result):
             "steps": ([point.steps for point in points], "a period"),
             "error": ([point.error or "" for point in points], "why there is no result"),
         }
-        return {
-            **columns,
-            "spectral_radius": Column(self.spectral_radius, "1", radius, axes=axes),
-            **{name: Column(values, "", meaning, axes=axes) for name, (values, meaning) in texts.items()},
-        }
+        columns.append(("spectral_radius", Column(self.spectral_radius, "1", radius, axes=axes)))
+        for name, (values, meaning) in texts.items():
+            columns.append((name, Column(values, "", meaning, axes=axes)))
+        require_different_names(columns)
+        return dict(columns)

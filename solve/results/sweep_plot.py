@@ -17,6 +17,7 @@ from solve.results.plot import (
     label_speeds,
     shades,
     title_of,
+    told_apart,
 )
 from solve.results.quantities import greek, prefixed
 from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
@@ -78,9 +79,11 @@ def _lines(
 ) -> dict[str, list[int]]:
     """Places of the points of each line, rising along it, by what the others are on it."""
     lines: dict[str, list[int]] = {}
-    for at in np.argsort(varied[along], kind="stable").tolist():
-        words = labelled_by(system, {name: float(varied[name][at]) for name in others})
-        lines.setdefault(words, []).append(at)
+    labels: Sequence[str] = [""] * len(varied[along])
+    if others:
+        labels = labelled_by(system, {name: varied[name] for name in others})
+    for at in map(int, np.argsort(varied[along], kind="stable")):
+        lines.setdefault(labels[at], []).append(at)
     if len(lines) > MOST_LINES:
         raise ValueOutOfBoundsError(
             f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
@@ -102,13 +105,18 @@ def moving(varied: Mapping[str, Array]) -> list[str]:
     return [name for name, values in varied.items() if np.ptp(values) > 0] or [*varied][-1:]
 
 
-def labelled_by(system: PeriodicSystem, values: Mapping[str, float]) -> str:
-    """Values of the speed (rad/s) or of parameters in words."""
-    words = (
-        ("" if name == SPEED else f"{greek(name)} = ") + system.unit_of(name).text(value)
-        for name, value in values.items()
-    )
-    return ", ".join(words)
+def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence[str]:
+    """Points (P,) in words, by their values of the speed (rad/s) or of parameters by name."""
+    points = list(zip(*(each.tolist() for each in values.values()), strict=True))
+
+    def words(point: tuple[float, ...], form: str) -> str:
+        parts = (
+            ("" if name == SPEED else f"{greek(name)} = ") + system.unit_of(name).text(value, form)
+            for name, value in zip(values, point, strict=True)
+        )
+        return ", ".join(parts)
+
+    return told_apart(points, words)
 
 
 def waterfall_figure(

@@ -13,7 +13,7 @@ from solve.errors import NoResultError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.model.model import Model
 from solve.results.orbit import Orbit
-from solve.results.plot import axis_label, label_phases, label_quantity, shades, title_of
+from solve.results.plot import axis_label, label_phases, label_quantity, shades, title_of, told_apart
 from solve.results.style import BLACK, GREY, VERMILION, Figure, page
 from solve.system import PeriodicSystem
 
@@ -42,7 +42,8 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     require_turn(orbits[0].system, name, len(orbits))
     ordered = sorted(orbits, key=lambda orbit: orbit.speed)
     unit = orbits[0].system.speed_unit
-    by_speed = {f"{unit.of(orbit.speed):.6g}": orbit for orbit in ordered}
+    labels = told_apart([orbit.speed for orbit in ordered], lambda speed, form: f"{unit.of(speed):{form}}")
+    by_speed = dict(zip(labels, ordered, strict=True))
     return turns_figure(by_speed, name, axis_label(orbits[0].system, SPEED), reverse=True)
 
 

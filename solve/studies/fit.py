@@ -129,10 +129,17 @@ class Problem:
             return np.where(self.by_logarithm, np.log(values), values / self.unit)
 
     def values(self, x: Array) -> Array:
-        """Parameters (r,) of x."""
+        """Parameters (r,) of x, no farther than they are tried."""
+        return self.unscaled(self.within_reach(x))
+
+    def within_reach(self, x: Array) -> Array:
+        """x (r,), no farther than parameters are tried."""
         reach = np.log(_REACH)
-        within = np.clip(x, self.start - reach, self.start + reach)
-        return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, within, 0.0)), x * self.unit)
+        return np.where(self.by_logarithm, np.clip(x, self.start - reach, self.start + reach), x)
+
+    def unscaled(self, x: Array) -> Array:
+        """Parameters (r,) of x, however far."""
+        return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, x, 0.0)), x * self.unit)
 
     @property
     def measured(self) -> list[Array]:
@@ -255,7 +262,7 @@ def _fitted(
     deviations = np.sqrt(np.diag(covariance))
     reach = np.where(lost, np.inf, t.ppf((1 + _CONFIDENCE) / 2, count - len(x)) * deviations)
     with np.errstate(over="ignore"):
-        ends = [problem.values(x + way * reach) for way in (-1, 1)]
+        ends = [problem.unscaled(problem.within_reach(x) + way * reach) for way in (-1, 1)]
     intervals = {
         name: Interval(float(value), float(low), float(high))
         for name, value, low, high in zip(problem.names, values, *ends, strict=True)

@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -134,9 +134,9 @@ Judge = Callable[[Array], Judged]
 
 def judge(batch: Batch) -> Judge:
     """The judge that solves."""
+    return partial(_solved, batch)
 
-    def judged(points: Array) -> Judged:
-        with part(POINTS, len(points)):
-            return Judged.of(points, gathered(batch, points, _STABILITY))
 
-    return judged
+def _solved(batch: Batch, points: Array) -> Judged:
+    with part(POINTS, len(points)):
+        return Judged.of(points, gathered(batch, points, _STABILITY))

@@ -119,12 +119,18 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
 
     Raises UnknownNameError, and ValueOutOfBoundsError for a value that the model does not allow.
     """
-    if len(set(values)) < len(values):
-        raise ValueOutOfBoundsError(f"{name} is given one value twice; give different ones")
-    if name in model.options:
-        return {str(value): model.varied(options={name: value}) for value in values}
     require_name(f"parameter or option of {model.name}", name, [*model.parameters, *model.options])
-    return {f"{_number(name, value):g}": model.varied({name: _number(name, value)}) for value in values}
+    if name in model.options:
+        made = {str(value): model.varied(options={name: value}) for value in values}
+    else:
+        numbers = [_number(name, value) for value in values]
+        labels = [f"{number:g}" for number in numbers]
+        if len(set(labels)) < len(labels):
+            labels = [repr(number) for number in numbers]
+        made = {label: model.varied({name: number}) for label, number in zip(labels, numbers, strict=True)}
+    if len(made) < len(values):
+        raise ValueOutOfBoundsError(f"{name} is given one value twice; give different ones")
+    return made
 
 
 def sweeps(

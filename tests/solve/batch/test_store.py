@@ -139,6 +139,22 @@ def test_systems_of_ones_own_are_told_apart_by_their_matrices(tmp_path):
         solve.sweep(oscillator(4.0 + 1e-12), SPEEDS, store=tmp_path / "s")
 
 
+@pytest.mark.parametrize("there", [(2.7, 3.3), (3.0, 3.01)])
+@pytest.mark.parametrize("here", [{"height": 0.0}, {"breaks": ()}])
+def test_systems_of_ones_own_that_differ_in_a_part_of_the_turn_are_told_apart(tmp_path, there, here):
+    def pushed(height=5.0, breaks=there):
+        def matrices(phase, speed):
+            one = np.ones((len(phase), 1, 1))
+            push = height * ((phase > there[0]) & (phase < there[1]))
+            return one, 0.3 * one, 4 * one, (np.cos(phase) + push)[:, None]
+
+        return solve.PeriodicSystem(matrices, ["q"], breaks=breaks)
+
+    solve.sweep(pushed(), SPEEDS, store=tmp_path / "s", rtol=1e-4)
+    with pytest.raises(FileError, match=r"matrices|breaks"):
+        solve.sweep(pushed(**here), SPEEDS, store=tmp_path / "s", rtol=1e-4)
+
+
 def test_two_writers_are_refused(tmp_path):
     def another(work):
         if work.stages[0].done:

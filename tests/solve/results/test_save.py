@@ -9,6 +9,7 @@ import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
 import solve
+from derive import Mechanism, cos, rate
 from solve import PeriodicSystem
 from solve.errors import FileError, ValueOutOfBoundsError
 from solve.results.files import write_whole
@@ -89,6 +90,37 @@ def test_mat(result, tmp_path):
     assert str(read["outputs"]) == "power"
     assert_array_equal(read["output_values"], result.outputs["power"])
     assert json.loads(str(read["metadata"]))["method"] == result.method
+
+
+@pytest.mark.parametrize("name", ["φ", "_x"])
+def test_names_that_matlab_cannot_hold_are_refused(name, tmp_path):
+    """The library that writes would stop at the one, and leave the other out."""
+    found = solve.sweep(PeriodicSystem(chain(2).at, [name, "y"]), [3.0, 4.0], rtol=1e-3)
+    with pytest.raises(
+        ValueOutOfBoundsError, match=f"'{name}_max' cannot be the name of a variable in MATLAB"
+    ):
+        found.save(tmp_path / "sweep.mat")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["steps", "verdict", "spectral_radius", "x_max"])
+def test_a_parameter_that_is_named_as_a_column_is_refused_not_lost(name, tmp_path):
+    mechanism = Mechanism("lever", "Lever")
+    x = mechanism.coordinate("x", "m", "way")
+    mass, k = mechanism.parameter(name, "kg", "mass", "> 0"), mechanism.parameter("k", "N/m", "spring", "> 0")
+    mechanism.kinetic, mechanism.potential = mass * rate(x) ** 2 / 2, k * x**2 / 2
+    mechanism.force(k * cos(mechanism.phase) * x, along=x)
+    model = solve.load(mechanism, **{name: 1.0, "k": 4.0})
+    found = solve.sweep(model, 1.3, over={name: [1.0, 1.2]}, rtol=1e-3)
+    assert "1.2" in repr(found)
+    with pytest.raises(ValueOutOfBoundsError, match=f"'{name}' is the name of two quantities"):
+        found.save(tmp_path / "sweep.csv")
+    charted = solve.chart(model, {name: [1.0, 1.2]}, {"speed": [1.0, 1.3]}, boundaries=False)
+    if name in ("verdict", "spectral_radius"):
+        with pytest.raises(ValueOutOfBoundsError, match=f"'{name}' is the name of two quantities"):
+            charted.to_pandas()
+    else:
+        assert list(charted.to_pandas()[name]) == [1.0, 1.2, 1.0, 1.2]
 
 
 def test_dataset(result):

@@ -65,6 +65,18 @@ def test_no_two_of_twelve_curves_look_alike():
     assert neighbours.count(False) == 3
 
 
+def test_speeds_that_are_nearly_equal_have_a_curve_each():
+    found = orbits("600 rpm", "600.0002 rpm", "600.0004 rpm", model="coupler")
+    assert list(curves(turn_figure(found, "midpoint_deflection"))) == ["600", "600.0002", "600.0004"]
+
+
+def test_the_command_draws_a_curve_for_values_that_are_nearly_equal(tmp_path):
+    picture = tmp_path / "turn.svg"
+    line = ["sweep", "mathieu", "--over", "delta=2:2.0000004:3", "--turn", "q", "--plot", str(picture)]
+    assert run(line) == 0
+    assert "δ = 2.0000002" in picture.read_text("utf-8")
+
+
 def test_what_cannot_be_drawn_is_refused(coupler):
     with pytest.raises(UnknownNameError, match="did you mean 'midpoint_deflection'"):
         turn_figure(coupler, "midpoint")

@@ -1,5 +1,7 @@
 """Stability charts against characteristic values and single solves."""
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
@@ -292,3 +294,11 @@ def test_a_quantity_of_the_orbit_is_solved_once_and_stability_is_known_where_the
     assert found.failures == plain.failures == {}
     (warning,) = found.warnings
     assert warning.startswith("1 of 6 points have no orbit: I - Φ is singular")
+
+
+def test_a_chart_is_pickled_with_what_it_solves_further():
+    found = solve.chart("mathieu", {"delta": [1.0, 2.0, 3.0]}, {"epsilon": [0.5, 1.0]})
+    other = pickle.loads(pickle.dumps(found))
+    assert other.record() == found.record()
+    assert other.at(1.5, 0.7).record() == found.at(1.5, 0.7).record()
+    assert other.cut(y=0.7).crossings == found.cut(y=0.7).crossings != []

@@ -196,6 +196,19 @@ def test_what_the_data_cannot_tell_is_named(file):
     assert "the data do not tell c2" in solve.fit(model(), file(curve()), ["k", "c2"]).unidentifiable
 
 
+def test_the_interval_of_a_positive_parameter_that_nothing_tells_does_not_end_where_trials_end(file):
+    cam, rng = solve.load("cam"), np.random.default_rng(0)
+    twist = solve.periodic(cam, "300 rpm").signal("q1")(ANGLES) * (
+        1 + 0.02 * rng.standard_normal(len(ANGLES))
+    )
+    data = file(zip(ANGLES, twist, strict=True), "phase (rad),q1 (rad)")
+    found = solve.fit(cam, data, ["k1", "c3"], speed="300 rpm")
+    assert found.unidentifiable == ["the data do not tell c3"]
+    value, low, high = found.parameters["c3"]
+    assert low < 1e-9 * value
+    assert high > 1e9 * value
+
+
 def test_an_outlier_moves_a_robust_fit_by_no_more_than_its_interval(file):
     clean = solve.fit(model(), file(curve(0.01)), list(TRUE), robust=True)
     disturbed = solve.fit(model(), file(curve(0.01, outlier=True)), list(TRUE), robust=True)

@@ -211,6 +211,13 @@ def test_over_what_cannot_vary_so(speeds, over, error, message):
         solve.sweep(solve.load("cam"), speeds, over=over)
 
 
+def test_values_that_are_nearly_equal_have_a_line_each():
+    values = [2.0, 2.0000002, 2.0000004]
+    found = solve.sweep(solve.load("mathieu"), "1:2:3 rad/s", over={"delta": values})
+    (legend,) = found.plot().legends
+    assert [text.get_text() for text in legend.get_texts()] == [f"δ = {each:.8g} 1/s²" for each in values]
+
+
 def test_too_many_lines_for_one_picture():
     found = solve.sweep(solve.load("mathieu"), "1:2:2 rad/s", over={"epsilon": np.linspace(0, 1, 13)})
     with pytest.raises(

@@ -78,12 +78,21 @@ def test_variants_of_a_parameter_and_of_an_option():
     assert [each.n for each in variants(coupler, "modes", ["1", "4"]).values()] == [1, 4]
 
 
+def test_variants_that_differ_in_the_seventh_digit_are_all_there():
+    values = [0.7, 0.7000001, 0.7000002]
+    found = variants(solve.load("coupler"), "l3", values)
+    assert [each.parameters["l3"] for each in found.values()] == values
+    assert [float(label) for label in found] == values
+
+
 @pytest.mark.parametrize(
     ("name", "values", "error", "message"),
     [
         ("l33", [1.0], UnknownNameError, "did you mean 'l3'"),
         ("l3", ["long"], ValueOutOfBoundsError, "give a number in the model's own unit"),
         ("l3", [0.7, 0.7], ValueOutOfBoundsError, "twice"),
+        ("l3", [0.7, "0.70"], ValueOutOfBoundsError, "twice"),
+        ("modes", [2, "2"], ValueOutOfBoundsError, "twice"),
         ("modes", ["40"], ValueOutOfBoundsError, "allowed"),
     ],
 )
