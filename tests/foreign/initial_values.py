@@ -31,7 +31,7 @@ def motion(name):
     end = problem.SPEED * problem.TIME
     turns = int(end // model.period) + 1
     found = solve.transient(model, problem.SPEED, turns, problem.START, nonlinear=True, rtol=1e-6)
-    whole = model.marcher(np.abs(found.q).max(axis=1), 4096, 1e-11)
+    whole = model.marcher(np.abs(found.q).max(axis=1), 4096, 1e-13)
     state = np.concatenate((problem.START[0], problem.START[1] / problem.SPEED))
     for turn in range(turns):
         states = whole(state, turn * model.period, problem.SPEED)
