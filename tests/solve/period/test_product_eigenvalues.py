@@ -67,11 +67,12 @@ def exact_logarithms(factors):
 
 
 def differences(found, exact):
-    """|log ρ - log ρ*| of each found logarithm (N,) and its match, modulo 2πi."""
+    """|log ρ - log ρ*| of each found logarithm (N,) and its match, modulo 2πi; a found 0 is very far off."""
     apart = found[:, None] - exact
     apart.imag = (apart.imag + np.pi) % (2 * np.pi) - np.pi
-    rows, columns = linear_sum_assignment(np.abs(apart))
-    return np.abs(apart[rows, columns])
+    distance = np.minimum(np.abs(apart), 1e9)
+    rows, columns = linear_sum_assignment(distance)
+    return distance[rows, columns]
 
 
 def step_maps(given, steps, period=2 * np.pi):
