@@ -21,7 +21,7 @@ _AT_ONE = 0.1
 _COMPARED = 4
 """Phases a step at which curves are compared at least."""
 
-_NOT_FOLLOWED = 5.0
+_NOT_FOLLOWED = 0.3
 """Part of the highest power in a step from which on half as many steps more tell no digit either."""
 
 Burdens = Callable[[Array, Array], Array]

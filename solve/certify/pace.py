@@ -24,6 +24,19 @@ _DAMPING_LEAST = 64
 _LEAST_ORDERS = np.array([1.0, 0.5])
 """Parts of their orders with which errors of orbit and multipliers fall at least."""
 
+_USUAL = 0.6
+"""Part of its order with which an error falls from grid to grid, where it falls."""
+
+_SPARE = 0.5
+"""Part of the wanted error that the next grid is to have."""
+
+FARTHEST = 2.0
+"""Times the steps that the next grid has at most."""
+
+SECOND, SECOND_FAR = 1.0, 3.0
+"""Times the steps that the second grid is to have: the next rung, or past it where the first one does not
+follow the curves."""
+
 _NO_GAIN = 2.0
 """Times the differences that an error of first order would leave: larger ones are rounding."""
 
@@ -39,14 +52,18 @@ class Pace:
     def to(self, steps: int) -> "Pace":
         return Pace(steps, steps / self.steps, self.ratio)
 
-    def onward(self, far: bool, most: int) -> "Pace":
-        """To the next rung, or to twice the steps where that is `far` and not beyond `most`."""
-        return self.to(2 * self.steps if far and 2 * self.steps <= most else rung(self.steps + 1))
+    def onward(self, times: Array, most: int) -> Array:
+        """Steps (k,) of the next grids: the rungs that have so many `times` (k,) the steps, or the last one
+        up to `most`; the next rung where that is beyond it."""
+        rungs = [rung(self.steps + 1)]
+        while rungs[-1] < times.max(initial=0) * self.steps and rung(rungs[-1] + 1) <= most:
+            rungs.append(rung(rungs[-1] + 1))
+        places = np.searchsorted(rungs, times * self.steps)
+        return np.array(rungs)[np.minimum(places, len(rungs) - 1)]
 
-    def over_one(self, most: int) -> "Pace":
-        """To three times the steps, past the next rung, where that is a rung and not beyond `most`."""
-        steps = 3 * self.steps
-        return self.to(steps) if steps <= most and rung(steps) == steps else self.onward(False, most)
+    def parted(self, steps: Array) -> list[tuple["Pace", Array]]:
+        """Grids of so many steps (k,) in their order, each with the positions (j,) that take it."""
+        return [(self.to(to), np.flatnonzero(steps == to)) for to in sorted(set(steps.tolist()))]
 
 
 def rung(steps: int) -> int:
@@ -68,10 +85,14 @@ def seen_by_both(pace: Pace, method: Method) -> int:
     return round(pace.steps / pace.ratio) if method.l_stable else pace.steps
 
 
-def far(pace: Pace, errors: Array, wanted: Array, orders: Array) -> Array:
-    """Whether more than the next rung is needed to bring errors (…, 2) down to the `wanted` ones (…)."""
-    nearest = rung(pace.steps + 1) / pace.steps
-    return np.asarray(across(np.logical_or, errors > wanted * nearest**orders))
+def times_more(found: Array, wanted: Array, pace: Pace, orders: Array) -> Array:
+    """How many times the steps (k,) bring errors down to the `wanted` ones (k, 2), at most twice, if these
+    fall as they usually do; from the differences `found` (k, 2)."""
+    power = _USUAL * orders
+    with np.errstate(all="ignore"):
+        too_large = found / (pace.ratio**power - 1) / (_SPARE * wanted)
+        times = across(np.maximum, too_large ** (1 / power))
+    return np.where(np.isnan(times), FARTHEST, np.clip(times, 1.0, FARTHEST))
 
 
 def needed_steps(pace: Pace, errors: Array, wanted: Array, orders: Array) -> float:

@@ -25,15 +25,18 @@ from solve.certify.hidden import hidden
 from solve.certify.inertia import singular
 from solve.certify.orders import ALIAS, aliasing, unresolved
 from solve.certify.pace import (
+    FARTHEST,
+    SECOND,
+    SECOND_FAR,
     Pace,
     estimated,
-    far,
     finished,
     first_steps,
     judged,
     needed_steps,
     rung,
     seen_by_both,
+    times_more,
 )
 from solve.errors import StepsError
 from solve.methods.method import Method, Solutions, no_orbit
@@ -259,8 +262,9 @@ class Refinement:
         done = done & (fine.rounding < 1.0)
         if done.any():
             done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
-        leap = done | far(pace, errors, wanted, self.orders)
-        last = np.where(leap, *(pace.onward(way, self.most).steps > self.most for way in (True, False)))
+        times = np.where(done, FARTHEST, times_more(found, wanted, pace, self.orders))
+        onward = pace.onward(times, self.most)
+        last = onward > self.most
         foreseen(STEPS, pace.steps, lambda: min(needed_steps(pace, errors, wanted, self.orders), self.most))
         ended = np.zeros(len(fine), dtype=bool)
         at = np.flatnonzero(done | last)
@@ -268,13 +272,9 @@ class Refinement:
             ended[at] = yield from self._ended(pace, trail[at], fine[at], errors[at], small[at], last[at])
         if ended.all():
             return []
-        further = []
-        for way in (False, True):
-            chosen = np.flatnonzero(~ended & (leap == way))
-            if len(chosen):
-                onward = pace.onward(way, self.most)
-                further.append((onward, _Trail(trail.positions[chosen], found[chosen], fine[chosen])))
-        return further
+        still_open = np.flatnonzero(~ended)
+        trail = _Trail(trail.positions, found, fine)
+        return [(to, trail[still_open[some]]) for to, some in pace.parted(onward[still_open])]
 
     def _nearly_decided(self, fine: Solutions, errors: Array, found: Array, before: Array) -> Array:
         """Points (k,) whose multipliers leave the verdict open only because they are not known to be on the
@@ -296,15 +296,13 @@ class Refinement:
         if 2 * pace.steps > self.most:
             again = []
         known = first.known
-        positions, onward = trail.positions, []
+        positions = trail.positions
         for at, reason in first.failures.items():
             if at not in again:
                 yield Failed(int(positions[at]), reason)
-        far = not_followed(first)[known]
-        for second, some in ((pace.onward(False, self.most), ~far), (pace.over_one(self.most), far)):
-            at = known[some]
-            if len(at):
-                onward.append((second, _Trail(positions[at], trail.differences[at], first[at])))
+        times = np.where(not_followed(first)[known], SECOND_FAR, SECOND)
+        begun = _Trail(positions, trail.differences, first)
+        onward = [(to, begun[known[some]]) for to, some in pace.parted(pace.onward(times, self.most))]
         if again:
             onward.append((Pace(2 * pace.steps), trail[np.array(again)]))
         return onward
@@ -330,7 +328,7 @@ class Refinement:
                 chosen = fine[good]
                 found = raised(errors[good], rounding(chosen), alias[good], unseen[good, :2], radii[good])
                 if kind:
-                    chosen = chosen.with_multipliers(chosen.multipliers.with_digits(found[:, 1]))
+                    chosen = chosen.with_multipliers(chosen.multipliers.with_digits(found[:, 1], UNDERFLOW))
                 yield self._certified(positions[good], chosen, found, unseen[good, 2])
         return ended
 

@@ -138,10 +138,11 @@ class Multipliers:
         nothing = np.where(distance == 0, 0.0, np.inf)
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), nothing)
 
-    def with_digits(self, error: Array) -> "Multipliers":
-        """Those alone of which the error (…), relative to the spectral radius, leaves a digit."""
+    def with_digits(self, error: Array, most: float) -> "Multipliers":
+        """Those alone of which the error (…), relative to the spectral radius, leaves a digit; all are below
+        `most`, which is known of them where it leaves none."""
         unknown = np.isinf(error)
-        bound = np.where(unknown, np.inf, np.where(unknown, 0.0, error) * self.spectral_radius)
+        bound = np.where(unknown, most, np.where(unknown, 0.0, error) * self.spectral_radius)
         bound = np.maximum(bound, self.bound)
         kept = np.abs(self.values) > bound[..., None]
         return Multipliers(np.where(kept, self.values, 0.0), kept.sum(axis=-1), bound)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solve.certify.estimates import not_followed
-from solve.certify.pace import Pace, estimated, far, finished, first_steps, rung
+from solve.certify.pace import FARTHEST, Pace, estimated, finished, first_steps, rung, times_more
 from solve.methods.gauss import Gauss
 from solve.methods.method import Solutions
 from solve.methods.radau import Radau
@@ -51,14 +51,26 @@ def test_differences_that_no_longer_fall_are_rounding():
     assert not finished(1e6 * noise * 10, 1e6 * noise * 10, noise, wanted, pace)
 
 
-def test_the_next_grid_goes_as_far_as_the_order_promises():
-    pace, orders, wanted = Pace(48).to(64), np.array([8.0, 9.0]), np.full(2, 1e-6)
-    near, distant = np.full(2, 1e-6 * 1.4**8), np.full(2, 1e-6 * 1.6**9)
-    assert not far(pace, near, wanted, orders)
-    assert far(pace, distant, wanted, orders)
-    assert pace.onward(False, 10_000).steps == 96
-    assert pace.onward(True, 10_000).steps == 128
-    assert pace.onward(True, 100).steps == 96
+@pytest.mark.parametrize("power", [6.0, 8.0])
+def test_the_next_grid_goes_as_far_as_errors_usually_fall(power):
+    """Those of order 10 that fall with the power 6 or more are low enough after as many times the steps."""
+    pace, orders, wanted = Pace(48).to(64), np.array([10.0, 10.0]), np.full((1, 2), 1e-6)
+    for error in 1e-6, 3e-6, 1e-5:
+        found = np.full((1, 2), error * ((64 / 48) ** power - 1))
+        (times,) = times_more(found, wanted, pace, orders)
+        assert 1 < times < FARTHEST
+        assert error * times**-power < 1e-6
+    assert times_more(found * 1e6, wanted, pace, orders) == [FARTHEST]
+    assert times_more(np.full((1, 2), np.nan), wanted, pace, orders) == [FARTHEST]
+
+
+def test_next_grids_are_rungs_within_the_most():
+    pace, times = Pace(48), np.array([1.0, 1.5, 1.9, 3.0])
+    assert pace.onward(times, 10_000).tolist() == [64, 96, 96, 192]
+    assert pace.onward(times, 100).tolist() == [64, 96, 96, 96]
+    assert pace.onward(times, 50).tolist() == [64, 64, 64, 64]
+    parts = pace.parted(np.array([96, 64, 96]))
+    assert [(to.steps, some.tolist()) for to, some in parts] == [(64, [1]), (96, [0, 2])]
 
 
 def test_two_grids_that_meet_by_chance_are_not_believed():
@@ -66,12 +78,6 @@ def test_two_grids_that_meet_by_chance_are_not_believed():
     pace, order = Pace(24).to(32).to(48), np.array([8.0, 8.0])
     before, chance = np.full(2, errors[0] - errors[1]), np.full(2, 1e-6 * errors[2])
     assert np.all(estimated(chance, before, pace, order) > 0.999 * errors[2])
-
-
-def test_the_next_rung_is_passed_over_where_three_times_the_steps_are_a_rung():
-    assert Pace(64).over_one(1000) == Pace(192, 3.0, Pace(64).ratio)
-    assert Pace(96).over_one(1000) == Pace(96).onward(False, 1000)
-    assert Pace(64).over_one(191) == Pace(64).onward(False, 191)
 
 
 def test_curves_that_the_first_grid_does_not_follow_pass_over_the_next():

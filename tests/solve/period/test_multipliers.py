@@ -15,18 +15,18 @@ def _of(*values: complex) -> Multipliers:
 
 
 def test_those_below_the_error_are_left_out():
-    kept = _of(0.5, 1e-3).with_digits(np.array(0.01))
+    kept = _of(0.5, 1e-3).with_digits(np.array(0.01), 1.0)
     assert kept.resolved == 1
     assert list(kept.values) == [0.5, 0.0]
     assert kept.bound == 0.005
 
 
 def test_an_unknown_error_leaves_no_digit_of_any():
-    """Nor of multipliers that are all 0, where the spectral radius says nothing."""
+    """Nor of multipliers that are all 0, where the spectral radius says nothing: only what all are below."""
     for values in ((0.5, 1e-3), (0.0, 0.0)):
-        kept = _of(*values).with_digits(np.array(np.inf))
+        kept = _of(*values).with_digits(np.array(np.inf), 0.75)
         assert kept.resolved == 0
-        assert kept.bound == np.inf
+        assert kept.bound == 0.75
         assert not kept.values.any()
 
 

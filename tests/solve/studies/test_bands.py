@@ -131,11 +131,15 @@ def test_its_steps_and_points_are_told():
     assert max(fractions) == 1.0
 
 
-def test_speeds_whose_multipliers_are_not_known_at_all_are_told():
-    """At 1 rad/s those of the cam underflow, and with a loose tolerance their errors are infinite."""
-    found = solve.bands(solve.load("cam"), [1.0, 1.2], rtol=1e-2)
+def test_multipliers_of_which_no_digit_is_known_are_far_inside():
+    """At 1 rad/s those of the cam are smaller than any grid tells, and their relative errors infinite."""
+    cam = solve.load("cam")
+    found = solve.bands(cam, [1.0, 1.2], rtol=1e-2)
     assert list(found) == []
-    assert any("give no result" in note for note in found.notes)
+    assert found.notes == []
+    alone = solve.floquet(cam, 1.0, rtol=1e-2)
+    assert alone.error_estimate.multipliers == np.inf
+    assert alone.verdict == "asymptotically stable"
 
 
 def test_one_speed_is_no_range():
