@@ -144,9 +144,10 @@ def raised(errors: Array, floors: Array, alias: Array, hidden: Array, sizes: Arr
 
 def radius_changes(coarse: Multipliers, fine: Multipliers) -> Array:
     """Difference of the spectral radii (P,), relative to the smaller one."""
-    radii = np.sort([coarse.spectral_radius, fine.spectral_radius], axis=0)
-    known = radii[0] > 0
-    return np.where(known, radii[1] / np.where(known, radii[0], 1.0) - 1, 0.0)
+    radii = coarse.spectral_radius, fine.spectral_radius
+    smaller = np.minimum(*radii)
+    known = smaller > 0
+    return np.where(known, np.maximum(*radii) / np.where(known, smaller, 1.0) - 1, 0.0)
 
 
 def enough_steps(reach: float, follows: float) -> int:

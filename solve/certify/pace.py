@@ -63,7 +63,7 @@ class Pace:
 
     def parted(self, steps: Array) -> list[tuple["Pace", Array]]:
         """Grids of so many steps (k,) in their order, each with the positions (j,) that take it."""
-        return [(self.to(to), np.flatnonzero(steps == to)) for to in sorted(set(steps.tolist()))]
+        return [(self.to(to), np.flatnonzero(steps == to)) for to in np.unique(steps).tolist()]
 
 
 def rung(steps: int) -> int:
@@ -90,8 +90,8 @@ def times_more(found: Array, wanted: Array, pace: Pace, orders: Array) -> Array:
     fall as they usually do; from the differences `found` (k, 2)."""
     power = _USUAL * orders
     with np.errstate(all="ignore"):
-        too_large = found / (pace.ratio**power - 1) / (_SPARE * wanted)
-        times = across(np.maximum, too_large ** (1 / power))
+        too_large = found / ((pace.ratio**power - 1) * _SPARE * wanted)
+        times = np.exp(across(np.maximum, np.log(too_large) / power))
     return np.where(np.isnan(times), FARTHEST, np.clip(times, 1.0, FARTHEST))
 
 
@@ -120,10 +120,11 @@ def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
         return found / (pace.ratio - 1)
     seen = np.where(known, before, 0.0) / np.where(known, found, 1.0)
     power = np.broadcast_to(orders, found.shape)
+    finer = math.log(pace.ratio)
     for _ in range(3):
         # before / found = (ratio_before^p - 1) / (1 - ratio^-p).
-        power = np.log1p(seen * (1 - pace.ratio**-power)) / math.log(pace.ratio_before)
-    errors = found / (pace.ratio ** np.clip(power, 1.0, orders) - 1)
+        power = np.log1p(seen * (1 - np.exp(-finer * power))) / math.log(pace.ratio_before)
+    errors = found / np.expm1(finer * np.clip(power, 1.0, orders))
     left = np.where(np.isfinite(before), before, 0.0) / (pace.ratio_before**orders - 1) / pace.ratio**orders
     return np.maximum(errors, left)
 

@@ -262,7 +262,8 @@ class Refinement:
         done = done & (fine.rounding < 1.0)
         if done.any():
             done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
-        times = np.where(done, FARTHEST, times_more(found, wanted, pace, self.orders))
+        times, at = np.full(len(fine), FARTHEST), np.flatnonzero(~done)
+        times[at] = times_more(found[at], wanted[at], pace, self.orders)
         onward = pace.onward(times, self.most)
         last = onward > self.most
         foreseen(STEPS, pace.steps, lambda: min(needed_steps(pace, errors, wanted, self.orders), self.most))

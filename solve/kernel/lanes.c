@@ -63,20 +63,20 @@ static void matrices(const problem *p, long group, const double *tables, long ph
         return;
     }
     const double *t = tables + phase * p->terms;
-    for (int r = 0; r < p->terms; r++) {
-        lane term = c[r] * t[r];
-        e[p->entry[r]] = p->entry[r] == last ? e[p->entry[r]] + term : term;
-        last = p->entry[r];
+    for (int r = 0; r < p->terms;) {
+        const int entry = p->entry[r];
+        lane sum = c[r] * t[r];
+        while (++r < p->terms && p->entry[r] == entry) sum += c[r] * t[r];
+        e[entry] = sum;
     }
 }
 
 /* The stage system of one step beside its right sides, rows (ROWS, COLS). */
-static void build(const problem *p, long group, long step, lane *e, lane *rows) {
-    const lane h = (lane){0} + p->h[step];
+static void build(const problem *p, long group, long step, const scaled *by, lane *e, lane *rows) {
     for (int i = 0; i < S; i++) {
         matrices(p, group, p->stages, step * S + i, p->steps * S, e);
         const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
-        stage_rows(i, h, p->A, p->A2, p->c, M, C, K, rows + i * N * COLS, COLS);
+        stage_rows(i, by, M, C, K, rows + i * N * COLS, COLS);
         for (int a = 0; a < N && ORBIT; a++) rows[(i * N + a) * COLS + ROWS + NX] = d[a];
     }
 }
@@ -254,11 +254,6 @@ static void follow(const lane *restrict map, const lane *restrict from, lane *re
     }
 }
 
-static void identity(lane *map) {
-    memset(map, 0, NX * W * sizeof(lane));
-    for (int i = 0; i < NX; i++) map[i * W + i] += 1.0;
-}
-
 #pragma GCC optimize("O2")
 
 /* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
@@ -340,7 +335,7 @@ typedef struct {
 } room;
 
 static int open_room(const problem *p, long most_blocks, room *r) {
-    const long wanted = p->steps < most_blocks ? p->steps : most_blocks;
+    const long most = ORBIT ? most_blocks : 1, wanted = p->steps < most ? p->steps : most;
     const size_t widest = 2 * NX * CYCLIC > NX * (2 * NX + 1) ? 2 * NX * CYCLIC : NX * (2 * NX + 1);
     r->length = (p->steps + wanted - 1) / wanted;
     r->blocks = (p->steps + r->length - 1) / r->length;
@@ -369,28 +364,32 @@ static void append(room *r, const lane *map) {
 
 /* Stage accelerations of every step, as affine functions of its start, and the maps of the blocks. */
 static void advance(const problem *p, long group, room *r) {
+    const lane none = {0};
+    double h = 0.0;
+    scaled by;
     for (long block = 0; block < r->blocks; block++) {
-        identity(r->sum);
         for (long k = block * r->length; k < (block + 1) * r->length && k < p->steps; k++) {
-            build(p, group, k, r->e, r->rows);
+            lane *map = k % r->length ? r->map : r->sum;
+            if (p->h[k] != h) scale(none + (h = p->h[k]), p->A, p->A2, p->c, &by);
+            build(p, group, k, &by, r->e, r->rows);
             if (any(eliminate(r->rows, r->inverse))) {
-                build(p, group, k, r->e, r->rows);
+                build(p, group, k, &by, r->e, r->rows);
                 eliminate_with_exchanges(r->rows, r->inverse);
             }
             substitute(r->rows, r->inverse);
             if (ORBIT)
                 for (int i = 0; i < ROWS; i++)
                     memcpy(r->stages + (k * ROWS + i) * W, r->rows + i * COLS + ROWS, W * sizeof(lane));
-            step_map(p, k, r->rows, r->map);
+            step_map(p, k, r->rows, map);
             if (p->maps)
                 for (int i = 0; i < NX * W; i++)
-                    for (int l = 0; l < LANES; l++) p->maps[((group * LANES + l) * p->steps + k) * NX * W + i] = r->map[i][l];
-            append(r, r->map);
+                    for (int l = 0; l < LANES; l++) p->maps[((group * LANES + l) * p->steps + k) * NX * W + i] = map[i][l];
+            if (map == r->map) append(r, map);
         }
         memcpy(r->maps + block * NX * W, r->sum, NX * W * sizeof(lane));
     }
-    identity(r->sum);
-    for (long block = 0; block < r->blocks; block++) append(r, r->maps + block * NX * W);
+    memcpy(r->sum, r->maps, NX * W * sizeof(lane));
+    for (long block = 1; block < r->blocks; block++) append(r, r->maps + block * NX * W);
 }
 
 /* Curves from the starts of the blocks. */
@@ -438,8 +437,8 @@ int segments(const problem *p) {
             const lane none = {0};
             whole[l * NX * W + i] = none + r.sum[i][l];
         }
-    identity(r.sum);
-    for (int l = 0; l < LANES; l++) append(&r, whole + l * NX * W);
+    memcpy(r.sum, whole, NX * W * sizeof(lane));
+    for (int l = 1; l < LANES; l++) append(&r, whole + l * NX * W);
     if (ORBIT) *(loose *)p->condition = close_segments(p->steps, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
     write(p, 0, &r);
     free(r.memory);

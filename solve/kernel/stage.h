@@ -3,19 +3,29 @@
 #define NX (2 * N)                 /* state: q, dq/dphase */
 #define ROWS (S * N)
 
+/* The method's numbers in a step of length h. */
+typedef struct {
+    lane A[S][S], A2[S][S], c[S];  /* h A, h^2 A^2, h c */
+} scaled;
+
+static inline void scale(lane h, const double *A, const double *A2, const double *c, scaled *to) {
+    for (int i = 0; i < S; i++) {
+        for (int j = 0; j < S; j++) to->A[i][j] = h * A[i * S + j], to->A2[i][j] = h * h * A2[i * S + j];
+        to->c[i] = h * c[i];
+    }
+}
+
 /* The N rows of stage i, `width` numbers each: what multiplies the accelerations, and behind these what the
    state at the start of the step gives. M, C, K: at the stage. */
-static inline void stage_rows(int i, lane h, const double *A, const double *A2, const double *c, const lane *M, const lane *C, const lane *K, lane *rows, int width) {
+static inline void stage_rows(int i, const scaled *by, const lane *M, const lane *C, const lane *K, lane *rows, int width) {
     for (int a = 0; a < N; a++) {
         lane *row = rows + a * width;
-        for (int j = 0; j < S; j++) {
-            const lane damped = h * A[i * S + j], stiff = h * h * A2[i * S + j];
-            for (int b = 0; b < N; b++) row[j * N + b] = damped * C[a * N + b] + stiff * K[a * N + b];
-        }
+        for (int j = 0; j < S; j++)
+            for (int b = 0; b < N; b++) row[j * N + b] = by->A[i][j] * C[a * N + b] + by->A2[i][j] * K[a * N + b];
         for (int b = 0; b < N; b++) {
             row[i * N + b] += M[a * N + b];
             row[ROWS + b] = -K[a * N + b];
-            row[ROWS + N + b] = -C[a * N + b] - h * c[i] * K[a * N + b];
+            row[ROWS + N + b] = -C[a * N + b] - by->c[i] * K[a * N + b];
         }
     }
 }

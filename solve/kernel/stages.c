@@ -70,7 +70,9 @@ int factorised(const problem *p) {
     for (long group = 0; group * LANES < p->steps; group++) {
         const long start = group * LANES, left = p->steps - start, filled = left < LANES ? left : LANES;
         lane h;
+        scaled by;
         for (int l = 0; l < LANES; l++) h[l] = p->h[start + (l < filled ? l : filled - 1)];
+        scale(h, p->A, p->A2, p->c, &by);
         for (int i = 0; i < S; i++) {
             const double *from[LANES];
             for (int l = 0; l < LANES; l++)
@@ -81,7 +83,7 @@ int factorised(const problem *p) {
                 term *= p->coefficients[r];
                 e[p->entry[r]] = p->entry[r] == last ? e[p->entry[r]] + term : term;
             }
-            stage_rows(i, h, p->A, p->A2, p->c, e, e + N * N, e + 2 * N * N, rows[i * N], COLS);
+            stage_rows(i, &by, e, e + N * N, e + 2 * N * N, rows[i * N], COLS);
         }
         factorise(rows, order);
         step_map(p, h, rows, map);
