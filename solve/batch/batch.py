@@ -164,6 +164,7 @@ def _represented(
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])
-    if fits.any():
-        yield positions[fits], Separated(separation, coefficients[fits])
+    fitting = np.flatnonzero(fits)
+    if len(fitting):
+        yield positions[fitting], Separated(separation, coefficients)[fitting]
     return positions[~fits]

@@ -49,6 +49,11 @@ class Pace:
     ratio: float = math.inf
     ratio_before: float = math.inf
 
+    @property
+    def tells(self) -> bool:
+        """Whether there are differences of two grids, which tell how fast they fall."""
+        return math.isfinite(self.ratio_before)
+
     def to(self, steps: int) -> "Pace":
         return Pace(steps, steps / self.steps, self.ratio)
 
@@ -63,7 +68,11 @@ class Pace:
 
     def parted(self, steps: Array) -> list[tuple["Pace", Array]]:
         """Grids of so many steps (k,) in their order, each with the positions (j,) that take it."""
-        return [(self.to(to), np.flatnonzero(steps == to)) for to in np.unique(steps).tolist()]
+        parts, to = [], 0
+        while len(further := steps[steps > to]):
+            to = int(further.min())
+            parts.append((self.to(to), np.flatnonzero(steps == to)))
+        return parts
 
 
 def rung(steps: int) -> int:
@@ -116,7 +125,7 @@ def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
     Never less than the differences before leave when they fall with the order: two grids may meet by
     chance, which would count twice, as a small difference and as a steep power."""
     known = (found > 0) & np.isfinite(before)
-    if not math.isfinite(pace.ratio_before):
+    if not pace.tells:
         return found / (pace.ratio - 1)
     seen = np.where(known, before, 0.0) / np.where(known, found, 1.0)
     power = np.broadcast_to(orders, found.shape)
@@ -135,7 +144,7 @@ def finished(
     """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more, which is looked for in
     small differences and in those of `tiny` quantities (…, 2). Differences before are needed: without
     them how fast the errors fall is unknown."""
-    if not math.isfinite(pace.ratio_before):
+    if not pace.tells:
         return np.zeros(found.shape[:-1], dtype=bool)
     no_gain = _NO_GAIN * (1 - 1 / pace.ratio) / (pace.ratio_before - 1)
     stalled = (found >= no_gain * before) & ((found < 1e-6) | tiny)

@@ -247,21 +247,13 @@ class Refinement:
             fine, _ = yield from self._sound(fine, positions)
         if not len(fine):
             return []
-        found, before = self._differences(coarse, fine, trail.positions), trail.differences
-        errors = estimated(found, before, pace, self.orders)
-        rtol = self.request.rtol
+        found, rtol = self._differences(coarse, fine, trail.positions), self.request.rtol
         wanted = np.column_stack((np.maximum(rtol, 2 * fine.defect), np.full(len(fine), rtol)))
-        wanted = within_reach(fine, errors, wanted)
-        radius = np.maximum(coarse.multipliers.spectral_radius, fine.multipliers.spectral_radius)
-        small = radius < UNDERFLOW
-        done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
-        if done.any():
-            at = np.flatnonzero(done)
-            left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
-            errors[at], done[at] = np.maximum(errors[at], left), across(np.logical_and, left <= wanted[at])
-        done = done & (fine.rounding < 1.0)
-        if done.any():
-            done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
+        errors, done = estimated(found, trail.differences, pace, self.orders), np.zeros(len(fine), dtype=bool)
+        small = np.maximum(coarse.multipliers.spectral_radius, fine.multipliers.spectral_radius) < UNDERFLOW
+        if pace.tells:
+            wanted = within_reach(fine, errors, wanted)
+            errors, done = self._finished(pace, trail, fine, found, errors, wanted, small)
         times, at = np.full(len(fine), FARTHEST), np.flatnonzero(~done)
         times[at] = times_more(found[at], wanted[at], pace, self.orders)
         onward = pace.onward(times, self.most)
@@ -276,6 +268,28 @@ class Refinement:
         still_open = np.flatnonzero(~ended)
         trail = _Trail(trail.positions, found, fine)
         return [(to, trail[still_open[some]]) for to, some in pace.parted(onward[still_open])]
+
+    def _finished(
+        self,
+        pace: Pace,
+        trail: _Trail,
+        fine: Solutions,
+        found: Array,
+        errors: Array,
+        wanted: Array,
+        small: Array,
+    ) -> tuple[Array, Array]:
+        """Errors of orbit and multipliers, and whether these need no finer grid (k,)."""
+        before = trail.differences
+        done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
+        if done.any():
+            at = np.flatnonzero(done)
+            left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
+            errors[at], done[at] = np.maximum(errors[at], left), across(np.logical_and, left <= wanted[at])
+        done = done & (fine.rounding < 1.0)
+        if done.any():
+            done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
+        return errors, done
 
     def _nearly_decided(self, fine: Solutions, errors: Array, found: Array, before: Array) -> Array:
         """Points (k,) whose multipliers leave the verdict open only because they are not known to be on the

@@ -49,6 +49,11 @@ class Frozen:
         """Entries (3n² + n, P, k)."""
         return self._tables.fields()
 
+    @cached_property
+    def _ranges(self) -> tuple[Array, Array]:
+        """Numbers (3n² + n, P) between which the entries are."""
+        return self._tables.ranges()
+
     @property
     def _matrices(self) -> Array:
         n, fields = self._n, self._fields
@@ -62,7 +67,7 @@ class Frozen:
     def inertia_steady(self, part: float) -> Array:
         """Whether det M (P,) keeps its sign and falls at no phase to less than a part of its median."""
         if self._n == 1 and not self._tables.own:
-            low, high = self._tables.ranges()
+            low, high = self._ranges
             steady = (low[0] > part * high[0]) | (high[0] < part * low[0])
             if steady.all():
                 return steady
@@ -196,7 +201,7 @@ class Frozen:
         points share; it is then within the rate, and no faster."""
         if self._tables.own:
             return np.zeros(len(self), dtype=bool)
-        low, high = self._tables.ranges()
+        low, high = self._ranges
         C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3]))
         with np.errstate(all="ignore"):
             return (low[0] > 0) & (C / low[0] + K / low[0] / rate <= rate)

@@ -80,13 +80,14 @@ class Multipliers:
         if (modulus[..., 1:] > modulus[..., :-1]).any():
             order = np.argsort(-modulus, axis=-1, kind="stable")
             values, modulus = (np.take_along_axis(part, order, axis=-1) for part in (values, modulus))
-        _put_positive_first(values)
+        if len(scaled) != 4:
+            _put_positive_first(values)
         norm = np.asarray(unit * _frobenius(scaled))
-        # Frobenius' norm bounds that of the balanced matrix, which is asked for only where it decides.
+        # That of the balanced matrix is no larger, and asked for only where it decides.
         unsure = modulus[..., -1] <= _LOST * norm
         if unsure.any():
             known = None if units is None else units[unsure]
-            norm[unsure] = unit[unsure] * _spectral(_balanced(_matrices(scaled)[unsure], known))
+            norm[unsure] = unit[unsure] * _frobenius(_by_entry(_balanced(_matrices(scaled)[unsure], known)))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
         return cls(np.where(kept, values, 0.0), across(np.add, kept.astype(int)), bound)
@@ -294,7 +295,9 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia
     """
     values, e = multipliers.values, _absolute(multipliers, errors)
     near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
-    meet = _meetings(values, errors, near)
+    meet = np.zeros((*values.shape, values.shape[-1]), dtype=bool)
+    some = np.flatnonzero(across(np.add, near.astype(int)) > 1)
+    meet[some] = _meetings(values[some], errors[some], near[some])
     alone = ~across(np.logical_or, meet)
     inner, outer = (np.where(alone, times, _TIMES_ESTIMATE) * e for times in (1.0, SURE))
     judged = _by_moduli(multipliers, e, inner, outer)
