@@ -335,7 +335,7 @@ typedef struct {
 } room;
 
 static int open_room(const problem *p, long most_blocks, room *r) {
-    const long most = ORBIT ? most_blocks : 1, wanted = p->steps < most ? p->steps : most;
+    const long wanted = p->steps < most_blocks ? p->steps : most_blocks;
     const size_t widest = 2 * NX * CYCLIC > NX * (2 * NX + 1) ? 2 * NX * CYCLIC : NX * (2 * NX + 1);
     r->length = (p->steps + wanted - 1) / wanted;
     r->blocks = (p->steps + r->length - 1) / r->length;
