@@ -20,8 +20,6 @@ static inline void stage_rows(int i, lane h, const double *A, const double *A2, 
     }
 }
 
-static inline lane chosen(mask m, lane x, lane y) { return (lane)(((mask)x & m) | ((mask)y & ~m)); }
-
 /* Exchange rows, `count` of `width` numbers, so that in every lane the largest of column k from row k on comes to
    row k; returns which rows these were. */
 static inline mask exchange_rows(lane *rows, int count, int width, int k) {
