@@ -19,12 +19,6 @@ static inline lane root(lane x) {
     return r;
 }
 
-static inline int any(mask m) {
-    long long found = 0;
-    for (int l = 0; l < LANES; l++) found |= m[l];
-    return found != 0;
-}
-
 /* Householder's reflections of rows (count, columns) that make the first `width` columns triangular. */
 static void reflect(lane *z, int count, int width, int columns) {
     for (int k = 0; k < width; k++) {

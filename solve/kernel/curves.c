@@ -3,10 +3,9 @@
    The mathematics is that of certify/estimates.py. COARSE, FINE: powers of theta in a step of theirs. */
 
 #include "lane.h"
+#include "samples.h"
 
-#define MOST 8                     /* samples of a step */
-
-typedef double samples __attribute__((vector_size(8 * MOST)));
+#define MOST 8                     /* samples of a step, and LANES, at most */
 
 typedef struct {
     long steps, samples;           /* these of a step */
@@ -22,15 +21,8 @@ typedef struct {
 
 /* Values of one curve at its samples, and MOST zeros behind them. */
 static inline __attribute__((always_inline)) void values(const side *s, const int D, long curve, double *to) {
-    const double *c = s->coefficients + curve * s->steps * D;
-    samples power[D];
-    memcpy(power, s->powers, sizeof(power));
-    for (long k = 0; k < s->steps; k++, c += D, to += s->samples) {
-        samples q = c[0] * power[0];
-        for (int d = 1; d < D; d++) q += c[d] * power[d];
-        memcpy(to, &q, sizeof(q));
-    }
-    memset(to, 0, MOST * sizeof(double));
+    at_samples(s->coefficients + curve * s->steps * D, D, s->steps, s->samples, s->powers, MOST, to);
+    memset(to + s->steps * s->samples, 0, MOST * sizeof(double));
 }
 
 static double largest_of(lane values) {

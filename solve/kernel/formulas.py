@@ -116,8 +116,9 @@ def figures(
     of `solve.statistics.Statistics`; None without compiled code or memory.
 
     curves (P, n, m, D): of equal steps, powers of θ, lowest first; speeds (P,) in rad/s; samples: of a step;
-    zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings, and
-    of one that may be lower than another; tie: part of the largest value by which one is beyond another.
+    zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings, at
+    least 8 and rising, and of one that may be lower than another; tie: part of the largest value by which one
+    is beyond another.
     formulas: with values (P, p) of their parameters.
     """
     points, n, m, D = curves.shape

@@ -20,9 +20,14 @@ const int lanes = LANES;
 
 static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
 
-static inline lane larger(lane a, lane b) {
-    mask m = a > b;
-    return (lane)(((mask)a & m) | ((mask)b & ~m));
+static inline lane chosen(mask m, lane x, lane y) { return (lane)(((mask)x & m) | ((mask)y & ~m)); }
+
+static inline lane larger(lane a, lane b) { return chosen(a > b, a, b); }
+
+static inline int any(mask m) {
+    long long found = 0;
+    for (int l = 0; l < LANES; l++) found |= m[l];
+    return found != 0;
 }
 
 /* What formulas are written with: x where the mask holds and else 0, and functions of numbers. */

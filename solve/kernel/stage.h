@@ -30,8 +30,6 @@ static inline void stage_rows(int i, const scaled *by, const lane *M, const lane
     }
 }
 
-static inline lane chosen(mask m, lane x, lane y) { return (lane)(((mask)x & m) | ((mask)y & ~m)); }
-
 /* Exchange rows, `count` of `width` numbers, so that in every lane the largest of column k from row k on comes to
    row k; returns which rows these were. */
 static inline mask exchange_rows(lane *rows, int count, int width, int k) {
