@@ -379,7 +379,7 @@ static void advance(const problem *p, long group, room *r) {
             substitute(r->rows, r->inverse);
             if (ORBIT)
                 for (int i = 0; i < ROWS; i++)
-                    memcpy(r->stages + (k * ROWS + i) * W, r->rows + i * COLS + ROWS, W * sizeof(lane));
+                    for (int j = 0; j < W; j++) r->stages[(k * ROWS + i) * W + j] = r->rows[i * COLS + ROWS + j];
             step_map(p, k, r->rows, map);
             if (p->maps)
                 for (int i = 0; i < NX * W; i++)

@@ -17,15 +17,16 @@ static inline void scale(lane h, const double *A, const double *A2, const double
 
 /* The N rows of stage i, `width` numbers each: what multiplies the accelerations, and behind these what the
    state at the start of the step gives. M, C, K: at the stage. */
-static inline void stage_rows(int i, const scaled *by, const lane *M, const lane *C, const lane *K, lane *rows, int width) {
+static inline void stage_rows(int i, const scaled *restrict by, const lane *restrict M, const lane *restrict C,
+                              const lane *restrict K, lane *restrict rows, int width) {
     for (int a = 0; a < N; a++) {
         lane *row = rows + a * width;
-        for (int j = 0; j < S; j++)
-            for (int b = 0; b < N; b++) row[j * N + b] = by->A[i][j] * C[a * N + b] + by->A2[i][j] * K[a * N + b];
         for (int b = 0; b < N; b++) {
+            const lane damping = C[a * N + b], stiffness = K[a * N + b];
+            for (int j = 0; j < S; j++) row[j * N + b] = by->A[i][j] * damping + by->A2[i][j] * stiffness;
             row[i * N + b] += M[a * N + b];
-            row[ROWS + b] = -K[a * N + b];
-            row[ROWS + N + b] = -C[a * N + b] - by->c[i] * K[a * N + b];
+            row[ROWS + b] = -stiffness;
+            row[ROWS + N + b] = -damping - by->c[i] * stiffness;
         }
     }
 }
