@@ -266,7 +266,7 @@ class Orbit(Stability, Turn):
     def _accuracy(self) -> tuple[list[str], list[str]]:
         errors, checks = super()._accuracy()
         errors = [f"orbit {self.error_estimate.orbit:.1e}", *errors, f"residual {self.residual:.1e}"]
-        return errors, [*checks, f"condition {self.condition:.1e}"]
+        return errors, [*checks, f"condition {self.condition:.0e}"]
 
     def _order_table(self) -> Table:
         made = table("Strongest orders: amplitude in that unit, phase angle", "quantity", *_RANKS)
