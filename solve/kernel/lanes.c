@@ -18,11 +18,7 @@
 #define TILE 6                     /* columns of a product that are summed at once */
 #define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
 
-/* Chains, and all that follows the maps, take little time to run, but most of a compiler's: they are optimised less. */
-#pragma GCC push_options
-#pragma GCC optimize("O2")
 #include "chain.h"
-#pragma GCC pop_options
 
 typedef struct {
     long groups, steps;
