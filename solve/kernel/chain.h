@@ -7,6 +7,7 @@
 #define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
 #define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
 #define STRIP (NX % 2 ? 3 : 6)     /* columns that are reflected at once: so that 3 NX is a multiple of it */
+#define ANGLE 1e-4                 /* cosine between columns below which their norms count as singular values */
 #define BALANCING 50               /* sweeps of balancing at most */
 #define UNLIKE 2.0                 /* power of 2 between the squares of the norms of a row and its column that asks for some */
 #define APART 1e-3                 /* of what acts on any state: elimination costs those their digits on which less acts */
@@ -102,7 +103,7 @@ static lane singular_value(lane *z, int count, int largest) {
                     const lane x = z[k * NX + i], y = z[k * NX + j];
                     first += x * x, second += y * y, both += x * y;
                 }
-                const mask off = absolute(both) > 1e-14 * root(first * second);
+                const mask off = absolute(both) > ANGLE * root(first * second);
                 open |= off;
                 if (!any(off)) continue;
                 const lane ratio = (second - first) / (2.0 * both);
@@ -151,14 +152,14 @@ static lane close_row(const lane *row, lane *z, lane *x) {
 /* Powers of 2 by which columns are multiplied and rows divided so that their norms are alike (as `scaled_alike` of
    period/multipliers.py). */
 static void scale_alike(double size[NX][NX], double *unit) {
-    double power[NX] = {0.0}, ratio[NX];
-    for (int i = 0; i < NX; i++) unit[i] = 1.0;
+    double power[NX] = {0.0}, ratio[NX], inverse[NX];
+    for (int i = 0; i < NX; i++) unit[i] = inverse[i] = 1.0;
     for (int sweep = 0; sweep < BALANCING; sweep++) {
         double most = 0.0;
         for (int i = 0; i < NX; i++) {
             double row = 0.0, column = 0.0;
             for (int j = 0; j < NX; j++) {
-                const double x = size[i][j] * (unit[j] / unit[i]), y = size[j][i] * (unit[i] / unit[j]);
+                const double x = size[i][j] * (unit[j] * inverse[i]), y = size[j][i] * (unit[i] * inverse[j]);
                 row += x * x, column += y * y;
             }
             ratio[i] = log2(row / column);
@@ -169,6 +170,7 @@ static void scale_alike(double size[NX][NX], double *unit) {
         for (int i = 0; i < NX; i++) {
             power[i] += ratio[i] / 8.0;
             unit[i] = exp2(power[i]);
+            inverse[i] = 1.0 / unit[i];
         }
     }
     for (int i = 0; i < NX; i++) unit[i] = exp2(rint(power[i]));
