@@ -98,19 +98,6 @@ static int pivot(const lane *rows, int k) {
     return found;
 }
 
-/* Reduce the rows to upper triangular form, exchanging them, and give the inverses of the pivots. */
-static void eliminate_with_exchanges(lane *rows, lane *inverse) {
-    for (int k = 0; k < ROWS; k++) {
-        const int best = pivot(rows, k);
-        if (best != k) exchange(rows + k * COLS, rows + best * COLS, COLS);
-        inverse[k] = 1.0 / rows[k * COLS + k];
-        for (int i = k + 1; i < ROWS; i++) {
-            const lane l = rows[i * COLS + k] * inverse[k];
-            for (int j = k + 1; j < COLS; j++) rows[i * COLS + j] -= l * rows[k * COLS + j];
-        }
-    }
-}
-
 /* Subtract from row i, and with `both` from the next one, what makes `width` of its columns vanish; tells in
    which lanes a multiplier is so large that rows should have been exchanged. */
 static inline __attribute__((always_inline)) mask
@@ -156,7 +143,8 @@ static inline __attribute__((always_inline)) mask own(lane *rows, lane *inverse,
     return excess;
 }
 
-/* The same as above without exchanges, panel by panel; tells in which lanes there should have been some. */
+/* Reduce the rows to upper triangular form, panel by panel, and give the inverses of the pivots; tells in which lanes
+   rows should have been exchanged. */
 static mask eliminate(lane *rows, lane *inverse) {
     mask excess = {0};
     for (int from = 0; from + PANEL <= ROWS; from += PANEL) {
@@ -167,6 +155,18 @@ static mask eliminate(lane *rows, lane *inverse) {
     }
     if (ROWS % PANEL) excess |= own(rows, inverse, ROWS - ROWS % PANEL, ROWS % PANEL);
     return excess;
+}
+
+/* The same with exchanges of rows. */
+static void eliminate_with_exchanges(lane *rows, lane *inverse) {
+    for (int k = 0; k < ROWS; k++) {
+        const int best = pivot(rows, k);
+        if (best != k) exchange(rows + k * COLS, rows + best * COLS, COLS);
+        inverse[k] = 1.0 / rows[k * COLS + k];
+        int i = k + 1;
+        for (; i + 1 < ROWS; i += 2) subtract(rows, inverse, k, 1, i, 1);
+        if (i < ROWS) subtract(rows, inverse, k, 1, i, 0);
+    }
 }
 
 /* Products of two rows x and y (count) with `width` columns of b, whose rows are `stride` long. */
