@@ -255,21 +255,6 @@ static void identity(lane *map) {
     for (int i = 0; i < NX; i++) map[i * W + i] += 1.0;
 }
 
-#pragma GCC optimize("O2")
-
-/* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
-static void acceleration(const problem *p, long group, long node, const lane *x, lane *e, lane *z, lane *a) {
-    matrices(p, group, p->nodes, node, p->jumps ? 2 * p->steps : p->steps, e);
-    const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
-    for (int i = 0; i < N; i++) {
-        lane *row = z + i * (N + 1);
-        memcpy(row, M + i * N, N * sizeof(lane));
-        row[N] = d[i];
-        for (int j = 0; j < N; j++) row[N] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
-    }
-    solve_rows(z, N, a);
-}
-
 /* States (steps + 1, NX) and stage accelerations (steps, ROWS) from the starts of the blocks. */
 static void trace(const problem *p, long length, const lane *starts, const lane *stages, lane *x, lane *a) {
     for (long k = 0; k < p->steps; k++) {
@@ -327,6 +312,22 @@ static void draw(const problem *p, long group, const lane *x, const lane *a, con
                 for (int d = 0; d < D; d++) to[d] = power[d][l];
             }
         }
+}
+
+/* What follows takes little time to run, but most of a compiler's: it is optimised less. */
+#pragma GCC optimize("O2")
+
+/* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
+static void acceleration(const problem *p, long group, long node, const lane *x, lane *e, lane *z, lane *a) {
+    matrices(p, group, p->nodes, node, p->jumps ? 2 * p->steps : p->steps, e);
+    const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
+    for (int i = 0; i < N; i++) {
+        lane *row = z + i * (N + 1);
+        memcpy(row, M + i * N, N * sizeof(lane));
+        row[N] = d[i];
+        for (int j = 0; j < N; j++) row[N] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
+    }
+    solve_rows(z, N, a);
 }
 
 /* Room for the work on one group. */
