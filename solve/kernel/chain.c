@@ -49,7 +49,7 @@ static void joined(const problem *p, long from, long to, double *map, double *lo
 /* 1 where there is memory. */
 int closed(const problem *p) {
     const long length = (p->steps + BLOCKS - 1) / BLOCKS, B = (p->steps + length - 1) / length, c = p->columns;
-    const size_t widest = 2 * NX * CYCLIC, size = widest + B * (NX * W + NX * CYCLIC + NX * ROW + NX);
+    const size_t size = NX * CYCLIC + B * (NX * W + NX * CYCLIC + NX * ROW + NX);
     const size_t numbers = B * NX * (NX + c) + NX * (NX + c);
     lane *maps = aligned_alloc(sizeof(lane), size * sizeof(lane));
     double *map = malloc(numbers * sizeof(double));
@@ -57,7 +57,7 @@ int closed(const problem *p) {
         free(maps), free(map);
         return 0;
     }
-    lane *z = maps + B * NX * W, *saved = z + widest, *rows = saved + B * NX * CYCLIC, *x = rows + B * NX * ROW;
+    lane *z = maps + B * NX * W, *saved = z + NX * CYCLIC, *rows = saved + B * NX * CYCLIC, *x = rows + B * NX * ROW;
     double *load = map + B * NX * NX, *room = load + B * NX * c;
     for (long k = 0; k < B; k++) {
         const long end = (k + 1) * length < p->steps ? (k + 1) * length : p->steps;

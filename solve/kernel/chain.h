@@ -6,6 +6,8 @@
 #define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
 #define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
 #define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
+#define STRIP (NX % 2 ? 3 : 6)     /* columns that are reflected at once: so that 3 NX is a multiple of it */
+#define ANGLE 1e-4                 /* cosine between columns below which their norms count as singular values */
 #define BALANCING 50               /* sweeps of balancing at most */
 #define UNLIKE 2.0                 /* power of 2 between the squares of the norms of a row and its column that asks for some */
 #define APART 1e-3                 /* of what acts on any state: elimination costs those their digits on which less acts */
@@ -19,49 +21,57 @@ static inline lane root(lane x) {
     return r;
 }
 
-/* Householder's reflections of rows (count, columns) that make the first `width` columns triangular. */
-static void reflect(lane *z, int count, int width, int columns) {
-    for (int k = 0; k < width; k++) {
-        lane square = {0};
-        for (int i = k; i < count; i++) square += z[i * columns + k] * z[i * columns + k];
-        const lane head = z[k * columns + k];
-        const lane norm = root(square);
+/* Householder's reflections of so many rows (count, CYCLIC) that make the first NX columns triangular. The other
+   columns follow in strips, and with them some that need not. */
+static void reflect(lane *z, int count) {
+    for (int k = 0; k < NX; k++) {
+        lane v[2 * NX], square = {0};
+        for (int i = k; i < count; i++) {
+            v[i] = z[i * CYCLIC + k];
+            square += v[i] * v[i];
+        }
+        const lane head = v[k], norm = root(square);
         const mask negative = head < 0.0;
         const lane diagonal = (lane)((mask)norm ^ (((mask)(-norm) ^ (mask)norm) & ~negative));
-        const lane first = head - diagonal;                      /* never cancels */
-        const lane product = norm * absolute(first);             /* half of |v|^2 */
+        v[k] = head - diagonal;                                  /* never cancels */
+        const lane product = norm * absolute(v[k]);              /* half of |v|^2 */
         const mask nothing = product == 0.0;
         const lane factor = (lane)((mask)(1.0 / product) & ~nothing);
-        z[k * columns + k] = first;
-        for (int j = k + 1; j < columns; j++) {
-            lane dot = {0};
-            for (int i = k; i < count; i++) dot += z[i * columns + k] * z[i * columns + j];
-            dot *= factor;
-            for (int i = k; i < count; i++) z[i * columns + j] -= dot * z[i * columns + k];
+        for (int j = 1 + k / STRIP * STRIP; j < CYCLIC; j += STRIP) {
+            lane dot[STRIP] = {0};
+            for (int i = k; i < count; i++)
+                for (int m = 0; m < STRIP; m++) dot[m] += v[i] * z[i * CYCLIC + j + m];
+            for (int m = 0; m < STRIP; m++) dot[m] *= factor;
+            for (int i = k; i < count; i++)
+                for (int m = 0; m < STRIP; m++) z[i * CYCLIC + j + m] -= dot[m] * v[i];
         }
-        z[k * columns + k] = diagonal;
+        z[k * CYCLIC + k] = diagonal;
     }
 }
 
-/* Join two rows G x_a + H x_b = r and G' x_b + H' x_c = r' by eliminating x_b: `saved` keeps what gives
-   x_b from x_a and x_c, `to` becomes a row of x_a and x_c. Rows are G | H | r, (NX, ROW). */
-static void join(const lane *first, const lane *second, lane *z, lane *saved, lane *to) {
-    memset(z, 0, 2 * NX * CYCLIC * sizeof(lane));
+/* Join two rows G x_a + H x_b = r and G' x_b + H' x_c = r' by eliminating x_b: z (2 NX, CYCLIC) keeps in its first half
+   what gives x_b from x_a and x_c, `to` becomes a row of x_a and x_c. Rows are G | H | r, (NX, ROW). */
+static void join(const lane *first, const lane *second, lane *z, lane *to) {
     for (int i = 0; i < NX; i++) {
         lane *top = z + i * CYCLIC, *bottom = z + (NX + i) * CYCLIC;
         for (int j = 0; j < NX; j++) {
             top[j] = first[i * ROW + NX + j];
             top[NX + j] = first[i * ROW + j];
+            top[2 * NX + j] = bottom[NX + j] = (lane){0};
             bottom[j] = second[i * ROW + j];
             bottom[2 * NX + j] = second[i * ROW + NX + j];
         }
         top[3 * NX] = first[i * ROW + 2 * NX];
         bottom[3 * NX] = second[i * ROW + 2 * NX];
     }
-    reflect(z, 2 * NX, NX, CYCLIC);
-    memcpy(saved, z, NX * CYCLIC * sizeof(lane));
-    for (int i = 0; i < NX; i++) memcpy(to + i * ROW, z + (NX + i) * CYCLIC + NX, ROW * sizeof(lane));
+    reflect(z, 2 * NX);
+    for (int i = 0; i < NX; i++)
+        for (int j = 0; j < ROW; j++) to[i * ROW + j] = z[(NX + i) * CYCLIC + NX + j];
 }
+
+/* What follows takes little time to run, but much of a compiler's: it is optimised less. */
+#pragma GCC push_options
+#pragma GCC optimize("O2")
 
 /* The state between two others that a joined row left behind. */
 static void between(const lane *saved, const lane *before, const lane *after, lane *x) {
@@ -87,7 +97,7 @@ static lane singular_value(lane *z, int count, int largest) {
                     const lane x = z[k * NX + i], y = z[k * NX + j];
                     first += x * x, second += y * y, both += x * y;
                 }
-                const mask off = absolute(both) > 1e-14 * root(first * second);
+                const mask off = absolute(both) > ANGLE * root(first * second);
                 open |= off;
                 if (!any(off)) continue;
                 const lane ratio = (second - first) / (2.0 * both);
@@ -114,40 +124,36 @@ static lane singular_value(lane *z, int count, int largest) {
 /* The one state of a chain that is closed on itself, (G + H) x = r; returns the condition number of G + H,
    measured against (G, H). */
 static lane close_row(const lane *row, lane *z, lane *x) {
-    const int columns = NX + 1;                                  /* G + H | r */
-    for (int i = 0; i < NX; i++)
-        for (int j = 0; j < NX; j++) z[i * NX + j] = row[i * ROW + j] + row[i * ROW + NX + j];
-    const lane least = singular_value(z, NX, 0);
+    static const lane none[NX];
     for (int i = 0; i < NX; i++)
         for (int j = 0; j < NX; j++) {
             z[i * NX + j] = row[i * ROW + j];
             z[(NX + i) * NX + j] = row[i * ROW + NX + j];
         }
-    const lane condition = singular_value(z, 2 * NX, 1) / least;
+    const lane most = singular_value(z, 2 * NX, 1);
+    memset(z, 0, NX * CYCLIC * sizeof(lane));
     for (int i = 0; i < NX; i++) {
-        for (int j = 0; j < NX; j++) z[i * columns + j] = row[i * ROW + j] + row[i * ROW + NX + j];
-        z[i * columns + NX] = row[i * ROW + 2 * NX];
+        for (int j = 0; j < NX; j++) z[i * CYCLIC + j] = row[i * ROW + j] + row[i * ROW + NX + j];
+        z[i * CYCLIC + 3 * NX] = row[i * ROW + 2 * NX];
     }
-    reflect(z, NX, NX, columns);
-    for (int i = NX - 1; i >= 0; i--) {
-        lane s = z[i * columns + NX];
-        for (int k = i + 1; k < NX; k++) s -= z[i * columns + k] * x[k];
-        x[i] = s / z[i * columns + i];
-    }
-    return condition;
+    reflect(z, NX);
+    between(z, none, none, x);
+    for (int i = 0; i < NX; i++)
+        for (int j = 0; j < NX; j++) z[i * NX + j] = j < i ? none[0] : z[i * CYCLIC + j];
+    return most / singular_value(z, NX, 0);
 }
 
 /* Powers of 2 by which columns are multiplied and rows divided so that their norms are alike (as `scaled_alike` of
    period/multipliers.py). */
 static void scale_alike(double size[NX][NX], double *unit) {
-    double power[NX] = {0.0}, ratio[NX];
-    for (int i = 0; i < NX; i++) unit[i] = 1.0;
+    double power[NX] = {0.0}, ratio[NX], inverse[NX];
+    for (int i = 0; i < NX; i++) unit[i] = inverse[i] = 1.0;
     for (int sweep = 0; sweep < BALANCING; sweep++) {
         double most = 0.0;
         for (int i = 0; i < NX; i++) {
             double row = 0.0, column = 0.0;
             for (int j = 0; j < NX; j++) {
-                const double x = size[i][j] * (unit[j] / unit[i]), y = size[j][i] * (unit[i] / unit[j]);
+                const double x = size[i][j] * (unit[j] * inverse[i]), y = size[j][i] * (unit[i] * inverse[j]);
                 row += x * x, column += y * y;
             }
             ratio[i] = log2(row / column);
@@ -158,6 +164,7 @@ static void scale_alike(double size[NX][NX], double *unit) {
         for (int i = 0; i < NX; i++) {
             power[i] += ratio[i] / 8.0;
             unit[i] = exp2(power[i]);
+            inverse[i] = 1.0 / unit[i];
         }
     }
     for (int i = 0; i < NX; i++) unit[i] = exp2(rint(power[i]));
@@ -191,19 +198,21 @@ static void rows_of(long blocks, const lane *maps, const lane *unit, lane *rows)
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) {
             lane *row = rows + (k * NX + i) * ROW;
-            for (int j = 0; j < NX; j++) row[j] = maps[(k * NX + i) * W + j] * (unit[j] / unit[i]);
-            memset(row + NX, 0, NX * sizeof(lane));
+            for (int j = 0; j < NX; j++) {
+                row[j] = maps[(k * NX + i) * W + j] * (unit[j] / unit[i]);
+                row[NX + j] = (lane){0};
+            }
             row[NX + i] -= 1.0;
             row[2 * NX] = -maps[(k * NX + i) * W + NX] / unit[i];
         }
 }
 
 /* Join neighbouring rows until one is left: a row of the first state and of the last. */
-static void reduce(long count, lane *rows, lane *z, lane *saved) {
+static void reduce(long count, lane *rows, lane *saved) {
     for (; count > 1; count = (count + 1) / 2) {
         for (long k = 0; k + 1 < count; k += 2) {
-            join(rows + k * NX * ROW, rows + (k + 1) * NX * ROW, z, saved, rows + k / 2 * NX * ROW);
-            saved += NX * CYCLIC;
+            join(rows + k * NX * ROW, rows + (k + 1) * NX * ROW, saved, rows + k / 2 * NX * ROW);
+            saved += NX * CYCLIC;                                /* half of it; the next join takes the other one */
         }
         if (count % 2) memcpy(rows + count / 2 * NX * ROW, rows + (count - 1) * NX * ROW, NX * ROW * sizeof(lane));
     }
@@ -277,7 +286,7 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
     balance(0, blocks, maps, unit);
     for (int again = 1, open = 1; open; again = 0) {
         rows_of(blocks, maps, unit, rows);
-        reduce(blocks, rows, z, saved);
+        reduce(blocks, rows, saved);
         condition = close_row(rows, z, x);
         expand(blocks, saved, x, x);
         if (sized) acting_on(0, blocks, maps, x, unit, acting, size);
@@ -297,10 +306,10 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
     balance(1, blocks, maps, unit);
     for (int again = 1, open = 1; open; again = 0) {
         rows_of(blocks, maps, unit, rows);
-        reduce(blocks, rows, z, saved);
+        reduce(blocks, rows, saved);
         for (int l = 0; l < LANES; l++)
             for (int i = 0; i < NX * ROW; i++) whole[l * NX * ROW + i] = none + rows[i][l];
-        reduce(LANES, whole, z, kept);
+        reduce(LANES, whole, kept);
         condition = close_row(whole, z, starts);
         expand(LANES, kept, starts, starts);
         for (int i = 0; i < NX; i++)
@@ -316,3 +325,5 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
         for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
     return of_states(condition, LANES * steps, acting, size);
 }
+
+#pragma GCC pop_options

@@ -15,14 +15,10 @@
 #define ENTRIES (3 * N * N + N)
 #define D (2 + NODES)              /* powers of theta in a step */
 #define PANEL 4                    /* columns eliminated before the rest is updated */
-#define TILE 6                     /* columns of a product that are summed at once */
+#define TILE (W % 6 == 1 ? 7 : 6)  /* columns of a product that are summed at once, so that none is left alone */
 #define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
 
-/* Chains, and all that follows the maps, take little time to run, but most of a compiler's: they are optimised less. */
-#pragma GCC push_options
-#pragma GCC optimize("O2")
 #include "chain.h"
-#pragma GCC pop_options
 
 typedef struct {
     long groups, steps;
@@ -102,19 +98,6 @@ static int pivot(const lane *rows, int k) {
     return found;
 }
 
-/* Reduce the rows to upper triangular form, exchanging them, and give the inverses of the pivots. */
-static void eliminate_with_exchanges(lane *rows, lane *inverse) {
-    for (int k = 0; k < ROWS; k++) {
-        const int best = pivot(rows, k);
-        if (best != k) exchange(rows + k * COLS, rows + best * COLS, COLS);
-        inverse[k] = 1.0 / rows[k * COLS + k];
-        for (int i = k + 1; i < ROWS; i++) {
-            const lane l = rows[i * COLS + k] * inverse[k];
-            for (int j = k + 1; j < COLS; j++) rows[i * COLS + j] -= l * rows[k * COLS + j];
-        }
-    }
-}
-
 /* Subtract from row i, and with `both` from the next one, what makes `width` of its columns vanish; tells in
    which lanes a multiplier is so large that rows should have been exchanged. */
 static inline __attribute__((always_inline)) mask
@@ -160,7 +143,8 @@ static inline __attribute__((always_inline)) mask own(lane *rows, lane *inverse,
     return excess;
 }
 
-/* The same as above without exchanges, panel by panel; tells in which lanes there should have been some. */
+/* Reduce the rows to upper triangular form, panel by panel, and give the inverses of the pivots; tells in which lanes
+   rows should have been exchanged. */
 static mask eliminate(lane *rows, lane *inverse) {
     mask excess = {0};
     for (int from = 0; from + PANEL <= ROWS; from += PANEL) {
@@ -171,6 +155,18 @@ static mask eliminate(lane *rows, lane *inverse) {
     }
     if (ROWS % PANEL) excess |= own(rows, inverse, ROWS - ROWS % PANEL, ROWS % PANEL);
     return excess;
+}
+
+/* The same with exchanges of rows. */
+static void eliminate_with_exchanges(lane *rows, lane *inverse) {
+    for (int k = 0; k < ROWS; k++) {
+        const int best = pivot(rows, k);
+        if (best != k) exchange(rows + k * COLS, rows + best * COLS, COLS);
+        inverse[k] = 1.0 / rows[k * COLS + k];
+        int i = k + 1;
+        for (; i + 1 < ROWS; i += 2) subtract(rows, inverse, k, 1, i, 1);
+        if (i < ROWS) subtract(rows, inverse, k, 1, i, 0);
+    }
 }
 
 /* Products of two rows x and y (count) with `width` columns of b, whose rows are `stride` long. */
@@ -184,42 +180,38 @@ products(const lane *restrict x, const lane *restrict y, const lane *restrict b,
         }
 }
 
-/* So many right sides, from column j of them on, of rows k and k + 1, the ones below being solved. */
+/* So many solutions, from column j of them on, in rows k and k + 1, those below being known. */
 static inline __attribute__((always_inline)) void
-solve_two(lane *rows, const lane *inverse, int k, int j, const int width) {
-    lane *x = rows + k * COLS, *y = x + COLS, sum[2][TILE];
-    products(x + k + 2, y + k + 2, y + COLS + ROWS + j, COLS, ROWS - k - 2, width, sum);
+solve_two(const lane *rows, const lane *inverse, lane *solution, int k, int j, const int width) {
+    const lane *x = rows + k * COLS, *y = x + COLS;
+    lane *found = solution + k * W + j, sum[2][TILE];
+    products(x + k + 2, y + k + 2, found + 2 * W, W, ROWS - k - 2, width, sum);
     for (int m = 0; m < width; m++) {
         const lane below = (y[ROWS + j + m] - sum[1][m]) * inverse[k + 1];
-        y[ROWS + j + m] = below;
-        x[ROWS + j + m] = (x[ROWS + j + m] - sum[0][m] - x[k + 1] * below) * inverse[k];
+        found[W + m] = below;
+        found[m] = (x[ROWS + j + m] - sum[0][m] - x[k + 1] * below) * inverse[k];
     }
 }
 
-/* The right sides become the solutions. */
-static void substitute(lane *rows, const lane *inverse) {
-    int k = ROWS - 2;
-    for (; k >= 0; k -= 2) {
+/* The solutions (ROWS, W). */
+static void substitute(const lane *rows, const lane *inverse, lane *solution) {
+    const int last = ROWS - 1;
+    for (int j = 0; j < W && ROWS % 2; j++) solution[last * W + j] = rows[last * COLS + ROWS + j] * inverse[last];
+    for (int k = ROWS - ROWS % 2 - 2; k >= 0; k -= 2) {
         int j = 0;
-        for (; j + TILE <= W; j += TILE) solve_two(rows, inverse, k, j, TILE);
-        if (W % TILE) solve_two(rows, inverse, k, j, W % TILE);
+        for (; j + TILE <= W; j += TILE) solve_two(rows, inverse, solution, k, j, TILE);
+        if (W % TILE) solve_two(rows, inverse, solution, k, j, W % TILE);
     }
-    if (k == -1)
-        for (int j = ROWS; j < COLS; j++) {
-            lane s = rows[j];
-            for (int i = 1; i < ROWS; i++) s -= rows[i] * rows[i * COLS + j];
-            rows[j] = s * inverse[0];
-        }
 }
 
-/* x over the step, (NX, W), from the stage accelerations (ROWS of COLS, the last W of each). */
-static void step_map(const problem *p, long step, const lane *rows, lane *map) {
+/* x over the step, (NX, W), from the stage accelerations (ROWS, W). */
+static void step_map(const problem *p, long step, const lane *stages, lane *map) {
     const double h = p->h[step];
     for (int a = 0; a < N; a++)
         for (int j = 0; j < W; j++) {
             lane q = {0}, v = {0};
             for (int i = 0; i < S; i++) {
-                const lane x = rows[(i * N + a) * COLS + ROWS + j];
+                const lane x = stages[(i * N + a) * W + j];
                 q += p->bA[i] * x;
                 v += p->b[i] * x;
             }
@@ -252,21 +244,6 @@ static void follow(const lane *restrict map, const lane *restrict from, lane *re
         for (; j + TILE <= W; j += TILE) follow_two(map, from, to, i, j, TILE);
         if (W % TILE) follow_two(map, from, to, i, j, W % TILE);
     }
-}
-
-#pragma GCC optimize("O2")
-
-/* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
-static void acceleration(const problem *p, long group, long node, const lane *x, lane *e, lane *z, lane *a) {
-    matrices(p, group, p->nodes, node, p->jumps ? 2 * p->steps : p->steps, e);
-    const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
-    for (int i = 0; i < N; i++) {
-        lane *row = z + i * (N + 1);
-        memcpy(row, M + i * N, N * sizeof(lane));
-        row[N] = d[i];
-        for (int j = 0; j < N; j++) row[N] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
-    }
-    solve_rows(z, N, a);
 }
 
 /* States (steps + 1, NX) and stage accelerations (steps, ROWS) from the starts of the blocks. */
@@ -328,26 +305,41 @@ static void draw(const problem *p, long group, const lane *x, const lane *a, con
         }
 }
 
+/* What follows takes little time to run, but most of a compiler's: it is optimised less. */
+#pragma GCC optimize("O2")
+
+/* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
+static void acceleration(const problem *p, long group, long node, const lane *x, lane *e, lane *z, lane *a) {
+    matrices(p, group, p->nodes, node, p->jumps ? 2 * p->steps : p->steps, e);
+    const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
+    for (int i = 0; i < N; i++) {
+        lane *row = z + i * (N + 1);
+        memcpy(row, M + i * N, N * sizeof(lane));
+        row[N] = d[i];
+        for (int j = 0; j < N; j++) row[N] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
+    }
+    solve_rows(z, N, a);
+}
+
 /* Room for the work on one group. */
 typedef struct {
     long length, blocks;           /* steps a block, blocks of a lane */
-    lane *memory, *e, *rows, *inverse, *map, *sum, *next, *maps, *z, *saved, *chain, *x0, *stages, *a, *x, *starts, *ends;
+    lane *memory, *e, *rows, *inverse, *map, *sum, *next, *maps, *stages, *z, *saved, *chain, *x0, *a, *x, *starts, *ends;
 } room;
 
 static int open_room(const problem *p, long most_blocks, room *r) {
     const long wanted = p->steps < most_blocks ? p->steps : most_blocks;
-    const size_t widest = 2 * NX * CYCLIC > NX * (2 * NX + 1) ? 2 * NX * CYCLIC : NX * (2 * NX + 1);
     r->length = (p->steps + wanted - 1) / wanted;
     r->blocks = (p->steps + r->length - 1) / r->length;
-    const size_t B = r->blocks + LANES;
-    size_t size = ENTRIES + (size_t)ROWS * (COLS + 1) + 3 * NX * W + B * NX * W;
-    if (ORBIT) size += widest + B * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS * W + ROWS + NX + 2 * N) + NX;
+    const size_t B = r->blocks + LANES, stages = (ORBIT ? p->steps : 1) * (size_t)(ROWS * W);
+    size_t size = ENTRIES + (size_t)ROWS * (COLS + 1) + 3 * NX * W + B * NX * W + stages;
+    if (ORBIT) size += NX * CYCLIC + B * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS + NX + 2 * N) + NX;
     r->memory = aligned_alloc(sizeof(lane), size * sizeof(lane));
     if (!r->memory) return 1;
     r->e = r->memory, r->rows = r->e + ENTRIES, r->inverse = r->rows + ROWS * COLS, r->map = r->inverse + ROWS;
     r->sum = r->map + NX * W, r->next = r->sum + NX * W, r->maps = r->next + NX * W;
-    r->z = r->maps + B * NX * W, r->saved = r->z + widest, r->chain = r->saved + B * NX * CYCLIC;
-    r->x0 = r->chain + B * NX * ROW, r->stages = r->x0 + B * NX, r->a = r->stages + p->steps * ROWS * W;
+    r->stages = r->maps + B * NX * W, r->z = r->stages + stages, r->saved = r->z + NX * CYCLIC;
+    r->chain = r->saved + B * NX * CYCLIC, r->x0 = r->chain + B * NX * ROW, r->a = r->x0 + B * NX;
     r->x = r->a + p->steps * ROWS, r->starts = r->x + (p->steps + 1) * NX;
     r->ends = r->starts + p->steps * N;
     memset(r->e, 0, ENTRIES * sizeof(lane));
@@ -376,11 +368,9 @@ static void advance(const problem *p, long group, room *r) {
                 build(p, group, k, &by, r->e, r->rows);
                 eliminate_with_exchanges(r->rows, r->inverse);
             }
-            substitute(r->rows, r->inverse);
-            if (ORBIT)
-                for (int i = 0; i < ROWS; i++)
-                    for (int j = 0; j < W; j++) r->stages[(k * ROWS + i) * W + j] = r->rows[i * COLS + ROWS + j];
-            step_map(p, k, r->rows, map);
+            lane *stages = r->stages + (ORBIT ? k : 0) * ROWS * W;
+            substitute(r->rows, r->inverse, stages);
+            step_map(p, k, stages, map);
             if (p->maps)
                 for (int i = 0; i < NX * W; i++)
                     for (int l = 0; l < LANES; l++) p->maps[((group * LANES + l) * p->steps + k) * NX * W + i] = map[i][l];
