@@ -121,7 +121,7 @@ class Refinement:
     @cached_property
     def modes(self) -> Frozen:
         """Frozen ones of all points."""
-        return frozen(self.points)
+        return frozen(self.points, engine=self.request.engine)
 
     @cached_property
     def _equations(self) -> Points:

@@ -15,12 +15,6 @@
 #define RESTS 1e-11                /* of what acts on any state: what rests is no larger, however much rounding there is */
 #define REGULAR 1e13               /* condition number of states that does not make their chain singular */
 
-static inline lane root(lane x) {
-    lane r;
-    for (int l = 0; l < LANES; l++) r[l] = sqrt(x[l]);
-    return r;
-}
-
 /* Householder's reflections of so many rows (count, CYCLIC) that make the first NX columns triangular. The other
    columns follow in strips, and with them some that need not. */
 static void reflect(lane *z, int count) {

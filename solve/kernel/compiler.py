@@ -37,6 +37,7 @@ class CompilerError(Exception):
 _WHAT = {
     "columns": "a model's formulas, for many cases",
     "curves": "differences of curves",
+    "eigenvalues": "eigenvalues of matrices",
     "figures": "extremes and harmonics over a turn",
     "lanes": "periodic solutions",
     "pointwise": "a model's formulas, for many points",

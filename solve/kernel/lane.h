@@ -24,6 +24,12 @@ static inline lane chosen(mask m, lane x, lane y) { return (lane)(((mask)x & m) 
 
 static inline lane larger(lane a, lane b) { return chosen(a > b, a, b); }
 
+static inline lane root(lane x) {
+    lane r;
+    for (int l = 0; l < LANES; l++) r[l] = sqrt(x[l]);
+    return r;
+}
+
 static inline int any(mask m) {
     long long found = 0;
     for (int l = 0; l < LANES; l++) found |= m[l];

@@ -6,6 +6,7 @@
    points has the lane as its last index. */
 
 #include "lane.h"
+#include "rows.h"
 #include "stage.h"
 
 #define LANE 1

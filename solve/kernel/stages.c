@@ -4,6 +4,7 @@
    N: coordinates, S: stages. */
 
 #include "lane.h"
+#include "rows.h"
 #include "stage.h"
 
 #define COLS (ROWS + NX)

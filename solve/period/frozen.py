@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array, solved, whole
+from solve.kernel import eigenvalues as kernel
+from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.multipliers import EPS, scaled_alike
 from solve.period.points import Multiplied, Points, Tables, parted, rate_of
 
@@ -30,8 +32,8 @@ _RETURNS = 1e-6
 class Frozen:
     """Of P points, at the middles of k equal parts of the period."""
 
-    def __init__(self, tables: Tables, period: float):
-        self._tables, self._n, self.period = tables, tables.n, period
+    def __init__(self, tables: Tables, period: float, engine: str = NUMPY):
+        self._tables, self._n, self.period, self._engine = tables, tables.n, period, engine
 
     def __len__(self) -> int:
         return len(self._tables.coefficients)
@@ -39,7 +41,7 @@ class Frozen:
     def __getitem__(self, points: Array) -> "Frozen":
         if whole(points, len(self)):
             return self
-        some = Frozen(self._tables[points], self.period)
+        some = Frozen(self._tables[points], self.period, self._engine)
         if "_fields" in self.__dict__:
             some.__dict__["_fields"] = self._fields[:, points]
         return some
@@ -86,8 +88,14 @@ class Frozen:
         """Eigenvalues (P, k, 2n), by the phase, at some of the phases, all by default."""
         if self._n == 1:
             return _quadratic(*self._matrices[:, 0, 0][..., phases])
-        entries = self._fields[..., phases].transpose(1, 2, 0)
-        return _eigenvalues(rate_of(*parted(entries, self._n))[..., :-1])
+        pencils = self._matrices[..., phases]
+        found = kernel.eigenvalues(pencils) if self._engine == COMPILED else None
+        if found is None:
+            return _of_pencils(pencils)
+        missed = np.isnan(found).any(axis=-1)
+        if missed.any():
+            found[missed] = _of_pencils(pencils[..., missed])
+        return found
 
     def equation_factors(self) -> Array | None:
         """Powers of 2 (P, n) that make the inertias in all equations alike, in balanced units of the
@@ -178,14 +186,17 @@ class Frozen:
         """Whether all eigenvalues are sure to have moduli of at most `reach` (P,): λ²M + λC + K
         is regular beyond where (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v (Perron, Collatz)."""
         if self._n > 1:
-            C, K = self._ratios()
-            inside = np.zeros(len(self), dtype=bool)
-            # No sum of squares of the 2n eigenvalues is larger than 2n times that of the largest.
-            squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
-            open_ = np.flatnonzero(np.abs(squares).max(axis=1) <= 2 * self._n * reach**2)
-            if len(open_):
-                C, K = C[:, :, open_], K[:, :, open_]
-                inside[open_] = _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+            inside, open_ = np.zeros(len(self), dtype=bool), np.arange(len(self))
+            for phases in (some_phases(self._fields.shape[-1]), slice(None)):
+                C, K = self[open_]._ratios(phases)
+                # No sum of squares of the 2n eigenvalues is larger than 2n times that of the largest.
+                squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
+                some = np.flatnonzero(np.abs(squares).max(axis=1) <= 2 * self._n * reach**2)
+                open_ = open_[some]
+                if not len(open_):
+                    return inside
+            C, K = C[:, :, some], K[:, :, some]
+            inside[open_] = _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
             return inside
         inside = self._surely_within(reach)
         open_ = np.flatnonzero(~inside)
@@ -208,7 +219,7 @@ class Frozen:
 
     def _at(self, phase: int) -> "Frozen":
         entries = np.moveaxis(self._fields[..., phase : phase + 1], 0, -1)
-        return Frozen(Tables.of(entries, self._n), self.period)
+        return Frozen(Tables.of(entries, self._n), self.period, self._engine)
 
     def _stiffest(self) -> int:
         """The phase at which the point in the middle is stiffest: a guess for the others."""
@@ -224,9 +235,9 @@ class Frozen:
             stiffness, damping = (np.abs(_eigenvalues(solved(M, part))).max(axis=-1) for part in (K, C))
         return np.maximum(np.sqrt(stiffness), damping)
 
-    def _ratios(self) -> tuple[Array, Array]:
+    def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), by elimination without exchange, as inertia allows."""
-        M, C, K = self._matrices
+        M, C, K = self._matrices[..., phases]
         n, rows = self._n, np.concatenate((M, C, K), axis=1)
         with np.errstate(all="ignore"):
             for k in range(n):
@@ -237,9 +248,9 @@ class Frozen:
         return rows[:, n : 2 * n], rows[:, 2 * n :]
 
 
-def frozen(points: Points, phases: int = PHASES) -> Frozen:
+def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> Frozen:
     """The points with their coefficients frozen at so many phases."""
-    return Frozen(points.tables(_middles(phases, points.period)), points.period)
+    return Frozen(points.tables(_middles(phases, points.period)), points.period, engine)
 
 
 def _middles(count: int, period: float) -> Array:
@@ -266,6 +277,12 @@ def surviving(eigenvalues: Array, period: float, limit: float) -> Array:
     fast = (size * period > limit) | (size == size.max(axis=-1, keepdims=True))
     rates = np.where(fast, np.real(eigenvalues), -np.inf).max(axis=-1)
     return np.exp(np.minimum(rates.mean(axis=-1) * period, 0.0))
+
+
+def _of_pencils(pencils: Array) -> Array:
+    """Eigenvalues (…, 2n) of λ²M + λC + K, fields (3, n, n, …)."""
+    M, C, K = np.moveaxis(pencils, (1, 2), (-2, -1))
+    return _eigenvalues(rate_of(M, C, K, np.zeros(M.shape[:-1]))[..., :-1])
 
 
 def _eigenvalues(matrices: Array) -> Array:

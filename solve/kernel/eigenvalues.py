@@ -1,0 +1,29 @@
+"""Eigenvalues of many pencils λ²M + λC + K in compiled code."""
+
+import ctypes
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.kernel.library import loaded
+from solve.sizes import SMALL
+
+
+class _Problem(ctypes.Structure):
+    """`problem` of eigenvalues.c."""
+
+    _fields_ = (("count", ctypes.c_long), ("entries", ctypes.c_void_p), ("values", ctypes.c_void_p))
+
+
+def eigenvalues(pencils: Array) -> Array | None:
+    """Eigenvalues (…, 2n), NaN where they are not found, of fields (3, n, n, …): M, C and K; None without
+    compiled code, or where n is large."""
+    n = pencils.shape[1]
+    library = loaded("eigenvalues.c", (("N", n),)) if n <= SMALL else None
+    if library is None:
+        return None
+    entries = np.ascontiguousarray(pencils)
+    values = np.empty((2 * n, *pencils.shape[3:]), dtype=complex)
+    problem = _Problem(values[0].size, entries.ctypes.data, values.ctypes.data)
+    library.eigenvalues(ctypes.byref(problem))
+    return np.moveaxis(values, 0, -1)

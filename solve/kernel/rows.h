@@ -1,0 +1,44 @@
+/* Elimination with exchanges of rows, which each lane makes for itself. */
+
+/* Exchange rows, `count` of `width` numbers, so that in every lane the largest of column k from row k on comes to
+   row k; returns which rows these were. */
+static inline mask exchange_rows(lane *rows, int count, int width, int k) {
+    lane largest = absolute(rows[k * width + k]);
+    mask best = (mask){0} + k;
+    for (int i = k + 1; i < count; i++) {
+        const lane a = absolute(rows[i * width + k]);
+        const mask larger = a > largest;
+        largest = chosen(larger, a, largest);
+        best = (best & ~larger) | (((mask){0} + i) & larger);
+    }
+    long long other = 0;
+    for (int l = 0; l < LANES; l++) other |= best[l] ^ k;
+    for (int i = k + 1; other && i < count; i++) {
+        const mask this = best == i;
+        long long any = 0;
+        for (int l = 0; l < LANES; l++) any |= this[l];
+        for (int j = 0; any && j < width; j++) {
+            const lane x = rows[k * width + j], y = rows[i * width + j];
+            rows[k * width + j] = chosen(this, y, x);
+            rows[i * width + j] = chosen(this, x, y);
+        }
+    }
+    return best;
+}
+
+/* Solve so many rows with a right side behind them, of which each keeps what acts on it apart from the others. */
+static inline void solve_rows(lane *rows, int count, lane *x) {
+    const int width = count + 1;
+    for (int k = 0; k < count; k++) {
+        exchange_rows(rows, count, width, k);
+        for (int i = k + 1; i < count; i++) {
+            const lane factor = rows[i * width + k] / rows[k * width + k];
+            for (int j = k + 1; j < width; j++) rows[i * width + j] -= factor * rows[k * width + j];
+        }
+    }
+    for (int k = count - 1; k >= 0; k--) {
+        x[k] = rows[k * width + count];
+        for (int j = k + 1; j < count; j++) x[k] -= rows[k * width + j] * x[j];
+        x[k] /= rows[k * width + k];
+    }
+}

@@ -1,0 +1,94 @@
+"""Eigenvalues of pencils in compiled code, held against polynomials with known roots and against LAPACK."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import eigvals
+from scipy.optimize import linear_sum_assignment
+
+import solve
+from solve.kernel.eigenvalues import eigenvalues
+from solve.period.frozen import frozen
+from solve.period.points import OnePoint
+from solve.sizes import SMALL
+from tests.solve.kernel.test_lanes import needs_compiler
+
+pytestmark = needs_compiler
+
+
+def apart(some, others):
+    """Largest distance of numbers to others, matched, relative to the largest of these."""
+    distance = np.abs(some[:, None] - others[None])
+    return distance[linear_sum_assignment(distance)].max() / np.abs(others).max()
+
+
+def by_generalised_problem(M, C, K):
+    """Of λ²M + λC + K as SciPy has them, with no inverse of M."""
+    n = len(M)
+    zero, one = np.zeros((n, n)), np.eye(n)
+    return eigvals(np.block([[zero, one], [-K, -C]]), np.block([[one, zero], [zero, M]]))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5, SMALL])
+@pytest.mark.parametrize("count", [1, 7, 16])
+def test_any_pencils(n, count, width):
+    M, C, K = np.random.default_rng(n).standard_normal((3, n, n, count))
+    M += 3 * n * np.eye(n)[..., None]
+    found = eigenvalues(np.stack((M, C, K)))
+    assert found is not None
+    assert found.shape == (count, 2 * n)
+    for at, values in enumerate(found):
+        assert apart(values, by_generalised_problem(M[..., at], C[..., at], K[..., at])) < 1e-13
+
+
+@given(st.lists(st.tuples(st.floats(0.1, 1e3), st.floats(-0.5, 0.99)), min_size=1, max_size=4), st.randoms())
+def test_modes_that_are_known(modes, random):
+    """Modes with ω and ζ, mixed by a change of coordinates, in units far apart."""
+    omega, zeta = np.array(modes).T
+    n = len(omega)
+    numbers = np.random.default_rng(random.randrange(2**32))
+    mixed = np.linalg.qr(numbers.standard_normal((n, n)))[0]
+    units = 2.0 ** numbers.integers(-20, 21, n)
+    parts = (mixed * each @ mixed.T for each in (np.ones(n), 2 * zeta * omega, omega**2))
+    pencil = np.stack([units[:, None] * part * units for part in parts])
+    found = eigenvalues(pencil[..., None])
+    assert found is not None
+    expected = omega * (-zeta + 1j * np.sqrt(1 - zeta**2))
+    # Two equal modes are a defective pair for rounding: half of the digits.
+    assert apart(found[0], np.concatenate((expected, expected.conj()))) < 1e-6
+
+
+def test_rows_are_exchanged_where_the_first_inertia_is_zero():
+    M, K = np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[0.0, 9.0], [4.0, 0.0]])
+    found = eigenvalues(np.stack((M, np.zeros((2, 2)), K))[..., None])
+    assert found is not None
+    np.testing.assert_allclose(sorted(found[0].imag), [-3, -2, 2, 3], rtol=1e-12)
+
+
+def test_shifts_that_would_go_round_in_circles():
+    """A cyclic matrix stays as it is under QR steps without a shift that breaks its symmetry."""
+    n = 3
+    K = -np.roll(np.eye(n), 1, axis=0)
+    found = eigenvalues(np.stack((np.eye(n), np.zeros((n, n)), K))[..., None])
+    assert found is not None
+    np.testing.assert_allclose(found[0] ** 6, 1.0, rtol=1e-12)
+
+
+def test_what_is_not_finite_is_not_found_and_leaves_others_alone():
+    pencils = np.repeat(np.stack((np.eye(2), np.zeros((2, 2)), np.diag([4.0, 9.0])))[..., None], 3, axis=3)
+    pencils[0, :, :, 0], pencils[2, 0, 0, 2] = 0.0, np.inf
+    found = eigenvalues(pencils)
+    assert found is not None
+    assert np.isnan(found).any(axis=1).tolist() == [True, False, True]
+    np.testing.assert_allclose(sorted(found[1].imag), [-3, -2, 2, 3], rtol=1e-12)
+
+
+def test_large_pencils_are_left_to_others():
+    assert eigenvalues(np.zeros((3, SMALL + 1, SMALL + 1, 1))) is None
+
+
+def test_frozen_modes_are_alike_by_both_engines():
+    point = OnePoint(solve.load("cam", case="1"), 60.0)
+    numpy, compiled = (frozen(point, engine=engine).eigenvalues()[0] for engine in ("numpy", "compiled"))
+    assert max(map(apart, compiled, numpy)) < 1e-12
