@@ -114,8 +114,8 @@ class SystemFamily(Family):
         return SystemFamily, (copy.copy(self.example), self.names, self.speed)
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
-        (speed,), (values,) = self._numbers(point[None])
-        return self._varied(values), float(speed)
+        speed = float(self.speeds(point[None])[0])
+        return (self._varied(self._numbers(point[None])[1][0]) if self._free else self.example), speed
 
     @property
     def moves_breaks(self) -> bool:

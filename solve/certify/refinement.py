@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array, across, whole
+from solve.arrays import Array, across, most, whole
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import (
     Burdens,
@@ -283,22 +283,25 @@ class Refinement:
         before = trail.differences
         done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
         if done.any():
-            at = np.flatnonzero(done)
+            at = most(done)
             left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
-            errors[at], done[at] = np.maximum(errors[at], left), across(np.logical_and, left <= wanted[at])
+            errors[at] = np.maximum(errors[at], left)
+            done[at] &= across(np.logical_and, left <= wanted[at])
         done = done & (fine.rounding < 1.0)
         if done.any():
-            done[done] = ~self._nearly_decided(fine[done], errors[done, 1], found[done, 1], before[done, 1])
+            done &= ~self._nearly_decided(done, fine, errors[:, 1], found[:, 1], before[:, 1])
         return errors, done
 
-    def _nearly_decided(self, fine: Solutions, errors: Array, found: Array, before: Array) -> Array:
-        """Points (k,) whose multipliers leave the verdict open only because they are not known to be on the
-        unit circle, which twice the steps will tell if differences go on to fall."""
+    def _nearly_decided(
+        self, done: Array, fine: Solutions, errors: Array, found: Array, before: Array
+    ) -> Array:
+        """Which points among those `done` (k,) have multipliers that leave the verdict open only because they
+        are not known to be on the unit circle, which twice the steps will tell if differences go on to
+        fall."""
         with np.errstate(over="ignore"):
             e = np.where(np.isfinite(errors), errors, 0.0) * fine.multipliers.spectral_radius
-        near = (
-            (e > KNOWN_ON_CIRCLE / 2) & (e <= KNOWN_ON_CIRCLE * 2**self.method.order) & (found < before / 2)
-        )
+        near = done & (e > KNOWN_ON_CIRCLE / 2) & (e <= KNOWN_ON_CIRCLE * 2**self.method.order)
+        near &= found < before / 2
         at = np.flatnonzero(near)
         if len(at):
             near[at] = roughly(fine.multipliers[at], e[at]) == UNDETERMINED

@@ -29,7 +29,8 @@ class Samples(NamedTuple):
 class Periods(NamedTuple):
     """Monodromy matrices Phi (P, N, N); of several coordinates, the units (P, N), powers of 2, in which these
     are balanced; with orbits, coefficients of the curves (P, n, m, D), lowest power first, and condition
-    numbers (P,) of the linear systems that gave them; of one point, the maps of the steps (1, m, N, N+1)."""
+    numbers (P,) of the linear systems that gave them, not finite where the curves are not; of one point, the
+    maps of the steps (1, m, N, N+1)."""
 
     Phi: Array
     units: Array | None

@@ -35,7 +35,8 @@ typedef struct {
     const double *A, *A2, *b, *bA, *c, *powers;
     double *Phi;                   /* (groups LANES, NX, NX) */
     double *units;                 /* (groups LANES, NX): powers of 2 in which Phi is balanced; or null */
-    double *condition;             /* (groups LANES): of G + H, measured against (G, H), in G x_0 + H x_0 = r */
+    double *condition;             /* (groups LANES): of G + H, measured against (G, H), in G x_0 + H x_0 = r; NaN where
+                                      curves are not finite */
     double *curves;                /* (groups LANES, N, steps, D) */
     double *maps;                  /* (groups LANES, steps, NX, W): of the steps; or null */
 } problem;
@@ -279,9 +280,10 @@ static lane rotated(lane x, int places) {
     return r;
 }
 
-/* Powers of theta in every step, from states and accelerations. */
-static void draw(const problem *p, long group, const lane *x, const lane *a, const lane *starts, const lane *ends) {
+/* Powers of theta in every step, from states and accelerations; returns their sum. */
+static lane draw(const problem *p, long group, const lane *x, const lane *a, const lane *starts, const lane *ends) {
     const int known = STIFF && !p->jumps;
+    lane total = {0};
     for (long k = 0; k < p->steps; k++)
         for (int i = 0; i < N; i++) {
             const double h = p->h[k];
@@ -299,11 +301,13 @@ static void draw(const problem *p, long group, const lane *x, const lane *a, con
                 power[d] = (lane){0};
                 for (int j = 0; j < NODES; j++) power[d] += p->powers[d * D + 2 + j] * data[j];
             }
+            for (int d = 0; d < D; d++) total += power[d];
             for (int l = 0; l < LANES; l++) {
                 double *to = p->curves + (((group * LANES + l) * N + i) * p->steps + k) * D;
                 for (int d = 0; d < D; d++) to[d] = power[d][l];
             }
         }
+    return total;
 }
 
 /* What follows takes little time to run, but most of a compiler's: it is optimised less. */
@@ -383,8 +387,8 @@ static void advance(const problem *p, long group, room *r) {
     for (long block = 1; block < r->blocks; block++) append(r, r->maps + block * NX * W);
 }
 
-/* Curves from the starts of the blocks. */
-static void write(const problem *p, long group, const room *r) {
+/* Curves from the starts of the blocks; returns what is finite where they are. */
+static lane write(const problem *p, long group, const room *r) {
     for (int i = 0; i < NX; i++)
         for (int j = 0; j < NX; j++)
             for (int l = 0; l < LANES; l++) p->Phi[((group * LANES + l) * NX + i) * NX + j] = r->sum[i * W + j][l];
@@ -394,14 +398,14 @@ static void write(const problem *p, long group, const room *r) {
         for (int i = 0; i < NX; i++)
             for (int l = 0; l < LANES; l++) p->units[(group * LANES + l) * NX + i] = unit[i][l];
     }
-    if (!ORBIT) return;
+    if (!ORBIT) return (lane){0};
     trace(p, r->length, r->x0, r->stages, r->x, r->a);
     for (long k = 0; k < (STIFF && !p->jumps ? 0 : p->steps); k++) {
         acceleration(p, group, k, r->x + k * NX, r->e, r->rows, r->starts + k * N);
         if (NODES > S + 1 && p->jumps)
             acceleration(p, group, p->steps + k, r->x + (k + 1) * NX, r->e, r->rows, r->ends + k * N);
     }
-    draw(p, group, r->x, r->a, r->starts, r->ends);
+    return draw(p, group, r->x, r->a, r->starts, r->ends);
 }
 
 /* Solve the groups one after another; 1 where memory is missing, else 0. */
@@ -410,8 +414,10 @@ int level(const problem *p) {
     if (open_room(p, BLOCKS, &r)) return 1;
     for (long group = 0; group < p->groups; group++) {
         advance(p, group, &r);
-        if (ORBIT) ((loose *)p->condition)[group] = close_chain(p->steps, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0, 1);
-        write(p, group, &r);
+        lane condition = {0};
+        if (ORBIT) condition = close_chain(p->steps, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0, 1);
+        condition += 0.0 * write(p, group, &r);
+        if (ORBIT) ((loose *)p->condition)[group] = condition;
     }
     free(r.memory);
     return 0;
@@ -430,8 +436,11 @@ int segments(const problem *p) {
         }
     memcpy(r.sum, whole, NX * W * sizeof(lane));
     for (int l = 1; l < LANES; l++) append(&r, whole + l * NX * W);
-    if (ORBIT) *(loose *)p->condition = close_segments(p->steps, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
-    write(p, 0, &r);
+    lane condition = {0};
+    if (ORBIT) condition = close_segments(p->steps, r.blocks, r.maps, r.saved, r.chain, r.z, r.x0);
+    const lane total = write(p, 0, &r);
+    for (int l = 0; l < LANES; l++) condition += 0.0 * total[l];
+    if (ORBIT) *(loose *)p->condition = condition;
     free(r.memory);
     return 0;
 }

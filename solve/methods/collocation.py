@@ -262,8 +262,8 @@ class Collocated(OneStep):
         steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
         if not orbit or made.curves is None or made.condition is None:
             return self.sound(points, grid, made.Phi, steps=steps, units=made.units)
-        curve, finite = Curve(grid.nodes, made.curves), np.isfinite(made.condition)
-        lost = ~(finite & curve.finite)
+        finite = np.isfinite(made.condition)
+        curve, lost = Curve.known(grid.nodes, made.curves, finite), ~finite
         if lost.any() and (np.isfinite(made.Phi).all(axis=(1, 2)) & lost).any():
             # Units so far apart that squares overflow in the lanes; NumPy's closing balances them.
             return super().solutions(points, grid, orbit)

@@ -91,6 +91,13 @@ class Curve:
         """From what each step knows of its curve, (…, m, n, r), and what that gives to powers of θ (D, r)."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
+    @classmethod
+    def known(cls, nodes: Array, coefficients: Array, finite: Array) -> "Curve":
+        """Where it is known whether the coefficients are finite (…)."""
+        made = cls(nodes, coefficients)
+        made.__dict__["_finite"] = finite
+        return made
+
     @property
     def n(self) -> int:
         return self.coefficients.shape[-3]

@@ -34,6 +34,7 @@ class Frozen:
 
     def __init__(self, tables: Tables, period: float, engine: str = NUMPY):
         self._tables, self._n, self.period, self._engine = tables, tables.n, period, engine
+        self._among: tuple[Array, Array] | None = None
 
     def __len__(self) -> int:
         return len(self._tables.coefficients)
@@ -43,13 +44,18 @@ class Frozen:
             return self
         some = Frozen(self._tables[points], self.period, self._engine)
         if "_fields" in self.__dict__:
-            some.__dict__["_fields"] = self._fields[:, points]
+            some._among = self._fields, points
+        elif self._among is not None:
+            some._among = self._among[0], self._among[1][points]
         return some
 
     @cached_property
     def _fields(self) -> Array:
         """Entries (3n² + n, P, k)."""
-        return self._tables.fields()
+        if self._among is None:
+            return self._tables.fields()
+        fields, positions = self._among
+        return fields[:, positions]
 
     @cached_property
     def _ranges(self) -> tuple[Array, Array]:
@@ -58,8 +64,16 @@ class Frozen:
 
     @property
     def _matrices(self) -> Array:
-        n, fields = self._n, self._fields
-        return fields[: 3 * n**2].reshape(3, n, n, *fields.shape[1:])
+        return self._matrices_at(slice(None))
+
+    def _matrices_at(self, phases: Array | slice) -> Array:
+        """M, C and K (3, n, n, P, k') at some of the phases."""
+        if self._among is not None and "_fields" not in self.__dict__ and isinstance(phases, slice):
+            fields, positions = self._among
+            fields = fields[..., phases][:, positions]
+        else:
+            fields = self._fields[..., phases]
+        return fields[: 3 * self._n**2].reshape(3, self._n, self._n, *fields.shape[1:])
 
     @property
     def phases(self) -> Array:
@@ -87,8 +101,8 @@ class Frozen:
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
         """Eigenvalues (P, k, 2n), by the phase, at some of the phases, all by default."""
         if self._n == 1:
-            return _quadratic(*self._matrices[:, 0, 0][..., phases])
-        pencils = self._matrices[..., phases]
+            return _quadratic(*self._matrices_at(phases)[:, 0, 0])
+        pencils = self._matrices_at(phases)
         found = kernel.eigenvalues(pencils) if self._engine == COMPILED else None
         if found is None:
             return _of_pencils(pencils)
@@ -186,17 +200,13 @@ class Frozen:
         """Whether all eigenvalues are sure to have moduli of at most `reach` (P,): λ²M + λC + K
         is regular beyond where (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v (Perron, Collatz)."""
         if self._n > 1:
-            inside, open_ = np.zeros(len(self), dtype=bool), np.arange(len(self))
-            for phases in (some_phases(self._fields.shape[-1]), slice(None)):
-                C, K = self[open_]._ratios(phases)
-                # No sum of squares of the 2n eigenvalues is larger than 2n times that of the largest.
-                squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
-                some = np.flatnonzero(np.abs(squares).max(axis=1) <= 2 * self._n * reach**2)
-                open_ = open_[some]
+            open_ = np.arange(len(self))
+            for phases in (some_phases(self._tables.table.shape[-2]), slice(None)):
+                open_ = open_[self[open_]._within_at(phases, reach)]
                 if not len(open_):
-                    return inside
-            C, K = C[:, :, some], K[:, :, some]
-            inside[open_] = _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
+                    break
+            inside = np.zeros(len(self), dtype=bool)
+            inside[open_] = True
             return inside
         inside = self._surely_within(reach)
         open_ = np.flatnonzero(~inside)
@@ -205,6 +215,18 @@ class Frozen:
             # Schur and Cohn's criterion, sharp for a single mode.
             within = (np.abs(K) <= reach**2) & (np.abs(C) <= reach + K / reach)
             inside[open_] = np.all(within, axis=(0, 1, 3))
+        return inside
+
+    def _within_at(self, phases: slice, reach: float) -> Array:
+        """The same at some of the phases, of several coordinates."""
+        C, K = self._ratios(phases)
+        # No sum of squares of the 2n eigenvalues is larger than 2n times that of the largest.
+        squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
+        inside = np.abs(squares).max(axis=1) <= 2 * self._n * reach**2
+        some = np.flatnonzero(inside)
+        if len(some):
+            C, K = C[:, :, some], K[:, :, some]
+            inside[some] = _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
         return inside
 
     def _surely_within(self, rate: float) -> Array:
@@ -237,7 +259,7 @@ class Frozen:
 
     def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), by elimination without exchange, as inertia allows."""
-        M, C, K = self._matrices[..., phases]
+        M, C, K = self._matrices_at(phases)
         n, rows = self._n, np.concatenate((M, C, K), axis=1)
         with np.errstate(all="ignore"):
             for k in range(n):
