@@ -1,6 +1,7 @@
 """Figures of a quantity over one turn."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 
 class Statistics(NamedTuple):
@@ -14,3 +15,14 @@ class Statistics(NamedTuple):
     max_phase: float
     min_phase: float
     rms: float
+
+
+class Limit(NamedTuple):
+    """What the figures of a quantity may be.
+
+    left: whether figures, of one solution or arrays of many, are beyond it. says: what that means, of one.
+    """
+
+    quantity: str
+    left: Callable[[Statistics], Any]
+    says: Callable[[Statistics], str]

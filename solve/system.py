@@ -1,7 +1,7 @@
 """A linear system with periodic coefficients, M(Ωt)q″ + C(Ωt)q′ + K(Ωt)q = d(Ωt) (chapter Eq. (2))."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -21,7 +21,7 @@ from solve.errors import (
     require_name,
 )
 from solve.labels import Labels
-from solve.statistics import Statistics
+from solve.statistics import Limit, Statistics
 from solve.trigonometric import Trigonometric
 
 _EPS = float(np.finfo(float).eps)
@@ -150,15 +150,23 @@ class PeriodicSystem(Labels):
         """Coordinates and outputs whose bounds tell whether a solution is to be trusted."""
         return ()
 
+    def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
+        """Those within which the model is trusted, of these quantities; linear: whether the linearised
+        equations give the figures."""
+
+        def not_finite(found: Statistics) -> Any:
+            return ~np.isfinite(found.max - found.min)
+
+        def says(name: str) -> Callable[[Statistics], str]:
+            return lambda _: f"{name} is no finite number at some phases, and has no figures"
+
+        return [Limit(name, not_finite, says(name)) for name in quantities]
+
     def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
-        """Warnings where a solution with these figures by quantity leaves the bounds within which the
-        model is trusted, or gives a quantity no value; quantities without figures are not judged. linear:
-        whether the linearised equations gave it."""
-        return [
-            f"{name} is no finite number at some phases, and has no figures"
-            for name, found in figures.items()
-            if not math.isfinite(found.max - found.min)
-        ]
+        """Warnings where a solution with these figures by quantity leaves the limits, or gives a quantity no
+        value; quantities without figures are not judged. linear: as in `limits`."""
+        asked = ((limit, figures[limit.quantity]) for limit in self.limits(figures, linear))
+        return [limit.says(found) for limit, found in asked if limit.left(found)]
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

@@ -99,10 +99,10 @@ class _Keeper:
             self._judge(at if system.judged_quantities else at[~known])
 
     def _judge(self, at: Array) -> None:
-        """Bounds of the model that the solutions leave."""
-        names, judged = self.results.kept.names, self.batch.family.example.judged
-        for place in map(int, at):
-            figures = (Statistics(*row) for row in self.results.figures[place])
-            texts = judged(dict(zip(names, figures, strict=True)))
-            if texts:
-                self.results.warnings.setdefault(place, []).extend(texts)
+        """Limits of the model that the solutions leave."""
+        names, figures = self.results.kept.names, self.results.figures[at]
+        for limit in self.batch.family.example.limits(names):
+            of_quantity = figures[:, names.index(limit.quantity)]
+            for row in np.flatnonzero(limit.left(Statistics(*of_quantity.T))).tolist():
+                says = limit.says(Statistics(*of_quantity[row]))
+                self.results.warnings.setdefault(int(at[row]), []).append(says)

@@ -1,6 +1,6 @@
 """A periodic system whose matrices, outputs and bounds come from a generated module."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -23,7 +23,7 @@ from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
 from solve.model.setup import Setup
 from solve.model.sketches import stated_lines
 from solve.model.smooth import SmoothParameters
-from solve.statistics import Statistics
+from solve.statistics import Limit, Statistics
 from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
@@ -284,21 +284,44 @@ class Model(PeriodicSystem):
     def judged_quantities(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((*self.validity, *(name for name, *_ in self.module.LIMITS))))
 
-    def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
-        warnings = super().judged(figures, linear)
-        for name, bound in self.validity.items() if linear else ():
-            if name in figures and figures[name].max_abs > bound:
-                warnings.append(
-                    f"the linearisation is not to be trusted: max|{name}| = {figures[name].max_abs:.3g} "
-                    f"{self.units[name]}, beyond {bound:g}"
-                )
-        for name, bound, meaning in self.module.LIMITS:
-            for clause in clauses(bound) if name in figures else ():
-                extreme = figures[name].min if clause.startswith(">") else figures[name].max
-                if not np.isnan(extreme) and not holds(clause, extreme):
-                    reached = measured(extreme, self.units[name], 3)
-                    warnings.append(f"{meaning}: {name} reaches {reached}, bound {clause}")
-        return warnings
+    def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
+        known = list(quantities)
+        stated = [(name, bound, meaning) for name, bound, meaning in self.module.LIMITS if name in known]
+        trusted = [(name, bound) for name, bound in self.validity.items() if linear and name in known]
+        return [
+            *super().limits(known, linear),
+            *(_validity(name, bound, self.units[name]) for name, bound in trusted),
+            *(
+                _bound(name, meaning, self.units[name], clause)
+                for name, bound, meaning in stated
+                for clause in clauses(bound)
+            ),
+        ]
+
+
+def _validity(name: str, bound: float, unit: str) -> Limit:
+    """Beyond which the linearisation is not to be trusted."""
+
+    def says(found: Statistics) -> str:
+        reached = f"max|{name}| = {found.max_abs:.3g} {unit}, beyond {bound:g}"
+        return f"the linearisation is not to be trusted: {reached}"
+
+    return Limit(name, lambda found: found.max_abs > bound, says)
+
+
+def _bound(name: str, meaning: str, unit: str, clause: str) -> Limit:
+    """A clause of a bound that a generated module states."""
+
+    def extreme(found: Statistics) -> Any:
+        return found.min if clause.startswith(">") else found.max
+
+    def left(found: Statistics) -> Any:
+        return ~np.isnan(extreme(found)) & ~np.asarray(holds(clause, extreme(found)))
+
+    def says(found: Statistics) -> str:
+        return f"{meaning}: {name} reaches {measured(extreme(found), unit, 3)}, bound {clause}"
+
+    return Limit(name, left, says)
 
 
 of_model = first_is(Model, such_as="solve.load('cam')")
