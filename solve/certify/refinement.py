@@ -51,7 +51,11 @@ STEPS = "steps"
 
 _FEW_STEPS = 360
 WITNESS_RTOL = 1e-10
-"""Accuracy of multipliers by which others are judged."""
+"""Accuracy of multipliers by which others are judged, at most."""
+
+_WITNESS_PART, _WITNESS_LEAST = 0.01, 1e-3
+"""Part of the errors of others that those of multipliers by which they are judged may have, and at least so
+much accuracy."""
 
 UNDERFLOW = 1e-30
 """Spectral radius below which multipliers are refined only as long as grids agree better and better."""
@@ -203,7 +207,7 @@ class Refinement:
             if not len(part):
                 continue
             errors = judged(self._differences(coarse, fine, part), self.orders)
-            unseen = self._hidden(steps, part, coarse)
+            unseen = self._hidden(steps, part, coarse, errors)
             alias = aliasing(self.points[part], self.method, 2 * steps, given=True)
             radii = radius_changes(coarse.multipliers, fine.multipliers)
             with np.errstate(over="ignore", invalid="ignore"):
@@ -331,7 +335,7 @@ class Refinement:
         """Points whose grids agree, unless modes that these do not follow, or orders that they do not see,
         matter and the grids are not their `last` (k,); returns which points have ended (k,)."""
         positions = trail.positions
-        unseen = self._hidden(seen_by_both(pace, self.method), positions, fine)
+        unseen = self._hidden(seen_by_both(pace, self.method), positions, fine, errors)
         alias = aliasing(self.points[positions], self.method, pace.steps)
         doubt = across(np.maximum, np.maximum(unseen[:, :2], alias / ALIAS))
         ended = (doubt <= self.request.rtol) | last
@@ -350,21 +354,25 @@ class Refinement:
                 yield self._certified(positions[good], chosen, found, unseen[good, 2])
         return ended
 
-    def _hidden(self, steps: int, positions: Array, solutions: Solutions) -> Array:
+    def _hidden(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
+        """What two grids with the errors (k, 2) do not show, see `hidden`."""
+
         def witness(at: Array) -> tuple[Multipliers, Array]:
-            return self._witnessed(positions[at], solutions[at])
+            return self._witnessed(positions[at], solutions[at], errors[at])
 
         modes = self.modes if len(positions) == len(self.points) else self.modes[positions]
         return hidden(modes, self.method, steps, solutions.multipliers, self.request.rtol, witness)
 
-    def _witnessed(self, positions: Array, solutions: Solutions) -> tuple[Multipliers, Array]:
+    def _witnessed(self, positions: Array, solutions: Solutions, errors: Array) -> tuple[Multipliers, Array]:
         """Multipliers of the points by the witness, zero with an infinite bound where it cannot tell; and the
         errors of orbits that are series, which agree however long they lack a resonant harmonic."""
         values = np.zeros((len(positions), 2 * self.points.n), dtype=complex)
         resolved, bound = np.zeros(len(positions), dtype=int), np.full(len(positions), np.inf)
         orbits = np.zeros(len(positions))
         orbit = self.request.orbit and self.method.spectral
-        request = replace(self.request, orbit=orbit, rtol=WITNESS_RTOL, steps=None)
+        least = float((errors if orbit else errors[:, 1]).min())
+        rtol = min(max(_WITNESS_PART * least, WITNESS_RTOL), _WITNESS_LEAST)
+        request = replace(self.request, orbit=orbit, rtol=rtol, steps=None)
         with stage("multipliers by another method"):
             for found in certified(self.points[positions], self.request.witness, request):
                 if isinstance(found, Certified):
