@@ -69,7 +69,8 @@ int closed(const problem *p) {
             for (int j = 0; j < NX; j++) maps[k * W + j] = none + map[k * NX + j];
             for (int l = 0; l < LANES; l++) maps[k * W + NX][l] = load[k * c + (first + l < c ? first + l : c - 1)];
         }
-        p->condition[0] = close_chain(p->steps, B, maps, saved, rows, z, x, 0)[0];
+        const double condition = shared(close_chain(p->steps, B, maps, saved, rows, z, x, 0))[0];
+        p->condition[0] = first ? fmax(p->condition[0], condition) : condition;
         for (long k = 0; k < B; k++)
             for (int i = 0; i < NX; i++)
                 for (int l = 0; l < LANES && first + l < c; l++)

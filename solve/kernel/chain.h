@@ -11,9 +11,13 @@
 #define BALANCING 50               /* sweeps of balancing at most */
 #define UNLIKE 2.0                 /* power of 2 between the squares of the norms of a row and its column that asks for some */
 #define APART 1e-3                 /* of what acts on any state: elimination costs those their digits on which less acts */
-#define ROUNDING 1.8e-15           /* 8 units of it, times a condition number: what is no larger rests */
+#define EPS 2.220446049250313e-16
 #define RESTS 1e-11                /* of what acts on any state: what rests is no larger, however much rounding there is */
 #define REGULAR 1e13               /* condition number of states that does not make their chain singular */
+#define LEFT 1e-12                 /* of what acts on the states at a node: if more is left over, nodes get units of their own */
+#define SINGULAR 1e14              /* condition number beyond which a chain is singular */
+#define AGAIN 3                    /* times that these are found anew at most */
+#define SMALLEST -100              /* power of 2 of the unit of a node at least, from that of the largest one */
 
 /* Householder's reflections of so many rows (count, CYCLIC) that make the first NX columns triangular. The other
    columns follow in strips, and with them some that need not. */
@@ -187,17 +191,18 @@ static void balance(int common, long blocks, const lane *maps, lane *unit) {
     }
 }
 
-/* Rows G x_k + H x_{k+1} = r of so many blocks, in balanced units, from their affine maps. */
-static void rows_of(long blocks, const lane *maps, const lane *unit, lane *rows) {
+/* Rows G x_k + H x_{k+1} = r of so many blocks, in units of the states and of the nodes, from their affine maps. */
+static void rows_of(long blocks, const lane *maps, const lane *unit, const lane *node, lane *rows) {
     for (long k = 0; k < blocks; k++)
         for (int i = 0; i < NX; i++) {
             lane *row = rows + (k * NX + i) * ROW;
+            const lane ahead = unit[i] * node[k + 1];
             for (int j = 0; j < NX; j++) {
-                row[j] = maps[(k * NX + i) * W + j] * (unit[j] / unit[i]);
+                row[j] = maps[(k * NX + i) * W + j] * (unit[j] * node[k] / ahead);
                 row[NX + j] = (lane){0};
             }
             row[NX + i] -= 1.0;
-            row[2 * NX] = -maps[(k * NX + i) * W + NX] / unit[i];
+            row[2 * NX] = -maps[(k * NX + i) * W + NX] / ahead;
         }
 }
 
@@ -222,23 +227,54 @@ static void expand(long count, const lane *saved, lane *x, const lane *end) {
         between(saved + k * NX * CYCLIC, x + 2 * k * NX, 2 * k + 2 < count ? x + (2 * k + 2) * NX : end, x + (2 * k + 1) * NX);
 }
 
-/* What acts on each of the states x (blocks, NX), in the units, at most, and the states themselves; of each lane by
-   itself, or common to all. */
-static void acting_on(int common, long blocks, const lane *maps, const lane *x, const lane *unit, lane *acting, lane *size) {
-    for (int i = 0; i < NX; i++) {
-        size[i] = acting[i] = (lane){0};
-        for (long k = 0; k < blocks; k++) {
-            lane sum = absolute(maps[(k * NX + i) * W + NX]);
-            for (int j = 0; j < NX; j++) sum += absolute(maps[(k * NX + i) * W + j] * x[k * NX + j]) * unit[j];
-            size[i] = larger(size[i], absolute(x[k * NX + i]));
+/* The largest of a number over the lanes, for all of them. */
+static lane shared(lane x) {
+    double most = x[0];
+    for (int l = 1; l < LANES; l++) most = fmax(most, x[l]);
+    return (lane){0} + most;
+}
+
+/* What acts on each of the states x (blocks, NX), at most, and these themselves, in the units; of each lane by itself,
+   or common to all. Returns the largest part of what acts at a node that the states there leave over; `after` comes
+   behind the last block. */
+static lane acting_on(int common, long blocks, const lane *maps, const lane *x, const lane *after, const lane *unit, lane *acting,
+                      lane *size) {
+    lane left = {0};
+    for (int i = 0; i < NX; i++) size[i] = acting[i] = (lane){0};
+    for (long k = 0; k < blocks; k++) {
+        const lane *to = k + 1 < blocks ? x + (k + 1) * NX : after;
+        lane most = {0}, over = {0};
+        for (int i = 0; i < NX; i++) {
+            const lane *map = maps + (k * NX + i) * W;
+            lane sum = absolute(map[NX]), rest = map[NX] - to[i];
+            for (int j = 0; j < NX; j++) sum += absolute(map[j] * x[k * NX + j]), rest += map[j] * x[k * NX + j];
+            size[i] = larger(size[i], absolute(x[k * NX + i]) / unit[i]);
             acting[i] = larger(acting[i], sum / unit[i]);
+            most = larger(most, sum / unit[i]), over = larger(over, absolute(rest) / unit[i]);
         }
-        for (int l = 1; common && l < LANES; l++) {
-            acting[i][0] = fmax(acting[i][0], acting[i][l]);
-            size[i][0] = fmax(size[i][0], size[i][l]);
-        }
-        if (common) acting[i] = (lane){0} + acting[i][0], size[i] = (lane){0} + size[i][0];
+        left = larger(left, where(most > 0.0, over / most));
     }
+    if (common) {
+        left = shared(left);
+        for (int i = 0; i < NX; i++) acting[i] = shared(acting[i]), size[i] = shared(size[i]);
+    }
+    return left;
+}
+
+/* Units (blocks + 1) of the nodes in which the states x (blocks, NX) are alike at all of them, in the lanes that are
+   open; `after` comes behind the last block. */
+static void alike(int common, long blocks, const lane *x, const lane *after, const lane *unit, mask open, lane *node) {
+    lane size[BLOCKS + 1], most = {0};
+    for (long k = 0; k <= blocks; k++) {
+        const lane *state = k < blocks ? x + k * NX : after;
+        size[k] = (lane){0};
+        for (int i = 0; i < NX; i++) size[k] = larger(size[k], absolute(state[i]) / unit[i]);
+        most = larger(most, size[k]);
+    }
+    if (common) most = shared(most);
+    for (long k = 0; k <= blocks; k++)
+        for (int l = 0; l < LANES; l++)
+            if (open[l]) node[k][l] = ldexp(1.0, (int)fmax(logb(size[k][l]) - logb(most[l]), SMALLEST));
 }
 
 /* Make what acts on each state of one size, by powers of 2, where it is far smaller on some, which elimination mixes
@@ -259,47 +295,57 @@ static int resize(const lane *acting, lane *unit) {
     return changed;
 }
 
-/* The condition number of states, larger than that of their chain of so many steps where what acts on one cancels, but
-   for states that are nothing but the rounding of this; and not so large that it would count as singular. */
-static lane of_states(lane condition, long steps, const lane *acting, const lane *size) {
+/* The condition number of states, from that of their chain of so many steps in units of the states, the first one, and
+   in those of the nodes too: larger where so much of what acts is left over, and, sized, where what acts on one cancels,
+   but for states that are nothing but the rounding of this; not so large that a chain would count as singular which is
+   regular in the first units. */
+static lane of_states(lane first, lane condition, long steps, const lane *acting, const lane *size, lane left, int sized) {
+    const lane rounding = EPS * fmax(8.0, steps / 16.0) + (lane){0}, regular = (lane){0} + REGULAR;
+    condition = chosen(first < SINGULAR, -larger(-regular, -condition), condition);
     lane most = {0}, cancels = (lane){0} + 1.0;
     for (int i = 0; i < NX; i++) most = larger(most, acting[i]);
-    const lane left = ROUNDING * fmax(8.0, steps / 16.0) * condition;
-    const lane rests = -larger(-left, (lane){0} - RESTS) * most;
-    for (int i = 0; i < NX; i++) {
+    const lane rests = -larger(-8.0 * rounding * condition, (lane){0} - RESTS) * most;
+    for (int i = 0; sized && i < NX; i++) {
         const mask moves = size[i] > rests;
         cancels = larger(cancels, (lane)((mask)(acting[i] / size[i]) & moves));
     }
-    return -larger(-larger(condition, (lane){0} + REGULAR), -condition * cancels);       /* NaN stays */
+    const lane lost = -larger(-left / rounding, -regular);
+    return larger(lost, -larger(-larger(condition, regular), -condition * cancels));     /* NaN stays */
 }
 
 /* Starts x (blocks, NX) of the blocks of a closed chain of so many steps; returns their condition number; sized: with
    regard to their sizes. */
 static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x, int sized) {
-    lane unit[NX], acting[NX], size[NX], condition;
+    lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, first, left;
     balance(0, blocks, maps, unit);
-    for (int again = 1, open = 1; open; again = 0) {
-        rows_of(blocks, maps, unit, rows);
+    for (long k = 0; k <= blocks; k++) node[k] = (lane){0} + 1.0;
+    for (int again = 0, resized = 0;;) {
+        rows_of(blocks, maps, unit, node, rows);
         reduce(blocks, rows, saved);
         condition = close_row(rows, z, x);
         expand(blocks, saved, x, x);
-        if (sized) acting_on(0, blocks, maps, x, unit, acting, size);
-        open = sized && again && resize(acting, unit);
+        for (long k = 0; k < blocks; k++)
+            for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i] * node[k];
+        left = acting_on(0, blocks, maps, x, x, unit, acting, size);
+        if (sized && !resized && (resized = 1, resize(acting, unit))) continue;
+        if (!again) first = condition;
+        const mask open = (left > LEFT) | (condition > SINGULAR);
+        if (again++ == AGAIN || !any(open)) break;
+        alike(0, blocks, x, x, unit, open, node);
     }
-    for (long k = 0; k < blocks; k++)
-        for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
-    return sized ? of_states(condition, steps, acting, size) : condition;
+    return of_states(first, condition, steps, acting, size, left, sized);
 }
 
 /* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
 static lane close_segments(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
     static const lane none = {0};
-    lane unit[NX], acting[NX], size[NX], condition;
+    lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, first, left;
     lane *whole = rows + blocks * NX * ROW, *kept = saved + blocks * NX * CYCLIC;
     lane starts[LANES * NX], ends[NX];
     balance(1, blocks, maps, unit);
-    for (int again = 1, open = 1; open; again = 0) {
-        rows_of(blocks, maps, unit, rows);
+    for (long k = 0; k <= blocks; k++) node[k] = none + 1.0;
+    for (int again = 0, resized = 0;;) {
+        rows_of(blocks, maps, unit, node, rows);
         reduce(blocks, rows, saved);
         for (int l = 0; l < LANES; l++)
             for (int i = 0; i < NX * ROW; i++) whole[l * NX * ROW + i] = none + rows[i][l];
@@ -312,12 +358,18 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
                 ends[i][l] = starts[(l + 1) % LANES * NX + i][0];
             }
         expand(blocks, saved, x, ends);
-        acting_on(1, blocks, maps, x, unit, acting, size);
-        open = again && resize(acting, unit);
+        for (int i = 0; i < NX; i++) {
+            for (long k = 0; k < blocks; k++) x[k * NX + i] *= unit[i] * node[k];
+            ends[i] *= unit[i] * node[blocks];
+        }
+        left = acting_on(1, blocks, maps, x, ends, unit, acting, size);
+        if (!resized && (resized = 1, resize(acting, unit))) continue;
+        if (!again) first = condition;
+        const mask open = (left > LEFT) | (condition > SINGULAR);
+        if (again++ == AGAIN || !any(open)) break;
+        alike(1, blocks, x, ends, unit, open, node);
     }
-    for (long k = 0; k < blocks; k++)
-        for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i];
-    return of_states(condition, LANES * steps, acting, size);
+    return of_states(first, condition, LANES * steps, acting, size, left, 1);
 }
 
 #pragma GCC pop_options

@@ -90,6 +90,8 @@ class Multipliers:
             norm[unsure] = unit[unsure] * _frobenius(_by_entry(_balanced(_matrices(scaled)[unsure], known)))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
+        if kept.all():
+            return cls(values, np.full(bound.shape, values.shape[-1]), bound)
         return cls(np.where(kept, values, 0.0), across(np.add, kept.astype(int)), bound)
 
     def __getitem__(self, points: Any) -> "Multipliers":
@@ -322,7 +324,10 @@ def roughly(multipliers: Multipliers, errors: Array) -> Array:
 
 def _absolute(multipliers: Multipliers, errors: Array) -> Array:
     """e (P, N) of `verdicts`."""
-    unresolved = np.arange(multipliers.values.shape[-1]) >= multipliers.resolved[:, None]
+    values, resolved = multipliers.values, multipliers.resolved
+    if (resolved == values.shape[-1]).all():
+        return np.broadcast_to(errors[:, None], values.shape)
+    unresolved = np.arange(values.shape[-1]) >= resolved[:, None]
     return np.where(unresolved, np.maximum(multipliers.bound[:, None], errors[:, None]), errors[:, None])
 
 

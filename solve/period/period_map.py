@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, solved
 from solve.period.multipliers import EPS, accumulated, scaled_alike
 
 BLOCKS = 32
@@ -32,6 +32,16 @@ _RESTS = 1e-11
 
 REGULAR = 1e13
 """Condition number of states that does not make their chain singular."""
+
+_LEFT = 1e-12
+"""Part of what acts on the states at a node that may be left over of them: elimination treats nodes alike,
+and a solution that grows by many powers of ten within the period loses its digits where it is small."""
+
+_AGAIN = 3
+"""Times at most that a chain is closed anew, in units in which its states are alike at all nodes."""
+
+_SMALLEST = 2.0**-100
+"""Unit of a node at least, of the largest one."""
 
 
 @dataclass(frozen=True)
@@ -86,18 +96,19 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
     levels = _levels(steps if columns else Steps(steps.A, steps.b[..., None]), BLOCKS)
     A, b = levels[-1].A, levels[-1].b
     unit = _units(A)
-    x, condition = _in_units(A, b, unit)
+    x, condition, left = _at_nodes(A, b, unit)
     if not columns:
         acting = _acting(A, b, x)
         ratios = acting / unit
         apart = ratios.min(axis=-1) < APART * ratios.max(axis=-1)
         if apart.any():
             unit = np.where(apart[..., None], 2.0 ** np.floor(np.log2(acting)), unit)
-            x, condition = _in_units(A, b, unit)
+            x, condition, left = _at_nodes(A, b, unit)
             acting = _acting(A, b, x)
         rounding = EPS * accumulated(steps.A.shape[-3]) * condition
         cancels = _cancels(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
         condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
+    condition = np.fmax(condition, np.minimum(left / (EPS * accumulated(steps.A.shape[-3])), REGULAR))
     for level in reversed(levels[:-1]):
         x = _refined(level, x)
     x = np.concatenate((x, x[..., :1, :, :]), axis=-3)
@@ -112,11 +123,39 @@ def _units(A: Array) -> Array:
     return scaled_alike(size)[1]
 
 
-def _in_units(A: Array, b: Array, unit: Array) -> tuple[Array, Array]:
-    """Starts of the blocks of a closed chain, and its condition number, solved in such units (..., N)."""
-    unit = unit[..., None, :, None]
-    x, condition = _cyclic(Steps(A * np.swapaxes(unit, -1, -2) / unit, b / unit))
-    return x * unit, condition
+def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
+    """Starts of the blocks of a closed chain, its condition number, and the part of what acts on them that is
+    left over; in such units (..., N) of the states, and where that loses digits in units of the nodes too. A
+    chain is singular that is so in either way."""
+    unit, regular = np.broadcast_to(unit[..., None, :], A.shape[:-1]), None
+    for _ in range(_AGAIN + 1):
+        ahead = np.roll(unit, -1, axis=-2)
+        scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
+        x, condition = _cyclic(scaled)
+        found = _left(scaled, x)
+        left, x = found.max(axis=-1), x * unit[..., None]
+        singular = ~(condition < 1 / SINGULAR)
+        regular = ~singular if regular is None else regular
+        size = np.abs(x / unit[..., None]).max(axis=(-2, -1))
+        largest = size.max(axis=-1, keepdims=True)
+        open_ = ((left > _LEFT) | singular)[..., None] & (largest > 0) & np.isfinite(largest)
+        if not open_.any():
+            break
+        # Powers of 2: what is divided by them keeps all of its digits.
+        exponents = np.round(np.log2(np.where(open_, np.maximum(size / largest, _SMALLEST), 1.0)))
+        unit = unit * np.exp2(exponents)[..., None]
+    condition = np.where(regular, np.minimum(condition, REGULAR), condition)
+    singular = ~(condition < 1 / SINGULAR)
+    return np.where(singular[..., None, None, None], np.nan, x), np.where(singular, np.inf, condition), left
+
+
+def _left(blocks: Steps, x: Array) -> Array:
+    """Part of what acts on the states at the end of each block (..., B) that these leave over: rounding, or
+    what elimination has lost."""
+    ahead = np.roll(x, -1, axis=-3)
+    left = np.abs(blocks.A @ x + blocks.b - ahead).max(axis=(-2, -1))
+    acting = (np.abs(blocks.A) @ np.abs(x) + np.abs(blocks.b)).max(axis=(-2, -1))
+    return left / np.where(acting > 0, acting, 1.0)
 
 
 def _acting(A: Array, b: Array, x: Array) -> Array:
@@ -207,10 +246,7 @@ def _cyclic(blocks: Steps) -> tuple[Array, Array]:
 
 def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
     """x of (G + H) x = r (..., N, columns), and the condition number of G + H measured against (G, H)."""
-    condition = closed_condition(G, H)
-    singular = ~(condition < 1 / SINGULAR)
-    x = np.linalg.solve(np.where(singular[..., None, None], np.eye(G.shape[-1]), G + H), r)
-    return np.where(singular[..., None, None], np.nan, x), np.where(singular, np.inf, condition)
+    return solved(G + H, r), closed_condition(G, H)
 
 
 def closed_condition(G: Array, H: Array) -> Array:

@@ -153,3 +153,16 @@ def chain_of(method, system, speed, grid):
 def frozen_modes(system, speed, phases=PHASES):
     """Modes of a system with its coefficients frozen."""
     return frozen(OnePoint(system, speed), phases)
+
+
+def swelling(m, decades):
+    """A chain of m steps: some solutions grow by so many powers of ten in its middle third, in directions
+    that turn, and fall by as many in the last."""
+    rng = np.random.default_rng(m)
+    turned = np.linalg.qr(rng.standard_normal((m, 4, 4)))[0]
+    rates = np.zeros(m)
+    rates[m // 3 : 2 * m // 3], rates[2 * m // 3 :] = 1.0, -1.0
+    rates *= decades * np.log(10) / (m // 3)
+    factors = np.exp(np.stack((rates, 0.8 * rates, -np.abs(rates), np.full(m, -3.0 / m)), axis=-1))
+    A = np.roll(turned, -1, axis=0) * factors[:, None, :] @ np.swapaxes(turned, 1, 2)
+    return Steps(0.99 * A, rng.standard_normal((m, 4)))

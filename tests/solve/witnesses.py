@@ -1,5 +1,6 @@
 """Other ways to the same results, sharing nothing with the code under test."""
 
+import mpmath
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -59,3 +60,21 @@ def multiplier_error(values, truth):
 def slope(steps, errors):
     """Order of convergence: the slope of log error over log step length, by least squares."""
     return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def closed_chain(A, b, digits=80):
+    """States (m, N) of x_{k+1} = A_k x_k + b_k, x_m = x_0, in numbers of so many digits, from one turn."""
+    with mpmath.workdps(digits):
+        turn, end = mpmath.eye(b.shape[1]), mpmath.zeros(b.shape[1], 1)
+        steps = [
+            (mpmath.matrix(map_.tolist()), mpmath.matrix(load.tolist()))
+            for map_, load in zip(A, b, strict=True)
+        ]
+        for map_, load in steps:
+            turn, end = map_ * turn, map_ * end + load
+        x = mpmath.lu_solve(mpmath.eye(b.shape[1]) - turn, end)
+        states = []
+        for map_, load in steps:
+            states.append([float(value) for value in x])
+            x = map_ * x + load
+    return np.array(states)

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from solve.kernel.chain import closed, followed
+from solve.period.multipliers import EPS, accumulated
 from solve.period.period_map import Steps, periodic_states, states_from
 from tests.solve.kernel.test_lanes import needs_compiler
+from tests.solve.systems import swelling
+from tests.solve.witnesses import closed_chain
 
 
 def same(N, m, r, growth, unit=1.0):
@@ -34,6 +37,19 @@ def test_any_number_of_steps_and_right_sides(N, m, r):
 def test_solutions_that_grow_and_units_that_are_far_apart():
     same(4, 64, 2, growth=3.0)
     same(4, 64, 2, growth=0.7, unit=1e9)
+
+
+@needs_compiler
+@pytest.mark.parametrize("m", [96, 128])
+@pytest.mark.parametrize("decades", [9, 18])
+def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
+    steps = swelling(m, decades)
+    truth = closed_chain(steps.A, steps.b)
+    found = closed(steps.A, steps.b[..., None] * [1.0, -2.0])
+    assert found is not None
+    states, condition = found
+    errors = np.abs(states[:-1, :, 1] + 2 * truth).max(axis=0) / np.abs(2 * truth).max(axis=0)
+    assert errors.max() < min(1e-11, 10 * condition * EPS * accumulated(m))
 
 
 @needs_compiler

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from solve.period.multipliers import EPS, accumulated
 from solve.period.period_map import BLOCKS, Steps, affine_period, monodromy, periodic_states, states_from
-from tests.solve.systems import seeds
+from tests.solve.systems import seeds, swelling
+from tests.solve.witnesses import closed_chain
 
 COUNTS = [1, 2, 3, 5, BLOCKS - 1, BLOCKS, BLOCKS + 1, 2 * BLOCKS, 2 * BLOCKS + 1, 777]
 
@@ -80,6 +82,22 @@ def test_a_growing_and_a_decaying_solution_cost_no_digits(seed, m, decades):
     truth = dense(steps)
     states, _ = periodic_states(steps)
     np.testing.assert_allclose(states[:-1], truth, rtol=0, atol=1e-11 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("m", [96, 128, 777])
+@pytest.mark.parametrize("decades", [4, 9, 13, 18])
+def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
+    """Elimination alone makes errors as large as rounding of the largest state, which grow from where states
+    are small."""
+    steps = swelling(m, decades)
+    truth = closed_chain(steps.A, steps.b)
+    assert np.abs(truth).max() > 10.0 ** (decades - 2) * np.abs(truth).max(axis=1).min()
+    states, condition = periodic_states(steps)
+    errors = np.abs(states[:-1] - truth).max(axis=0) / np.abs(truth).max(axis=0)
+    assert errors.max() < 1e-11
+    assert errors.max() < 10 * condition * EPS * accumulated(m)
+    columns, _ = periodic_states(Steps(steps.A, np.stack((steps.b, -2 * steps.b), axis=-1)))
+    np.testing.assert_allclose(columns[:-1, :, 1], -2 * truth, rtol=0, atol=1e-11 * np.abs(truth).max())
 
 
 @pytest.mark.parametrize("m", [1, 7, 100])
