@@ -12,7 +12,15 @@ from solve.kernel.engines import COMPILED, NUMPY
 from solve.methods.method import Solutions
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.grid import Grid
-from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
+from solve.period.multipliers import (
+    EPS,
+    KNOWN_ON_CIRCLE,
+    UNDETERMINED,
+    Multipliers,
+    accumulated,
+    most_rounding,
+    roughly,
+)
 from solve.period.period_map import at_rest
 
 _AT_ONE = 0.1
@@ -117,6 +125,22 @@ def within_reach(solutions: Solutions, errors: Array, wanted: Array) -> Array:
         wanted = wanted.copy()
         wanted[open_] = np.maximum(rounding(solutions[open_]), wanted[open_])
     return wanted
+
+
+def nearly_decided(
+    done: Array, fine: Solutions, errors: Array, found: Array, before: Array, order: float
+) -> Array:
+    """Which points among those `done` (k,) have multipliers that leave the verdict open only because they are
+    not known to be on the unit circle, which twice the steps will tell if differences, `found` and `before`
+    (k, 2), go on to fall."""
+    with np.errstate(over="ignore"):
+        e = np.where(np.isfinite(errors[:, 1]), errors[:, 1], 0.0) * fine.multipliers.spectral_radius
+    near = done & (e > KNOWN_ON_CIRCLE / 2) & (e <= KNOWN_ON_CIRCLE * 2**order)
+    near &= found[:, 1] < before[:, 1] / 2
+    at = np.flatnonzero(near)
+    if len(at):
+        near[at] = roughly(fine.multipliers[at], e[at]) == UNDETERMINED
+    return near
 
 
 def closing_rounding(solutions: Solutions) -> Array:

@@ -34,8 +34,8 @@ FARTHEST = 2.0
 """Times the steps that the next grid has at most."""
 
 SECOND, SECOND_FAR = 1.0, 3.0
-"""Times the steps that the second grid is to have: the next rung, or past it where the first one does not
-follow the curves."""
+"""Times the steps of the first grid that the second, a finer one, has at least; the second of these where the
+first grid does not follow the curves."""
 
 _NO_GAIN = 2.0
 """Times the differences that an error of first order would leave: larger ones are rounding."""
@@ -58,8 +58,9 @@ class Pace:
         return Pace(steps, steps / self.steps, self.ratio)
 
     def onward(self, times: Array, most: int) -> Array:
-        """Steps (k,) of the next grids: the rungs that have so many `times` (k,) the steps, or the last one
-        up to `most`; the next rung where that is beyond it."""
+        """Steps (k,) of the next grids: of the rungs above these steps the first one with at least so many
+        `times` (k,) the steps, or the last one that `most` allows. Where it allows none, the next one: more
+        than `most`."""
         rungs = [rung(self.steps + 1)]
         while rungs[-1] < times.max(initial=0) * self.steps and rung(rungs[-1] + 1) <= most:
             rungs.append(rung(rungs[-1] + 1))

@@ -15,6 +15,7 @@ from solve.certify.estimates import (
     Burdens,
     at_one,
     differences,
+    nearly_decided,
     not_followed,
     radius_changes,
     raised,
@@ -42,7 +43,7 @@ from solve.errors import StepsError
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, balanced, frozen
 from solve.period.grid import Grid
-from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, Multipliers, roughly
+from solve.period.multipliers import Multipliers
 from solve.period.points import Points
 from solve.progress import foreseen, stage
 
@@ -283,37 +284,24 @@ class Refinement:
         wanted: Array,
         small: Array,
     ) -> tuple[Array, Array]:
-        """Errors of orbit and multipliers, and whether these need no finer grid (k,)."""
+        """Errors (k, 2), raised in place by what orders that the steps do not follow may leave, and whether
+        these need no finer grid (k,); small (k,): whose multipliers are refined only as long as grids agree
+        better and better."""
         before = trail.differences
         done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
         if done.any():
             at = most(done)
             left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
-            errors[at] = np.maximum(errors[at], left)
+            errors[at] = np.where(done[at, None], np.maximum(errors[at], left), errors[at])
             done[at] &= across(np.logical_and, left <= wanted[at])
         done = done & (fine.rounding < 1.0)
         if done.any():
-            done &= ~self._nearly_decided(done, fine, errors[:, 1], found[:, 1], before[:, 1])
+            done &= ~nearly_decided(done, fine, errors, found, before, self.method.order)
         return errors, done
-
-    def _nearly_decided(
-        self, done: Array, fine: Solutions, errors: Array, found: Array, before: Array
-    ) -> Array:
-        """Which points among those `done` (k,) have multipliers that leave the verdict open only because they
-        are not known to be on the unit circle, which twice the steps will tell if differences go on to
-        fall."""
-        with np.errstate(over="ignore"):
-            e = np.where(np.isfinite(errors), errors, 0.0) * fine.multipliers.spectral_radius
-        near = done & (e > KNOWN_ON_CIRCLE / 2) & (e <= KNOWN_ON_CIRCLE * 2**self.method.order)
-        near &= found < before / 2
-        at = np.flatnonzero(near)
-        if len(at):
-            near[at] = roughly(fine.multipliers[at], e[at]) == UNDETERMINED
-        return near
 
     def _begun(self, pace: Pace, trail: _Trail, first: Solutions) -> Iterator[Certified | Failed]:
         """The first grid; points that overflow begin with twice the steps, and those whose curves it does not
-        follow pass over the next."""
+        follow go on to three times as many."""
         again = [at for at, reason in first.failures.items() if isinstance(reason, StepsError)]
         if 2 * pace.steps > self.most:
             again = []
@@ -370,16 +358,21 @@ class Refinement:
         resolved, bound = np.zeros(len(positions), dtype=int), np.full(len(positions), np.inf)
         orbits = np.zeros(len(positions))
         orbit = self.request.orbit and self.method.spectral
-        least = float((errors if orbit else errors[:, 1]).min())
-        rtol = min(max(_WITNESS_PART * least, WITNESS_RTOL), _WITNESS_LEAST)
-        request = replace(self.request, orbit=orbit, rtol=rtol, steps=None)
+        least = np.fmin.reduce(errors if orbit else errors[:, 1:], axis=1)
+        # Of a point's own, whatever its neighbours need, but few different ones.
+        decades = np.floor(np.log10(np.clip(_WITNESS_PART * least, WITNESS_RTOL, _WITNESS_LEAST)) / 2) * 2
+        accuracies = np.where(np.isnan(least), WITNESS_RTOL, np.maximum(10.0**decades, WITNESS_RTOL))
         with stage("multipliers by another method"):
-            for found in certified(self.points[positions], self.request.witness, request):
-                if isinstance(found, Certified):
-                    at, rho = found.positions, found.solutions.multipliers
-                    values[at], resolved[at], bound[at] = rho.values, rho.resolved, rho.bound
-                    if orbit:
-                        orbits[at] = self._differences(solutions[at], found.solutions, positions[at])[:, 0]
+            for rtol in np.unique(accuracies).tolist():
+                some = np.flatnonzero(accuracies == rtol)
+                request = replace(self.request, orbit=orbit, rtol=rtol, steps=None)
+                for found in certified(self.points[positions[some]], self.request.witness, request):
+                    if isinstance(found, Certified):
+                        at, rho = some[found.positions], found.solutions.multipliers
+                        values[at], resolved[at], bound[at] = rho.values, rho.resolved, rho.bound
+                        if orbit:
+                            apart = self._differences(solutions[at], found.solutions, positions[at])
+                            orbits[at] = apart[:, 0]
         return Multipliers(values, resolved, bound), orbits
 
     def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: float) -> Array:

@@ -130,19 +130,20 @@ static complex_lane shift(complex_lane H[NX][NX], int m) {
     return minus(end, over(product, plus(half, signed_root)));
 }
 
-/* One step of the QR algorithm on the first m + 1 rows and columns. */
-static void turn(complex_lane H[NX][NX], int m, complex_lane by) {
+/* One step of the QR algorithm on the first m + 1 rows and columns, in the lanes that are open: the others stay as they
+   are, whatever their neighbours need. */
+static void turn(complex_lane H[NX][NX], int m, complex_lane by, mask open) {
     complex_lane c[NX], s[NX];
     for (int k = 0; k <= m; k++) H[k][k] = minus(H[k][k], by);
     for (int k = 0; k < m; k++) {
         const complex_lane a = H[k][k], b = H[k + 1][k];
         const lane square = a.re * a.re + a.im * a.im + b.re * b.re + b.im * b.im, r = root(square);
-        const mask moves = r > 0.0;
+        const mask moves = open & (r > 0.0);
         const lane inverse = where(moves, 1.0 / r), stays = where(~moves, (lane){0} + 1.0);
         c[k] = (complex_lane){a.re * inverse + stays, a.im * inverse};
         s[k] = (complex_lane){b.re * inverse, b.im * inverse};
-        H[k][k] = (complex_lane){r, {0}};
-        H[k + 1][k] = (complex_lane){{0}, {0}};
+        H[k][k] = (complex_lane){chosen(moves, r, a.re), chosen(moves, (lane){0}, a.im)};
+        H[k + 1][k] = (complex_lane){where(~moves, b.re), where(~moves, b.im)};
         for (int j = k + 1; j <= m; j++) {
             const complex_lane x = H[k][j], y = H[k + 1][j];
             H[k][j] = plus(times(conjugate(c[k]), x), times(conjugate(s[k]), y));
@@ -169,7 +170,7 @@ static mask triangular(complex_lane H[NX][NX]) {
             if (!any(open)) break;
             complex_lane by = shift(H, m);
             if (step % AGAIN == AGAIN - 1) by.re += below;
-            turn(H, m, by);
+            turn(H, m, (complex_lane){where(open, by.re), where(open, by.im)}, open);
         }
         missed |= open;
     }

@@ -11,13 +11,11 @@ static inline mask exchange_rows(lane *rows, int count, int width, int k) {
         largest = chosen(larger, a, largest);
         best = (best & ~larger) | (((mask){0} + i) & larger);
     }
-    long long other = 0;
-    for (int l = 0; l < LANES; l++) other |= best[l] ^ k;
+    const int other = any(best ^ k);
     for (int i = k + 1; other && i < count; i++) {
         const mask this = best == i;
-        long long any = 0;
-        for (int l = 0; l < LANES; l++) any |= this[l];
-        for (int j = 0; any && j < width; j++) {
+        const int some = any(this);
+        for (int j = 0; some && j < width; j++) {
             const lane x = rows[k * width + j], y = rows[i * width + j];
             rows[k * width + j] = chosen(this, y, x);
             rows[i * width + j] = chosen(this, x, y);

@@ -263,7 +263,7 @@ class Collocated(OneStep):
         if not orbit or made.curves is None or made.condition is None:
             return self.sound(points, grid, made.Phi, steps=steps, units=made.units)
         finite = np.isfinite(made.condition)
-        curve, lost = Curve.known(grid.nodes, made.curves, finite), ~finite
+        curve, lost = Curve(grid.nodes, made.curves, finite), ~finite
         if lost.any() and (np.isfinite(made.Phi).all(axis=(1, 2)) & lost).any():
             # Units so far apart that squares overflow in the lanes; NumPy's closing balances them.
             return super().solutions(points, grid, orbit)

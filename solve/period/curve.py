@@ -71,11 +71,13 @@ class PeriodicCurve(Protocol):
 class Curve:
     """q(phase) as powers of θ = (phase - node)/h in every step.
 
-    nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first.
+    nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether they are
+    finite, where that is known.
     """
 
     nodes: Array
     coefficients: Array
+    known_finite: Array | None = None
 
     @classmethod
     def quintic(cls, nodes: Array, q: Array, v: Array, a_start: Array, a_end: Array) -> "Curve":
@@ -91,13 +93,6 @@ class Curve:
         """From what each step knows of its curve, (…, m, n, r), and what that gives to powers of θ (D, r)."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
-    @classmethod
-    def known(cls, nodes: Array, coefficients: Array, finite: Array) -> "Curve":
-        """Where it is known whether the coefficients are finite (…)."""
-        made = cls(nodes, coefficients)
-        made.__dict__["_finite"] = finite
-        return made
-
     @property
     def n(self) -> int:
         return self.coefficients.shape[-3]
@@ -109,7 +104,7 @@ class Curve:
 
     @property
     def finite(self) -> Array:
-        return self._finite
+        return self._finite if self.known_finite is None else self.known_finite
 
     @cached_property
     def _finite(self) -> Array:

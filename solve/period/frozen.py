@@ -67,7 +67,8 @@ class Frozen:
         return self._matrices_at(slice(None))
 
     def _matrices_at(self, phases: Array | slice) -> Array:
-        """M, C and K (3, n, n, P, k') at some of the phases."""
+        """M, C and K (3, n, n, P, k') at some of the phases, of which a slice is taken before the points:
+        that copies less."""
         if self._among is not None and "_fields" not in self.__dict__ and isinstance(phases, slice):
             fields, positions = self._among
             fields = fields[..., phases][:, positions]

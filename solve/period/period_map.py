@@ -127,35 +127,40 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
     """Starts of the blocks of a closed chain, its condition number, and the part of what acts on them that is
     left over; in such units (..., N) of the states, and where that loses digits in units of the nodes too. A
     chain is singular that is so in either way."""
-    unit, regular = np.broadcast_to(unit[..., None, :], A.shape[:-1]), None
-    for _ in range(_AGAIN + 1):
-        ahead = np.roll(unit, -1, axis=-2)
-        scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
-        x, condition = _cyclic(scaled)
-        found = _left(scaled, x)
-        left, x = found.max(axis=-1), x * unit[..., None]
-        singular = ~(condition < 1 / SINGULAR)
-        regular = ~singular if regular is None else regular
+    unit = np.broadcast_to(unit[..., None, :], A.shape[:-1])
+    x, condition, left = _in_units(A, b, unit)
+    regular = condition < 1 / SINGULAR
+    for _ in range(_AGAIN):
         size = np.abs(x / unit[..., None]).max(axis=(-2, -1))
         largest = size.max(axis=-1, keepdims=True)
-        open_ = ((left > _LEFT) | singular)[..., None] & (largest > 0) & np.isfinite(largest)
+        open_ = ((left > _LEFT) | ~(condition < 1 / SINGULAR))[..., None]
+        open_ &= (largest > 0) & np.isfinite(largest)
         if not open_.any():
             break
         # Powers of 2: what is divided by them keeps all of its digits.
         exponents = np.round(np.log2(np.where(open_, np.maximum(size / largest, _SMALLEST), 1.0)))
         unit = unit * np.exp2(exponents)[..., None]
+        x, condition, left = _in_units(A, b, unit)
     condition = np.where(regular, np.minimum(condition, REGULAR), condition)
     singular = ~(condition < 1 / SINGULAR)
     return np.where(singular[..., None, None, None], np.nan, x), np.where(singular, np.inf, condition), left
 
 
+def _in_units(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
+    """The same in such units (..., B, N), whether singular or not."""
+    ahead = np.roll(unit, -1, axis=-2)
+    scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
+    x, condition = _cyclic(scaled)
+    return x * unit[..., None], condition, _left(scaled, x)
+
+
 def _left(blocks: Steps, x: Array) -> Array:
-    """Part of what acts on the states at the end of each block (..., B) that these leave over: rounding, or
-    what elimination has lost."""
+    """Part of what acts on the states at the end of a block that these leave over, at most (...): rounding,
+    or what elimination has lost."""
     ahead = np.roll(x, -1, axis=-3)
     left = np.abs(blocks.A @ x + blocks.b - ahead).max(axis=(-2, -1))
     acting = (np.abs(blocks.A) @ np.abs(x) + np.abs(blocks.b)).max(axis=(-2, -1))
-    return left / np.where(acting > 0, acting, 1.0)
+    return np.asarray((left / np.where(acting > 0, acting, 1.0)).max(axis=-1))
 
 
 def _acting(A: Array, b: Array, x: Array) -> Array:

@@ -50,7 +50,11 @@ def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array
     at: values (…, j) of each quantity at phases (…, j) of its own, by which extrema are refined between
     the samples, so that they are those of the continuous curve. NaN where a value is not finite.
     """
-    values = _known(values)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _figures(_known(values), at, period)
+
+
+def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
     width = period / values.shape[-1]
     high_at, high = _extreme(values, at, width, 1.0)
     low_at, low = _extreme(values, at, width, -1.0)

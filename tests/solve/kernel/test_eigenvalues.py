@@ -84,6 +84,14 @@ def test_what_is_not_finite_is_not_found_and_leaves_others_alone():
     np.testing.assert_allclose(sorted(found[1].imag), [-3, -2, 2, 3], rtol=1e-12)
 
 
+def test_each_is_as_it_is_alone(width):
+    """Whatever its neighbours in the lanes need."""
+    pencils = np.random.default_rng(9).standard_normal((3, 3, 3, 24)) + np.eye(3)[..., None]
+    together, alone = eigenvalues(pencils), [eigenvalues(pencils[..., [at]]) for at in range(24)]
+    assert together is not None
+    np.testing.assert_array_equal(together, np.concatenate(alone))
+
+
 def test_large_pencils_are_left_to_others():
     assert eigenvalues(np.zeros((3, SMALL + 1, SMALL + 1, 1))) is None
 
