@@ -1,5 +1,6 @@
 """Points solved here, and what is kept of each put in its place."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,20 +32,16 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
     size = chunk_size(n)
     with one_thread(n), stage(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
-            keeper = _Keeper(batch, points[start : start + size], results, start)
-            for result in batch.solved(keeper.points):
-                if isinstance(result, Certified):
-                    keeper.keep(result)
-                    count.add(len(result))
-                else:
-                    results.failures[start + result.position] = str(result.reason)
-                    count.add()
+            for solved in _Keeper(batch, points[start : start + size], results, start).kept():
+                count.add(solved)
     return results
 
 
 def chunk_size(n: int) -> int:
     """Points with n coordinates that are prepared together."""
-    return max(_FEWEST, _MEMORY // (8 * PHASES * (3 * n**2 + n)))
+    # Of several coordinates the frozen matrices are needed, and as much again is worked out from them.
+    copies = 1 if n == 1 else 2
+    return max(_FEWEST, _MEMORY // (copies * 8 * PHASES * (3 * n**2 + n)))
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,17 @@ class _Keeper:
     results: PointResults
     start: int
 
-    def keep(self, found: Certified) -> None:
+    def kept(self) -> Iterator[int]:
+        """All of the points, in groups: how many they are."""
+        for result in self.batch.solved(self.points):
+            if isinstance(result, Certified):
+                self._keep(result)
+                yield len(result)
+            else:
+                self.results.failures[self.start + result.position] = str(result.reason)
+                yield 1
+
+    def _keep(self, found: Certified) -> None:
         """Points that the same grid served."""
         at, results, solutions = self.start + found.positions, self.results, found.solutions
         rho, errors = solutions.multipliers, found.errors
