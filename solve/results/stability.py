@@ -150,7 +150,12 @@ class Stability(Result):
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:
+        """Of the orbit, and of the multipliers relative to the spectral radius; infinite where it has no
+        digit."""
         orbit, multipliers = map(float, self.certified.errors[0])
+        if not self._rho.resolved[0]:
+            own = float(self.multiplier_errors[0])
+            multipliers = math.inf if math.isnan(own) else max(multipliers, own)
         return ErrorEstimate(math.nan if self.certified.solutions.curve is None else orbit, multipliers)
 
     @cached_property

@@ -6,7 +6,7 @@ import pytest
 from solve import floquet, periodic, sweep
 from solve.errors import ResonanceError
 from tests.solve.systems import cam, constant, random_system, system
-from tests.solve.witnesses import Shooting
+from tests.solve.witnesses import Shooting, relative_error
 
 METHODS = ["auto", "radau", "gauss"]
 
@@ -68,6 +68,47 @@ def test_multipliers_are_resolved_however_small(method):
     errors = np.abs(found.multipliers / np.exp(2 * np.pi * roots) - 1)
     assert (errors <= 10 * found.multiplier_errors).all()
     assert found.verdict == "asymptotically stable"
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("rtol", [1e-2, 1e-6])
+def test_a_radius_of_which_the_monodromy_matrix_holds_no_digit_has_its_own_error(method, rtol):
+    """exp(2πλ), |ρ| = 1e-137, with λ = -50 ± 10i."""
+    given = constant(np.eye(1), [[100.0]], [[2600.0]], lambda phase: np.ones((len(phase), 1)))
+    found = floquet(given, 1.0, method, rtol=rtol)
+    truth = np.exp(-100 * np.pi)
+    assert abs(found.spectral_radius - truth) <= 10 * found.error_estimate.multipliers * truth
+
+
+def swelling(detuned, damping):
+    """Two modes in axes turned by 0.3, stiffness negative for a part of the turn: there solutions grow."""
+    first, second, depth = 71.0, 41.0 + detuned, 0.47
+    R = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
+    C, K = (
+        R @ np.diag(each) @ R.T for each in ([142 * damping, 2 * damping * second], [first**2, second**2])
+    )
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        moving = np.cos(phase)[:, None, None] * depth * first**2 * np.eye(2)
+        return one * np.eye(2), one * C, K + moving, np.column_stack((np.cos(phase), 1 + np.sin(phase)))
+
+    return system(matrices, 2)
+
+
+@pytest.mark.parametrize("detuned", [0.0, -3.0, -7.0])
+@pytest.mark.parametrize("damping", [0.2, 0.28])
+def test_growth_within_a_turn_costs_no_digits_that_the_estimate_does_not_tell(detuned, damping):
+    """Orbits of 10^5 and more from loads of 1: the engines, and grids of other steps, meet."""
+    given, phase = swelling(detuned, damping), np.linspace(0.0, 2 * np.pi, 400)
+    finest = periodic(given, 1.0, "radau", steps=1024)
+    assert np.abs(finest.at(phase)).max() > 1e5
+    for engine in ("numpy", "auto"):
+        for asked in ({"rtol": 1e-6}, {"steps": 384}, {"steps": 512}):
+            found = periodic(given, 1.0, engine=engine, **asked)
+            error = relative_error(found.at(phase), finest.at(phase))
+            assert error <= 10 * (found.error_estimate.orbit + finest.error_estimate.orbit)
+            assert found.error_estimate.orbit < 1e-6
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
