@@ -319,7 +319,7 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
     lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, first, left;
     balance(0, blocks, maps, unit);
     for (long k = 0; k <= blocks; k++) node[k] = (lane){0} + 1.0;
-    for (int again = 0, resized = 0;;) {
+    for (int again = 0, resized = !sized;;) {
         rows_of(blocks, maps, unit, node, rows);
         reduce(blocks, rows, saved);
         condition = close_row(rows, z, x);
@@ -327,7 +327,7 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
         for (long k = 0; k < blocks; k++)
             for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i] * node[k];
         left = acting_on(0, blocks, maps, x, x, unit, acting, size);
-        if (sized && !resized && (resized = 1, resize(acting, unit))) continue;
+        if (!resized++ && resize(acting, unit)) continue;
         if (!again) first = condition;
         const mask open = (left > LEFT) | (condition > SINGULAR);
         if (again++ == AGAIN || !any(open)) break;
@@ -363,7 +363,7 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
             ends[i] *= unit[i] * node[blocks];
         }
         left = acting_on(1, blocks, maps, x, ends, unit, acting, size);
-        if (!resized && (resized = 1, resize(acting, unit))) continue;
+        if (!resized++ && resize(acting, unit)) continue;
         if (!again) first = condition;
         const mask open = (left > LEFT) | (condition > SINGULAR);
         if (again++ == AGAIN || !any(open)) break;
