@@ -126,19 +126,22 @@ def _units(A: Array) -> Array:
 def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
     """Starts of the blocks of a closed chain, its condition number, and the part of what acts on them that is
     left over; in such units (..., N) of the states, and where that loses digits in units of the nodes too. A
-    chain is singular that is so in either way."""
+    chain is singular that is so in both."""
     unit = np.broadcast_to(unit[..., None, :], A.shape[:-1])
     x, condition, left = _in_units(A, b, unit)
     regular = condition < 1 / SINGULAR
     for _ in range(_AGAIN):
+        open_ = (left > _LEFT) | ~(condition < 1 / SINGULAR)
+        if not open_.any():
+            break
         size = np.abs(x / unit[..., None]).max(axis=(-2, -1))
         largest = size.max(axis=-1, keepdims=True)
-        open_ = ((left > _LEFT) | ~(condition < 1 / SINGULAR))[..., None]
-        open_ &= (largest > 0) & np.isfinite(largest)
+        open_ = open_[..., None] & (largest > 0) & np.isfinite(largest)
         if not open_.any():
             break
         # Powers of 2: what is divided by them keeps all of its digits.
-        exponents = np.round(np.log2(np.where(open_, np.maximum(size / largest, _SMALLEST), 1.0)))
+        sizes = np.maximum(size / np.where(open_, largest, 1.0), _SMALLEST)
+        exponents = np.round(np.log2(np.where(open_, sizes, 1.0)))
         unit = unit * np.exp2(exponents)[..., None]
         x, condition, left = _in_units(A, b, unit)
     condition = np.where(regular, np.minimum(condition, REGULAR), condition)
