@@ -17,7 +17,7 @@
 #define LEFT 1e-12                 /* of what acts on the states at a node: if more is left over, nodes get units of their own */
 #define SINGULAR 1e14              /* condition number beyond which a chain is singular */
 #define AGAIN 3                    /* times that these are found anew at most */
-#define SMALLEST -100              /* power of 2 of the unit of a node at least, from that of the largest one */
+#define SMALLEST -100              /* power of 2 by which the unit of a node falls at most at a time, from the largest one */
 
 /* Householder's reflections of so many rows (count, CYCLIC) that make the first NX columns triangular. The other
    columns follow in strips, and with them some that need not. */
@@ -191,19 +191,31 @@ static void balance(int common, long blocks, const lane *maps, lane *unit) {
     }
 }
 
-/* Rows G x_k + H x_{k+1} = r of so many blocks, in units of the states and of the nodes, from their affine maps. */
+/* The power of 2 next below a number, in each lane. */
+static lane power_of(lane x) {
+    lane r;
+    for (int l = 0; l < LANES; l++) r[l] = isfinite(x[l]) && x[l] > 0.0 ? ldexp(1.0, ilogb(x[l])) : 1.0;
+    return r;
+}
+
+/* Rows G x_k + H x_{k+1} = r of so many blocks, in units of the states and of the nodes, from their affine maps; those
+   of one block divided by what makes none larger than about 1. */
 static void rows_of(long blocks, const lane *maps, const lane *unit, const lane *node, lane *rows) {
-    for (long k = 0; k < blocks; k++)
+    for (long k = 0; k < blocks; k++) {
+        lane *block = rows + k * NX * ROW, most = (lane){0} + 1.0;
         for (int i = 0; i < NX; i++) {
-            lane *row = rows + (k * NX + i) * ROW;
             const lane ahead = unit[i] * node[k + 1];
             for (int j = 0; j < NX; j++) {
-                row[j] = maps[(k * NX + i) * W + j] * (unit[j] * node[k] / ahead);
-                row[NX + j] = (lane){0};
+                block[i * ROW + j] = maps[(k * NX + i) * W + j] * (unit[j] * node[k] / ahead);
+                block[i * ROW + NX + j] = (lane){0};
+                most = larger(most, absolute(block[i * ROW + j]));
             }
-            row[NX + i] -= 1.0;
-            row[2 * NX] = -maps[(k * NX + i) * W + NX] / ahead;
+            block[i * ROW + NX + i] -= 1.0;
+            block[i * ROW + 2 * NX] = -maps[(k * NX + i) * W + NX] / ahead;
         }
+        const lane inverse = 1.0 / power_of(most);
+        for (int i = 0; i < NX * ROW; i++) block[i] *= inverse;
+    }
 }
 
 /* Join neighbouring rows until one is left: a row of the first state and of the last. */
@@ -261,20 +273,20 @@ static lane acting_on(int common, long blocks, const lane *maps, const lane *x, 
     return left;
 }
 
-/* Units (blocks + 1) of the nodes in which the states x (blocks, NX) are alike at all of them, in the lanes that are
-   open; `after` comes behind the last block. */
+/* Bring units (blocks + 1) of the nodes, in the lanes that are open, to where the states x (blocks, NX) are alike at all
+   of them; `after` comes behind the last block. */
 static void alike(int common, long blocks, const lane *x, const lane *after, const lane *unit, mask open, lane *node) {
     lane size[BLOCKS + 1], most = {0};
     for (long k = 0; k <= blocks; k++) {
         const lane *state = k < blocks ? x + k * NX : after;
         size[k] = (lane){0};
-        for (int i = 0; i < NX; i++) size[k] = larger(size[k], absolute(state[i]) / unit[i]);
+        for (int i = 0; i < NX; i++) size[k] = larger(size[k], absolute(state[i]) / (unit[i] * node[k]));
         most = larger(most, size[k]);
     }
     if (common) most = shared(most);
     for (long k = 0; k <= blocks; k++)
         for (int l = 0; l < LANES; l++)
-            if (open[l]) node[k][l] = ldexp(1.0, (int)fmax(logb(size[k][l]) - logb(most[l]), SMALLEST));
+            if (open[l]) node[k][l] *= ldexp(1.0, (int)fmax(logb(size[k][l]) - logb(most[l]), SMALLEST));
 }
 
 /* Make what acts on each state of one size, by powers of 2, where it is far smaller on some, which elimination mixes
@@ -313,10 +325,28 @@ static lane of_states(lane first, lane condition, long steps, const lane *acting
     return larger(lost, -larger(-larger(condition, regular), -condition * cancels));     /* NaN stays */
 }
 
+/* What closing a chain has found, and with which part of what acts left over. */
+typedef struct {
+    lane x[(BLOCKS + 1) * NX], condition, left, first;
+} closing;
+
+/* Keep what was found in the lanes in which less is left over than before, or a chain is no longer singular; returns the
+   lanes in which it is to be closed again. */
+static mask keep(closing *kept, int again, long states, const lane *x, lane condition, lane left) {
+    mask better = ~(mask){0};
+    if (again) better = (left < kept->left) | ~(kept->condition < SINGULAR);
+    for (long i = 0; i < states; i++) kept->x[i] = chosen(better, x[i], kept->x[i]);
+    kept->condition = chosen(better, condition, kept->condition);
+    kept->left = chosen(better, left, kept->left);
+    if (!again) kept->first = condition;
+    return (kept->left > LEFT) | (kept->condition > SINGULAR);
+}
+
 /* Starts x (blocks, NX) of the blocks of a closed chain of so many steps; returns their condition number; sized: with
    regard to their sizes. */
 static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x, int sized) {
-    lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, first, left;
+    lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, left;
+    closing kept;
     balance(0, blocks, maps, unit);
     for (long k = 0; k <= blocks; k++) node[k] = (lane){0} + 1.0;
     for (int again = 0, resized = !sized;;) {
@@ -328,20 +358,22 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
             for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i] * node[k];
         left = acting_on(0, blocks, maps, x, x, unit, acting, size);
         if (!resized++ && resize(acting, unit)) continue;
-        if (!again) first = condition;
-        const mask open = (left > LEFT) | (condition > SINGULAR);
+        const mask open = keep(&kept, again, blocks * NX, x, condition, left);
         if (again++ == AGAIN || !any(open)) break;
-        alike(0, blocks, x, x, unit, open, node);
+        alike(0, blocks, kept.x, kept.x, unit, open, node);
     }
-    return of_states(first, condition, steps, acting, size, left, sized);
+    memcpy(x, kept.x, blocks * NX * sizeof(lane));
+    acting_on(0, blocks, maps, x, x, unit, acting, size);
+    return of_states(kept.first, kept.condition, steps, acting, size, kept.left, sized);
 }
 
 /* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
 static lane close_segments(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
     static const lane none = {0};
-    lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, first, left;
-    lane *whole = rows + blocks * NX * ROW, *kept = saved + blocks * NX * CYCLIC;
-    lane starts[LANES * NX], ends[NX];
+    lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, left;
+    lane *whole = rows + blocks * NX * ROW, *kept_rows = saved + blocks * NX * CYCLIC;
+    lane starts[LANES * NX], *ends = x + blocks * NX;
+    closing kept;
     balance(1, blocks, maps, unit);
     for (long k = 0; k <= blocks; k++) node[k] = none + 1.0;
     for (int again = 0, resized = 0;;) {
@@ -349,27 +381,26 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
         reduce(blocks, rows, saved);
         for (int l = 0; l < LANES; l++)
             for (int i = 0; i < NX * ROW; i++) whole[l * NX * ROW + i] = none + rows[i][l];
-        reduce(LANES, whole, kept);
+        reduce(LANES, whole, kept_rows);
         condition = close_row(whole, z, starts);
-        expand(LANES, kept, starts, starts);
+        expand(LANES, kept_rows, starts, starts);
         for (int i = 0; i < NX; i++)
             for (int l = 0; l < LANES; l++) {
                 x[i][l] = starts[l * NX + i][0];
                 ends[i][l] = starts[(l + 1) % LANES * NX + i][0];
             }
         expand(blocks, saved, x, ends);
-        for (int i = 0; i < NX; i++) {
-            for (long k = 0; k < blocks; k++) x[k * NX + i] *= unit[i] * node[k];
-            ends[i] *= unit[i] * node[blocks];
-        }
+        for (long k = 0; k <= blocks; k++)
+            for (int i = 0; i < NX; i++) x[k * NX + i] *= unit[i] * node[k];
         left = acting_on(1, blocks, maps, x, ends, unit, acting, size);
         if (!resized++ && resize(acting, unit)) continue;
-        if (!again) first = condition;
-        const mask open = (left > LEFT) | (condition > SINGULAR);
+        const mask open = keep(&kept, again, (blocks + 1) * NX, x, condition, left);
         if (again++ == AGAIN || !any(open)) break;
-        alike(1, blocks, x, ends, unit, open, node);
+        alike(1, blocks, kept.x, kept.x + blocks * NX, unit, open, node);
     }
-    return of_states(first, condition, LANES * steps, acting, size, left, 1);
+    memcpy(x, kept.x, (blocks + 1) * NX * sizeof(lane));
+    acting_on(1, blocks, maps, x, ends, unit, acting, size);
+    return of_states(kept.first, kept.condition, LANES * steps, acting, size, kept.left, 1);
 }
 
 #pragma GCC pop_options

@@ -30,7 +30,7 @@ def closed(A: Array, b: Array) -> tuple[Array, float] | None:
     if not _called("closed", N, (m, r), A, b, x, condition):
         return None
     x[-1] = x[0]
-    return (x, float(condition[0])) if np.isfinite(condition[0]) and np.isfinite(x.sum()) else None
+    return (x, float(condition[0])) if np.isfinite(condition[0]) and np.isfinite(x).all() else None
 
 
 def followed(A: Array, start: Array) -> Array | None:

@@ -41,7 +41,7 @@ _AGAIN = 3
 """Times at most that a chain is closed anew, in units in which its states are alike at all nodes."""
 
 _SMALLEST = 2.0**-100
-"""Unit of a node at least, of the largest one."""
+"""By which the unit of a node falls at most at a time, from that of the largest one."""
 
 
 @dataclass(frozen=True)
@@ -136,14 +136,15 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
             break
         size = np.abs(x / unit[..., None]).max(axis=(-2, -1))
         largest = size.max(axis=-1, keepdims=True)
-        open_ = open_[..., None] & (largest > 0) & np.isfinite(largest)
+        open_ &= (largest[..., 0] > 0) & np.isfinite(largest[..., 0])
         if not open_.any():
             break
-        # Powers of 2: what is divided by them keeps all of its digits.
-        sizes = np.maximum(size / np.where(open_, largest, 1.0), _SMALLEST)
-        exponents = np.round(np.log2(np.where(open_, sizes, 1.0)))
-        unit = unit * np.exp2(exponents)[..., None]
-        x, condition, left = _in_units(A, b, unit)
+        sizes = _powers(np.maximum(size, _SMALLEST * largest)) / _powers(largest)
+        unit = unit * np.where(open_[..., None], sizes, 1.0)[..., None]
+        again = _in_units(A, b, unit)
+        better = open_ & ((again[2] < left) | ~(condition < 1 / SINGULAR))
+        x = np.where(better[..., None, None, None], again[0], x)
+        condition, left = np.where(better, again[1], condition), np.where(better, again[2], left)
     condition = np.where(regular, np.minimum(condition, REGULAR), condition)
     singular = ~(condition < 1 / SINGULAR)
     return np.where(singular[..., None, None, None], np.nan, x), np.where(singular, np.inf, condition), left
@@ -227,6 +228,7 @@ def _cyclic(blocks: Steps) -> tuple[Array, Array]:
     N, r = blocks.b.shape[-2:]
     unit = np.broadcast_to(-np.eye(N), blocks.A.shape)
     rows, eliminated = np.concatenate((blocks.A, unit, -blocks.b), axis=-1), []
+    rows = rows / _powers(np.maximum(np.abs(blocks.A).max(axis=(-2, -1), keepdims=True), 1.0))
     while rows.shape[-3] > 1:
         pairs = rows.shape[-3] // 2 * 2
         even, odd = rows[..., 0:pairs:2, :, :], rows[..., 1:pairs:2, :, :]
@@ -247,9 +249,14 @@ def _cyclic(blocks: Steps) -> tuple[Array, Array]:
         finer = np.empty((*x.shape[:-3], count, N, r))
         finer[..., 0::2, :, :] = x
         right = joined[..., 3 * N :] - joined[..., N : 3 * N] @ around
-        finer[..., 1::2, :, :] = np.linalg.solve(joined[..., :N], right)
+        finer[..., 1::2, :, :] = solved(joined[..., :N], right)
         x = finer
     return x, condition
+
+
+def _powers(sizes: Array) -> Array:
+    """Powers of 2 next below sizes: what is divided by them keeps all of its digits."""
+    return np.ldexp(1.0, np.frexp(sizes)[1] - 1)
 
 
 def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from solve import floquet, periodic, sweep
 from solve.errors import ResonanceError
@@ -109,6 +110,28 @@ def test_growth_within_a_turn_costs_no_digits_that_the_estimate_does_not_tell(de
             error = relative_error(found.at(phase), finest.at(phase))
             assert error <= 10 * (found.error_estimate.orbit + finest.error_estimate.orbit)
             assert found.error_estimate.orbit < 1e-6
+
+
+@pytest.mark.parametrize("engine", ["numpy", "auto"])
+@pytest.mark.parametrize(("damping", "stiffness"), [(-6, 10), (-12, 40), (-20, 100)])
+def test_a_response_that_falls_where_all_solutions_grow(damping, stiffness, engine):
+    """All solutions grow, so that the periodic one falls to nothing behind the push, along a growing map."""
+    end = 0.5
+    A = np.array([[0.0, 1.0, 0.0], [-stiffness, -damping, 1.0], [0.0, 0.0, 0.0]])
+    pushed, free = expm(A * end), expm(A[:2, :2] * (2 * np.pi - end))
+    start = np.linalg.solve(np.eye(2) - free @ pushed[:2, :2], free @ pushed[:2, 2])
+    phase = np.linspace(0.0, end, 20)
+    truth = np.array([(expm(A * at) @ [*start, 1.0])[0] for at in phase])
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        push = np.where(np.mod(phase, 2 * np.pi) < end, 1.0, 0.0)[:, None]
+        return one, damping * one, stiffness * one, push
+
+    orbit = periodic(system(matrices, 1, breaks=(0.0, end)), 1.0, rtol=1e-6, engine=engine)
+    # Of the truth, too, rounding leaves less the more solutions grow.
+    assert relative_error(orbit.at(phase), truth[None]) <= 10 * orbit.error_estimate.orbit + 1e-9
+    assert orbit.error_estimate.orbit < 1e-6
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])

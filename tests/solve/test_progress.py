@@ -224,7 +224,7 @@ LONG = [
     'solve chart cam --x "speed=300:900:90 rpm" --y k3=5e4:5e5:90',
     'solve critical four_bar --speeds "10:100:300 rad/s"',
     'solve compare manipulator --speed "10 rad/s"',
-    'solve validity cam --speeds "100:600:200 rpm"',
+    'solve validity cam --speeds "100:600:2000 rpm"',
     'solve transient cam --speed "300 rpm" --turns 4000 --nonlinear',
     'solve floquet cam --speed "60 rpm" --method fourier',
     'solve floquet gear_pair --speed "0.01 rpm" --rtol 1e-3 --all-multipliers',
