@@ -198,9 +198,9 @@ static lane power_of(lane x) {
     return r;
 }
 
-/* Rows G x_k + H x_{k+1} = r of so many blocks, in units of the states and of the nodes, from their affine maps; those
-   of one block divided by what makes none larger than about 1. */
-static void rows_of(long blocks, const lane *maps, const lane *unit, const lane *node, lane *rows) {
+/* Rows G x_k + H x_{k+1} = r of so many blocks, in units of the states and of the nodes, from their affine maps; level:
+   those of a block divided by what makes none larger than about 1, as units of the nodes may. */
+static void rows_of(long blocks, const lane *maps, const lane *unit, const lane *node, int level, lane *rows) {
     for (long k = 0; k < blocks; k++) {
         lane *block = rows + k * NX * ROW, most = (lane){0} + 1.0;
         for (int i = 0; i < NX; i++) {
@@ -214,7 +214,7 @@ static void rows_of(long blocks, const lane *maps, const lane *unit, const lane 
             block[i * ROW + 2 * NX] = -maps[(k * NX + i) * W + NX] / ahead;
         }
         const lane inverse = 1.0 / power_of(most);
-        for (int i = 0; i < NX * ROW; i++) block[i] *= inverse;
+        for (int i = 0; level && i < NX * ROW; i++) block[i] *= inverse;
     }
 }
 
@@ -350,7 +350,7 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
     balance(0, blocks, maps, unit);
     for (long k = 0; k <= blocks; k++) node[k] = (lane){0} + 1.0;
     for (int again = 0, resized = !sized;;) {
-        rows_of(blocks, maps, unit, node, rows);
+        rows_of(blocks, maps, unit, node, again, rows);
         reduce(blocks, rows, saved);
         condition = close_row(rows, z, x);
         expand(blocks, saved, x, x);
@@ -377,7 +377,7 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
     balance(1, blocks, maps, unit);
     for (long k = 0; k <= blocks; k++) node[k] = none + 1.0;
     for (int again = 0, resized = 0;;) {
-        rows_of(blocks, maps, unit, node, rows);
+        rows_of(blocks, maps, unit, node, again, rows);
         reduce(blocks, rows, saved);
         for (int l = 0; l < LANES; l++)
             for (int i = 0; i < NX * ROW; i++) whole[l * NX * ROW + i] = none + rows[i][l];

@@ -128,7 +128,7 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
     left over; in such units (..., N) of the states, and where that loses digits in units of the nodes too. A
     chain is singular that is so in both."""
     unit = np.broadcast_to(unit[..., None, :], A.shape[:-1])
-    x, condition, left = _in_units(A, b, unit)
+    x, condition, left = _in_units(A, b, unit, level=False)
     regular = condition < 1 / SINGULAR
     for _ in range(_AGAIN):
         open_ = (left > _LEFT) | ~(condition < 1 / SINGULAR)
@@ -141,7 +141,7 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
             break
         sizes = _powers(np.maximum(size, _SMALLEST * largest)) / _powers(largest)
         unit = unit * np.where(open_[..., None], sizes, 1.0)[..., None]
-        again = _in_units(A, b, unit)
+        again = _in_units(A, b, unit, level=True)
         better = open_ & ((again[2] < left) | ~(condition < 1 / SINGULAR))
         x = np.where(better[..., None, None, None], again[0], x)
         condition, left = np.where(better, again[1], condition), np.where(better, again[2], left)
@@ -150,11 +150,11 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
     return np.where(singular[..., None, None, None], np.nan, x), np.where(singular, np.inf, condition), left
 
 
-def _in_units(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
-    """The same in such units (..., B, N), whether singular or not."""
+def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Array, Array]:
+    """The same in such units (..., B, N), whether singular or not; level: see `_cyclic`."""
     ahead = np.roll(unit, -1, axis=-2)
     scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
-    x, condition = _cyclic(scaled)
+    x, condition = _cyclic(scaled, level)
     return x * unit[..., None], condition, _left(scaled, x)
 
 
@@ -219,16 +219,18 @@ def _refined(level: Steps, starts: Array) -> Array:
     return x
 
 
-def _cyclic(blocks: Steps) -> tuple[Array, Array]:
+def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
     """Starts x (..., B, N, r) of the blocks of a closed chain x_{k+1} = A_k x_k + b_k, x_B = x_0.
 
     Each row G x_k + H x_{k+1} = r is joined with the next by an orthogonal elimination of the state
-    between them, until one row G x_0 + H x_B = r is left.
+    between them, until one row G x_0 + H x_B = r is left. level: rows are divided by what makes none larger
+    than about 1, as units of the nodes may.
     """
     N, r = blocks.b.shape[-2:]
     unit = np.broadcast_to(-np.eye(N), blocks.A.shape)
     rows, eliminated = np.concatenate((blocks.A, unit, -blocks.b), axis=-1), []
-    rows = rows / _powers(np.maximum(np.abs(blocks.A).max(axis=(-2, -1), keepdims=True), 1.0))
+    if level:
+        rows = rows / _powers(np.maximum(np.abs(blocks.A).max(axis=(-2, -1), keepdims=True), 1.0))
     while rows.shape[-3] > 1:
         pairs = rows.shape[-3] // 2 * 2
         even, odd = rows[..., 0:pairs:2, :, :], rows[..., 1:pairs:2, :, :]
