@@ -24,11 +24,13 @@ def test_a_sweep_is_its_single_solves(four_bar):
         assert (point.method, point.steps, point.verdict) == (orbit.method, orbit.steps, orbit.verdict)
         assert point.spectral_radius == pytest.approx(orbit.spectral_radius, rel=SAME)
         assert list(point.warnings) == orbit.warnings
+        # Rounding differs, of which the estimate tells the size: some coordinates are small beside others.
+        allowed = max(SAME, orbit.error_estimate.orbit)
         for name in (*four_bar.coordinates, *four_bar.outputs):
             alone, ours = orbit.statistics(name), point.statistics[name]
             for figure in ("max", "min", "mean", "rms"):
                 difference = abs(getattr(alone, figure) - getattr(ours, figure))
-                assert difference <= SAME * alone.max_abs, f"{figure} of {name}"
+                assert difference <= allowed * alone.max_abs, f"{figure} of {name}"
 
 
 @pytest.mark.parametrize("options", [{}, {"terms": "full", "stiffening": "on"}, {"damping": "rayleigh"}])
