@@ -349,7 +349,8 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
     closing kept;
     balance(0, blocks, maps, unit);
     for (long k = 0; k <= blocks; k++) node[k] = (lane){0} + 1.0;
-    for (int again = 0, resized = !sized;;) {
+    int again = 0;
+    for (int resized = !sized;;) {
         rows_of(blocks, maps, unit, node, again, rows);
         reduce(blocks, rows, saved);
         condition = close_row(rows, z, x);
@@ -362,8 +363,10 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
         if (again++ == AGAIN || !any(open)) break;
         alike(0, blocks, kept.x, kept.x, unit, open, node);
     }
-    memcpy(x, kept.x, blocks * NX * sizeof(lane));
-    acting_on(0, blocks, maps, x, x, unit, acting, size);
+    if (again > 1) {
+        memcpy(x, kept.x, blocks * NX * sizeof(lane));
+        acting_on(0, blocks, maps, x, x, unit, acting, size);
+    }
     return of_states(kept.first, kept.condition, steps, acting, size, kept.left, sized);
 }
 
@@ -376,7 +379,8 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
     closing kept;
     balance(1, blocks, maps, unit);
     for (long k = 0; k <= blocks; k++) node[k] = none + 1.0;
-    for (int again = 0, resized = 0;;) {
+    int again = 0;
+    for (int resized = 0;;) {
         rows_of(blocks, maps, unit, node, again, rows);
         reduce(blocks, rows, saved);
         for (int l = 0; l < LANES; l++)
@@ -398,8 +402,10 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
         if (again++ == AGAIN || !any(open)) break;
         alike(1, blocks, kept.x, kept.x + blocks * NX, unit, open, node);
     }
-    memcpy(x, kept.x, (blocks + 1) * NX * sizeof(lane));
-    acting_on(1, blocks, maps, x, ends, unit, acting, size);
+    if (again > 1) {
+        memcpy(x, kept.x, (blocks + 1) * NX * sizeof(lane));
+        acting_on(1, blocks, maps, x, ends, unit, acting, size);
+    }
     return of_states(kept.first, kept.condition, LANES * steps, acting, size, kept.left, 1);
 }
 
