@@ -159,10 +159,10 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
     size = np.maximum(np.abs(p).max(axis=(0, 2)), math.sqrt(_EPS))
     condition = float(np.linalg.cond(p[0] / size[:, None]))
     perturbation = float(_EPS * np.abs(exponents).max() * period)
-    rounding = min(perturbation * condition, math.sqrt(perturbation))
-    if condition > _DEFECTIVE:
+    rounding, rotation = min(perturbation * condition, math.sqrt(perturbation)), 2 * np.pi / period
+    if condition > _DEFECTIVE or _alike(exponents[chosen], rotation):
         preferred = np.argsort(distance)
-        Z, T = _invariant_subspaces(A, exponents[preferred], vectors[:, preferred], N, 2 * np.pi / period)
+        Z, T = _invariant_subspaces(A, exponents[preferred], vectors[:, preferred], N, rotation)
         if Z.shape[1] == N:
             return _closed(samples(Z)[0], T * period), rounding
         rounding = 1.0
@@ -173,6 +173,18 @@ def _mean_order(p: Array) -> Array:
     """Mean distance (r,) of the weight of p (m, N, r) from order 0."""
     weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
     return np.abs(np.fft.fftfreq(len(p), 1.0 / len(p))) @ weight / weight.sum(axis=0)
+
+
+def _alike(exponents: Array, rotation: float) -> bool:
+    """Whether two of the exponents (N,) differ by little more than a multiple of i·rotation: they may be of
+    one family, of which truncation has changed p(0)."""
+    return any((~_apart(exponents[at + 1 :] - exponents[at], rotation)).any() for at in range(len(exponents)))
+
+
+def _apart(differences: Array, rotation: float) -> Array:
+    """Whether exponents with such differences (r,) are of two families."""
+    left = differences - 1j * rotation * np.round(differences.imag / rotation)
+    return np.abs(left) >= _CLUSTER * rotation
 
 
 def _closed(X: Array, exponent: Array) -> Array:
@@ -194,15 +206,15 @@ def _invariant_subspaces(
     near = _CLUSTER * rotation
     every, bases, blocks, count = exponents, [], [], 0
     while count < N and len(exponents):
-        apart = exponents - exponents[0]
-        cluster = np.abs(apart) < near
+        differences = exponents - exponents[0]
+        cluster = np.abs(differences) < near
         Z, T = vectors[:, cluster], np.diag(exponents[cluster])
         if len(T) > 1:
             Z, T = _invariant_subspace(A, exponents[cluster], every, near)
         bases.append(Z)
         blocks.append(T)
         count += int(cluster.sum())
-        others = np.abs(apart - 1j * rotation * np.round(apart.imag / rotation)) >= near
+        others = _apart(differences, rotation)
         exponents, vectors = exponents[others], vectors[:, others]
     return np.hstack(bases), np.asarray(block_diag(*blocks))
 

@@ -52,6 +52,26 @@ def test_vectors_at_the_edge_of_the_orders_give_no_multipliers(index, steps):
         assert error < 1e-10
 
 
+@pytest.mark.parametrize("method", ["fourier", "hill"])
+def test_a_mode_is_not_taken_twice_in_place_of_one_that_grows(method):
+    """On 33 and 49 phases the fast mode comes twice before the soft one, whose stiffness is negative over a
+    part of the turn and whose p is wide: both grids then had two pairs alike, and no growth."""
+    M, C = np.array([[1.15, -0.44], [-0.44, 0.8]]), np.array([[0.2, -0.11], [-0.11, 0.04]])
+    K, cos_2 = np.array([[88.3, -45.3], [-45.3, 23.8]]), np.array([[-12.0, -0.3], [-0.3, 0.0]])
+    sin_1, cos_3 = np.array([[0.0, 0.5], [0.5, -2.3]]), np.array([[7.9, 1.7], [1.7, 2.4]])
+
+    def matrices(phase, speed):
+        at = phase[:, None, None]
+        stiffness = K + sin_1 * np.sin(at) + cos_2 * np.cos(2 * at) + cos_3 * np.cos(3 * at)
+        return M + 0 * at, C + 0 * at, stiffness, np.zeros((len(phase), 2))
+
+    given = system(matrices, 2)
+    found = floquet(given, 0.54, method, rtol=1e-3)
+    error = multiplier_error(found.multipliers, Shooting(given, 0.54).multipliers)
+    assert found.verdict == "unstable"
+    assert error <= 10 * found.error_estimate.multipliers
+
+
 def test_differentiation_is_exact_for_the_orders_it_holds():
     grid = Grid.uniform(9, 3.0)
     rate = 2 * np.pi / 3.0
