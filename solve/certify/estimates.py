@@ -20,6 +20,7 @@ from solve.period.multipliers import (
     accumulated,
     most_rounding,
     roughly,
+    scaled_alike,
 )
 from solve.period.period_map import at_rest
 
@@ -49,6 +50,18 @@ def differences(coarse: Solutions, fine: Solutions, burdens: Burdens, engine: st
         apart, largest = _apart(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
         orbit = in_sizes(apart, largest, closing_rounding(fine), burdens).max(axis=1)
     return np.column_stack((orbit, multipliers))
+
+
+def monodromy_differences(coarse: Solutions, fine: Solutions, at: Array) -> Array:
+    """Largest differences (k,) of the entries of the monodromy matrices at positions (k,), in balanced units,
+    relative to the spectral radius: multipliers alone may meet by chance."""
+    Phi = fine.Phi[at]
+    apart = np.abs(Phi - coarse.Phi[at])
+    if apart.shape[-1] > 2:
+        units = scaled_alike(Phi)[1] if fine.units is None else fine.units[at]
+        apart *= units[:, None] / units[:, :, None]
+    radius = fine.multipliers.spectral_radius[at]
+    return across(np.maximum, apart.reshape(len(apart), -1)) / np.where(radius > 0, radius, np.nan)
 
 
 def _apart(

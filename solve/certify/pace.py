@@ -27,6 +27,9 @@ _LEAST_ORDERS = np.array([1.0, 0.5])
 _USUAL = 0.6
 """Part of its order with which an error falls from grid to grid, where it falls."""
 
+_SURE = 0.5
+"""Part of its order with which an error falls surely, though no third grid shows how fast."""
+
 _SPARE = 0.5
 """Part of the wanted error that the next grid is to have."""
 
@@ -119,22 +122,34 @@ def judged(found: Array, orders: Array) -> Array:
     return found / (1 - 0.5 ** (orders * _LEAST_ORDERS))
 
 
+def fallen(found: Array, pace: Pace, power: Array | float) -> Array:
+    """Errors (…) of the finer of two grids, falling with such a power of the steps, from the differences."""
+    return found / np.expm1(math.log(pace.ratio) * power)
+
+
+def sure_powers(method: Method) -> Array:
+    """Powers of the steps with which errors of orbit and multipliers (2,) fall surely, unless a third grid
+    shows more. Those of a method that damps stiff modes may be their rounding, which hardly falls."""
+    orders = np.array([method.curve_order, method.order])
+    return np.ones(2) if method.l_stable or method.spectral else np.maximum(_SURE * orders, 1.0)
+
+
 def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
     """Errors (…, 2) of the finer of two grids from their differences, and those of the grids before: they
     fall with the power of the steps that is seen, between 1 and the order.
 
     Never less than the differences before leave when they fall with the order: two grids may meet by
     chance, which would count twice, as a small difference and as a steep power."""
-    known = (found > 0) & np.isfinite(before)
     if not pace.tells:
-        return found / (pace.ratio - 1)
+        return fallen(found, pace, 1.0)
+    known = (found > 0) & np.isfinite(before)
     seen = np.where(known, before, 0.0) / np.where(known, found, 1.0)
     power = np.broadcast_to(orders, found.shape)
     finer = math.log(pace.ratio)
     for _ in range(3):
         # before / found = (ratio_before^p - 1) / (1 - ratio^-p).
         power = np.log1p(seen * (1 - np.exp(-finer * power))) / math.log(pace.ratio_before)
-    errors = found / np.expm1(finer * np.clip(power, 1.0, orders))
+    errors = fallen(found, pace, np.clip(power, 1.0, orders))
     left = np.where(np.isfinite(before), before, 0.0) / (pace.ratio_before**orders - 1) / pace.ratio**orders
     return np.maximum(errors, left)
 
@@ -142,11 +157,10 @@ def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
 def finished(
     found: Array, before: Array, errors: Array, wanted: Array, pace: Pace, tiny: Array | bool = False
 ) -> Array:
-    """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more, which is looked for in
-    small differences and in those of `tiny` quantities (…, 2). Differences before are needed: without
-    them how fast the errors fall is unknown."""
+    """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more, which differences before
+    tell, of small differences and of those of `tiny` quantities (…, 2)."""
     if not pace.tells:
-        return np.zeros(found.shape[:-1], dtype=bool)
+        return np.asarray(across(np.logical_and, errors <= wanted))
     no_gain = _NO_GAIN * (1 - 1 / pace.ratio) / (pace.ratio_before - 1)
     stalled = (found >= no_gain * before) & ((found < 1e-6) | tiny)
     return np.asarray(across(np.logical_and, (errors <= wanted) | stalled))

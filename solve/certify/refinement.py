@@ -15,6 +15,7 @@ from solve.certify.estimates import (
     Burdens,
     at_one,
     differences,
+    monodromy_differences,
     nearly_decided,
     not_followed,
     radius_changes,
@@ -31,19 +32,21 @@ from solve.certify.pace import (
     SECOND_FAR,
     Pace,
     estimated,
+    fallen,
     finished,
     first_steps,
     judged,
     needed_steps,
     rung,
     seen_by_both,
+    sure_powers,
     times_more,
 )
 from solve.errors import StepsError
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, balanced, frozen
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers
+from solve.period.multipliers import Multipliers, decided
 from solve.period.points import Points
 from solve.progress import foreseen, stage
 
@@ -122,6 +125,7 @@ class Refinement:
         self.points, self.method, self.request = points, method, request
         self.most = method.most_steps(points.n)
         self.orders = np.array([method.curve_order, method.order])
+        self.sure = sure_powers(method)
 
     @cached_property
     def modes(self) -> Frozen:
@@ -254,25 +258,28 @@ class Refinement:
             return []
         found, rtol = self._differences(coarse, fine, trail.positions), self.request.rtol
         wanted = np.column_stack((np.maximum(rtol, 2 * fine.defect), np.full(len(fine), rtol)))
-        errors, done = estimated(found, trail.differences, pace, self.orders), np.zeros(len(fine), dtype=bool)
         small = np.maximum(coarse.multipliers.spectral_radius, fine.multipliers.spectral_radius) < UNDERFLOW
         if pace.tells:
+            errors = estimated(found, trail.differences, pace, self.orders)
             wanted = within_reach(fine, errors, wanted)
+        else:
+            errors = fallen(found, pace, self.sure)
+        done = np.zeros(len(fine), dtype=bool)
+        if pace.tells or not self.method.spectral:
             errors, done = self._finished(pace, trail, fine, found, errors, wanted, small)
-        times, at = np.full(len(fine), FARTHEST), np.flatnonzero(~done)
-        times[at] = times_more(found[at], wanted[at], pace, self.orders)
-        onward = pace.onward(times, self.most)
-        last = onward > self.most
         foreseen(STEPS, pace.steps, lambda: min(needed_steps(pace, errors, wanted, self.orders), self.most))
-        ended = np.zeros(len(fine), dtype=bool)
+        ended, last = np.zeros(len(fine), dtype=bool), rung(pace.steps + 1) > self.most
         at = np.flatnonzero(done | last)
         if len(at):
-            ended[at] = yield from self._ended(pace, trail[at], fine[at], errors[at], small[at], last[at])
-        if ended.all():
-            return []
+            ended[at] = yield from self._ended(pace, trail[at], fine[at], errors[at], small[at], last)
         still_open = np.flatnonzero(~ended)
+        if not len(still_open):
+            return []
+        times = times_more(found[still_open], wanted[still_open], pace, self.orders)
+        if pace.tells:
+            times[done[still_open]] = FARTHEST
         trail = _Trail(trail.positions, found, fine)
-        return [(to, trail[still_open[some]]) for to, some in pace.parted(onward[still_open])]
+        return [(to, trail[still_open[some]]) for to, some in pace.parted(pace.onward(times, self.most))]
 
     def _finished(
         self,
@@ -289,13 +296,19 @@ class Refinement:
         better and better."""
         before = trail.differences
         done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
+        if trail.solutions is not None and done.any() and not pace.tells:
+            at = np.flatnonzero(done)
+            apart = fallen(monodromy_differences(trail.solutions, fine, at), pace, self.sure[1])
+            e = errors[at, 1] = np.maximum(errors[at, 1], apart)
+            rho = fine.multipliers[at]
+            done[at] = (e <= wanted[at, 1]) & decided(rho, e * rho.spectral_radius)
         if done.any():
             at = most(done)
             left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
             errors[at] = np.where(done[at, None], np.maximum(errors[at], left), errors[at])
             done[at] &= across(np.logical_and, left <= wanted[at])
         done = done & (fine.rounding < 1.0)
-        if done.any():
+        if pace.tells and done.any():
             done &= ~nearly_decided(done, fine, errors, found, before, self.method.order)
         return errors, done
 
@@ -318,10 +331,10 @@ class Refinement:
         return onward
 
     def _ended(
-        self, pace: Pace, trail: _Trail, fine: Solutions, errors: Array, small: Array, last: Array
+        self, pace: Pace, trail: _Trail, fine: Solutions, errors: Array, small: Array, last: bool
     ) -> Iterator[Certified | Failed]:
         """Points whose grids agree, unless modes that these do not follow, or orders that they do not see,
-        matter and the grids are not their `last` (k,); returns which points have ended (k,)."""
+        matter and the grids are not the `last`; returns which points have ended (k,)."""
         positions = trail.positions
         unseen = self._hidden(seen_by_both(pace, self.method), positions, fine, errors)
         alias = aliasing(self.points[positions], self.method, pace.steps)

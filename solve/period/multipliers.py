@@ -296,10 +296,9 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia
     so near that they may be one, 10 e takes the place of e in the first, of 2 e in the second.
     """
     values, e = multipliers.values, _absolute(multipliers, errors)
-    near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     meet = np.zeros((*values.shape, values.shape[-1]), dtype=bool)
-    some = np.flatnonzero(across(np.add, near.astype(int)) > 1)
-    meet[some] = _meetings(values[some], errors[some], near[some])
+    some, meetings = _meetings(values, errors, e)
+    meet[some] = meetings
     alone = ~across(np.logical_or, meet)
     inner, outer = (np.where(alone, times, _TIMES_ESTIMATE) * e for times in (1.0, SURE))
     judged = _by_moduli(multipliers, e, inner, outer)
@@ -322,6 +321,20 @@ def roughly(multipliers: Multipliers, errors: Array) -> Array:
     return _by_moduli(multipliers, e, e, e)
 
 
+def decided(multipliers: Multipliers, errors: Array) -> Array:
+    """Whether the verdict (P,) is what it would be without the errors (P,), which are absolute: every modulus
+    is 1 or farther from it than they are, and no two multipliers on the circle are as near to each other."""
+    values = multipliers.values
+    off = np.abs(np.abs(values) - 1)
+    on_circle, e = off <= UNIT_CIRCLE, np.broadcast_to(errors[:, None], values.shape)
+    known = np.where(on_circle, off + e <= KNOWN_ON_CIRCLE, off > SURE * e + UNIT_CIRCLE)
+    found = across(np.logical_and, known)
+    at = np.flatnonzero(found & across(np.logical_or, on_circle))
+    some, meetings = _meetings(values[at], errors[at], e[at])
+    found[at[some]] = ~meetings.any(axis=(1, 2))
+    return found
+
+
 def _absolute(multipliers: Multipliers, errors: Array) -> Array:
     """e (P, N) of `verdicts`."""
     values, resolved = multipliers.values, multipliers.resolved
@@ -342,15 +355,19 @@ def _by_moduli(multipliers: Multipliers, e: Array, inner: Array, outer: Array) -
     return np.where(across(np.logical_or, outside), UNSTABLE, judged)
 
 
-def _meetings(values: Array, errors: Array, concerned: Array) -> Array:
-    """Which of the multipliers (P, N) that are `concerned` may be one with which other (P, N, N): a double
-    one of a defective block splits by the square root of a perturbation, of which the errors (P,) may show
-    little."""
-    error = np.maximum(errors, UNIT_CIRCLE)
+def _meetings(values: Array, errors: Array, e: Array) -> tuple[Array, Array]:
+    """Points (k,) with more than one of the multipliers (P, N) near the unit circle, and which of these may
+    be one with which other (k, N, N): a double one of a defective block splits by the square root of a
+    perturbation, of which the errors (P,) may show little. e (P, N): those of each."""
+    near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
+    some = np.flatnonzero(across(np.add, near.astype(int)) > 1)
+    values, near, error = values[some], near[some], np.maximum(errors[some], UNIT_CIRCLE)
     reach = np.minimum(np.sqrt(error), _APART * error)
-    distance = np.abs(values[:, :, None] - values[:, None, :])
-    close = (distance <= reach[:, None, None]) & ~np.eye(values.shape[-1], dtype=bool)
-    return close & concerned[:, :, None] & concerned[:, None, :]
+    meet = np.zeros((*values.shape, values.shape[-1]), dtype=bool)
+    i, j = np.triu_indices(values.shape[-1], 1)
+    close = (np.abs(values[:, i] - values[:, j]) <= reach[:, None]) & near[:, i] & near[:, j]
+    meet[:, i, j] = meet[:, j, i] = close
+    return some, meet
 
 
 def _may_be_defective(Phi: Array, values: Array, meet: Array, error: float) -> bool:

@@ -4,9 +4,21 @@ import numpy as np
 import pytest
 
 from solve.certify.estimates import not_followed
-from solve.certify.pace import FARTHEST, Pace, estimated, finished, first_steps, rung, times_more
+from solve.certify.pace import (
+    FARTHEST,
+    Pace,
+    estimated,
+    fallen,
+    finished,
+    first_steps,
+    rung,
+    sure_powers,
+    times_more,
+)
+from solve.methods.fourier import Fourier
 from solve.methods.gauss import Gauss
 from solve.methods.method import Solutions
+from solve.methods.newmark import Newmark
 from solve.methods.radau import Radau
 from solve.period.curve import Curve
 from solve.period.grid import Grid
@@ -37,11 +49,19 @@ def test_estimates_follow_the_power_of_the_steps(power, steps):
     assert finished(found, before, estimate, estimate, pace)
 
 
-def test_two_grids_alone_do_not_finish():
-    pace = Pace(16).to(24)
-    found, unknown = np.full(2, 1e-12), np.full(2, np.inf)
-    errors = estimated(found, unknown, pace, np.array([8.0, 9.0]))
-    assert not finished(found, unknown, errors, np.full(2, 1e-6), pace)
+@pytest.mark.parametrize(
+    ("method", "powers"),
+    [(Gauss(10), [4.0, 5.0]), (Newmark(), [1.0, 1.0]), (Radau(9), [1.0, 1.0]), (Fourier(), [1.0, 1.0])],
+)
+def test_errors_surely_fall_with_half_the_order_or_the_first_power(method, powers):
+    assert sure_powers(method).tolist() == powers
+
+
+def test_two_grids_finish_where_the_errors_that_they_surely_have_are_wanted_ones():
+    pace, unknown, wanted = Pace(16).to(24), np.full(2, np.inf), np.full(2, 1e-6)
+    for difference, enough in ((6e-6, True), (7e-6, False)):
+        errors = fallen(np.full(2, difference), pace, sure_powers(Gauss(10))[1])
+        assert finished(np.full(2, difference), unknown, errors, wanted, pace) == enough
 
 
 def test_differences_that_no_longer_fall_are_rounding():

@@ -1,0 +1,65 @@
+"""Points that end after two grids: what these may not show by chance, and verdicts that need a third."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from solve import Gauss, PeriodicSystem, floquet
+from solve.period.grid import Grid
+from solve.period.multipliers import Multipliers, decided
+from solve.period.points import OnePoint
+from tests.solve.systems import constant
+from tests.solve.witnesses import Shooting, multiplier_error
+
+
+def hill(delta):
+    """q″ + (δ + 2 cos φ) q = 0."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0 * one, delta + 2 * np.cos(phase)[:, None, None], 0 * one[:, 0]
+
+    return PeriodicSystem(matrices, ["q"])
+
+
+@pytest.mark.parametrize("between", [(4.0, 4.3), (6.2, 6.5), (8.9, 9.2), (12.1, 12.4)])
+def test_multipliers_that_meet_by_chance_are_known_by_their_matrices(between):
+    """Without damping ρ is a matter of tr Φ alone, and there are δ at which 8 and 12 steps have the same."""
+
+    def difference(delta):
+        grids = (Grid.uniform(steps, 2 * np.pi) for steps in (8, 12))
+        return np.subtract(
+            *(np.trace(Gauss().solutions(OnePoint(hill(delta), 1.0), grid, False).Phi[0]) for grid in grids)
+        )
+
+    given = hill(brentq(difference, *between, xtol=1e-15))
+    found = floquet(given, 1.0, "gauss", rtol=1e-5)
+    error = multiplier_error(found.multipliers, Shooting(given, 1.0).multipliers)
+    assert 1e-9 < error <= 10 * found.error_estimate.multipliers <= 1e-4
+
+
+@pytest.mark.parametrize("damping", [1e-5, 1e-7, -1e-7])
+@pytest.mark.parametrize("rtol", [1e-2, 1e-6])
+def test_weak_damping_decides_whatever_accuracy_is_asked_for(damping, rtol):
+    given = constant(np.eye(1), damping * np.eye(1), 5.3 * np.eye(1), lambda phase: np.zeros((len(phase), 1)))
+    assert floquet(given, 1.0, rtol=rtol).verdict == ("asymptotically stable" if damping > 0 else "unstable")
+
+
+@pytest.mark.parametrize(
+    ("radii", "angle", "error", "expected"),
+    [
+        ((0.9, 0.9), 1.0, 1e-2, True),
+        ((0.9, 0.9), 1.0, 6e-2, False),
+        ((1.1, 1.1), 1.0, 1e-2, True),
+        ((1.1, 1.1), 1.0, 6e-2, False),
+        ((1.0, 1.0), 1.0, 1e-7, True),
+        ((1.0, 1.0), 1.0, 1e-5, False),
+        ((1.0, 1.0), 1e-5, 1e-7, False),
+        ((1.0, 1.0 - 1e-7), 1.0, 1e-8, True),
+        ((1.0, 1.0 - 1e-7), 1.0, 1e-7, False),
+    ],
+)
+def test_a_verdict_is_decided_where_errors_cannot_change_it(radii, angle, error, expected):
+    values = np.array([[radii[0] * np.exp(1j * angle), radii[1] * np.exp(-1j * angle)]])
+    multipliers = Multipliers(values, np.array([2]), np.array([1e-15]))
+    assert decided(multipliers, np.array([error])).tolist() == [expected]
