@@ -7,7 +7,6 @@
 #define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
 #define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
 #define STRIP (NX % 2 ? 3 : 6)     /* columns that are reflected at once: so that 3 NX is a multiple of it */
-#define ANGLE 1e-4                 /* cosine between columns below which their norms count as singular values */
 #define BALANCING 50               /* sweeps of balancing at most */
 #define UNLIKE 2.0                 /* power of 2 between the squares of the norms of a row and its column that asks for some */
 #define APART 1e-3                 /* of what acts on any state: elimination costs those their digits on which less acts */
@@ -18,6 +17,8 @@
 #define SINGULAR 1e14              /* condition number beyond which a chain is singular */
 #define AGAIN 3                    /* times that these are found anew at most */
 #define SMALLEST -100              /* power of 2 by which the unit of a node falls at most at a time, from the largest one */
+
+#include "singular.h"
 
 /* Householder's reflections of so many rows (count, CYCLIC) that make the first NX columns triangular. The other
    columns follow in strips, and with them some that need not. */
@@ -80,43 +81,6 @@ static void between(const lane *saved, const lane *before, const lane *after, la
         for (int j = i + 1; j < NX; j++) s -= row[j] * x[j];
         x[i] = s / row[i];
     }
-}
-
-/* Singular values of so many rows of NX columns, which Jacobi's rotations make orthogonal (M. R. Hestenes,
-   J. SIAM 6 (1958) 51-90); the largest one, or the least. */
-static lane singular_value(lane *z, int count, int largest) {
-    mask open = ~(mask){0};
-    for (int sweep = 0; any(open) && sweep < 30; sweep++) {
-        open = (mask){0};
-        for (int i = 0; i < NX; i++)
-            for (int j = i + 1; j < NX; j++) {
-                lane first = {0}, second = {0}, both = {0};
-                for (int k = 0; k < count; k++) {
-                    const lane x = z[k * NX + i], y = z[k * NX + j];
-                    first += x * x, second += y * y, both += x * y;
-                }
-                const mask off = absolute(both) > ANGLE * root(first * second);
-                open |= off;
-                if (!any(off)) continue;
-                const lane ratio = (second - first) / (2.0 * both);
-                const lane small = 1.0 / (absolute(ratio) + root(1.0 + ratio * ratio));
-                const mask negative = ratio < 0.0;
-                const lane t = (lane)(((mask)(-small) & negative & off) | ((mask)small & ~negative & off));
-                const lane c = 1.0 / root(1.0 + t * t), s = c * t;
-                for (int k = 0; k < count; k++) {
-                    const lane x = z[k * NX + i], y = z[k * NX + j];
-                    z[k * NX + i] = c * x - s * y;
-                    z[k * NX + j] = s * x + c * y;
-                }
-            }
-    }
-    lane found = {0};
-    for (int i = 0; i < NX; i++) {
-        lane square = {0};
-        for (int k = 0; k < count; k++) square += z[k * NX + i] * z[k * NX + i];
-        found = !i ? square : largest ? larger(found, square) : -larger(-found, -square);
-    }
-    return root(found);
 }
 
 /* The one state of a chain that is closed on itself, (G + H) x = r; returns the condition number of G + H,

@@ -40,6 +40,7 @@ _WHAT = {
     "eigenvalues": "eigenvalues of matrices",
     "figures": "extremes and harmonics over a turn",
     "lanes": "periodic solutions",
+    "multipliers": "Floquet multipliers",
     "pointwise": "a model's formulas, for many points",
     "responses": "the stages of a turn's steps",
 }

@@ -1,6 +1,5 @@
 /* Eigenvalues lambda of lambda^2 M + lambda C + K, LANES pencils side by side: of the matrix of the states, balanced
-   (E. E. Osborne, J. ACM 7 (1960) 338-345), by Householder's reflections and the shifted QR algorithm (J. H.
-   Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapter 8).
+   (E. E. Osborne, J. ACM 7 (1960) 338-345).
 
    N: coordinates. */
 
@@ -10,45 +9,13 @@
 #define NX (2 * N)
 #define SWEEPS 8                   /* of balancing at most */
 #define GAIN 0.9                   /* part of a row and its column to which balancing must bring these */
-#define TURNS 40                   /* steps of the QR algorithm an eigenvalue at most */
-#define AGAIN 10                   /* steps after which the shift is another one */
-#define ROUNDING 2.3e-16
+#include "schur.h"
 
 typedef struct {
     long count;
     const double *entries;         /* (3 N N, count): of M, C and K by rows */
     double *values;                /* (NX, count) complex; NaN where they are not found */
 } problem;
-
-typedef struct {
-    lane re, im;
-} complex_lane;
-
-static inline complex_lane times(complex_lane x, complex_lane y) {
-    return (complex_lane){x.re * y.re - x.im * y.im, x.re * y.im + x.im * y.re};
-}
-
-static inline complex_lane plus(complex_lane x, complex_lane y) { return (complex_lane){x.re + y.re, x.im + y.im}; }
-
-static inline complex_lane minus(complex_lane x, complex_lane y) { return (complex_lane){x.re - y.re, x.im - y.im}; }
-
-static inline complex_lane conjugate(complex_lane x) { return (complex_lane){x.re, -x.im}; }
-
-static inline lane modulus(complex_lane x) { return root(x.re * x.re + x.im * x.im); }
-
-/* x / y, 0 where y is. */
-static inline complex_lane over(complex_lane x, complex_lane y) {
-    const lane square = y.re * y.re + y.im * y.im, inverse = where(square > 0.0, 1.0 / square);
-    const complex_lane product = times(x, conjugate(y));
-    return (complex_lane){product.re * inverse, product.im * inverse};
-}
-
-static inline complex_lane square_root(complex_lane x) {
-    const lane r = modulus(x), large = root((r + absolute(x.re)) * 0.5);
-    const lane small = where(large > 0.0, x.im / (2.0 * large));
-    const mask right = x.re >= 0.0, up = x.im >= 0.0;
-    return (complex_lane){chosen(right, large, absolute(small)), chosen(right, small, chosen(up, large, -large))};
-}
 
 /* The matrix of the states (q, q') of so many pencils from the one at `first` on; the last one again where there are no more. */
 static void states(const problem *p, long first, lane A[NX][NX]) {
@@ -97,96 +64,13 @@ static void balance(lane A[NX][NX]) {
     }
 }
 
-/* Hessenberg's form by reflections from both sides. */
-static void reduce(lane A[NX][NX]) {
-    for (int k = 0; k + 2 < NX; k++) {
-        lane v[NX], square = {0};
-        for (int i = k + 1; i < NX; i++) v[i] = A[i][k], square += v[i] * v[i];
-        const lane norm = root(square), end = chosen(v[k + 1] < 0.0, norm, -norm);
-        v[k + 1] -= end;                                         /* never cancels */
-        const lane product = norm * absolute(v[k + 1]), factor = where(product > 0.0, 1.0 / product);
-        A[k + 1][k] = end;
-        for (int i = k + 2; i < NX; i++) A[i][k] = (lane){0};
-        for (int j = k + 1; j < NX; j++) {
-            lane dot = {0};
-            for (int i = k + 1; i < NX; i++) dot += v[i] * A[i][j];
-            for (int i = k + 1; i < NX; i++) A[i][j] -= dot * factor * v[i];
-        }
-        for (int i = 0; i < NX; i++) {
-            lane dot = {0};
-            for (int j = k + 1; j < NX; j++) dot += A[i][j] * v[j];
-            for (int j = k + 1; j < NX; j++) A[i][j] -= dot * factor * v[j];
-        }
-    }
-}
-
-/* The eigenvalue of the last two rows and columns up to m that is nearer to the last diagonal entry. */
-static complex_lane shift(complex_lane H[NX][NX], int m) {
-    const complex_lane end = H[m][m], gap = minus(H[m - 1][m - 1], end), half = {gap.re * 0.5, gap.im * 0.5};
-    const complex_lane product = times(H[m - 1][m], H[m][m - 1]);
-    const complex_lane r = square_root(plus(times(half, half), product));
-    const mask same = half.re * r.re + half.im * r.im >= 0.0;
-    const complex_lane signed_root = {chosen(same, r.re, -r.re), chosen(same, r.im, -r.im)};
-    return minus(end, over(product, plus(half, signed_root)));
-}
-
-/* One step of the QR algorithm on the first m + 1 rows and columns, in the lanes that are open: the others stay as they
-   are, whatever their neighbours need. */
-static void turn(complex_lane H[NX][NX], int m, complex_lane by, mask open) {
-    complex_lane c[NX], s[NX];
-    for (int k = 0; k <= m; k++) H[k][k] = minus(H[k][k], by);
-    for (int k = 0; k < m; k++) {
-        const complex_lane a = H[k][k], b = H[k + 1][k];
-        const lane square = a.re * a.re + a.im * a.im + b.re * b.re + b.im * b.im, r = root(square);
-        const mask moves = open & (r > 0.0);
-        const lane inverse = where(moves, 1.0 / r), stays = where(~moves, (lane){0} + 1.0);
-        c[k] = (complex_lane){a.re * inverse + stays, a.im * inverse};
-        s[k] = (complex_lane){b.re * inverse, b.im * inverse};
-        H[k][k] = (complex_lane){chosen(moves, r, a.re), chosen(moves, (lane){0}, a.im)};
-        H[k + 1][k] = (complex_lane){where(~moves, b.re), where(~moves, b.im)};
-        for (int j = k + 1; j <= m; j++) {
-            const complex_lane x = H[k][j], y = H[k + 1][j];
-            H[k][j] = plus(times(conjugate(c[k]), x), times(conjugate(s[k]), y));
-            H[k + 1][j] = minus(times(c[k], y), times(s[k], x));
-        }
-    }
-    for (int k = 0; k < m; k++)
-        for (int i = 0; i <= k + 1; i++) {
-            const complex_lane x = H[i][k], y = H[i][k + 1];
-            H[i][k] = plus(times(x, c[k]), times(y, s[k]));
-            H[i][k + 1] = minus(times(y, conjugate(c[k])), times(x, conjugate(s[k])));
-        }
-    for (int k = 0; k <= m; k++) H[k][k] = plus(H[k][k], by);
-}
-
-/* Triangular form, as far as its diagonal; returns where it is not reached. */
-static mask triangular(complex_lane H[NX][NX]) {
-    mask missed = {0};
-    for (int m = NX - 1; m > 0; m--) {
-        mask open = ~(mask){0};
-        for (int step = 0; step < TURNS; step++) {
-            const lane below = modulus(H[m][m - 1]);
-            open = ~(below <= ROUNDING * (modulus(H[m][m]) + modulus(H[m - 1][m - 1])));
-            if (!any(open)) break;
-            complex_lane by = shift(H, m);
-            if (step % AGAIN == AGAIN - 1) by.re += below;
-            turn(H, m, (complex_lane){where(open, by.re), where(open, by.im)}, open);
-        }
-        missed |= open;
-    }
-    return missed;
-}
-
 void eigenvalues(const problem *p) {
     for (long first = 0; first < p->count; first += LANES) {
         lane A[NX][NX];
         complex_lane H[NX][NX];
         states(p, first, A);
         balance(A);
-        reduce(A);
-        for (int i = 0; i < NX; i++)
-            for (int j = 0; j < NX; j++) H[i][j] = (complex_lane){A[i][j], {0}};
-        const mask missed = triangular(H);
+        const mask missed = triangular(A, H, 0);
         for (int i = 0; i < NX; i++)
             for (int l = 0; l < LANES && first + l < p->count; l++) {
                 double *value = p->values + 2 * (i * p->count + first + l);

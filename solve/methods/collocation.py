@@ -261,13 +261,13 @@ class Collocated(OneStep):
         made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
         steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
         if not orbit or made.curves is None or made.condition is None:
-            return self.sound(points, grid, made.Phi, steps=steps, units=made.units)
+            return self.sound(points, grid, made.Phi, steps=steps, units=made.units, engine=engine)
         finite = np.isfinite(made.condition)
         curve, lost = Curve(grid.nodes, made.curves, finite), ~finite
         if lost.any() and (np.isfinite(made.Phi).all(axis=(1, 2)) & lost).any():
             # Units so far apart that squares overflow in the lanes; NumPy's closing balances them.
             return super().solutions(points, grid, orbit)
-        return self.sound(points, grid, made.Phi, curve, made.condition, steps, made.units)
+        return self.sound(points, grid, made.Phi, curve, made.condition, steps, made.units, engine)
 
 
 @cache

@@ -183,7 +183,7 @@ def _alike(exponents: Array, rotation: float) -> bool:
 
 def _apart(differences: Array, rotation: float) -> Array:
     """Whether exponents with such differences (r,) are of two families."""
-    left = differences - 1j * rotation * np.round(differences.imag / rotation)
+    left = differences - 1j * rotation * np.round(np.imag(differences) / rotation)
     return np.abs(left) >= _CLUSTER * rotation
 
 

@@ -40,7 +40,7 @@ class Solutions:
     rounding (P,): relative error that the way to Φ leaves in the multipliers, beyond that of their
     condition; 1 where the grid does not determine Φ. notes: what the method has to say, none or one a point.
     failures: why a point has no solution, by position. units (P, N): powers of 2 in which Φ is balanced,
-    where the way to it has found them.
+    where the way to it has found them. engine: what finds the eigenvalues of Φ.
     """
 
     grid: Grid
@@ -53,6 +53,7 @@ class Solutions:
     notes: tuple[str, ...] = ()
     failures: Mapping[int, SolveError] = field(default_factory=dict)
     units: Array | None = None
+    engine: str = NUMPY
 
     def __post_init__(self) -> None:
         for name in ("defect", "rounding"):
@@ -77,6 +78,7 @@ class Solutions:
             self.rounding[points],
             tuple(np.array(self.notes)[points].tolist()) if self.notes else (),
             units=None if self.units is None else self.units[points],
+            engine=self.engine,
         )
         return made.with_multipliers(self.multipliers[points])
 
@@ -95,12 +97,12 @@ class Solutions:
 
     @cached_property
     def multipliers(self) -> Multipliers:
-        return Multipliers.of(self.Phi, self.units)
+        return Multipliers.of(self.Phi, self.units, self.engine)
 
     @cached_property
     def multiplier_rounding(self) -> Array:
         """Errors of the multipliers (P,) that rounding leaves."""
-        return np.maximum(rounding_errors(self.Phi, self.units), 8 * self.rounding)
+        return np.maximum(rounding_errors(self.Phi, self.units, self.engine), 8 * self.rounding)
 
 
 class Method:
@@ -241,6 +243,7 @@ class OneStep(Method):
         condition: Array | None = None,
         steps: Steps | None = None,
         units: Array | None = None,
+        engine: str = NUMPY,
     ) -> Solutions:
         """The solutions, with a reason for each that is not finite or not unique."""
         unique = kept = finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
@@ -257,7 +260,7 @@ class OneStep(Method):
             Phi = np.where(kept[:, None, None], Phi, 0.0)
         if condition is None:
             condition = np.full(len(Phi), np.nan)
-        return Solutions(grid, Phi, curve, condition, steps, failures=failures, units=units)
+        return Solutions(grid, Phi, curve, condition, steps, failures=failures, units=units, engine=engine)
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:

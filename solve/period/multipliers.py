@@ -5,11 +5,14 @@ Every array may have a leading axis of points, here `…`.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
 from solve.arrays import Array, across, solved
+from solve.kernel import multipliers as kernel
+from solve.kernel.engines import COMPILED, NUMPY
 from solve.period import pairs
 
 NEGLIGIBLE = 1e-100
@@ -68,26 +71,17 @@ class Multipliers:
     bound: Array
 
     @classmethod
-    def of(cls, Phi: Array, units: Array | None = None) -> "Multipliers":
+    def of(cls, Phi: Array, units: Array | None = None, engine: str = NUMPY) -> "Multipliers":
         """Eigenvalues of finite monodromy matrices (…, N, N); rounding is 8 eps‖Φ‖ of the balanced
         matrix, in whatever units Φ is given, or 1e-100. units: as in `scaled_alike`, where known."""
-        scaled, unit = _scaled(Phi)
-        if len(scaled) == 4:
-            values = pairs.eigenvalues(*scaled) * unit[..., None]
-        else:
-            values = np.linalg.eigvals(Phi).astype(complex)
+        values, norm = _in_order(Phi, units, engine)
         modulus = np.abs(values)
-        if (modulus[..., 1:] > modulus[..., :-1]).any():
-            order = np.argsort(-modulus, axis=-1, kind="stable")
-            values, modulus = (np.take_along_axis(part, order, axis=-1) for part in (values, modulus))
-        if len(scaled) != 4:
-            _put_positive_first(values)
-        norm = np.asarray(unit * _frobenius(scaled))
         # That of the balanced matrix is no larger, and asked for only where it decides.
         unsure = modulus[..., -1] <= _LOST * norm
         if unsure.any():
+            scaled, unit = _scaled(Phi[unsure])
             known = None if units is None else units[unsure]
-            norm[unsure] = unit[unsure] * _frobenius(_by_entry(_balanced(_matrices(scaled)[unsure], known)))
+            norm[unsure] = unit * _frobenius(_by_entry(_balanced(_matrices(scaled), known)))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
         kept = modulus > bound[..., None]
         if kept.all():
@@ -97,10 +91,15 @@ class Multipliers:
     def __getitem__(self, points: Any) -> "Multipliers":
         return Multipliers(self.values[points], self.resolved[points], self.bound[points])
 
+    @cached_property
+    def moduli(self) -> Array:
+        """(…, N)."""
+        return np.abs(self.values)
+
     @property
     def spectral_radius(self) -> Array:
         """Largest modulus (…)."""
-        return np.abs(self.values[..., 0])
+        return self.moduli[..., 0]
 
     @property
     def nearest_one(self) -> Array:
@@ -201,32 +200,59 @@ def most_rounding(Phi: Array, radius: Array) -> Array:
     return np.where(known, np.sqrt(perturbation), 0.0)
 
 
-def rounding_errors(Phi: Array, units: Array | None = None) -> Array:
+def rounding_errors(Phi: Array, units: Array | None = None, engine: str = NUMPY) -> Array:
     """Errors of the multipliers (…), relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes:
     as many times larger as the eigenvalue is ill-conditioned, and its k-th root in a defective block of k.
     units: as in `scaled_alike`, where known."""
-    scaled, unit = _scaled(Phi)
-    if len(scaled) == 4:
-        entries = pairs.balanced(*scaled)
-        values = pairs.eigenvalues(*entries)
-        norm, condition = pairs.conditions(entries, values, 8 * EPS)
-        conditions = np.stack((condition, condition), axis=-1)
-    else:
-        balanced = _balanced(_matrices(scaled), units)
-        values, right = np.linalg.eig(balanced)
-        # Complex for every point alike, whatever its neighbours are.
-        right = right.astype(complex)
-        norm = _spectral(balanced)
-        with np.errstate(over="ignore"):
-            left = np.linalg.norm(solved(right, np.eye(Phi.shape[-1])), axis=-1)
-        # No left eigenvectors stand beside defective ones.
-        conditions = np.where(np.isnan(left), np.inf, left)
+    values, unit, norm, conditions = _conditioned(Phi, units, engine)
     radius = across(np.maximum, np.abs(values))
     known = unit * radius > NEGLIGIBLE
     scale = np.where(known, radius, 1.0)
     perturbation = 8 * EPS * norm / scale
     most = perturbation ** (1 / _block(values / scale[..., None], conditions, perturbation))
     return np.where(known, np.minimum(perturbation * across(np.maximum, conditions), most), 0.0)
+
+
+def _in_order(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array]:
+    """Eigenvalues (…, N) in the order of `Multipliers`, and Frobenius' norms (…), in the units or others."""
+    if engine == COMPILED and Phi.ndim == 3:
+        found = kernel.eigenvalues(Phi, units)
+        if found is not None and not np.isnan(found.values).any():
+            return found.values, found.sizes
+    scaled, unit = _scaled(Phi)
+    if len(scaled) == 4:
+        values = pairs.eigenvalues(*scaled) * unit[..., None]
+    else:
+        values = np.linalg.eigvals(Phi).astype(complex)
+    modulus = np.abs(values)
+    if (modulus[..., 1:] > modulus[..., :-1]).any():
+        values = np.take_along_axis(values, np.argsort(-modulus, axis=-1, kind="stable"), axis=-1)
+    if len(scaled) != 4:
+        _put_positive_first(values)
+    return values, np.asarray(unit * _frobenius(scaled))
+
+
+def _conditioned(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array, Array, Array]:
+    """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these, spectral norms (…) and
+    condition numbers (…, N)."""
+    if engine == COMPILED and Phi.ndim == 3:
+        found = kernel.conditioned(Phi, units)
+        if found is not None and not np.isnan(found.values).any():
+            return found.values, np.ones(len(Phi)), found.norms, found.conditions
+    scaled, unit = _scaled(Phi)
+    if len(scaled) == 4:
+        entries = pairs.balanced(*scaled)
+        values = pairs.eigenvalues(*entries)
+        norm, condition = pairs.conditions(entries, values, 8 * EPS)
+        return values, unit, norm, np.stack((condition, condition), axis=-1)
+    balanced = _balanced(_matrices(scaled), units)
+    values, right = np.linalg.eig(balanced)
+    # Complex for every point alike, whatever its neighbours are.
+    right = right.astype(complex)
+    with np.errstate(over="ignore"):
+        left = np.linalg.norm(solved(right, np.eye(Phi.shape[-1])), axis=-1)
+    # No left eigenvectors stand beside defective ones.
+    return values, unit, _spectral(balanced), np.where(np.isnan(left), np.inf, left)
 
 
 def _block(values: Array, conditions: Array, perturbation: Array) -> Array:
@@ -295,22 +321,23 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia
     and ||ρ| - 1| + e ≤ 1e-6, and none may be defective (chapter Section 2). Else undetermined. Where two are
     so near that they may be one, 10 e takes the place of e in the first, of 2 e in the second.
     """
-    values, e = multipliers.values, _absolute(multipliers, errors)
-    meet = np.zeros((*values.shape, values.shape[-1]), dtype=bool)
-    some, meetings = _meetings(values, errors, e)
-    meet[some] = meetings
-    alone = ~across(np.logical_or, meet)
-    inner, outer = (np.where(alone, times, _TIMES_ESTIMATE) * e for times in (1.0, SURE))
-    judged = _by_moduli(multipliers, e, inner, outer)
-    drifting = across(np.add, (np.abs(values - 1) <= _NEAR_ONE).astype(int)) > 1
-    open_ = np.flatnonzero(((judged == STABLE) | (judged == UNDETERMINED)) & drifting)
+    values, moduli, e = multipliers.values, multipliers.moduli, _absolute(multipliers, errors)
+    judged = _by_moduli(moduli, e, e, SURE * e)
+    some, meet = _meetings(multipliers, errors, e)
+    if len(some):
+        alone, own = ~meet.any(axis=-1), e[some]
+        inner, outer = (np.where(alone, times, _TIMES_ESTIMATE) * own for times in (1.0, SURE))
+        judged[some] = _by_moduli(moduli[some], own, inner, outer)
+    open_ = np.flatnonzero((judged == STABLE) | (judged == UNDETERMINED))
+    near_one = (np.abs(values[open_] - 1) <= _NEAR_ONE).astype(int)
+    open_ = open_[across(np.add, near_one) > 1]
     if len(open_):
         judged[open_] = np.where(modes.drifts(open_, Phi[open_], errors[open_]), UNSTABLE, judged[open_])
-    open_ = np.flatnonzero((judged == STABLE) & across(np.logical_or, ~alone))
-    units = modes.units(open_) if len(open_) else ()
-    for at, unit in zip(open_.tolist(), units, strict=True):
+    stable = np.flatnonzero(judged[some] == STABLE)
+    units = modes.units(some[stable]) if len(stable) else ()
+    for at, meets, unit in zip(some[stable].tolist(), meet[stable], units, strict=True):
         alike = _balanced(Phi[at] * unit[:, None] / unit)
-        if _may_be_defective(alike, values[at], meet[at], float(errors[at])):
+        if _may_be_defective(alike, values[at], meets, float(errors[at])):
             judged[at] = UNDETERMINED
     return judged
 
@@ -318,20 +345,17 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: Inertia
 def roughly(multipliers: Multipliers, errors: Array) -> Array:
     """The same by the moduli alone, whichever may be one."""
     e = _absolute(multipliers, errors)
-    return _by_moduli(multipliers, e, e, e)
+    return _by_moduli(multipliers.moduli, e, e, e)
 
 
 def decided(multipliers: Multipliers, errors: Array) -> Array:
     """Whether the verdict (P,) is what it would be without the errors (P,), which are absolute: every modulus
     is 1 or farther from it than they are, and no two multipliers on the circle are as near to each other."""
-    values = multipliers.values
-    off = np.abs(np.abs(values) - 1)
-    on_circle, e = off <= UNIT_CIRCLE, np.broadcast_to(errors[:, None], values.shape)
+    off = np.abs(multipliers.moduli - 1)
+    on_circle, e = off <= UNIT_CIRCLE, np.broadcast_to(errors[:, None], off.shape)
     known = np.where(on_circle, off + e <= KNOWN_ON_CIRCLE, off > SURE * e + UNIT_CIRCLE)
     found = across(np.logical_and, known)
-    at = np.flatnonzero(found & across(np.logical_or, on_circle))
-    some, meetings = _meetings(values[at], errors[at], e[at])
-    found[at[some]] = ~meetings.any(axis=(1, 2))
+    found[_meetings(multipliers, errors, e)[0]] = False
     return found
 
 
@@ -344,28 +368,29 @@ def _absolute(multipliers: Multipliers, errors: Array) -> Array:
     return np.where(unresolved, np.maximum(multipliers.bound[:, None], errors[:, None]), errors[:, None])
 
 
-def _by_moduli(multipliers: Multipliers, e: Array, inner: Array, outer: Array) -> Array:
-    """Positions (P,) in VERDICTS, with margins (P, N) for moduli inside and outside the unit circle."""
-    modulus = np.abs(multipliers.values)
-    inside, outside = modulus + inner < 1 - UNIT_CIRCLE, modulus - outer > 1 + UNIT_CIRCLE
+def _by_moduli(moduli: Array, e: Array, inner: Array, outer: Array) -> Array:
+    """Positions (P,) in VERDICTS, with margins (P, N) for moduli (P, N) in- and outside the unit circle."""
+    inside, outside = moduli + inner < 1 - UNIT_CIRCLE, moduli - outer > 1 + UNIT_CIRCLE
     on_circle = ~inside & ~outside
     judged = np.where(across(np.logical_or, on_circle), STABLE, ASYMPTOTICALLY_STABLE)
-    known = (np.abs(modulus - 1) + e <= KNOWN_ON_CIRCLE) & (modulus - e <= 1 + UNIT_CIRCLE)
+    known = (np.abs(moduli - 1) + e <= KNOWN_ON_CIRCLE) & (moduli - e <= 1 + UNIT_CIRCLE)
     judged = np.where(across(np.logical_or, on_circle & ~known), UNDETERMINED, judged)
     return np.where(across(np.logical_or, outside), UNSTABLE, judged)
 
 
-def _meetings(values: Array, errors: Array, e: Array) -> tuple[Array, Array]:
-    """Points (k,) with more than one of the multipliers (P, N) near the unit circle, and which of these may
-    be one with which other (k, N, N): a double one of a defective block splits by the square root of a
-    perturbation, of which the errors (P,) may show little. e (P, N): those of each."""
-    near = np.abs(np.abs(values) - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
+def _meetings(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Array, Array]:
+    """Points (k,) with multipliers near the unit circle that may be one, and which of these with which other
+    (k, N, N): a double one of a defective block splits by the square root of a perturbation, of which the
+    errors (P,) may show little. e (P, N): those of each."""
+    near = np.abs(multipliers.moduli - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     some = np.flatnonzero(across(np.add, near.astype(int)) > 1)
-    values, near, error = values[some], near[some], np.maximum(errors[some], UNIT_CIRCLE)
+    values, near, error = multipliers.values[some], near[some], np.maximum(errors[some], UNIT_CIRCLE)
     reach = np.minimum(np.sqrt(error), _APART * error)
-    meet = np.zeros((*values.shape, values.shape[-1]), dtype=bool)
     i, j = np.triu_indices(values.shape[-1], 1)
     close = (np.abs(values[:, i] - values[:, j]) <= reach[:, None]) & near[:, i] & near[:, j]
+    met = across(np.logical_or, close)
+    some, close = some[met], close[met]
+    meet = np.zeros((len(some), *near.shape[1:], near.shape[1]), dtype=bool)
     meet[:, i, j] = meet[:, j, i] = close
     return some, meet
 

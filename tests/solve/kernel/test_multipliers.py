@@ -1,0 +1,141 @@
+"""Multipliers and their conditions in compiled code, held against LAPACK and against matrices made for it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from solve import floquet
+from solve.kernel.multipliers import conditioned, eigenvalues
+from solve.period.multipliers import Multipliers, rounding_errors, scaled_alike
+from solve.sizes import SMALL
+from tests.solve.kernel.test_eigenvalues import apart
+from tests.solve.kernel.test_lanes import needs_compiler
+from tests.solve.systems import random_system
+
+pytestmark = needs_compiler
+
+SIZES = [2, 4, 6, 10, 2 * SMALL]
+
+
+def solved(matrices):
+    """Those of matrices (P, N, N), their units found in NumPy."""
+    made = conditioned(matrices, scaled_alike(matrices)[1])
+    assert made is not None
+    return made
+
+
+def made_of(values, numbers):
+    """A matrix with these eigenvalues and random, well-conditioned eigenvectors: blocks of pairs."""
+    blocks = np.zeros((len(values), len(values)))
+    for at in range(0, len(values), 2):
+        first, second = values[at : at + 2]
+        pair = (
+            [[first, 0], [0, second]]
+            if np.isreal(first)
+            else [[first.real, first.imag], [-first.imag, first.real]]
+        )
+        blocks[at : at + 2, at : at + 2] = np.real(pair)
+    mixed = np.linalg.qr(numbers.standard_normal(blocks.shape))[0]
+    return mixed @ blocks @ mixed.T
+
+
+@pytest.mark.parametrize("N", SIZES)
+@pytest.mark.parametrize("count", [1, 7, 16])
+def test_any_matrices(N, count, width):
+    matrices = np.random.default_rng(N).standard_normal((count, N, N))
+    found = solved(matrices)
+    for matrix, values in zip(matrices, found.values, strict=True):
+        assert apart(values, np.linalg.eigvals(matrix)) < 1e-12
+        assert (np.diff(np.abs(values)) <= 0).all()
+        pairs = values[np.imag(values) != 0]
+        assert (np.imag(pairs[::2]) > 0).all()
+        np.testing.assert_array_equal(pairs[1::2], pairs[::2].conj())
+    np.testing.assert_allclose(found.sizes, np.linalg.norm(_balanced(matrices), axis=(1, 2)), rtol=1e-14)
+
+
+def _balanced(matrices):
+    return scaled_alike(matrices)[0] if matrices.shape[-1] > 2 else matrices
+
+
+@pytest.mark.parametrize("N", SIZES[1:])
+def test_norms_and_conditions_are_those_of_eigenvectors(N, width):
+    matrices = np.random.default_rng(N).standard_normal((9, N, N))
+    found, balanced = solved(matrices), _balanced(matrices)
+    np.testing.assert_allclose(found.norms, np.linalg.norm(balanced, 2, axis=(1, 2)), rtol=1e-6)
+    for matrix, values, conditions in zip(balanced, found.values, found.conditions, strict=True):
+        exact, right = np.linalg.eig(matrix)
+        expected = np.linalg.norm(right, axis=0) * np.linalg.norm(np.linalg.inv(right), axis=1)
+        nearest = np.abs(values[:, None] - exact).argmin(axis=1)
+        np.testing.assert_allclose(conditions, expected[nearest], rtol=1e-8)
+
+
+radii = st.floats(-1.5, 1.5)
+
+
+@given(st.lists(st.tuples(radii, radii, st.booleans()), min_size=1, max_size=4), st.integers(0, 2**32 - 1))
+def test_multipliers_that_are_known(pairs, seed):
+    """Real ones and conjugate pairs, of a normal matrix in units far apart."""
+    numbers = np.random.default_rng(seed)
+    values = np.ravel([(x, y) if real else (x + 1j * y, x - 1j * y) for x, y, real in pairs]).astype(complex)
+    units = 2.0 ** numbers.integers(-20, 21, len(values))
+    matrix = made_of(values, numbers) * units / units[:, None]
+    if np.abs(values).max() > 1e-3:
+        found = solved(matrix[None])
+        assert apart(found.values[0], values) < 1e-12
+        if len(values) > 2 and np.ptp(np.log2(units)):
+            assert (found.conditions < 1e6).all()
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+@pytest.mark.parametrize("size", [2, 4])
+def test_a_defective_pair_is_known_to_half_of_the_digits(engine, size):
+    matrix = np.diag([0.5, 0.5, 0.1, -0.2][:size])
+    matrix[0, 1] = 1.0
+    errors = rounding_errors(matrix[None], np.ones((1, size)), engine)
+    assert 1e-8 < errors[0] < 1e-6
+
+
+def test_zero_and_identity_are_as_they_are():
+    for N in SIZES:
+        found = solved(np.stack((np.zeros((N, N)), np.eye(N), -2 * np.eye(N))))
+        np.testing.assert_array_equal(found.values, np.array([[0], [1], [-2]]) * np.ones(N))
+        np.testing.assert_array_equal(found.norms, [0, 1, 2])
+
+
+@pytest.mark.parametrize("power", [-900, 0, 1000])
+def test_squares_neither_overflow_nor_vanish(power):
+    matrices = np.random.default_rng(3).standard_normal((4, 6, 6))
+    found, scaled = solved(matrices), solved(np.ldexp(matrices, power))
+    np.testing.assert_allclose(np.ldexp(1.0, -power) * scaled.values, found.values, rtol=1e-12)
+    np.testing.assert_array_equal(scaled.conditions, found.conditions)
+
+
+def test_each_is_as_it_is_alone(width):
+    """Whatever its neighbours in the lanes need."""
+    matrices = np.random.default_rng(9).standard_normal((24, 6, 6))
+    together = solved(matrices)
+    for part, alone in zip(
+        together, zip(*(solved(matrices[[at]]) for at in range(24)), strict=True), strict=True
+    ):
+        np.testing.assert_array_equal(part, np.concatenate(alone))
+
+
+def test_what_is_large_or_has_no_units_is_left_to_others():
+    assert eigenvalues(np.zeros((1, 2 * SMALL + 2, 2 * SMALL + 2)), np.ones((1, 2 * SMALL + 2))) is None
+    assert eigenvalues(np.zeros((1, 4, 4)), None) is None
+    assert eigenvalues(np.zeros((1, 2, 2)), None) is not None
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_multipliers_and_their_errors_are_alike_by_both_engines(n):
+    Phi = np.random.default_rng(n).standard_normal((40, 2 * n, 2 * n))
+    units = scaled_alike(Phi)[1]
+    compiled, numpy = (Multipliers.of(Phi, units, engine) for engine in ("compiled", "numpy"))
+    assert (compiled.distance(numpy) < 1e-12 * numpy.spectral_radius).all()
+    np.testing.assert_array_equal(compiled.resolved, numpy.resolved)
+    np.testing.assert_allclose(
+        *(rounding_errors(Phi, units, engine) for engine in ("compiled", "numpy")), rtol=1e-6
+    )
+    one, other = (floquet(random_system(n, n), 1.0, engine=engine) for engine in ("compiled", "numpy"))
+    np.testing.assert_allclose(one.multipliers, other.multipliers, atol=1e-12 * one.spectral_radius)
