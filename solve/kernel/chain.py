@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 
 from solve.arrays import Array
-from solve.kernel.library import loaded
+from solve.kernel.library import address, loaded
 from solve.sizes import SMALL
 
 
@@ -49,5 +49,5 @@ def _called(name: str, N: int, sizes: tuple[int, int], *arrays: Array) -> bool:
     library = loaded("chain.c", (("NX", N),)) if N <= 2 * SMALL else None
     if library is None:
         return False
-    problem = _Chain(*sizes, *(each.ctypes.data for each in arrays))
+    problem = _Chain(*sizes, *map(address, arrays))
     return getattr(library, name)(ctypes.byref(problem)) == 1

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from solve.arrays import Array
-from solve.kernel.library import loaded
+from solve.kernel.library import address, loaded
 
 MOST = 8
 """Samples of a step at most."""
@@ -42,10 +42,10 @@ def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[A
     powers = [_powers(count, each.shape[-1]) for count, each in zip(samples, given, strict=True)]
     apart, largest = np.empty(coarse.shape[:-2]), np.empty(coarse.shape[:-2])
     sides = (
-        _Side(each.shape[-2], count, each.ctypes.data, power.ctypes.data)
+        _Side(each.shape[-2], count, address(each), address(power))
         for each, count, power in zip(given, samples, powers, strict=True)
     )
-    problem = _Problem(apart.size, *sides, apart.ctypes.data, largest.ctypes.data)
+    problem = _Problem(apart.size, *sides, address(apart), address(largest))
     return None if library.differences(ctypes.byref(problem)) else (apart, largest)
 
 

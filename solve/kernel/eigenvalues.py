@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 
 from solve.arrays import Array
-from solve.kernel.library import loaded
+from solve.kernel.library import address, loaded
 from solve.sizes import SMALL
 
 
@@ -24,6 +24,6 @@ def eigenvalues(pencils: Array) -> Array | None:
         return None
     entries = np.ascontiguousarray(pencils)
     values = np.empty((2 * n, *pencils.shape[3:]), dtype=complex)
-    problem = _Problem(values[0].size, entries.ctypes.data, values.ctypes.data)
+    problem = _Problem(values[0].size, address(entries), address(values))
     library.eigenvalues(ctypes.byref(problem))
     return np.moveaxis(values, 0, -1)

@@ -2,14 +2,14 @@
 formulas of these, for many points, and values of columns of numbers."""
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Columns, Formulas
 from solve.kernel.engines import COMPILED
-from solve.kernel.library import loaded
+from solve.kernel.library import addresses, loaded
 
 _FIGURES = 7
 _WIDEST = 8
@@ -48,10 +48,6 @@ class _Columns(ctypes.Structure):
     )
 
 
-def _addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
-    return {name: each.ctypes.data for name, each in arrays.items()}
-
-
 def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
     """Formulas of phase and speed at phases (k,) and speeds (P,) with values (P, p) of their parameters:
     (P, k, outputs); None without compiled code."""
@@ -63,7 +59,7 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
     made = np.empty((len(speeds), len(phase), formulas.outputs))
     given = {"phase": phase, "speeds": speeds, "parameters": parameters, "values": made}
     arrays = {name: np.ascontiguousarray(each, dtype=float) for name, each in given.items()}
-    problem = _Phases(points=len(speeds), phases=len(phase), **_addresses(arrays))
+    problem = _Phases(points=len(speeds), phases=len(phase), **addresses(arrays))
     library.pointwise(ctypes.byref(problem))
     return made
 
@@ -87,12 +83,12 @@ def columns(
     made = np.empty((formulas.outputs, width if along is None else along[1].shape[1]))
     arrays = {"first": first, "given": given, "shared": shared, "values": made}
     if along is None:
-        library.columns(ctypes.byref(_Columns(columns=width, **_addresses(arrays))))
+        library.columns(ctypes.byref(_Columns(columns=width, **addresses(arrays))))
         return made[:, :count]
     weights = np.zeros((*along[1].shape[:2], width))
     weights[..., :count] = along[1]
     arrays |= {"row": np.ascontiguousarray(along[0], dtype=np.intc), "weights": weights}
-    problem = _Columns(columns=width, sums=made.shape[-1], **_addresses(arrays))
+    problem = _Columns(columns=width, sums=made.shape[-1], **addresses(arrays))
     return made if library.sums(ctypes.byref(problem)) else None
 
 
@@ -134,5 +130,5 @@ def figures(
     arrays["quantity"] = np.ascontiguousarray(wanted, dtype=np.intc)
     numbers = {"points": points, "steps": m, "samples": samples, "wanted": len(wanted)}
     numbers |= {"zooms": zooms[0], "rough": zooms[1], "around": len(parts)}
-    problem = _Turn(**numbers, period=period, tie=tie, **_addresses(arrays))
+    problem = _Turn(**numbers, period=period, tie=tie, **addresses(arrays))
     return None if library.turn(ctypes.byref(problem)) else made

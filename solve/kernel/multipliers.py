@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.kernel.library import loaded
+from solve.kernel.library import addresses, loaded
 from solve.sizes import SMALL
 
 
@@ -66,6 +66,5 @@ def _written(matrices: Array, units: Array | None, results: dict[str, Array]) ->
     given = {"matrices": np.ascontiguousarray(matrices), **results}
     if units is not None and N > 2:
         given["units"] = np.ascontiguousarray(units)
-    pointers = {name: part.ctypes.data for name, part in given.items()}
-    library.multipliers(ctypes.byref(_Problem(len(matrices), **pointers)))
+    library.multipliers(ctypes.byref(_Problem(len(matrices), **addresses(given))))
     return True

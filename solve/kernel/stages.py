@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.kernel.collocation import Samples
-from solve.kernel.library import loaded
+from solve.kernel.library import address, addresses, loaded
 
 _MOST_ROWS = 64
 """Accelerations in a step beyond which LAPACK is as quick."""
@@ -58,9 +58,8 @@ class FactorisedStages:
             "by_state": self.by_state,
             "maps": self.maps,
         }
-        addresses = {name: each.ctypes.data for name, each in self._arrays.items()}
         sizes = {"steps": m, "terms": table.shape[2], "between": table.shape[1] * table.shape[2]}
-        self._problem = _Steps(**sizes, **addresses)
+        self._problem = _Steps(**sizes, **addresses(self._arrays))
         if not library.factorised(ctypes.byref(self._problem)):
             raise MemoryError(f"no memory for stage systems of {n} coordinates")
 
@@ -76,7 +75,7 @@ class FactorisedStages:
     def _called(self, solve: Any, given: Array) -> Array:
         given = np.ascontiguousarray(given, dtype=float)
         found, problem = np.empty(given.shape), _Steps.from_buffer_copy(self._problem)
-        problem.columns, problem.given, problem.found = given.shape[-1], given.ctypes.data, found.ctypes.data
+        problem.columns, problem.given, problem.found = given.shape[-1], address(given), address(found)
         solve(ctypes.byref(problem))
         return found
 
