@@ -20,7 +20,6 @@ from solve.period.multipliers import (
     accumulated,
     most_rounding,
     roughly,
-    scaled_alike,
 )
 from solve.period.period_map import at_rest
 
@@ -52,16 +51,14 @@ def differences(coarse: Solutions, fine: Solutions, burdens: Burdens, engine: st
     return np.column_stack((orbit, multipliers))
 
 
-def monodromy_differences(coarse: Solutions, fine: Solutions, at: Array) -> Array:
-    """Largest differences (k,) of the entries of the monodromy matrices at positions (k,), in balanced units,
-    relative to the spectral radius: multipliers alone may meet by chance."""
-    Phi = fine.Phi[at]
-    apart = np.abs(Phi - coarse.Phi[at])
-    if apart.shape[-1] > 2:
-        units = scaled_alike(Phi)[1] if fine.units is None else fine.units[at]
-        apart *= units[:, None] / units[:, :, None]
-    radius = fine.multipliers.spectral_radius[at]
-    return across(np.maximum, apart.reshape(len(apart), -1)) / np.where(radius > 0, radius, np.nan)
+def monodromy_differences(coarse: Array, fine: Solutions, at: Array) -> Array:
+    """Square roots (k,) of |tr Δ²|, relative to the spectral radius, with Δ the differences of monodromy
+    matrices, coarse ones (k, N, N) and those of solutions at positions (k,): the same in all coordinates, and
+    as large as those of multipliers, but where these meet by chance."""
+    radius = fine.multipliers.spectral_radius[at, None, None]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        apart = (fine.Phi[at] - coarse) / radius
+        return np.sqrt(np.abs(np.einsum("kij,kji->k", apart, apart)))
 
 
 def _apart(
@@ -115,7 +112,7 @@ def not_followed(solutions: Solutions) -> Array:
         return curve.last_power >= _NOT_FOLLOWED
 
 
-def at_one(coarse: Multipliers, fine: Multipliers, ratio: float, order: float, steps: int) -> Array:
+def at_one(coarse: Multipliers, fine: Multipliers, ratio: Array | float, order: float, steps: int) -> Array:
     """Whether the multipliers nearest to +1 (P,) of two grids, the finer one of `steps`, go there as the
     steps get finer."""
     nearest = fine.nearest_one

@@ -13,8 +13,9 @@ _PHASE_ERROR = 0.1
 """Angle (rad) at the end of a period by which a grid may misplace a mode, if two grids are to tell their
 error: beyond it they may agree by chance."""
 
-_STAGES = np.s_[::16], np.s_[8::16], np.s_[4::8], np.flatnonzero(np.arange(PHASES) % 4)
-"""The phases in the order in which they are asked for, as long as more could change anything."""
+_FURTHER = np.s_[8::16], np.s_[4::8], np.flatnonzero(np.arange(PHASES) % 4)
+"""The phases behind every 16th in the order in which they are asked for, as long as more could change
+anything."""
 
 _UNSURE, _FAR = 1.2, 1e-3
 """An exponent and a factor that change nothing where few phases serve."""
@@ -31,10 +32,10 @@ shows them, 0 where it is not needed."""
 
 
 def hidden(
-    modes: Frozen, method: Method, steps: int, multipliers: Multipliers, rtol: float, witness: Witness
+    modes: Frozen, method: Method, steps: Array, multipliers: Multipliers, rtol: float, witness: Witness
 ) -> Array:
     """Errors (P, 3) of the orbits of points, and of the multipliers relative to the spectral radius and
-    absolute, that both of two grids may have from frozen modes that `steps` do not follow, or that they
+    absolute, that both of two grids may have from frozen modes that `steps` (P,) do not follow, or that they
     misplace by so much of a turn that the grids may agree by chance.
 
     An L-stable method loses modes that it does not follow, which is wrong where they truly live on; any
@@ -47,14 +48,14 @@ def hidden(
     if method.l_stable:
         if len(open_):
             radius = multipliers.spectral_radius[open_]
-            lost, followed[open_] = _survivors(modes[open_], limit, rtol * radius)
+            lost, followed[open_] = _survivors(modes[open_], limit[open_], rtol * radius)
             radius = np.maximum(radius, NEGLIGIBLE)
             kept = lost < radius
             share = np.where(kept, lost / np.where(kept, radius, 1.0), 1.0)
             errors[open_, 1:] = np.column_stack((share, _DOUBT * lost)) * ~followed[open_, None]
         return errors
     if len(open_):
-        followed[open_] = modes[open_].reach <= limit
+        followed[open_] = modes[open_].reach <= limit[open_]
     doubtful = np.flatnonzero(~followed | ~_in_phase(modes, method, steps))
     if len(doubtful):
         ours, (truth, orbits) = multipliers[doubtful], witness(doubtful)
@@ -63,30 +64,34 @@ def hidden(
     return errors
 
 
-def _in_phase(modes: Frozen, method: Method, steps: int) -> Array:
+def _in_phase(modes: Frozen, method: Method, steps: Array) -> Array:
     """Whether the steps misplace no mode by so much that grids may meet by chance (P,)."""
     if not method.phase_error(np.ones(1), 1).any():
         return np.ones(len(modes), dtype=bool)
     return method.phase_error(modes.reach, steps) < _PHASE_ERROR
 
 
-def _survivors(modes: Frozen, limit: float, allowed: Array) -> tuple[Array, Array]:
-    """What a period leaves (P,) of modes beyond the limit, and whether there are none such.
+def _survivors(modes: Frozen, limit: Array, allowed: Array) -> tuple[Array, Array]:
+    """What a period leaves (P,) of modes beyond the limit (P,), and whether there are none such.
 
     A few of the phases tell where that matters clearly or clearly not beside what is `allowed` (P,), some
     more where it has settled; all of them tell elsewhere.
     """
     lost, followed = np.ones(len(allowed)), np.zeros(len(allowed), dtype=bool)
     open_ = np.arange(len(allowed))
-    known = None
-    for phases in _STAGES:
-        found = modes[open_].eigenvalues(phases)
-        known = found if known is None else np.concatenate((known, found), axis=1)
-        before, left, most = lost[open_], surviving(known, modes.period, limit), allowed[open_]
+    known = modes.few_eigenvalues
+    for phases in (None, *_FURTHER):
+        if phases is not None:
+            known = np.concatenate((known, modes[open_].eigenvalues(phases)), axis=1)
+        before, left, most = (
+            lost[open_],
+            surviving(known, modes.period, limit[open_, None, None]),
+            allowed[open_],
+        )
         matters = left**_UNSURE * _FAR > most
         matters_not = left ** (1 / _UNSURE) < _FAR * most
         same = (np.abs(left - before) < _SAME * left) & (np.abs(left - most) > _CLOSE * most)
-        beyond = np.abs(known).max(axis=(1, 2)) * modes.period > limit
+        beyond = np.abs(known).max(axis=(1, 2)) * modes.period > limit[open_]
         lost[open_], followed[open_] = left, ~beyond
         still = ~((beyond & (matters | same)) | matters_not)
         open_, known = open_[still], known[still]

@@ -7,19 +7,15 @@ the power of the steps with which the error falls, and how far the next grid sho
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array, across
 from solve.methods.method import Method
 
-_LEAST = 8
-_ORBIT_LEAST = 16
-"""Steps to begin with where loads of high orders may look like low ones, and where steps are samples of a
-series, which shows nothing of what it leaves out."""
-
-_DAMPING_LEAST = 64
-"""Steps to begin with where stiff modes may be present that need not be followed."""
+LEAST = 8
+"""Steps that a grid has at least."""
 
 _LEAST_ORDERS = np.array([1.0, 0.5])
 """Parts of their orders with which errors of orbit and multipliers fall at least."""
@@ -36,7 +32,7 @@ _SPARE = 0.5
 FARTHEST = 2.0
 """Times the steps that the next grid has at most."""
 
-SECOND, SECOND_FAR = 1.0, 3.0
+SECOND, SECOND_FAR = 1.4, 3.0
 """Times the steps of the first grid that the second, a finer one, has at least; the second of these where the
 first grid does not follow the curves."""
 
@@ -46,56 +42,59 @@ _NO_GAIN = 2.0
 
 @dataclass(frozen=True)
 class Pace:
-    """A grid's steps, their ratio to those of the grid before, and that grid's to the one before it."""
+    """A grid's steps, their ratio to those of the grid before, and that grid's to the one before it, infinite
+    where there was none: (k, 1), or numbers where they are the same for all points."""
 
     steps: int
-    ratio: float = math.inf
-    ratio_before: float = math.inf
+    ratio: Any
+    ratio_before: Any = math.inf
+
+    def __getitem__(self, some: Array | slice) -> "Pace":
+        return Pace(self.steps, self.ratio[some], self.ratio_before[some])
 
     @property
-    def tells(self) -> bool:
-        """Whether there are differences of two grids, which tell how fast they fall."""
-        return math.isfinite(self.ratio_before)
+    def tells(self) -> Array:
+        """Whether there are differences of two grids (k,), which tell how fast they fall."""
+        return np.isfinite(self.ratio_before[:, 0])
 
-    def to(self, steps: int) -> "Pace":
-        return Pace(steps, steps / self.steps, self.ratio)
 
-    def onward(self, times: Array, most: int) -> Array:
-        """Steps (k,) of the next grids: of the rungs above these steps the first one with at least so many
-        `times` (k,) the steps, or the last one that `most` allows. Where it allows none, the next one: more
-        than `most`."""
-        rungs = [rung(self.steps + 1)]
-        while rungs[-1] < times.max(initial=0) * self.steps and rung(rungs[-1] + 1) <= most:
-            rungs.append(rung(rungs[-1] + 1))
-        places = np.searchsorted(rungs, times * self.steps)
-        return np.array(rungs)[np.minimum(places, len(rungs) - 1)]
-
-    def parted(self, steps: Array) -> list[tuple["Pace", Array]]:
-        """Grids of so many steps (k,) in their order, each with the positions (j,) that take it."""
-        parts, to = [], 0
-        while len(further := steps[steps > to]):
-            to = int(further.min())
-            parts.append((self.to(to), np.flatnonzero(steps == to)))
-        return parts
+def onward(steps: int, times: Array, most: int) -> Array:
+    """Steps (k,) of the grids after one of so many: of the rungs above these the first one with at least so
+    many `times` (k,) the steps, or the last one that `most` allows. Where it allows none, the next one: more
+    than `most`."""
+    rungs = [rung(steps + 1)]
+    while rungs[-1] < times.max(initial=0) * steps and rung(rungs[-1] + 1) <= most:
+        rungs.append(rung(rungs[-1] + 1))
+    places = np.searchsorted(rungs, times * steps)
+    return np.array(rungs)[np.minimum(places, len(rungs) - 1)]
 
 
 def rung(steps: int) -> int:
     """The least of the numbers 8, 12, 16, 24, 32, … that is not below `steps`."""
-    power = 1 << (max(steps, _LEAST) - 1).bit_length()
-    return 3 * power // 4 if 3 * power // 4 >= max(steps, _LEAST) else power
+    power = 1 << (max(steps, LEAST) - 1).bit_length()
+    return 3 * power // 4 if 3 * power // 4 >= max(steps, LEAST) else power
 
 
-def first_steps(method: Method, orbit: bool) -> int:
-    """Steps of the first grid, for orbits or for multipliers alone."""
-    if method.l_stable:
-        return _DAMPING_LEAST
-    return _ORBIT_LEAST if orbit or method.spectral else _LEAST
+def rungs_above(steps: Array) -> Array:
+    """`rung` of each (k,)."""
+    rungs = _rungs(steps)
+    return rungs[np.searchsorted(rungs, steps)]
 
 
-def seen_by_both(pace: Pace, method: Method) -> int:
-    """Steps that must follow a mode for two grids to tell its error: the coarser grid's where the method
+def _rungs(steps: Array) -> Array:
+    """Those up to the first that is not below any of the `steps`."""
+    found = [rung(1)]
+    while found[-1] < steps.max(initial=0):
+        found.append(rung(found[-1] + 1))
+    return np.array(found)
+
+
+def seen_by_both(pace: Pace, method: Method) -> Array:
+    """Steps (k,) that must follow a mode for two grids to tell its error: the coarser grid's where the method
     damps what it does not follow, so that neither keeps it."""
-    return round(pace.steps / pace.ratio) if method.l_stable else pace.steps
+    return (
+        np.round(pace.steps / pace.ratio[:, 0]) if method.l_stable else np.full(len(pace.ratio), pace.steps)
+    )
 
 
 def times_more(found: Array, wanted: Array, pace: Pace, orders: Array) -> Array:
@@ -124,14 +123,14 @@ def judged(found: Array, orders: Array) -> Array:
 
 def fallen(found: Array, pace: Pace, power: Array | float) -> Array:
     """Errors (…) of the finer of two grids, falling with such a power of the steps, from the differences."""
-    return found / np.expm1(math.log(pace.ratio) * power)
+    return found / np.expm1(np.log(pace.ratio) * power)
 
 
 def sure_powers(method: Method) -> Array:
     """Powers of the steps with which errors of orbit and multipliers (2,) fall surely, unless a third grid
-    shows more. Those of a method that damps stiff modes may be their rounding, which hardly falls."""
+    shows more."""
     orders = np.array([method.curve_order, method.order])
-    return np.ones(2) if method.l_stable or method.spectral else np.maximum(_SURE * orders, 1.0)
+    return np.ones(2) if method.spectral else np.maximum(_SURE * orders, 1.0)
 
 
 def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
@@ -140,15 +139,13 @@ def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
 
     Never less than the differences before leave when they fall with the order: two grids may meet by
     chance, which would count twice, as a small difference and as a steep power."""
-    if not pace.tells:
-        return fallen(found, pace, 1.0)
     known = (found > 0) & np.isfinite(before)
     seen = np.where(known, before, 0.0) / np.where(known, found, 1.0)
     power = np.broadcast_to(orders, found.shape)
-    finer = math.log(pace.ratio)
+    finer = np.log(pace.ratio)
     for _ in range(3):
         # before / found = (ratio_before^p - 1) / (1 - ratio^-p).
-        power = np.log1p(seen * (1 - np.exp(-finer * power))) / math.log(pace.ratio_before)
+        power = np.log1p(seen * (1 - np.exp(-finer * power))) / np.log(pace.ratio_before)
     errors = fallen(found, pace, np.clip(power, 1.0, orders))
     left = np.where(np.isfinite(before), before, 0.0) / (pace.ratio_before**orders - 1) / pace.ratio**orders
     return np.maximum(errors, left)
@@ -159,8 +156,7 @@ def finished(
 ) -> Array:
     """Whether both errors (…, 2) are `wanted` ones, or finer grids gain no more, which differences before
     tell, of small differences and of those of `tiny` quantities (…, 2)."""
-    if not pace.tells:
-        return np.asarray(across(np.logical_and, errors <= wanted))
     no_gain = _NO_GAIN * (1 - 1 / pace.ratio) / (pace.ratio_before - 1)
-    stalled = (found >= no_gain * before) & ((found < 1e-6) | tiny)
+    with np.errstate(invalid="ignore"):
+        stalled = (found >= no_gain * before) & ((found < 1e-6) | tiny)
     return np.asarray(across(np.logical_and, (errors <= wanted) | stalled))

@@ -2,7 +2,7 @@
 separately."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -23,6 +23,7 @@ from solve.certify.estimates import (
     rounding,
     within_reach,
 )
+from solve.certify.first_grid import first_steps
 from solve.certify.hidden import hidden
 from solve.certify.inertia import singular
 from solve.certify.orders import ALIAS, aliasing, unresolved
@@ -34,10 +35,11 @@ from solve.certify.pace import (
     estimated,
     fallen,
     finished,
-    first_steps,
     judged,
     needed_steps,
+    onward,
     rung,
+    rungs_above,
     seen_by_both,
     sure_powers,
     times_more,
@@ -46,7 +48,7 @@ from solve.errors import StepsError
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, balanced, frozen
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers, decided
+from solve.period.multipliers import EPS, Multipliers, decided
 from solve.period.points import Points
 from solve.progress import foreseen, stage
 
@@ -104,18 +106,56 @@ def on_one_grid(
 
 @dataclass(frozen=True)
 class _Trail:
-    """What is known of points from the grids before: the solutions of the last one, and the differences
-    (k, 2) that it made."""
+    """Points with the solutions of the last grid that they had, of so many steps, the ratio (k, 1) of these
+    to the steps of the grid before, infinite where there was none, and the differences (k, 2) that it made.
+    Without solutions: points that begin."""
 
     positions: Array
+    steps: int
+    ratio: Array
     differences: Array
-    solutions: Solutions | None = None
+    solutions: Solutions | None
+
+    @classmethod
+    def begun(cls, positions: Array) -> "_Trail":
+        none = np.full((len(positions), 2), np.inf)
+        return cls(positions, 0, none[:, :1], none, None)
+
+    def __len__(self) -> int:
+        return len(self.positions)
 
     def __getitem__(self, some: Array) -> "_Trail":
-        if whole(some, len(self.positions)):
+        if whole(some, len(self)):
             return self
         solutions = None if self.solutions is None else self.solutions[some]
-        return _Trail(self.positions[some], self.differences[some], solutions)
+        return _Trail(self.positions[some], self.steps, self.ratio[some], self.differences[some], solutions)
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """Points on one grid, and of the grids before, whichever these were: multipliers rho, monodromy matrices
+    Phi, and the differences (k, 2) `found` on this grid and `before`."""
+
+    pace: Pace
+    positions: Array
+    fine: Solutions
+    rho: Multipliers
+    Phi: Array
+    found: Array
+    before: Array
+
+    def __getitem__(self, some: Array) -> "_Compared":
+        if whole(some, len(self.positions)):
+            return self
+        return _Compared(
+            self.pace[some],
+            self.positions[some],
+            self.fine[some],
+            self.rho[some],
+            self.Phi[some],
+            self.found[some],
+            self.before[some],
+        )
 
 
 class Refinement:
@@ -142,6 +182,14 @@ class Refinement:
         """What acts on the coordinates of points at the positions (k,)."""
         return lambda at, sizes: self.modes[positions[at]].burdens(sizes)
 
+    def _stiff_rounding(self, positions: Array) -> Array:
+        """What rounding of the stiffest mode's coefficients may make of the softest (k, 1), where a method
+        damps the one, so that grids do not tell."""
+        if not self.method.l_stable:
+            return np.zeros((len(positions), 1))
+        turns = self.modes[positions].few_reach / (2 * np.pi)
+        return (EPS * turns**2)[:, None]
+
     def _differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
         """Of solutions of points at the positions (k,) to better ones, (k, 2)."""
         return differences(coarse, fine, self.burdens(positions), self.request.engine)
@@ -166,7 +214,7 @@ class Refinement:
 
     def solved(self, steps: int, positions: Array) -> Solutions:
         """Those of the points at the positions (k,) on that many steps."""
-        points = self._equations if len(positions) == len(self.points) else self._equations[positions]
+        points = self._equations[positions]
         grid = Grid.uniform(steps, points.period, points.breaks)
         with stage(f"{self.method.name} on {steps} steps"):
             return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
@@ -212,7 +260,7 @@ class Refinement:
             if not len(part):
                 continue
             errors = judged(self._differences(coarse, fine, part), self.orders)
-            unseen = self._hidden(steps, part, coarse, errors)
+            unseen = self._hidden(np.full(len(part), steps), part, coarse, errors)
             alias = aliasing(self.points[part], self.method, 2 * steps, given=True)
             radii = radius_changes(coarse.multipliers, fine.multipliers)
             with np.errstate(over="ignore", invalid="ignore"):
@@ -222,14 +270,18 @@ class Refinement:
 
     def refined(self, positions: Array) -> Iterator[Certified | Failed]:
         """On as many steps as each point needs."""
-        wanted = np.maximum(first_steps(self.method, self.request.orbit), len(self.points.breaks))
-        first = np.maximum(wanted, np.ceil(1.2 * self.least[positions])).astype(int)
+        first = first_steps(self.method, self.modes[positions], self.request.orbit, self.request.rtol)
+        first = np.maximum(np.minimum(first, self.most // 2), len(self.points.breaks))
+        first = np.maximum(first, np.ceil(1.2 * self.least[positions])).astype(int)
         for position in positions[first > self.most].tolist():
             yield Failed(position, self._out_of_reach(int(self.least[position])))
-        positions, first = positions[first <= self.most], first[first <= self.most]
-        for steps in sorted(set(first.tolist())):
-            these = positions[first == steps]
-            yield from self._on(Pace(rung(steps)), _Trail(these, np.full((len(these), 2), np.inf)))
+        positions, first = positions[first <= self.most], rungs_above(first[first <= self.most])
+        pending = {steps: [_Trail.begun(positions[first == steps])] for steps in set(first.tolist())}
+        while pending:
+            steps = min(pending)
+            for part in self._fitting(steps, pending.pop(steps)):
+                for onward_, trail in (yield from self._on(steps, part)):
+                    pending.setdefault(onward_, []).append(trail)
 
     def _out_of_reach(self, least: int) -> StepsError:
         return StepsError(
@@ -237,113 +289,137 @@ class Refinement:
             "use a method without limit (radau)"
         )
 
-    def _on(self, pace: Pace, trail: _Trail) -> Iterator[Certified | Failed]:
-        """The points that need at least this many steps, and then those that need more."""
-        for part in self.parts(pace.steps, np.arange(len(trail.positions))):
-            further = yield from self._compared(pace, trail[part])
-            for onward, still_open in further:
-                yield from self._on(onward, still_open)
+    def _fitting(self, steps: int, trails: list[_Trail]) -> Iterator[list[_Trail]]:
+        """The points in parts that fit into memory."""
+        for part in self.parts(steps, np.arange(sum(len(trail) for trail in trails))):
+            yield [trail for trail in _taken(trails, part) if len(trail)]
 
-    def _compared(self, pace: Pace, trail: _Trail) -> Iterator[Certified | Failed]:
-        """Solve, compare with the grid before, and return the points that are still open with the paces at
-        which they go on."""
-        positions, coarse = trail.positions, trail.solutions
-        fine = self.solved(pace.steps, positions)
-        if coarse is None:
-            return (yield from self._begun(pace, trail, fine))
+    def _on(self, steps: int, trails: list[_Trail]) -> Generator[Any, None, list[tuple[int, _Trail]]]:
+        """Points side by side on a grid of so many steps, whichever they come from; returns those that are
+        still open, with the steps of the grids to which they go on."""
+        old = [trail for trail in trails if trail.solutions is not None]
+        trails = old + [trail for trail in trails if trail.solutions is None]
+        solutions = self.solved(steps, np.concatenate([trail.positions for trail in trails]))
+        further: list[tuple[int, _Trail]] = []
+        end = 0
+        for trail in trails:
+            first, end = end, end + len(trail)
+            if trail.solutions is None:
+                further += yield from self._begun(steps, trail, solutions.neighbours(first, end))
+        fine = solutions.neighbours(0, sum(len(trail) for trail in old))
         if fine.failures:
-            trail, coarse = trail[fine.known], coarse[fine.known]
-            fine, _ = yield from self._sound(fine, positions)
-        if not len(fine):
-            return []
-        found, rtol = self._differences(coarse, fine, trail.positions), self.request.rtol
+            old = list(_taken(old, fine.known))
+            fine, _ = yield from self._sound(fine, np.concatenate([trail.positions for trail in trails]))
+        if len(fine):
+            further += yield from self._judged(self._compared(steps, old, fine))
+        return further
+
+    def _compared(self, steps: int, trails: list[_Trail], fine: Solutions) -> _Compared:
+        """Solutions on a grid of so many steps with those that the points had before."""
+        found, rho, Phi, ratio, end = [], [], [], [], 0
+        for trail in trails:
+            first, end, coarse = end, end + len(trail), trail.solutions
+            assert coarse is not None
+            found.append(self._differences(coarse, fine.neighbours(first, end), trail.positions))
+            rho.append(coarse.multipliers)
+            Phi.append(coarse.Phi)
+            ratio.append(np.full((len(trail), 1), steps / trail.steps))
+        pace = Pace(steps, np.concatenate(ratio), np.concatenate([trail.ratio for trail in trails]))
+        positions, before = (
+            np.concatenate([getattr(trail, name) for trail in trails])
+            for name in ("positions", "differences")
+        )
+        beside = Multipliers.beside(rho), np.concatenate(Phi), np.concatenate(found)
+        return _Compared(pace, positions, fine, *beside, before)
+
+    def _judged(self, these: _Compared) -> Generator[Any, None, list[tuple[int, _Trail]]]:
+        """Ends the points that need no finer grid, and returns the others as `_on` does."""
+        pace, fine, found, rtol = these.pace, these.fine, these.found, self.request.rtol
         wanted = np.column_stack((np.maximum(rtol, 2 * fine.defect), np.full(len(fine), rtol)))
-        small = np.maximum(coarse.multipliers.spectral_radius, fine.multipliers.spectral_radius) < UNDERFLOW
-        if pace.tells:
-            errors = estimated(found, trail.differences, pace, self.orders)
-            wanted = within_reach(fine, errors, wanted)
-        else:
-            errors = fallen(found, pace, self.sure)
-        done = np.zeros(len(fine), dtype=bool)
-        if pace.tells or not self.method.spectral:
-            errors, done = self._finished(pace, trail, fine, found, errors, wanted, small)
+        small = np.maximum(these.rho.spectral_radius, fine.multipliers.spectral_radius) < UNDERFLOW
+        errors, tells = self._errors(these), pace.tells
+        if tells.any():
+            wanted = within_reach(fine, np.where(tells[:, None], errors, 0.0), wanted)
+        done = self._finished(these, errors, wanted, small)
         foreseen(STEPS, pace.steps, lambda: min(needed_steps(pace, errors, wanted, self.orders), self.most))
         ended, last = np.zeros(len(fine), dtype=bool), rung(pace.steps + 1) > self.most
         at = np.flatnonzero(done | last)
         if len(at):
-            ended[at] = yield from self._ended(pace, trail[at], fine[at], errors[at], small[at], last)
+            ended[at] = yield from self._ended(these[at], errors[at], small[at], last)
         still_open = np.flatnonzero(~ended)
         if not len(still_open):
             return []
-        times = times_more(found[still_open], wanted[still_open], pace, self.orders)
-        if pace.tells:
-            times[done[still_open]] = FARTHEST
-        trail = _Trail(trail.positions, found, fine)
-        return [(to, trail[still_open[some]]) for to, some in pace.parted(pace.onward(times, self.most))]
+        times = times_more(found[still_open], wanted[still_open], pace[still_open], self.orders)
+        times[(done & tells)[still_open]] = FARTHEST
+        trail = _Trail(these.positions, pace.steps, pace.ratio, found, fine)[still_open]
+        return _parted(trail, onward(pace.steps, times, self.most))
 
-    def _finished(
-        self,
-        pace: Pace,
-        trail: _Trail,
-        fine: Solutions,
-        found: Array,
-        errors: Array,
-        wanted: Array,
-        small: Array,
-    ) -> tuple[Array, Array]:
-        """Errors (k, 2), raised in place by what orders that the steps do not follow may leave, and whether
-        these need no finer grid (k,); small (k,): whose multipliers are refined only as long as grids agree
-        better and better."""
-        before = trail.differences
-        done = finished(found, before, errors, wanted, pace, np.column_stack((np.zeros_like(small), small)))
-        if trail.solutions is not None and done.any() and not pace.tells:
-            at = np.flatnonzero(done)
-            apart = fallen(monodromy_differences(trail.solutions, fine, at), pace, self.sure[1])
-            e = errors[at, 1] = np.maximum(errors[at, 1], apart)
+    def _errors(self, these: _Compared) -> Array:
+        """Of the finer grids (k, 2): as three grids tell, or as they surely are."""
+        tells = these.pace.tells
+        if tells.all():
+            return estimated(these.found, these.before, these.pace, self.orders)
+        errors = np.maximum(fallen(these.found, these.pace, self.sure), self._stiff_rounding(these.positions))
+        if tells.any():
+            errors[tells] = estimated(these.found[tells], these.before[tells], these.pace[tells], self.orders)
+        return errors
+
+    def _finished(self, these: _Compared, errors: Array, wanted: Array, small: Array) -> Array:
+        """Which points need no finer grid (k,). Their errors (k, 2) are raised in place by what their
+        matrices, and orders that the steps do not follow, may leave. small (k,): whose multipliers are
+        refined only as long as grids agree better and better."""
+        pace, fine, found, before = these.pace, these.fine, these.found, these.before
+        tiny = np.column_stack((np.zeros_like(small), small))
+        done = finished(found, before, errors, wanted, pace, tiny) & (fine.rounding < 1.0)
+        if self.method.spectral:
+            done &= pace.tells
+        at = np.flatnonzero(done & ~pace.tells)
+        if len(at):
+            apart = monodromy_differences(these.Phi[at], fine, at)[:, None]
+            e = errors[at, 1] = np.maximum(errors[at, 1], fallen(apart, pace[at], self.sure[1])[:, 0])
             rho = fine.multipliers[at]
             done[at] = (e <= wanted[at, 1]) & decided(rho, e * rho.spectral_radius)
         if done.any():
             at = most(done)
-            left = unresolved(self.points[trail.positions[at]], self.method, pace, found[at], before[at])
+            points = self.points[these.positions[at]]
+            left = unresolved(points, self.method, pace[at], found[at], before[at])
             errors[at] = np.where(done[at, None], np.maximum(errors[at], left), errors[at])
             done[at] &= across(np.logical_and, left <= wanted[at])
-        done = done & (fine.rounding < 1.0)
-        if pace.tells and done.any():
-            done &= ~nearly_decided(done, fine, errors, found, before, self.method.order)
-        return errors, done
+        if done.any():
+            done &= ~nearly_decided(done & pace.tells, fine, errors, found, before, self.method.order)
+        return done
 
-    def _begun(self, pace: Pace, trail: _Trail, first: Solutions) -> Iterator[Certified | Failed]:
+    def _begun(
+        self, steps: int, trail: _Trail, first: Solutions
+    ) -> Generator[Failed, None, list[tuple[int, _Trail]]]:
         """The first grid; points that overflow begin with twice the steps, and those whose curves it does not
         follow go on to three times as many."""
         again = [at for at, reason in first.failures.items() if isinstance(reason, StepsError)]
-        if 2 * pace.steps > self.most:
+        if 2 * steps > self.most:
             again = []
         known = first.known
-        positions = trail.positions
         for at, reason in first.failures.items():
             if at not in again:
-                yield Failed(int(positions[at]), reason)
+                yield Failed(int(trail.positions[at]), reason)
         times = np.where(not_followed(first)[known], SECOND_FAR, SECOND)
-        begun = _Trail(positions, trail.differences, first)
-        onward = [(to, begun[known[some]]) for to, some in pace.parted(pace.onward(times, self.most))]
+        begun = replace(trail, steps=steps, solutions=first)[known]
+        further = _parted(begun, onward(steps, times, self.most))
         if again:
-            onward.append((Pace(2 * pace.steps), trail[np.array(again)]))
-        return onward
+            further.append((2 * steps, trail[np.array(again)]))
+        return further
 
     def _ended(
-        self, pace: Pace, trail: _Trail, fine: Solutions, errors: Array, small: Array, last: bool
-    ) -> Iterator[Certified | Failed]:
+        self, these: _Compared, errors: Array, small: Array, last: bool
+    ) -> Generator[Any, None, Array]:
         """Points whose grids agree, unless modes that these do not follow, or orders that they do not see,
         matter and the grids are not the `last`; returns which points have ended (k,)."""
-        positions = trail.positions
+        pace, positions, fine = these.pace, these.positions, these.fine
         unseen = self._hidden(seen_by_both(pace, self.method), positions, fine, errors)
         alias = aliasing(self.points[positions], self.method, pace.steps)
         doubt = across(np.maximum, np.maximum(unseen[:, :2], alias / ALIAS))
         ended = (doubt <= self.request.rtol) | last
-        assert trail.solutions is not None
-        coarse = trail.solutions.multipliers
-        radii = radius_changes(coarse, fine.multipliers)
-        resonant = ended & self._resonant(coarse, fine, pace.ratio)
+        radii = radius_changes(these.rho, fine.multipliers)
+        resonant = ended & self._resonant(these.rho, fine, pace.ratio[:, 0])
         yield from self._no_orbits(positions[resonant])
         for kind in (False, True):
             good = np.flatnonzero(ended & ~resonant & (small == kind))
@@ -355,14 +431,14 @@ class Refinement:
                 yield self._certified(positions[good], chosen, found, unseen[good, 2])
         return ended
 
-    def _hidden(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
+    def _hidden(self, steps: Array, positions: Array, solutions: Solutions, errors: Array) -> Array:
         """What two grids with the errors (k, 2) do not show, see `hidden`."""
 
         def witness(at: Array) -> tuple[Multipliers, Array]:
             return self._witnessed(positions[at], solutions[at], errors[at])
 
-        modes = self.modes if len(positions) == len(self.points) else self.modes[positions]
-        return hidden(modes, self.method, steps, solutions.multipliers, self.request.rtol, witness)
+        modes, rho, rtol = self.modes[positions], solutions.multipliers, self.request.rtol
+        return hidden(modes, self.method, steps, rho, rtol, witness)
 
     def _witnessed(self, positions: Array, solutions: Solutions, errors: Array) -> tuple[Multipliers, Array]:
         """Multipliers of the points by the witness, zero with an infinite bound where it cannot tell; and the
@@ -388,7 +464,7 @@ class Refinement:
                             orbits[at] = apart[:, 0]
         return Multipliers(values, resolved, bound), orbits
 
-    def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: float) -> Array:
+    def _resonant(self, coarse: Multipliers, fine: Solutions, ratio: Array | float) -> Array:
         """Points (k,) with a multiplier that goes to +1, where an orbit is asked for."""
         if not self.request.orbit:
             return np.zeros(len(fine), dtype=bool)
@@ -422,3 +498,16 @@ class Refinement:
         size = self.method.bytes_a_step(self.points.n, self.request.orbit, self.request.engine)
         size = (size + 8 * self.points.bytes_a_phase) * steps
         return np.array_split(positions, min(len(positions), math.ceil(len(positions) * size / _MEMORY)))
+
+
+def _taken(trails: list[_Trail], known: Array) -> Iterator[_Trail]:
+    """Of points side by side those at the positions (k,)."""
+    end = 0
+    for trail in trails:
+        first, end = end, end + len(trail)
+        yield trail[known[(known >= first) & (known < end)] - first]
+
+
+def _parted(trail: _Trail, steps: Array) -> list[tuple[int, _Trail]]:
+    """The points by the steps (k,) of the grids to which they go on."""
+    return [(to, trail[np.flatnonzero(steps == to)]) for to in sorted(set(steps.tolist()))]

@@ -40,7 +40,7 @@ class March(OneStep):
         base = self.base
         self._set(order=base.order, curve_order=base.curve_order, warnings=base.warnings)
 
-    def phase_error(self, angle: Array, steps: int) -> Array:
+    def phase_error(self, angle: Array, steps: Array | int) -> Array:
         return self.base.phase_error(angle, steps)
 
     def least_steps(self, modes: Frozen) -> Array:

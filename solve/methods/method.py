@@ -66,8 +66,16 @@ class Solutions:
 
     def __getitem__(self, points: Array) -> "Solutions":
         """Those of some points, none of them a failure."""
-        if whole(points, len(self)):
+        return self if whole(points, len(self)) else self._of(points, {})
+
+    def neighbours(self, first: int, end: int) -> "Solutions":
+        """Those from the `first` point to the one before the `end`, failures too; nothing is copied."""
+        if end - first == len(self):
             return self
+        failures = {at - first: reason for at, reason in self.failures.items() if first <= at < end}
+        return self._of(slice(first, end), failures)
+
+    def _of(self, points: Array | slice, failures: Mapping[int, SolveError]) -> "Solutions":
         made = Solutions(
             self.grid,
             self.Phi[points],
@@ -77,8 +85,9 @@ class Solutions:
             self.defect[points],
             self.rounding[points],
             tuple(np.array(self.notes)[points].tolist()) if self.notes else (),
-            units=None if self.units is None else self.units[points],
-            engine=self.engine,
+            failures,
+            None if self.units is None else self.units[points],
+            self.engine,
         )
         return made.with_multipliers(self.multipliers[points])
 
@@ -140,7 +149,7 @@ class Method:
         """The points whose matrices and loads show what orders the solutions have to follow."""
         return points
 
-    def phase_error(self, angle: Array, steps: int) -> Array:
+    def phase_error(self, angle: Array, steps: Array | int) -> Array:
         """Angle by which so many steps misplace a mode that turns `angle` (…) in a period, where that
         matters before the mode is lost."""
         return np.zeros_like(angle)

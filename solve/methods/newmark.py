@@ -58,7 +58,7 @@ class Newmark(OneStep):
         reach = np.where(np.isfinite(modes.reach), modes.reach, 0.0)
         return np.ceil(np.clip(reach / limit, 1, MOST_STEPS)).astype(int)
 
-    def phase_error(self, angle: Array, steps: int) -> Array:
+    def phase_error(self, angle: Array, steps: Array | int) -> Array:
         """With γ = 1/2 a mode's period is longer by (β - 1/12) (ωh)²/2 of itself; otherwise modes grow or
         decay."""
         if self.gamma != 0.5:

@@ -25,6 +25,9 @@ _LOOKS = 16
 _ALIKE = 64.0
 """Ratio of two rows, or of two entries of a column, that costs elimination few digits."""
 
+_FEW = np.s_[::16]
+"""Phases that tell how fast modes are, where a guess serves."""
+
 _RETURNS = 1e-6
 """Relative difference of a state after a period that counts as none."""
 
@@ -47,6 +50,8 @@ class Frozen:
             some._among = self._fields, points
         elif self._among is not None:
             some._among = self._among[0], self._among[1][points]
+        if "few_eigenvalues" in self.__dict__:
+            some.__dict__["few_eigenvalues"] = self.few_eigenvalues[points]
         return some
 
     @cached_property
@@ -112,6 +117,24 @@ class Frozen:
             found[missed] = _of_pencils(pencils[..., missed])
         return found
 
+    @cached_property
+    def few_eigenvalues(self) -> Array:
+        """Those at every 16th of the phases (P, k', 2n)."""
+        return self.eigenvalues(_FEW)
+
+    @property
+    def few_reach(self) -> Array:
+        """`reach`, as far as these phases tell it (P,)."""
+        return np.abs(self.few_eigenvalues).max(axis=(1, 2)) * self.period
+
+    def lasting(self, part: float) -> Array:
+        """The same of the fastest mode of which a period leaves more than a part (P,), 0 where it leaves none
+        of any."""
+        size = np.abs(self.few_eigenvalues)
+        rates = np.take_along_axis(np.real(self.few_eigenvalues), np.argsort(size, axis=-1), axis=-1)
+        lasts = rates.mean(axis=1) * self.period > np.log(part)
+        return np.where(lasts, np.sort(size, axis=-1).max(axis=1), 0.0).max(axis=1) * self.period
+
     def equation_factors(self) -> Array | None:
         """Powers of 2 (P, n) that make the inertias in all equations alike, in balanced units of the
         coordinates; 1 for points whose rows differ little. None where they are 1 for all."""
@@ -176,7 +199,7 @@ class Frozen:
     def faster(self, rate: float) -> Array:
         """Whether sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any of the phases (P,)."""
         if self._n == 1:
-            faster = ~self._surely_within(rate)
+            faster = ~self.surely_within(rate)
             open_ = np.flatnonzero(faster)
             if len(open_):
                 faster[open_] = (self[open_]._fastest() > rate).any(axis=1)
@@ -197,28 +220,29 @@ class Frozen:
             faster[open_] = (self[open_]._fastest() > rate).any(axis=1)
         return faster
 
-    def within(self, reach: float) -> Array:
+    def within(self, reach: Array | float) -> Array:
         """Whether all eigenvalues are sure to have moduli of at most `reach` (P,): λ²M + λC + K
         is regular beyond where (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v (Perron, Collatz)."""
+        reach = np.broadcast_to(reach, len(self))
         if self._n > 1:
             open_ = np.arange(len(self))
             for phases in (some_phases(self._tables.table.shape[-2]), slice(None)):
-                open_ = open_[self[open_]._within_at(phases, reach)]
+                open_ = open_[self[open_]._within_at(phases, reach[open_])]
                 if not len(open_):
                     break
             inside = np.zeros(len(self), dtype=bool)
             inside[open_] = True
             return inside
-        inside = self._surely_within(reach)
+        inside = self.surely_within(reach)
         open_ = np.flatnonzero(~inside)
         if len(open_):
-            C, K = self[open_]._ratios()
+            (C, K), reach = self[open_]._ratios(), reach[open_, None]
             # Schur and Cohn's criterion, sharp for a single mode.
             within = (np.abs(K) <= reach**2) & (np.abs(C) <= reach + K / reach)
             inside[open_] = np.all(within, axis=(0, 1, 3))
         return inside
 
-    def _within_at(self, phases: slice, reach: float) -> Array:
+    def _within_at(self, phases: slice, reach: Array) -> Array:
         """The same at some of the phases, of several coordinates."""
         C, K = self._ratios(phases)
         # No sum of squares of the 2n eigenvalues is larger than 2n times that of the largest.
@@ -226,14 +250,14 @@ class Frozen:
         inside = np.abs(squares).max(axis=1) <= 2 * self._n * reach**2
         some = np.flatnonzero(inside)
         if len(some):
-            C, K = C[:, :, some], K[:, :, some]
+            C, K, reach = C[:, :, some], K[:, :, some], reach[some, None]
             inside[some] = _contracts(np.abs(C) / reach + np.abs(K) / reach**2)
         return inside
 
-    def _surely_within(self, rate: float) -> Array:
+    def surely_within(self, rate: Array | float) -> Array:
         """Whether |C/M| + |K/M|/rate ≤ rate follows for a single mode (P,) from the ranges of terms that the
         points share; it is then within the rate, and no faster."""
-        if self._tables.own:
+        if self._n > 1 or self._tables.own:
             return np.zeros(len(self), dtype=bool)
         low, high = self._ranges
         C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3]))
@@ -293,7 +317,7 @@ def balanced(points: Points, modes: Frozen) -> Points:
     return points if factors is None else Multiplied(points, factors)
 
 
-def surviving(eigenvalues: Array, period: float, limit: float) -> Array:
+def surviving(eigenvalues: Array, period: float, limit: Array | float) -> Array:
     """What a period leaves, at most 1, of the least damped mode with ω T above the limit (…), from frozen
     eigenvalues (…, k, 2n) at k phases."""
     size = np.abs(eigenvalues)

@@ -4,6 +4,7 @@ Every array may have a leading axis of points, here `…`.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -90,6 +91,14 @@ class Multipliers:
 
     def __getitem__(self, points: Any) -> "Multipliers":
         return Multipliers(self.values[points], self.resolved[points], self.bound[points])
+
+    @classmethod
+    def beside(cls, parts: Sequence["Multipliers"]) -> "Multipliers":
+        """Those of some points and of others."""
+        if len(parts) == 1:
+            return parts[0]
+        each = zip(*((part.values, part.resolved, part.bound) for part in parts), strict=True)
+        return cls(*(np.concatenate(numbers) for numbers in each))
 
     @cached_property
     def moduli(self) -> Array:

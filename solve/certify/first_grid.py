@@ -1,0 +1,44 @@
+"""Steps of the first grid, foreseen for each point from its modes at a few phases."""
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.pace import LEAST
+from solve.methods.method import Method
+from solve.period.frozen import Frozen
+
+_ORBIT_LEAST = 16
+"""Steps to begin with where loads of high orders may look like low ones, and where steps are samples of a
+series, which shows nothing of what it leaves out."""
+
+_DAMPING_LEAST = 64
+"""Steps to begin with where stiff modes may be present that need not be followed."""
+
+_MOST = 1024
+"""Steps to begin with at most, however fast modes are."""
+
+_PART, _USUAL_RTOL = 0.65, 1e-6
+"""Part of the angle that the method follows which the fastest mode may turn in a step of the first grid, at
+this `rtol`."""
+
+_FINEST = 0.25
+"""Part of it at least at others."""
+
+
+def first_steps(method: Method, modes: Frozen, orbit: bool, rtol: float) -> Array:
+    """Steps (P,) of the first grid, for orbits or for multipliers alone: so many that no mode of which more
+    than `rtol` matters turns far in one of them, so that a somewhat finer grid tells its error."""
+    least = LEAST
+    if method.l_stable:
+        least = _DAMPING_LEAST
+    elif orbit or method.spectral:
+        least = _ORBIT_LEAST
+    finer = (rtol / _USUAL_RTOL) ** (1 / method.order)
+    angle = method.follows * min(1.0, _PART * max(finer, _FINEST))
+    steps = np.full(len(modes), float(least))
+    open_ = np.flatnonzero(~modes.surely_within(least * angle / modes.period))
+    if len(open_) and not method.spectral:
+        reach = modes[open_].lasting(rtol) if method.l_stable else modes[open_].few_reach
+        steps[open_] = np.clip(reach / angle, least, _MOST)
+    # Powers of 2 alone, so that many points share their grids.
+    return np.exp2(np.round(np.log2(steps))).astype(int)
