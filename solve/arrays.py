@@ -28,6 +28,15 @@ def most(flags: Array) -> Array | slice:
     return slice(None) if 2 * np.count_nonzero(flags) > len(flags) else np.flatnonzero(flags)
 
 
+def different(numbers: Array) -> list[int]:
+    """The different ones among whole numbers (k,) of moderate size, rising.
+
+    >>> different(np.array([3, 8, 3]))
+    [3, 8]
+    """
+    return np.flatnonzero(np.bincount(numbers)).tolist()
+
+
 def runs(flags: Array) -> Array:
     """First and last positions (r, 2) of neighbours that are true among flags (k,).
 

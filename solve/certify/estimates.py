@@ -51,14 +51,14 @@ def differences(coarse: Solutions, fine: Solutions, burdens: Burdens, engine: st
     return np.column_stack((orbit, multipliers))
 
 
-def monodromy_differences(coarse: Array, fine: Solutions, at: Array) -> Array:
+def monodromy_differences(coarse: Array, fine: Solutions, at: Array | slice) -> Array:
     """Square roots (k,) of |tr Δ²|, relative to the spectral radius, with Δ the differences of monodromy
     matrices, coarse ones (k, N, N) and those of solutions at positions (k,): the same in all coordinates, and
     as large as those of multipliers, but where these meet by chance."""
-    radius = fine.multipliers.spectral_radius[at, None, None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        apart = (fine.Phi[at] - coarse) / radius
-        return np.sqrt(np.abs(np.einsum("kij,kji->k", apart, apart)))
+        # Long rows to go along instead of many short ones.
+        apart = np.moveaxis(fine.Phi[at] - coarse, 0, -1) / fine.multipliers.spectral_radius[at]
+        return np.sqrt(np.abs(np.einsum("ijk,jik->k", apart, apart)))
 
 
 def _apart(

@@ -35,10 +35,10 @@ def first_steps(method: Method, modes: Frozen, orbit: bool, rtol: float) -> Arra
         least = _ORBIT_LEAST
     finer = (rtol / _USUAL_RTOL) ** (1 / method.order)
     angle = method.follows * min(1.0, _PART * max(finer, _FINEST))
-    steps = np.full(len(modes), float(least))
+    steps = np.full(len(modes), least)
     open_ = np.flatnonzero(~modes.surely_within(least * angle / modes.period))
     if len(open_) and not method.spectral:
         reach = modes[open_].lasting(rtol) if method.l_stable else modes[open_].few_reach
-        steps[open_] = np.clip(reach / angle, least, _MOST)
-    # Powers of 2 alone, so that many points share their grids.
-    return np.exp2(np.round(np.log2(steps))).astype(int)
+        # Powers of 2 alone, so that many points share their grids.
+        steps[open_] = np.exp2(np.round(np.log2(np.clip(reach / angle, least, _MOST))))
+    return steps

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array, across, most, whole
+from solve.arrays import Array, across, different, most, whole
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import (
     Burdens,
@@ -276,7 +276,7 @@ class Refinement:
         for position in positions[first > self.most].tolist():
             yield Failed(position, self._out_of_reach(int(self.least[position])))
         positions, first = positions[first <= self.most], rungs_above(first[first <= self.most])
-        pending = {steps: [_Trail.begun(positions[first == steps])] for steps in set(first.tolist())}
+        pending = {steps: [_Trail.begun(positions[first == steps])] for steps in different(first)}
         while pending:
             steps = min(pending)
             for part in self._fitting(steps, pending.pop(steps)):
@@ -373,12 +373,13 @@ class Refinement:
         done = finished(found, before, errors, wanted, pace, tiny) & (fine.rounding < 1.0)
         if self.method.spectral:
             done &= pace.tells
-        at = np.flatnonzero(done & ~pace.tells)
-        if len(at):
-            apart = monodromy_differences(these.Phi[at], fine, at)[:, None]
-            e = errors[at, 1] = np.maximum(errors[at, 1], fallen(apart, pace[at], self.sure[1])[:, 0])
-            rho = fine.multipliers[at]
-            done[at] = (e <= wanted[at, 1]) & decided(rho, e * rho.spectral_radius)
+        by_two = done & ~pace.tells
+        if by_two.any():
+            at = most(by_two)
+            apart = fallen(monodromy_differences(these.Phi[at], fine, at)[:, None], pace[at], self.sure[1])
+            errors[at, 1] = np.where(by_two[at], np.maximum(errors[at, 1], apart[:, 0]), errors[at, 1])
+            rho, e = fine.multipliers[at], errors[at, 1]
+            done[at] &= ~by_two[at] | ((e <= wanted[at, 1]) & decided(rho, e * rho.spectral_radius))
         if done.any():
             at = most(done)
             points = self.points[these.positions[at]]
@@ -510,4 +511,4 @@ def _taken(trails: list[_Trail], known: Array) -> Iterator[_Trail]:
 
 def _parted(trail: _Trail, steps: Array) -> list[tuple[int, _Trail]]:
     """The points by the steps (k,) of the grids to which they go on."""
-    return [(to, trail[np.flatnonzero(steps == to)]) for to in sorted(set(steps.tolist()))]
+    return [(to, trail[np.flatnonzero(steps == to)]) for to in different(steps)]
