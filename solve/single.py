@@ -2,7 +2,8 @@
 
 from solve.certify.all_multipliers import Spectrum, checked_maps, refined
 from solve.certify.certified import Certified, Failed, Request
-from solve.certify.refinement import STEPS, certified
+from solve.certify.ladder import STEPS
+from solve.certify.refinement import certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau

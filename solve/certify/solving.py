@@ -1,0 +1,112 @@
+"""Points under one method: solved on one grid after another, compared, and their results put together."""
+
+import math
+from collections.abc import Generator, Iterator
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.certified import Certified, Failed, Request
+from solve.certify.estimates import Burdens, at_one, differences
+from solve.errors import StepsError
+from solve.methods.method import Method, Solutions, no_orbit
+from solve.period.frozen import Frozen, balanced, frozen
+from solve.period.grid import Grid
+from solve.period.multipliers import Multipliers
+from solve.period.points import Points
+from solve.progress import stage
+
+_MEMORY = 2**25
+"""Bytes that the points solved at once may take."""
+
+
+class Solving:
+    """Points under one method."""
+
+    def __init__(self, points: Points, method: Method, request: Request):
+        self.points, self.method, self.request = points, method, request
+        self.most = method.most_steps(points.n)
+        self.orders = np.array([method.curve_order, method.order])
+
+    @cached_property
+    def modes(self) -> Frozen:
+        """Frozen ones of all points."""
+        return frozen(self.points, engine=self.request.engine)
+
+    @cached_property
+    def _equations(self) -> Points:
+        """The points as the method solves them: factors would change modal masses, and what an approximation
+        makes of these."""
+        return balanced(self.points, self.modes) if self.method.converges else self.points
+
+    def burdens(self, positions: Array) -> Burdens:
+        """What acts on the coordinates of points at the positions (k,)."""
+        return lambda at, sizes: self.modes[positions[at]].burdens(sizes)
+
+    def differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
+        """Of solutions of points at the positions (k,) to better ones, (k, 2)."""
+        return differences(coarse, fine, self.burdens(positions), self.request.engine)
+
+    @cached_property
+    def least(self) -> Array:
+        """Steps (P,) below which the method cannot be stable."""
+        if type(self.method).least_steps is Method.least_steps:
+            return np.ones(len(self.points), dtype=int)
+        return self.method.least_steps(self.modes)
+
+    def unusable(self, steps: Any, positions: Array) -> Iterator[Failed]:
+        """The points at which the method is unstable with so many steps. Raises StepsError for a number that
+        it can use nowhere."""
+        self.method.require_steps(steps, self.points)
+        for position in positions[steps < self.least[positions]].tolist():
+            reason = StepsError(
+                f"{self.method.name} with {steps} steps a period is beyond its stability limit; use at "
+                f"least {self.least[position]} steps, or a method without limit (radau)"
+            )
+            yield Failed(position, reason)
+
+    def solved(self, steps: int, positions: Array) -> Solutions:
+        """Those of the points at the positions (k,) on that many steps."""
+        points = self._equations[positions]
+        grid = Grid.uniform(steps, points.period, points.breaks)
+        with stage(f"{self.method.name} on {steps} steps"):
+            return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
+
+    def parts(self, steps: int, positions: Array) -> list[Array]:
+        """The positions, split so that each part fits into memory."""
+        if len(positions) < 2:
+            return [positions] if len(positions) else []
+        size = self.method.bytes_a_step(self.points.n, self.request.orbit, self.request.engine)
+        size = (size + 8 * self.points.bytes_a_phase) * steps
+        return np.array_split(positions, min(len(positions), math.ceil(len(positions) * size / _MEMORY)))
+
+    def sound(
+        self, solutions: Solutions, positions: Array
+    ) -> Generator[Failed, None, tuple[Solutions, Array]]:
+        """Report failures; returns the other solutions and their positions."""
+        if not solutions.failures:
+            return solutions, positions
+        for at, reason in solutions.failures.items():
+            yield Failed(int(positions[at]), reason)
+        return solutions[solutions.known], positions[solutions.known]
+
+    @staticmethod
+    def no_orbits(positions: Array) -> Iterator[Failed]:
+        return (Failed(position, no_orbit()) for position in positions.tolist())
+
+    def resonant(self, coarse: Multipliers, fine: Solutions, ratio: Array | float) -> Array:
+        """Points (k,) with a multiplier that goes to +1, where an orbit is asked for."""
+        if not self.request.orbit:
+            return np.zeros(len(fine), dtype=bool)
+        return at_one(coarse, fine.multipliers, ratio, self.method.order, fine.grid.steps)
+
+    def certified(self, positions: Array, solutions: Solutions, errors: Array, absolute: Array) -> Certified:
+        """absolute (k,): errors of the multipliers, beside what the relative ones leave of these."""
+        errors[:, 0] += solutions.defect
+        radius = solutions.multipliers.spectral_radius
+        with np.errstate(over="ignore"):
+            absolute = np.maximum(absolute, np.where(radius > 0, errors[:, 1], 0.0) * radius)
+        modes = self.modes[positions]
+        return Certified(positions, self.method, solutions, errors, absolute, self.request, modes)
