@@ -39,8 +39,9 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
 
 def chunk_size(n: int) -> int:
     """Points with n coordinates that are prepared together."""
-    # Of several coordinates the frozen matrices are needed, and as much again is worked out from them.
-    copies = 1 if n == 1 else 2
+    # Of several coordinates the frozen matrices are needed, as much again is worked out from them, and points
+    # wait with their solutions on one grid for others that come to the next.
+    copies = 1 if n == 1 else 4
     return max(_FEWEST, _MEMORY // (copies * 8 * PHASES * (3 * n**2 + n)))
 
 
