@@ -152,12 +152,12 @@ class Ladder:
             first, end = end, end + len(trail)
             if trail.solutions is None:
                 further += yield from self._begun(steps, trail, solutions.neighbours(first, end))
+        if not old:
+            return further
         fine = solutions.neighbours(0, sum(len(trail) for trail in old))
         if fine.failures:
-            old = list(_taken(old, fine.known))
-            fine, _ = yield from self.solving.sound(
-                fine, np.concatenate([trail.positions for trail in trails])
-            )
+            old, positions = list(_taken(old, fine.known)), np.concatenate([trail.positions for trail in old])
+            fine, _ = yield from self.solving.sound(fine, positions)
         if len(fine):
             further += yield from self._judged(self._compared(steps, old, fine))
         return further

@@ -392,14 +392,16 @@ def _meetings(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Array,
     (k, N, N): a double one of a defective block splits by the square root of a perturbation, of which the
     errors (P,) may show little. e (P, N): those of each."""
     near = np.abs(multipliers.moduli - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
-    some = np.flatnonzero(across(np.add, near.astype(int)) > 1)
+    some, N = np.flatnonzero(across(np.add, near.astype(int)) > 1), near.shape[1]
+    if not len(some):
+        return some, np.zeros((0, N, N), dtype=bool)
     values, near, error = multipliers.values[some], near[some], np.maximum(errors[some], UNIT_CIRCLE)
     reach = np.minimum(np.sqrt(error), _APART * error)
-    i, j = np.triu_indices(values.shape[-1], 1)
+    i, j = np.triu_indices(N, 1)
     close = (np.abs(values[:, i] - values[:, j]) <= reach[:, None]) & near[:, i] & near[:, j]
     met = across(np.logical_or, close)
     some, close = some[met], close[met]
-    meet = np.zeros((len(some), *near.shape[1:], near.shape[1]), dtype=bool)
+    meet = np.zeros((len(some), N, N), dtype=bool)
     meet[:, i, j] = meet[:, j, i] = close
     return some, meet
 
