@@ -3,7 +3,7 @@
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.pace import LEAST
+from solve.certify.pace import LEAST, sure_powers
 from solve.methods.method import Method
 from solve.period.frozen import Frozen
 
@@ -24,6 +24,10 @@ this `rtol`."""
 _FINEST = 0.25
 """Part of it at least at others."""
 
+_FEW, _COARSER = 4, 2.0
+"""Coordinates up to which a grid in vain takes longer than steps in vain; how much farther the mode may turn
+with more of these."""
+
 
 def first_steps(method: Method, modes: Frozen, orbit: bool, rtol: float) -> Array:
     """Steps (P,) of the first grid, for orbits or for multipliers alone: so many that no mode of which more
@@ -33,8 +37,9 @@ def first_steps(method: Method, modes: Frozen, orbit: bool, rtol: float) -> Arra
         least = _DAMPING_LEAST
     elif orbit or method.spectral:
         least = _ORBIT_LEAST
-    finer = (rtol / _USUAL_RTOL) ** (1 / method.order)
-    angle = method.follows * min(1.0, _PART * max(finer, _FINEST))
+    finer = (rtol / _USUAL_RTOL) ** (1 / sure_powers(method).min())
+    coarser = 1.0 if modes.n <= _FEW else _COARSER
+    angle = method.follows * min(1.0, _PART * max(finer, _FINEST) * coarser)
     steps = np.full(len(modes), least)
     open_ = np.flatnonzero(~modes.surely_within(least * angle / modes.period))
     if len(open_) and not method.spectral:

@@ -42,6 +42,11 @@ class Frozen:
     def __len__(self) -> int:
         return len(self._tables.coefficients)
 
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return self._n
+
     def __getitem__(self, points: Array) -> "Frozen":
         if whole(points, len(self)):
             return self
