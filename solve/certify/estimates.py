@@ -128,7 +128,7 @@ def within_reach(solutions: Solutions, errors: Array, wanted: Array) -> Array:
     if not missed.any():
         return wanted
     radius = solutions.multipliers.spectral_radius
-    most = np.maximum(most_rounding(solutions.Phi, radius), 8 * solutions.rounding)
+    most = np.maximum(most_rounding(solutions.Phi, radius, solutions.grid.steps), 8 * solutions.rounding)
     limited = errors[:, 1] <= np.maximum(np.maximum(most, wanted[:, 1]), 64 * EPS)
     open_ = np.flatnonzero(missed & limited)
     if len(open_):

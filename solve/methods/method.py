@@ -111,7 +111,8 @@ class Solutions:
     @cached_property
     def multiplier_rounding(self) -> Array:
         """Errors of the multipliers (P,) that rounding leaves."""
-        return np.maximum(rounding_errors(self.Phi, self.units, self.engine), 8 * self.rounding)
+        found = rounding_errors(self.Phi, self.units, self.engine, self.grid.steps)
+        return np.maximum(found, 8 * self.rounding)
 
 
 class Method:

@@ -201,23 +201,24 @@ def accumulated(steps: int) -> float:
     return max(8.0, steps / 16)
 
 
-def most_rounding(Phi: Array, radius: Array) -> Array:
+def most_rounding(Phi: Array, radius: Array, steps: int) -> Array:
     """What `rounding_errors` cannot exceed (…) but for blocks of more than two, from the spectral radius
     (…)."""
     known = radius > NEGLIGIBLE
-    perturbation = np.minimum(8 * EPS * frobenius(Phi) / np.where(known, radius, 1.0), 1.0)
+    perturbation = EPS * accumulated(steps) * frobenius(Phi) / np.where(known, radius, 1.0)
+    perturbation = np.minimum(perturbation, 1.0)
     return np.where(known, np.sqrt(perturbation), 0.0)
 
 
-def rounding_errors(Phi: Array, units: Array | None = None, engine: str = NUMPY) -> Array:
-    """Errors of the multipliers (…), relative to the spectral radius, that an error of 8 eps‖Φ‖ in Φ makes:
-    as many times larger as the eigenvalue is ill-conditioned, and its k-th root in a defective block of k.
-    units: as in `scaled_alike`, where known."""
+def rounding_errors(Phi: Array, units: Array | None = None, engine: str = NUMPY, steps: int = 1) -> Array:
+    """Errors of the multipliers (…), relative to the spectral radius, that rounding in so many steps makes by
+    its error in Φ: as many times larger as the eigenvalue is ill-conditioned, and its k-th root in a
+    defective block of k. units: as in `scaled_alike`, where known."""
     values, unit, norm, conditions = _conditioned(Phi, units, engine)
     radius = across(np.maximum, np.abs(values))
     known = unit * radius > NEGLIGIBLE
     scale = np.where(known, radius, 1.0)
-    perturbation = 8 * EPS * norm / scale
+    perturbation = EPS * accumulated(steps) * norm / scale
     most = perturbation ** (1 / _block(values / scale[..., None], conditions, perturbation))
     return np.where(known, np.minimum(perturbation * across(np.maximum, conditions), most), 0.0)
 
