@@ -82,9 +82,11 @@ class _Trail:
 @dataclass(frozen=True)
 class _Compared:
     """Points on one grid, and of the grids before, whichever these were: multipliers rho, monodromy matrices
-    Phi, and the differences (k, 2) `found` on this grid and `before`."""
+    Phi, and the differences (k, 2) `found` on this grid and `before`. least: the pace by the steps of
+    the piece between two jumps where they rise least."""
 
     pace: Pace
+    least: Pace
     positions: Array
     fine: Solutions
     rho: Multipliers
@@ -97,6 +99,7 @@ class _Compared:
             return self
         return _Compared(
             self.pace[some],
+            self.least[some],
             self.positions[some],
             self.fine[some],
             self.rho[some],
@@ -164,7 +167,7 @@ class Ladder:
 
     def _compared(self, steps: int, trails: list[_Trail], fine: Solutions) -> _Compared:
         """Solutions on a grid of so many steps with those that the points had before."""
-        found, rho, Phi, ratio, end = [], [], [], [], 0
+        found, rho, Phi, ratio, least, end = [], [], [], [], [], 0
         for trail in trails:
             first, end, coarse = end, end + len(trail), trail.solutions
             assert coarse is not None
@@ -172,13 +175,19 @@ class Ladder:
             rho.append(coarse.multipliers)
             Phi.append(coarse.Phi)
             ratio.append(np.full((len(trail), 1), steps / trail.steps))
-        pace = Pace(steps, np.concatenate(ratio), np.concatenate([trail.ratio for trail in trails]))
-        positions, before = (
-            np.concatenate([getattr(trail, name) for trail in trails])
-            for name in ("positions", "differences")
+            least.append(np.full((len(trail), 1), fine.grid.least_ratio(coarse.grid)))
+        before = np.concatenate([trail.ratio for trail in trails])
+        pace, least_pace = (Pace(steps, np.concatenate(each), before) for each in (ratio, least))
+        return _Compared(
+            pace,
+            least_pace,
+            np.concatenate([trail.positions for trail in trails]),
+            fine,
+            Multipliers.beside(rho),
+            np.concatenate(Phi),
+            np.concatenate(found),
+            np.concatenate([trail.differences for trail in trails]),
         )
-        beside = Multipliers.beside(rho), np.concatenate(Phi), np.concatenate(found)
-        return _Compared(pace, positions, fine, *beside, before)
 
     def _judged(self, these: _Compared) -> Generator[Any, None, list[tuple[int, _Trail]]]:
         """Ends the points that need no finer grid, and returns the others as `_on` does."""
@@ -207,7 +216,8 @@ class Ladder:
         tells = these.pace.tells
         if tells.all():
             return estimated(these.found, these.before, these.pace, self.orders)
-        errors = np.maximum(fallen(these.found, these.pace, self.sure), self._stiff_rounding(these.positions))
+        surely = fallen(these.found, these.least, self.sure)
+        errors = np.maximum(surely, self._stiff_rounding(these.positions))
         if tells.any():
             errors[tells] = estimated(these.found[tells], these.before[tells], these.pace[tells], self.orders)
         return errors
@@ -224,7 +234,9 @@ class Ladder:
         by_two = done & ~pace.tells
         if by_two.any():
             at = most(by_two)
-            apart = fallen(monodromy_differences(these.Phi[at], fine, at)[:, None], pace[at], self.sure[1])
+            apart = fallen(
+                monodromy_differences(these.Phi[at], fine, at)[:, None], these.least[at], self.sure[1]
+            )
             errors[at, 1] = np.where(by_two[at], np.maximum(errors[at, 1], apart[:, 0]), errors[at, 1])
             rho, e = fine.multipliers[at], errors[at, 1]
             done[at] &= ~by_two[at] | ((e <= wanted[at, 1]) & decided(rho, e * rho.spectral_radius))

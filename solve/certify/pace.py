@@ -122,8 +122,10 @@ def judged(found: Array, orders: Array) -> Array:
 
 
 def fallen(found: Array, pace: Pace, power: Array | float) -> Array:
-    """Errors (…) of the finer of two grids, falling with such a power of the steps, from the differences."""
-    return found / np.expm1(np.log(pace.ratio) * power)
+    """Errors (…) of the finer of two grids, falling with such a power of the steps, from the differences;
+    infinite where it has no more steps."""
+    times = np.maximum(np.expm1(np.log(pace.ratio) * power), 0.0)
+    return np.where(times > 0, found / np.where(times > 0, times, 1.0), np.inf)
 
 
 def sure_powers(method: Method) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from solve import Gauss, PeriodicSystem, floquet
@@ -36,6 +37,27 @@ def test_multipliers_that_meet_by_chance_are_known_by_their_matrices(between):
     found = floquet(given, 1.0, "gauss", rtol=1e-5)
     error = multiplier_error(found.multipliers, Shooting(given, 1.0).multipliers)
     assert 1e-9 < error <= 10 * found.error_estimate.multipliers <= 1e-4
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_pieces_between_jumps_that_a_finer_grid_divides_no_finer_are_not_believed(seed):
+    """8 steps among six pieces are 1 1 1 1 3 1, and 12 are two each; truth by exponentials of matrices."""
+    rng = np.random.default_rng(seed)
+    breaks = np.sort(rng.uniform(0, 2 * np.pi, 5))
+    K = rng.uniform(-1, 1, 5) * 10 ** rng.uniform(-1, 2) + 10 ** rng.uniform(-1, 2)
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        piece = np.searchsorted(breaks, np.mod(phase, 2 * np.pi), side="right") - 1
+        return one, 0.05 * one, K[piece][:, None, None], one[:, 0]
+
+    Phi, ends = np.eye(2), [0.0, *breaks, 2 * np.pi]
+    for k, length in zip([K[-1], *K], np.diff(ends), strict=True):
+        Phi = expm(length * np.array([[0.0, 1.0], [-k, -0.05]])) @ Phi
+    truth, rtol = np.linalg.eigvals(Phi), 10.0 ** -(1 + seed % 6)
+    found = floquet(PeriodicSystem(matrices, ["q"], breaks=breaks), 1.0, rtol=rtol)
+    error = multiplier_error(found.multipliers, truth)
+    assert error <= 10 * found.error_estimate.multipliers + 1e-13
 
 
 @pytest.mark.parametrize("damping", [1e-5, 1e-7, -1e-7])
