@@ -31,7 +31,8 @@ with more of these."""
 
 def first_steps(method: Method, modes: Frozen, orbit: bool, rtol: float) -> Array:
     """Steps (P,) of the first grid, for orbits or for multipliers alone: so many that no mode of which more
-    than `rtol` matters turns far in one of them, so that a somewhat finer grid tells its error."""
+    than `rtol` lasts for the period turns far in one of them, so that a somewhat finer grid tells its error;
+    and others no farther than a method that does not damp them follows them."""
     least = LEAST
     if method.l_stable:
         least = _DAMPING_LEAST
@@ -43,7 +44,10 @@ def first_steps(method: Method, modes: Frozen, orbit: bool, rtol: float) -> Arra
     steps = np.full(len(modes), least)
     open_ = np.flatnonzero(~modes.surely_within(least * angle / modes.period))
     if len(open_) and not method.spectral:
-        reach = modes[open_].lasting(rtol) if method.l_stable else modes[open_].few_reach
+        some = modes[open_]
+        wanted = some.lasting(rtol) / angle
+        if not method.l_stable:
+            wanted = np.maximum(wanted, some.few_reach / method.follows)
         # Powers of 2 alone, so that many points share their grids.
-        steps[open_] = np.exp2(np.round(np.log2(np.clip(reach / angle, least, _MOST))))
+        steps[open_] = np.exp2(np.round(np.log2(np.clip(wanted, least, _MOST))))
     return steps
