@@ -244,20 +244,20 @@ class Collocated(OneStep):
         if engine != COMPILED or points.n > SMALL:
             return super().solutions(points, grid, orbit)
         method, n = self.collocation, points.n
-        # A single point takes the library with orbits for its multipliers too: one less to compile.
-        with_orbit = orbit or len(points) == 1
+        stages = points.tables(grid.stages(method.weights["c"]).ravel())
+        # One of many takes the library and the lanes of these, so that its numbers do not depend on how they
+        # are parted; another takes the library with orbits for its multipliers too: one less to compile.
+        alone = len(points) == 1 and (stages.own or points.alone)
+        with_orbit = orbit or alone
         size = Size(n, len(method.c), len(method.curve_nodes), method.stiffly_accurate, with_orbit)
         if not available(size):
             return super().solutions(points, grid, orbit)
-        stages = points.tables(grid.stages(method.weights["c"]).ravel())
         nodes = None
         if with_orbit and not grid.smooth:
             nodes = _samples(points.tables(grid.stages(np.array([0.0, 1.0])).T.ravel()))
         elif with_orbit and not method.stiffly_accurate:
             nodes = _samples(points.tables(grid.nodes[:-1]))
         h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
-        # One of many takes the lanes of these, so that its numbers do not depend on how they are parted.
-        alone = len(points) == 1 and (stages.own or points.alone)
         made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
         steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
         if not orbit or made.curves is None or made.condition is None:
