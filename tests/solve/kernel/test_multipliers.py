@@ -82,8 +82,11 @@ def test_multipliers_that_are_known(pairs, seed):
     matrix = made_of(values, numbers) * units / units[:, None]
     if np.abs(values).max() > 1e-3:
         found = solved(matrix[None])
-        assert apart(found.values[0], values) < 1e-12
-        if len(values) > 2 and np.ptp(np.log2(units)):
+        (rounding,) = rounding_errors(matrix[None], scaled_alike(matrix[None])[1], "compiled")
+        assert apart(found.values[0], values) < 1e-12 + 10 * rounding
+        gaps = np.abs(values[:, None] - values) + np.diag(np.full(len(values), np.inf))
+        # Those of equal ones are a matter of rounding.
+        if gaps.min() > 1e-2 * np.abs(values).max():
             assert (found.conditions < 1e6).all()
 
 
