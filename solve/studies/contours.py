@@ -35,24 +35,22 @@ def contours(
     crossings of its rows and columns; is_stable (points (k, 2)) is asked where a cell allows two ways.
     Cells about which something is unknown have no boundary."""
     rims = _Rims(axes, rows, columns)
-    joined, open_ = [], []
-    for (i, j), rim in rims.cells():
-        if len(rim) % 2 or np.isnan(stable[j : j + 2, i : i + 2]).any():
-            continue
-        # Pairs of neighbouring crossings with an unstable stretch of the rim between them.
-        turned = rim if stable[j, i] else [*rim[1:], *rim[:1]]
-        arcs = list(zip(turned[::2], turned[1::2], strict=True))
-        if len(arcs) > 1:
-            open_.append(arcs)
-        else:
-            joined += arcs
-    joined += _decided(rims, open_, is_stable)
+    i, j = rims.cells
+    corners = np.array([stable[j, i], stable[j, i + 1], stable[j + 1, i], stable[j + 1, i + 1]])
+    known = ~np.isnan(corners).any(axis=0) & (rims.counts % 2 == 0)
+    simple, begins_unstable = known & (rims.counts == 2), corners[0] == 0
+    joined = rims.around[rims.starts[simple, None] + [0, 1]]
+    joined[begins_unstable[simple]] = joined[begins_unstable[simple], ::-1]
+    open_ = [rims.arcs(cell, begins_unstable[cell]) for cell in np.flatnonzero(known & ~simple).tolist()]
+    joined = np.concatenate((joined, _decided(rims, open_, is_stable)))
     pieces = (_pieces(rims, chain) for chain in _chains(len(rims.points), joined))
     return [piece for piece in itertools.chain.from_iterable(pieces) if len(piece.points) > 1]
 
 
 class _Rims:
-    """The crossings as points (c, 2), and on which edges of which cells they lie."""
+    """The crossings as points (c, 2), and those around the cells that have some: `cells` (i, j), (k,) each,
+    with `counts` (k,) crossings in `around` from `starts` (k,) on, counter-clockwise from the lower left
+    corner."""
 
     def __init__(self, axes: tuple[Array, Array], rows: Crossings, columns: Crossings):
         x, y = axes
@@ -61,22 +59,30 @@ class _Rims:
         )
         self.kinds = np.concatenate((rows.kind, columns.kind))
         self.size = np.array([np.ptp(x) / (len(x) - 1), np.ptp(y) / (len(y) - 1)])
-        self._count = len(x) - 1, len(y) - 1
-        self._rows = _by_edge(rows, x, 0)
-        self._columns = _by_edge(columns, y, len(rows.line))
+        i, along_row = _cells_and_ranks(x, rows.place)
+        j, along_column = _cells_and_ranks(y, columns.place)
+        row, column = np.split(np.arange(len(self.points)), [len(i)])
+        sides = (
+            (i, rows.line, along_row, row),
+            (columns.line - 1, j, along_column, column),
+            (i, rows.line - 1, -along_row, row),
+            (columns.line, j, -along_column, column),
+        )
+        side = np.repeat(np.arange(4), [len(crossing) for *_, crossing in sides])
+        i, j, along, crossing = (np.concatenate(parts) for parts in zip(*sides, strict=True))
+        inside = (i >= 0) & (i < len(x) - 1) & (j >= 0) & (j < len(y) - 1)
+        cell = i * len(y) + j
+        order = np.lexsort((along, side, cell))
+        order = order[inside[order]]
+        self.around = crossing[order]
+        cells, self.starts, self.counts = np.unique(cell[order], return_index=True, return_counts=True)
+        self.cells = np.divmod(cells, len(y))
 
-    def cells(self) -> list[tuple[tuple[int, int], list[int]]]:
-        """Cells (i, j) and the crossings around each, counter-clockwise from its lower left corner."""
-        touched = {(i, j - below) for j, i in self._rows for below in (0, 1)}
-        touched |= {(i - left, j) for i, j in self._columns for left in (0, 1)}
-        nx, ny = self._count
-        found = []
-        for i, j in sorted(touched):
-            if 0 <= i < nx and 0 <= j < ny:
-                bottom, top = self._rows.get((j, i), []), self._rows.get((j + 1, i), [])
-                left, right = self._columns.get((i, j), []), self._columns.get((i + 1, j), [])
-                found.append(((i, j), [*bottom, *right, *reversed(top), *reversed(left)]))
-        return found
+    def arcs(self, cell: int, begins_unstable: bool) -> list[tuple[int, int]]:
+        """Neighbouring crossings around a cell with an unstable stretch of the rim between them."""
+        rim = self.around[self.starts[cell] :][: self.counts[cell]].tolist()
+        turned = [*rim[1:], *rim[:1]] if begins_unstable else rim
+        return list(zip(turned[::2], turned[1::2], strict=True))
 
     def width(self, arc: tuple[int, int]) -> float:
         """Distance of two crossings in cells."""
@@ -84,19 +90,18 @@ class _Rims:
         return float(np.linalg.norm((last - first) / self.size))
 
 
-def _by_edge(crossings: Crossings, nodes: Array, offset: int) -> dict[tuple[int, int], list[int]]:
-    """Crossings of every edge (line, cell), in rising order."""
-    cell = np.clip(np.searchsorted(nodes, crossings.place, side="right") - 1, 0, len(nodes) - 2)
-    found: dict[tuple[int, int], list[int]] = {}
-    for at in np.argsort(crossings.place, kind="stable").tolist():
-        found.setdefault((int(crossings.line[at]), int(cell[at])), []).append(at + offset)
-    return found
+def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
+    """Between which nodes places (c,) lie, and their ranks, rising (c,)."""
+    cell = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, len(nodes) - 2)
+    rank = np.empty(len(place), dtype=int)
+    rank[np.argsort(place, kind="stable")] = np.arange(len(place))
+    return cell, rank
 
 
 def _decided(
     rims: _Rims, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
-) -> list[tuple[int, int]]:
-    """Connections within cells with several unstable arcs. A boundary keeps its kind; where that leaves
+) -> Array:
+    """Connections (k, 2) within cells with several unstable arcs. A boundary keeps its kind; where that leaves
     the choice, two arcs are joined if the place between them is unstable, or if both are as narrow as a
     tongue."""
     pairs = [
@@ -118,15 +123,14 @@ def _decided(
             used |= {(n, k), (n, other)}
             joined += [(first[1], second[0]), (second[1], first[0])]
     rest = [arc for n, arcs in enumerate(cells) for k, arc in enumerate(arcs) if (n, k) not in used]
-    return joined + rest
+    return np.array(joined + rest, dtype=int).reshape(-1, 2)
 
 
-def _chains(count: int, joined: Sequence[tuple[int, int]]) -> list[list[int]]:
-    """Connections as chains of crossings; closed ones end where they begin."""
+def _chains(count: int, ends: Array) -> list[list[int]]:
+    """Connections (k, 2) as chains of crossings; closed ones end where they begin."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import depth_first_order
 
-    ends = np.array(joined, dtype=int).reshape(-1, 2)
     degree = np.bincount(ends.ravel(), minlength=count)
     graph = coo_array((np.ones(len(ends)), ends.T), shape=(count, count)).tocsr()
     seen = degree == 0
