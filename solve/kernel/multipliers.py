@@ -24,7 +24,7 @@ class _Problem(ctypes.Structure):
 
 class Found(NamedTuple):
     """values (P, N): eigenvalues, falling in modulus, of a conjugate pair that with + imaginary part first;
-    NaN where they are not found. sizes (P,): Frobenius' norms in the units given."""
+    NaN where they are not found. sizes (P,): Frobenius' norms of the balanced matrices."""
 
     values: Array
     sizes: Array

@@ -76,15 +76,8 @@ class Multipliers:
         """Eigenvalues of finite monodromy matrices (…, N, N); rounding is 8 eps‖Φ‖ of the balanced
         matrix, in whatever units Φ is given, or 1e-100. units: as in `scaled_alike`, where known."""
         values, norm = _in_order(Phi, units, engine)
-        modulus = np.abs(values)
-        # That of the balanced matrix is no larger, and asked for only where it decides.
-        unsure = modulus[..., -1] <= _LOST * norm
-        if unsure.any():
-            scaled, unit = _scaled(Phi[unsure])
-            known = None if units is None else units[unsure]
-            norm[unsure] = unit * _frobenius(_by_entry(_balanced(_matrices(scaled), known)))
         bound = np.maximum(_LOST * norm, NEGLIGIBLE)
-        kept = modulus > bound[..., None]
+        kept = np.abs(values) > bound[..., None]
         if kept.all():
             return cls(values, np.full(bound.shape, values.shape[-1]), bound)
         return cls(np.where(kept, values, 0.0), across(np.add, kept.astype(int)), bound)
@@ -113,9 +106,9 @@ class Multipliers:
     @property
     def nearest_one(self) -> Array:
         """The multiplier nearest to +1 (…), with its imaginary part's modulus; 0 where none is resolved."""
-        nearest = np.abs(self.values - 1.0).argmin(axis=-1)[..., None]
-        value = np.take_along_axis(self.values, nearest, axis=-1)[..., 0]
-        return np.real(value) + 1j * np.abs(np.imag(value))
+        values = self.values.reshape(-1, self.values.shape[-1])
+        value = values[np.arange(len(values)), np.abs(values - 1.0).argmin(axis=1)]
+        return (np.real(value) + 1j * np.abs(np.imag(value))).reshape(self.values.shape[:-1])
 
     @property
     def distance_from_one(self) -> Array:
@@ -224,7 +217,8 @@ def rounding_errors(Phi: Array, units: Array | None = None, engine: str = NUMPY,
 
 
 def _in_order(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array]:
-    """Eigenvalues (…, N) in the order of `Multipliers`, and Frobenius' norms (…), in the units or others."""
+    """Eigenvalues (…, N) in the order of `Multipliers`, and Frobenius' norms (…) of the balanced matrices, or
+    larger ones where these tell as much."""
     if engine == COMPILED and Phi.ndim == 3:
         found = kernel.eigenvalues(Phi, units)
         if found is not None and not np.isnan(found.values).any():
@@ -239,7 +233,13 @@ def _in_order(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Arra
         values = np.take_along_axis(values, np.argsort(-modulus, axis=-1, kind="stable"), axis=-1)
     if len(scaled) != 4:
         _put_positive_first(values)
-    return values, np.asarray(unit * _frobenius(scaled))
+    norm = np.asarray(unit * _frobenius(scaled))
+    unsure = np.asarray(np.abs(values[..., -1]) <= _LOST * norm)
+    if unsure.any():
+        scaled, unit = _scaled(Phi[unsure])
+        known = None if units is None else units[unsure]
+        norm[unsure] = unit * _frobenius(_by_entry(_balanced(_matrices(scaled), known)))
+    return values, norm
 
 
 def _conditioned(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array, Array, Array]:

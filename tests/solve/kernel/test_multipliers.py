@@ -51,17 +51,32 @@ def test_any_matrices(N, count, width):
         pairs = values[np.imag(values) != 0]
         assert (np.imag(pairs[::2]) > 0).all()
         np.testing.assert_array_equal(pairs[1::2], pairs[::2].conj())
-    np.testing.assert_allclose(found.sizes, np.linalg.norm(_balanced(matrices), axis=(1, 2)), rtol=1e-14)
+    if N > 2:
+        balanced = scaled_alike(matrices)[0]
+        np.testing.assert_allclose(found.sizes, np.linalg.norm(balanced, axis=(1, 2)), rtol=1e-14)
 
 
-def _balanced(matrices):
-    return scaled_alike(matrices)[0] if matrices.shape[-1] > 2 else matrices
+magnitudes = st.floats(1e-20, 1.0)
+
+
+@given(
+    st.lists(st.just(0.0) | magnitudes | magnitudes.map(lambda x: -x), min_size=4, max_size=4),
+    st.integers(-60, 60),
+)
+def test_norms_of_two_rows_are_near_the_least_in_any_units(entries, power):
+    """That is sqrt(a² + d² + 2 |b c|); what a last sweep would gain less than GAIN of may leave twice as much."""
+    matrix = np.reshape(entries, (2, 2)) * np.array([[1.0, 2.0**power], [2.0**-power, 1.0]])
+    (a, b), (c, d) = matrix
+    least = np.sqrt(a**2 + d**2 + 2 * abs(b * c))
+    found = solved(matrix[None])
+    if abs(b * c) > 1e-12 * least**2 > 0:
+        assert least * (1 - 1e-14) <= found.sizes[0] <= 2 * least
 
 
 @pytest.mark.parametrize("N", SIZES[1:])
 def test_norms_and_conditions_are_those_of_eigenvectors(N, width):
     matrices = np.random.default_rng(N).standard_normal((9, N, N))
-    found, balanced = solved(matrices), _balanced(matrices)
+    found, balanced = solved(matrices), scaled_alike(matrices)[0]
     np.testing.assert_allclose(found.norms, np.linalg.norm(balanced, 2, axis=(1, 2)), rtol=1e-6)
     for matrix, values, conditions in zip(balanced, found.values, found.conditions, strict=True):
         exact, right = np.linalg.eig(matrix)
