@@ -21,7 +21,7 @@ typedef struct {
     const double *units;           /* (count, NX): powers of 2 in which they are balanced; or null */
     double *values;                /* (count, NX) complex, falling in modulus, of a conjugate pair the one with + imaginary
                                       part first; NaN where they are not found */
-    double *sizes;                 /* (count): Frobenius' norms of the balanced matrices */
+    double *sizes;                 /* (count): Frobenius' norms of the balanced matrices, of two rows the least in any units */
     double *norms;                 /* (count): spectral norms of the balanced matrices; or null, and then no conditions */
     double *conditions;            /* (count, NX): condition numbers of the eigenvalues of these */
 } problem;
@@ -45,18 +45,12 @@ static lane taken(const problem *p, long first, lane A[NX][NX]) {
     return unit;
 }
 
-/* Frobenius' norm. */
-static lane size_of(lane A[NX][NX]) {
-    lane square = {0};
-    for (int i = 0; i < NX; i++)
-        for (int j = 0; j < NX; j++) square += A[i][j] * A[i][j];
-    return root(square);
-}
-
-/* `solve`: eigenvalues of matrices, in any order, and where asked for conditions and spectral norms of the balanced ones;
-   returns Frobenius' norms of these. */
-
 #if NX == 2
+
+/* The least of Frobenius' norms in any units. */
+static lane size_of(lane A[NX][NX]) {
+    return root(A[0][0] * A[0][0] + A[1][1] * A[1][1] + 2.0 * absolute(A[0][1] * A[1][0]));
+}
 
 /* Both eigenvalues, without the cancellation of the textbook's formula. */
 static void both(lane a, lane b, lane c, lane d, complex_lane values[NX]) {
@@ -68,23 +62,17 @@ static void both(lane a, lane b, lane c, lane d, complex_lane values[NX]) {
     values[1] = (complex_lane){chosen(real, second, half), none - where(~real, size)};
 }
 
-/* Give the matrix units in which rows and columns are alike. */
-static void balance(lane A[NX][NX]) {
-    const lane a = A[0][0];
+/* The norm of the matrix in units in which rows and columns are alike, and the condition of its eigenvalues: Schur's form
+   [[x, t], [0, y]] gives both sqrt(1 + t^2 / |x - y|^2). */
+static lane norm_and_condition(lane a, lane b, lane c, lane d, lane *condition) {
     for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        const lane b = A[0][1], c = A[1][0];
         const lane column = root(a * a + c * c), row = root(a * a + b * b);
         const lane factor = root(row / column);
         const mask gains = (row > 0.0) & (column > 0.0) & (column * factor + row / factor < GAIN * (column + row));
         if (!any(gains)) break;
-        A[0][1] = chosen(gains, b / factor, b);
-        A[1][0] = chosen(gains, c * factor, c);
+        b = chosen(gains, b / factor, b);
+        c = chosen(gains, c * factor, c);
     }
-}
-
-/* The norm of the balanced matrix, and the condition of its eigenvalues: Schur's form [[x, t], [0, y]] gives both
-   sqrt(1 + t^2 / |x - y|^2). */
-static lane norm_and_condition(lane a, lane b, lane c, lane d, lane *condition) {
     complex_lane x[NX];
     both(a, b, c, d, x);
     const lane square = a * a + b * b + c * c + d * d, first = x[0].re * x[0].re + x[0].im * x[0].im;
@@ -97,17 +85,22 @@ static lane norm_and_condition(lane a, lane b, lane c, lane d, lane *condition) 
     return root(square / 2.0 + root(where(rest > 0.0, rest)));
 }
 
-static lane solve(const problem *p, lane A[NX][NX], complex_lane values[NX], lane *norm, lane conditions[NX]) {
+static void solve(const problem *p, lane A[NX][NX], complex_lane values[NX], lane *norm, lane conditions[NX]) {
     both(A[0][0], A[0][1], A[1][0], A[1][1], values);
-    balance(A);
-    if (p->norms) {
-        *norm = norm_and_condition(A[0][0], A[0][1], A[1][0], A[1][1], conditions);
-        conditions[1] = conditions[0];
-    }
-    return size_of(A);
+    if (!p->norms) return;
+    *norm = norm_and_condition(A[0][0], A[0][1], A[1][0], A[1][1], conditions);
+    conditions[1] = conditions[0];
 }
 
 #else
+
+/* Frobenius' norm. */
+static lane size_of(lane A[NX][NX]) {
+    lane square = {0};
+    for (int i = 0; i < NX; i++)
+        for (int j = 0; j < NX; j++) square += A[i][j] * A[i][j];
+    return root(square);
+}
 
 /* Condition numbers of the eigenvalues of a triangular matrix: those of right and left eigenvectors (J. H. Wilkinson,
    The Algebraic Eigenvalue Problem, 1965, chapter 2). Equal ones count as apart by rounding. */
@@ -137,9 +130,8 @@ static void conditioned(complex_lane T[NX][NX], lane conditions[NX]) {
     }
 }
 
-static lane solve(const problem *p, lane A[NX][NX], complex_lane values[NX], lane *norm, lane conditions[NX]) {
+static void solve(const problem *p, lane A[NX][NX], complex_lane values[NX], lane *norm, lane conditions[NX]) {
     complex_lane T[NX][NX];
-    const lane size = size_of(A);
     if (p->norms) {
         lane z[NX * NX];
         memcpy(z, A, sizeof(z));
@@ -149,7 +141,6 @@ static lane solve(const problem *p, lane A[NX][NX], complex_lane values[NX], lan
     if (p->norms) conditioned(T, conditions);
     const lane none = {0};
     for (int i = 0; i < NX; i++) values[i] = (complex_lane){chosen(missed, none + NAN, T[i][i].re), T[i][i].im};
-    return size;
 }
 
 #endif
@@ -201,7 +192,8 @@ void multipliers(const problem *p) {
         complex_lane found[NX];
         memset(conditions, 0, sizeof(conditions));
         const lane unit = taken(p, first, A);
-        const lane size = solve(p, A, found, &norm, conditions) * unit;
+        const lane size = size_of(A) * unit;
+        solve(p, A, found, &norm, conditions);
         for (int l = 0; l < LANES && first + l < p->count; l++) {
             double values[2 * NX], own[NX];
             for (int i = 0; i < NX; i++) {

@@ -217,22 +217,18 @@ def rounding_errors(Phi: Array, units: Array | None = None, engine: str = NUMPY,
 
 
 def _in_order(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array]:
-    """Eigenvalues (…, N) in the order of `Multipliers`, and Frobenius' norms (…) of the balanced matrices, or
-    larger ones where these tell as much."""
+    """Eigenvalues (…, N) in the order of `Multipliers`, and Frobenius' norms (…) of the balanced matrices, of two
+    rows the least in any units; larger ones where these tell as much."""
     if engine == COMPILED and Phi.ndim == 3:
         found = kernel.eigenvalues(Phi, units)
         if found is not None and not np.isnan(found.values).any():
             return found.values, found.sizes
     scaled, unit = _scaled(Phi)
     if len(scaled) == 4:
-        values = pairs.eigenvalues(*scaled) * unit[..., None]
-    else:
-        values = np.linalg.eigvals(Phi).astype(complex)
-    modulus = np.abs(values)
-    if (modulus[..., 1:] > modulus[..., :-1]).any():
-        values = np.take_along_axis(values, np.argsort(-modulus, axis=-1, kind="stable"), axis=-1)
-    if len(scaled) != 4:
-        _put_positive_first(values)
+        norm = np.asarray(unit * pairs.least_norm(*scaled))
+        return _by_modulus(pairs.eigenvalues(*scaled) * unit[..., None]), norm
+    values = _by_modulus(np.linalg.eigvals(Phi).astype(complex))
+    _put_positive_first(values)
     norm = np.asarray(unit * _frobenius(scaled))
     unsure = np.asarray(np.abs(values[..., -1]) <= _LOST * norm)
     if unsure.any():
@@ -240,6 +236,14 @@ def _in_order(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Arra
         known = None if units is None else units[unsure]
         norm[unsure] = unit * _frobenius(_by_entry(_balanced(_matrices(scaled), known)))
     return values, norm
+
+
+def _by_modulus(values: Array) -> Array:
+    """Eigenvalues (…, N), falling in modulus."""
+    modulus = np.abs(values)
+    if (modulus[..., 1:] > modulus[..., :-1]).any():
+        return np.take_along_axis(values, np.argsort(-modulus, axis=-1, kind="stable"), axis=-1)
+    return values
 
 
 def _conditioned(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array, Array, Array]:

@@ -37,6 +37,11 @@ def balanced(a: Array, b: Array, c: Array, d: Array) -> Array:
     return np.stack((a, b, c, d))
 
 
+def least_norm(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """The least of Frobenius' norms (…) in any units of the state."""
+    return np.sqrt(np.square(a) + np.square(d) + 2 * np.abs(b * c))
+
+
 def conditions(entries: Array, values: Array, rounding: float) -> tuple[Array, Array]:
     """Spectral norms (…) of matrices with entries (4, …), and the condition of both their eigenvalues
     (…, 2); rounding: part of a sum of squares that is none."""
