@@ -24,8 +24,8 @@ class _Problem(ctypes.Structure):
 
 class Found(NamedTuple):
     """values (P, N): eigenvalues, falling in modulus, of a conjugate pair that with + imaginary part first;
-    NaN where they are not found. sizes (P,): Frobenius' norms of the balanced matrices, of two rows the least in
-    any units."""
+    NaN where they are not found. sizes (P,): Frobenius' norms of the balanced matrices, of two rows the least
+    in any units."""
 
     values: Array
     sizes: Array

@@ -217,8 +217,8 @@ def rounding_errors(Phi: Array, units: Array | None = None, engine: str = NUMPY,
 
 
 def _in_order(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array]:
-    """Eigenvalues (…, N) in the order of `Multipliers`, and Frobenius' norms (…) of the balanced matrices, of two
-    rows the least in any units; larger ones where these tell as much."""
+    """Eigenvalues (…, N) in the order of `Multipliers`, and Frobenius' norms (…) of the balanced matrices, of
+    two rows the least in any units; larger ones where these tell as much."""
     if engine == COMPILED and Phi.ndim == 3:
         found = kernel.eigenvalues(Phi, units)
         if found is not None and not np.isnan(found.values).any():

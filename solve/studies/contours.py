@@ -101,9 +101,9 @@ def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
 def _decided(
     rims: _Rims, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
-    """Connections (k, 2) within cells with several unstable arcs. A boundary keeps its kind; where that leaves
-    the choice, two arcs are joined if the place between them is unstable, or if both are as narrow as a
-    tongue."""
+    """Connections (k, 2) within cells with several unstable arcs. A boundary keeps its kind; where that
+    leaves the choice, two arcs are joined if the place between them is unstable, or if both are as narrow as
+    a tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)
