@@ -31,7 +31,7 @@ static void states(const problem *p, long first, lane A[NX][NX]) {
                     for (int l = 0; l < LANES; l++) rows[i][column][l] = given[first + l < p->count ? first + l : p->count - 1];
             }
     for (int k = 0; k < N; k++) {
-        exchange_rows(rows[0], N, 3 * N, k);
+        exchange_rows(rows[0], N, 3 * N, k, ~(mask){0});
         for (int j = k + 1; j < 3 * N; j++) rows[k][j] /= rows[k][k];
         for (int i = 0; i < N; i++)
             for (int j = k + 1; i != k && j < 3 * N; j++) rows[i][j] -= rows[i][k] * rows[k][j];

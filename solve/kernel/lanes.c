@@ -79,27 +79,6 @@ static void build(const problem *p, long group, long step, const scaled *by, lan
     }
 }
 
-static void exchange(lane *x, lane *y, int count) {
-    for (int j = 0; j < count; j++) {
-        lane t = x[j];
-        x[j] = y[j];
-        y[j] = t;
-    }
-}
-
-/* The row with the largest sum of moduli over the lanes, which all of them then use. */
-static int pivot(const lane *rows, int k) {
-    double best = -1.0;
-    int found = k;
-    for (int i = k; i < ROWS; i++) {
-        lane a = absolute(rows[i * COLS + k]);
-        double sum = 0.0;
-        for (int l = 0; l < LANES; l++) sum += a[l];
-        if (sum > best) best = sum, found = i;
-    }
-    return found;
-}
-
 /* Subtract from row i, and with `both` from the next one, what makes `width` of its columns vanish; tells in
    which lanes a multiplier is so large that rows should have been exchanged. */
 static inline __attribute__((always_inline)) mask
@@ -159,11 +138,10 @@ static mask eliminate(lane *rows, lane *inverse) {
     return excess;
 }
 
-/* The same with exchanges of rows. */
-static void eliminate_with_exchanges(lane *rows, lane *inverse) {
+/* The same with exchanges of rows in some lanes; the others come out as before. */
+static void eliminate_with_exchanges(lane *rows, lane *inverse, mask some) {
     for (int k = 0; k < ROWS; k++) {
-        const int best = pivot(rows, k);
-        if (best != k) exchange(rows + k * COLS, rows + best * COLS, COLS);
+        exchange_rows(rows, ROWS, COLS, k, some);
         inverse[k] = 1.0 / rows[k * COLS + k];
         int i = k + 1;
         for (; i + 1 < ROWS; i += 2) subtract(rows, inverse, k, 1, i, 1);
@@ -369,9 +347,10 @@ static void advance(const problem *p, long group, room *r) {
             lane *map = k % r->length ? r->map : r->sum;
             if (p->h[k] != h) scale(none + (h = p->h[k]), p->A, p->A2, p->c, &by);
             build(p, group, k, &by, r->e, r->rows);
-            if (any(eliminate(r->rows, r->inverse))) {
+            const mask excess = eliminate(r->rows, r->inverse);
+            if (any(excess)) {
                 build(p, group, k, &by, r->e, r->rows);
-                eliminate_with_exchanges(r->rows, r->inverse);
+                eliminate_with_exchanges(r->rows, r->inverse, excess);
             }
             lane *stages = r->stages + (ORBIT ? k : 0) * ROWS * W;
             substitute(r->rows, r->inverse, stages);

@@ -1,21 +1,21 @@
 /* Elimination with exchanges of rows, which each lane makes for itself. */
 
-/* Exchange rows, `count` of `width` numbers, so that in every lane the largest of column k from row k on comes to
-   row k; returns which rows these were. */
-static inline mask exchange_rows(lane *rows, int count, int width, int k) {
+/* Exchange rows, `count` of `width` numbers, so that in some lanes the largest of column k from row k on comes to row k;
+   returns which rows these were. */
+static inline mask exchange_rows(lane *rows, int count, int width, int k, mask some) {
     lane largest = absolute(rows[k * width + k]);
     mask best = (mask){0} + k;
     for (int i = k + 1; i < count; i++) {
         const lane a = absolute(rows[i * width + k]);
-        const mask larger = a > largest;
+        const mask larger = (a > largest) & some;
         largest = chosen(larger, a, largest);
         best = (best & ~larger) | (((mask){0} + i) & larger);
     }
     const int other = any(best ^ k);
     for (int i = k + 1; other && i < count; i++) {
         const mask this = best == i;
-        const int some = any(this);
-        for (int j = 0; some && j < width; j++) {
+        if (!any(this)) continue;
+        for (int j = 0; j < width; j++) {
             const lane x = rows[k * width + j], y = rows[i * width + j];
             rows[k * width + j] = chosen(this, y, x);
             rows[i * width + j] = chosen(this, x, y);
@@ -28,7 +28,7 @@ static inline mask exchange_rows(lane *rows, int count, int width, int k) {
 static inline void solve_rows(lane *rows, int count, lane *x) {
     const int width = count + 1;
     for (int k = 0; k < count; k++) {
-        exchange_rows(rows, count, width, k);
+        exchange_rows(rows, count, width, k, ~(mask){0});
         for (int i = k + 1; i < count; i++) {
             const lane factor = rows[i * width + k] / rows[k * width + k];
             for (int j = k + 1; j < width; j++) rows[i * width + j] -= factor * rows[k * width + j];

@@ -29,7 +29,7 @@ typedef struct {
 /* L and U take the place of the matrix, inverse pivots on its diagonal; the columns behind become solutions. */
 static void factorise(lane rows[ROWS][COLS], mask order[ROWS]) {
     for (int k = 0; k < ROWS; k++) {
-        order[k] = exchange_rows(rows[0], ROWS, COLS, k);
+        order[k] = exchange_rows(rows[0], ROWS, COLS, k, ~(mask){0});
         rows[k][k] = 1.0 / rows[k][k];
         for (int i = k + 1; i < ROWS; i++) {
             const lane factor = rows[i][k] *= rows[k][k];
