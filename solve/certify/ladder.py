@@ -55,19 +55,20 @@ Unseen = Callable[[Array, Array, Solutions, Array], Array]
 @dataclass(frozen=True)
 class _Trail:
     """Points with the solutions of the last grid that they had, of so many steps, the ratio (k, 1) of these
-    to the steps of the grid before, infinite where there was none, and the differences (k, 2) that it made.
-    Without solutions: points that begin."""
+    to the steps of the grid before, and that in the piece between two jumps where it is least, infinite where
+    there was none, and the differences (k, 2) that it made. Without solutions: points that begin."""
 
     positions: Array
     steps: int
     ratio: Array
+    least: Array
     differences: Array
     solutions: Solutions | None
 
     @classmethod
     def begun(cls, positions: Array) -> "_Trail":
         none = np.full((len(positions), 2), np.inf)
-        return cls(positions, 0, none[:, :1], none, None)
+        return cls(positions, 0, none[:, :1], none[:, :1], none, None)
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -76,7 +77,14 @@ class _Trail:
         if whole(some, len(self)):
             return self
         solutions = None if self.solutions is None else self.solutions[some]
-        return _Trail(self.positions[some], self.steps, self.ratio[some], self.differences[some], solutions)
+        return _Trail(
+            self.positions[some],
+            self.steps,
+            self.ratio[some],
+            self.least[some],
+            self.differences[some],
+            solutions,
+        )
 
 
 @dataclass(frozen=True)
@@ -176,11 +184,9 @@ class Ladder:
             Phi.append(coarse.Phi)
             ratio.append(np.full((len(trail), 1), steps / trail.steps))
             least.append(np.full((len(trail), 1), fine.grid.least_ratio(coarse.grid)))
-        before = np.concatenate([trail.ratio for trail in trails])
-        pace, least_pace = (Pace(steps, np.concatenate(each), before) for each in (ratio, least))
         return _Compared(
-            pace,
-            least_pace,
+            Pace(steps, np.concatenate(ratio), np.concatenate([trail.ratio for trail in trails])),
+            Pace(steps, np.concatenate(least), np.concatenate([trail.least for trail in trails])),
             np.concatenate([trail.positions for trail in trails]),
             fine,
             Multipliers.beside(rho),
@@ -208,19 +214,17 @@ class Ladder:
             return []
         times = times_more(found[still_open], wanted[still_open], pace[still_open], self.orders)
         times[(done & tells)[still_open]] = FARTHEST
-        trail = _Trail(these.positions, pace.steps, pace.ratio, found, fine)[still_open]
+        trail = _Trail(these.positions, pace.steps, pace.ratio, these.least.ratio, found, fine)[still_open]
         return _parted(trail, onward(pace.steps, times, self.most))
 
     def _errors(self, these: _Compared) -> Array:
-        """Of the finer grids (k, 2): as three grids tell, or as they surely are."""
-        tells = these.pace.tells
-        if tells.all():
-            return estimated(these.found, these.before, these.pace, self.orders)
-        surely = fallen(these.found, these.least, self.sure)
-        errors = np.maximum(surely, self._stiff_rounding(these.positions))
+        """Of the finer grids (k, 2): as three grids tell, or as they surely are. Differences that rounding may
+        have made do not fall."""
+        pace, found, tells = these.least, these.found, these.least.tells
+        errors = fallen(found, pace, self.sure)
         if tells.any():
-            errors[tells] = estimated(these.found[tells], these.before[tells], these.pace[tells], self.orders)
-        return errors
+            errors[tells] = estimated(found[tells], these.before[tells], pace[tells], self.orders)
+        return np.maximum(errors, np.minimum(found, self._stiff_rounding(these.positions)))
 
     def _finished(self, these: _Compared, errors: Array, wanted: Array, small: Array) -> Array:
         """Which points need no finer grid (k,). Their errors (k, 2) are raised in place by what their

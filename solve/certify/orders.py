@@ -31,6 +31,10 @@ ALIAS = 0.01
 _TAIL = 0.75
 """Part of the orders that these phases show, from which on parts are taken for the beginning of more."""
 
+_BLIND = 0.1
+"""Part that orders may have which steps do not follow, if the differences of their solutions are to tell
+anything: what stands at one phase, as a pulse does, may lie between the samples of every grid."""
+
 _UNRESOLVED_ORDER = 2.0
 """With which errors fall at most as long as orders are not resolved: as with a kink."""
 
@@ -53,16 +57,19 @@ def aliasing(points: Points, method: Method, finest: int, given: bool = False) -
 def unresolved(points: Points, method: Method, pace: Pace, found: Array, before: Array) -> Array:
     """Errors (P, 2) of orbit and multipliers on the finer of two grids, as `estimated` has them, that orders
     of the matrices may leave which the uneven samples of a step do not follow: errors that fall with no
-    more than the second power of the steps, whatever the differences show."""
+    more than the second power of the steps, whatever the differences of three grids show. Of two grids, and
+    where such orders are large, these tell nothing: errors are as large as the orders."""
     if method.samples_evenly:
         return np.zeros((len(points), 2))
     loaded = method.loaded(points)
     steps = round(pace.steps * loaded.period / points.period)
-    parts = _beyond(loaded, steps, 2 * method.follows, _TAIL)
+    angle = 2 * method.follows
+    parts = _beyond(loaded, steps, angle, _TAIL)
     if not parts.any():
         return parts
     orders = np.minimum((method.curve_order, method.order), _UNRESOLVED_ORDER)
-    return np.fmin(parts / ALIAS, estimated(found, before, pace, orders))
+    tells = pace.tells[:, None] & (_beyond(loaded, steps, angle) <= _BLIND)
+    return np.fmin(parts / ALIAS, np.where(tells, estimated(found, before, pace, orders), np.inf))
 
 
 def _beyond(points: Points, steps: int, angle: float, most: float = 1.0) -> Array:
