@@ -140,17 +140,20 @@ def estimated(found: Array, before: Array, pace: Pace, orders: Array) -> Array:
     fall with the power of the steps that is seen, between 1 and the order.
 
     Never less than the differences before leave when they fall with the order: two grids may meet by
-    chance, which would count twice, as a small difference and as a steep power."""
+    chance, which would count twice, as a small difference and as a steep power. Where the grid before was no
+    finer than the one before it, differences tell nothing."""
     known = (found > 0) & np.isfinite(before)
     seen = np.where(known, before, 0.0) / np.where(known, found, 1.0)
     power = np.broadcast_to(orders, found.shape)
     finer = np.log(pace.ratio)
-    for _ in range(3):
-        # before / found = (ratio_before^p - 1) / (1 - ratio^-p).
-        power = np.log1p(seen * (1 - np.exp(-finer * power))) / np.log(pace.ratio_before)
-    errors = fallen(found, pace, np.clip(power, 1.0, orders))
-    left = np.where(np.isfinite(before), before, 0.0) / (pace.ratio_before**orders - 1) / pace.ratio**orders
-    return np.maximum(errors, left)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(3):
+            # before / found = (ratio_before^p - 1) / (1 - ratio^-p).
+            power = np.log1p(seen * (1 - np.exp(-finer * power))) / np.log(pace.ratio_before)
+        errors = fallen(found, pace, np.clip(power, 1.0, orders))
+        left = np.where(np.isfinite(before), before, 0.0) / (pace.ratio_before**orders - 1)
+        left /= pace.ratio**orders
+    return np.where(pace.ratio_before > 1, np.maximum(errors, left), np.inf)
 
 
 def finished(
