@@ -41,7 +41,7 @@ def hidden(
     An L-stable method loses modes that it does not follow, which is wrong where they truly live on; any
     other may turn them into anything, and is judged by one that is L-stable.
     """
-    limit = steps * method.follows
+    limit = np.minimum(steps * method.follows, method.in_phase(steps, _PHASE_ERROR))
     followed = modes.within(limit / modes.period)
     errors = np.zeros((len(modes), 3))
     open_ = np.flatnonzero(~followed)
@@ -56,19 +56,12 @@ def hidden(
         return errors
     if len(open_):
         followed[open_] = modes[open_].reach <= limit[open_]
-    doubtful = np.flatnonzero(~followed | ~_in_phase(modes, method, steps))
+    doubtful = np.flatnonzero(~followed)
     if len(doubtful):
         ours, (truth, orbits) = multipliers[doubtful], witness(doubtful)
         absolute = np.maximum(ours.distance(truth), truth.bound)
         errors[doubtful] = np.column_stack((orbits, ours.difference(truth), absolute))
     return errors
-
-
-def _in_phase(modes: Frozen, method: Method, steps: Array) -> Array:
-    """Whether the steps misplace no mode by so much that grids may meet by chance (P,)."""
-    if not method.phase_error(np.ones(1), 1).any():
-        return np.ones(len(modes), dtype=bool)
-    return method.phase_error(modes.reach, steps) < _PHASE_ERROR
 
 
 def _survivors(modes: Frozen, limit: Array, allowed: Array) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """Gauss methods (J. C. Butcher, Math. Comp. 18 (1964) 50-64): order 2s, keep |ρ| = 1 where it is 1."""
 
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
 
@@ -16,6 +17,12 @@ class Gauss(Collocated):
 
     name = "gauss"
     orders = range(4, 17, 2)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # A step is the diagonal Padé approximant of exp (Hairer, Wanner, IV.3).
+        s = self.order // 2
+        self._set(phase_constant=factorial(s) ** 2 / (factorial(2 * s) * factorial(2 * s + 1)))
 
     @property
     def nodes(self) -> Array:

@@ -38,10 +38,12 @@ class March(OneStep):
                 f"tolerance of march is {self.tolerance}; allowed: between 0 and 1; try 1e-4"
             )
         base = self.base
-        self._set(order=base.order, curve_order=base.curve_order, warnings=base.warnings)
-
-    def phase_error(self, angle: Array, steps: Array | int) -> Array:
-        return self.base.phase_error(angle, steps)
+        self._set(
+            order=base.order,
+            curve_order=base.curve_order,
+            phase_constant=base.phase_constant,
+            warnings=base.warnings,
+        )
 
     def least_steps(self, modes: Frozen) -> Array:
         return self.base.least_steps(modes)

@@ -123,7 +123,8 @@ class Method:
     approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps
     do not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the
     fastest mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders
-    of the matrices look like others to it. warnings: those that the method's own settings deserve.
+    of the matrices look like others to it. phase_constant: c, if a step misplaces a mode by c (ω h)^(order + 1)
+    and keeps it; 0 where it is lost before that matters. warnings: those that the method's own settings deserve.
     """
 
     name: str
@@ -134,6 +135,7 @@ class Method:
     l_stable: bool = False
     follows: float = 1.0
     samples_evenly: bool = True
+    phase_constant: float = 0.0
     warnings: tuple[str, ...] = ()
 
     @property
@@ -150,10 +152,12 @@ class Method:
         """The points whose matrices and loads show what orders the solutions have to follow."""
         return points
 
-    def phase_error(self, angle: Array, steps: Array | int) -> Array:
-        """Angle by which so many steps misplace a mode that turns `angle` (…) in a period, where that
-        matters before the mode is lost."""
-        return np.zeros_like(angle)
+    def in_phase(self, steps: Array, error: float) -> Array:
+        """Largest angle (…) of which a mode may turn in a period for so many steps to misplace it by no more
+        than an error (rad)."""
+        if not self.phase_constant:
+            return np.full(np.shape(steps), np.inf)
+        return steps * (error / (self.phase_constant * steps)) ** (1 / (self.order + 1))
 
     def least_steps(self, modes: Frozen) -> Array:
         """Steps a period (P,) below which the method cannot be stable, from the frozen modes of points;

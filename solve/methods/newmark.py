@@ -38,6 +38,9 @@ class Newmark(OneStep):
                 )
         order = 2 if self.gamma == 0.5 else 1
         self._set(order=order, curve_order=order)
+        if order == 2:
+            # A mode's period is longer by (β - 1/12) (ωh)²/2 of itself.
+            self._set(phase_constant=abs(self.beta - 1 / 12) / 2)
         if self.gamma < 0.5:
             self._set(
                 warnings=(
@@ -57,13 +60,6 @@ class Newmark(OneStep):
             return super().least_steps(modes)
         reach = np.where(np.isfinite(modes.reach), modes.reach, 0.0)
         return np.ceil(np.clip(reach / limit, 1, MOST_STEPS)).astype(int)
-
-    def phase_error(self, angle: Array, steps: Array | int) -> Array:
-        """With γ = 1/2 a mode's period is longer by (β - 1/12) (ωh)²/2 of itself; otherwise modes grow or
-        decay."""
-        if self.gamma != 0.5:
-            return np.zeros_like(angle)
-        return abs(self.beta - 1 / 12) / 2 * angle**3 / steps**2
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         n = points.n

@@ -149,15 +149,28 @@ def test_two_grids_that_meet_by_chance_are_not_believed():
         assert error <= rtol
 
 
-@pytest.mark.parametrize("beta", [0.0, 1 / 6, 0.25])
-def test_newmark_misplaces_a_mode_by_its_phase_error(beta):
-    omega, steps = 3.3, 400
+@pytest.mark.parametrize(
+    ("method", "steps"),
+    [
+        (Newmark(0.5, 0.0), 400),
+        (Newmark(0.5, 1 / 6), 400),
+        (Newmark(0.5, 0.25), 400),
+        (Gauss(4), 100),
+        (Gauss(6), 50),
+        (Gauss(10), 20),
+    ],
+)
+def test_a_mode_is_misplaced_as_the_phase_constant_says(method, steps):
+    omega = 3.3
     free = constant([[1.0]], [[0.0]], [[omega**2]], lambda phase: np.ones((len(phase), 1)))
-    found = floquet(free, 1.0, Newmark(0.5, beta), steps=steps)
+    found = floquet(free, 1.0, method, steps=steps)
     exact = 2 * np.pi * omega
     late = np.angle(np.exp(1j * exact) / found.multipliers[0])
     late = min(abs(late), abs(np.angle(np.exp(1j * exact) / found.multipliers[1])))
-    assert late == pytest.approx(Newmark(0.5, beta).phase_error(exact, steps), rel=1e-2)
+    assert late == pytest.approx(
+        method.phase_constant * steps * (exact / steps) ** (method.order + 1), rel=4e-2
+    )
+    assert method.in_phase(steps, late) == pytest.approx(exact, rel=1e-2)
 
 
 @pytest.mark.parametrize("method", ["auto", "radau", "gauss", "hsu", "newmark", "rk4"])
