@@ -9,9 +9,9 @@ from solve.methods.method import Method
 from solve.period.frozen import PHASES, Frozen, surviving
 from solve.period.multipliers import NEGLIGIBLE, Multipliers
 
-_PHASE_ERROR = 0.1
-"""Angle (rad) at the end of a period by which a grid may misplace a mode, if two grids are to tell their
-error: beyond it they may agree by chance."""
+_PHASE_ERROR = 0.25
+"""Angle (rad) at the end of a period by which the coarser of two grids may misplace a mode, if they are to
+tell their error: beyond it they may agree by chance."""
 
 _FURTHER = np.s_[8::16], np.s_[4::8], np.flatnonzero(np.arange(PHASES) % 4)
 """The phases behind every 16th in the order in which they are asked for, as long as more could change

@@ -31,7 +31,6 @@ from solve.certify.pace import (
     onward,
     rung,
     rungs_above,
-    seen_by_both,
     sure_powers,
     times_more,
 )
@@ -218,8 +217,8 @@ class Ladder:
         return _parted(trail, onward(pace.steps, times, self.most))
 
     def _errors(self, these: _Compared) -> Array:
-        """Of the finer grids (k, 2): as three grids tell, or as they surely are. Differences that rounding may
-        have made do not fall."""
+        """Of the finer grids (k, 2): as three grids tell, or as they surely are. Differences that rounding
+        may have made do not fall."""
         pace, found, tells = these.least, these.found, these.least.tells
         errors = fallen(found, pace, self.sure)
         if tells.any():
@@ -279,7 +278,7 @@ class Ladder:
         """Points whose grids agree, unless modes that these do not follow, or orders that they do not see,
         matter and the grids are not the `last`; returns which points have ended (k,)."""
         pace, positions, fine = these.pace, these.positions, these.fine
-        unseen = self.unseen(seen_by_both(pace, self.method), positions, fine, errors)
+        unseen = self.unseen(pace.coarser, positions, fine, errors)
         alias = aliasing(self.solving.points[positions], self.method, pace.steps)
         doubt = across(np.maximum, np.maximum(unseen[:, :2], alias / ALIAS))
         ended = (doubt <= self.request.rtol) | last

@@ -57,6 +57,11 @@ class Pace:
         """Whether there are differences of two grids (k,), which tell how fast they fall."""
         return np.isfinite(self.ratio_before[:, 0])
 
+    @property
+    def coarser(self) -> Array:
+        """Steps (k,) of the grid before."""
+        return np.round(self.steps / self.ratio[:, 0])
+
 
 def onward(steps: int, times: Array, most: int) -> Array:
     """Steps (k,) of the grids after one of so many: of the rungs above these the first one with at least so
@@ -87,14 +92,6 @@ def _rungs(steps: Array) -> Array:
     while found[-1] < steps.max(initial=0):
         found.append(rung(found[-1] + 1))
     return np.array(found)
-
-
-def seen_by_both(pace: Pace, method: Method) -> Array:
-    """Steps (k,) that must follow a mode for two grids to tell its error: the coarser grid's where the method
-    damps what it does not follow, so that neither keeps it."""
-    return (
-        np.round(pace.steps / pace.ratio[:, 0]) if method.l_stable else np.full(len(pace.ratio), pace.steps)
-    )
 
 
 def times_more(found: Array, wanted: Array, pace: Pace, orders: Array) -> Array:

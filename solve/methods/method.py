@@ -123,8 +123,9 @@ class Method:
     approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps
     do not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the
     fastest mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders
-    of the matrices look like others to it. phase_constant: c, if a step misplaces a mode by c (ω h)^(order + 1)
-    and keeps it; 0 where it is lost before that matters. warnings: those that the method's own settings deserve.
+    of the matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by
+    c (ω h)^(order + 1); 0 where modes are lost before that matters. warnings: those that the method's own
+    settings deserve.
     """
 
     name: str

@@ -8,14 +8,14 @@ from solve import PeriodicSystem, floquet, periodic
 IMPULSE, DAMPING, STIFFNESS = 0.5, 0.2, 4.0
 
 
-def struck(place, width, breaks=()):
+def struck(place, width, breaks=(), damping=DAMPING, stiffness=STIFFNESS):
     """q″ + 0.2 q′ + (4 + bump) q = cos φ, the bump a Gaussian of area 1/2."""
 
     def matrices(phase, speed):
         away = np.remainder(phase - place + np.pi, 2 * np.pi) - np.pi
         bump = IMPULSE * np.exp(-((away / width) ** 2)) / (width * np.sqrt(np.pi))
         one = np.ones((len(phase), 1, 1))
-        return one, DAMPING * one, (STIFFNESS + bump)[:, None, None], np.cos(phase)[:, None]
+        return one, damping * one, (stiffness + bump)[:, None, None], np.cos(phase)[:, None]
 
     return PeriodicSystem(matrices, ["q"], breaks=breaks)
 
@@ -36,10 +36,33 @@ def test_a_thousandth_of_the_turn_is_seen(place, method):
     np.testing.assert_allclose(np.abs(found.multipliers), np.abs(kicked()), rtol=1e-4)
 
 
+@pytest.mark.parametrize("place", [0.0, np.pi / 8, np.pi / 4, np.pi / 2, np.pi, 5.663832566240261])
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-8])
+@pytest.mark.parametrize("find", [floquet, periodic])
+def test_a_bump_at_nodes_that_grids_share_is_seen(place, rtol, find):
+    """No stage of theirs is near to it, so that they agree about another system."""
+    found = find(struck(place, 2 * np.pi / 1000), 1.0, rtol=rtol)
+    np.testing.assert_allclose(np.abs(found.multipliers), np.abs(kicked()), rtol=2 * rtol + 1e-4)
+
+
+def test_a_bump_at_a_node_makes_its_system_unstable():
+    """A kick of q′ by -q/2 once a turn of q″ + 0.02 q′ + 3.9 q. Its limit of no width, a product of two
+    exponentials, has the spectral radius 1.061."""
+    from scipy.linalg import expm
+
+    turn = expm(2 * np.pi * np.array([[0.0, 1.0], [-3.9, -0.02]]))
+    kick = np.abs(np.linalg.eigvals(turn @ np.array([[1.0, 0.0], [-IMPULSE, 1.0]]))).max()
+    given = struck(5.663832566240261, 2 * np.pi / 1000, damping=0.02, stiffness=3.9)
+    for find in (floquet, periodic):
+        found = find(given, 1.0)
+        assert found.verdict == "unstable"
+        assert found.spectral_radius == pytest.approx(kick, rel=5e-4)
+
+
 def test_what_lies_between_all_samples_is_not_seen():
     """The limit of every method that samples: a bump that changes the spectral radius by 6 %, at some of
     60 places."""
-    width, free = 2 * np.pi / 3000, np.exp(-DAMPING / 2 * 2 * np.pi)
+    width, free = 2 * np.pi / 6000, np.exp(-DAMPING / 2 * 2 * np.pi)
     places = np.random.default_rng(0).uniform(0.0, 2 * np.pi, 60)
     found = [floquet(struck(place, width), 1.0) for place in places]
     unseen = [
@@ -47,10 +70,10 @@ def test_what_lies_between_all_samples_is_not_seen():
         for place, each in zip(places, found, strict=True)
         if each.spectral_radius < 1.01 * free and each.warnings == []
     ]
-    print(f"a bump of a width of T/3000 is not seen at {len(unseen)} of {len(places)} places")
+    print(f"a bump of a width of T/6000 is not seen at {len(unseen)} of {len(places)} places")
     assert 0 < len(unseen) < 30
     assert np.abs(kicked()).max() > 1.05 * free
-    enough = floquet(struck(unseen[0], width), 1.0, steps=3000)
+    enough = floquet(struck(unseen[0], width), 1.0, steps=6000)
     np.testing.assert_allclose(np.abs(enough.multipliers), np.abs(kicked()), rtol=1e-4)
 
 
