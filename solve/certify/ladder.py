@@ -217,13 +217,13 @@ class Ladder:
         return _parted(trail, onward(pace.steps, times, self.most))
 
     def _errors(self, these: _Compared) -> Array:
-        """Of the finer grids (k, 2): as three grids tell, or as they surely are. Differences that rounding
-        may have made do not fall."""
+        """Of the finer grids (k, 2): as three grids tell, or as they surely are. What rounding may have made
+        does not fall, and is known where three grids show it."""
         pace, found, tells = these.least, these.found, these.least.tells
-        errors = fallen(found, pace, self.sure)
+        errors, rounding = fallen(found, pace, self.sure), self._stiff_rounding(these.positions)
         if tells.any():
             errors[tells] = estimated(found[tells], these.before[tells], pace[tells], self.orders)
-        return np.maximum(errors, np.minimum(found, self._stiff_rounding(these.positions)))
+        return np.maximum(errors, np.where(tells[:, None], np.minimum(found, rounding), rounding))
 
     def _finished(self, these: _Compared, errors: Array, wanted: Array, small: Array) -> Array:
         """Which points need no finer grid (k,). Their errors (k, 2) are raised in place by what their
