@@ -35,13 +35,16 @@ def hidden(
     modes: Frozen, method: Method, steps: Array, multipliers: Multipliers, rtol: float, witness: Witness
 ) -> Array:
     """Errors (P, 3) of the orbits of points, and of the multipliers relative to the spectral radius and
-    absolute, that both of two grids may have from frozen modes that `steps` (P,) do not follow, or that they
-    misplace by so much of a turn that the grids may agree by chance.
+    absolute, that both of two grids of `steps` (P, 2), the coarser one first, may have from frozen modes that
+    they do not follow, or that they misplace by so much of a turn that they may agree by chance.
 
-    An L-stable method loses modes that it does not follow, which is wrong where they truly live on; any
-    other may turn them into anything, and is judged by one that is L-stable.
+    An L-stable method loses modes that it does not follow, which is wrong where they truly live on: both
+    grids must follow them. Any other may turn those into anything that the finer one does not follow, and is
+    judged by one that is L-stable.
     """
-    limit = np.minimum(steps * method.follows, method.in_phase(steps, _PHASE_ERROR))
+    coarser, finer = steps.T
+    follows = (coarser if method.l_stable else finer) * method.follows
+    limit = np.minimum(follows, method.in_phase(coarser, _PHASE_ERROR))
     followed = modes.within(limit / modes.period)
     errors = np.zeros((len(modes), 3))
     open_ = np.flatnonzero(~followed)

@@ -47,8 +47,8 @@ UNDERFLOW = 1e-30
 """Spectral radius below which multipliers are refined only as long as grids agree better and better."""
 
 Unseen = Callable[[Array, Array, Solutions, Array], Array]
-"""From steps (k,), positions (k,), solutions and their errors (k, 2) to what two grids do not show, as
-`hidden` has it."""
+"""From steps (k, 2) of two grids, positions (k,), solutions and their errors (k, 2) to what these grids do
+not show, as `hidden` has it."""
 
 
 @dataclass(frozen=True)
@@ -181,8 +181,10 @@ class Ladder:
             found.append(self.solving.differences(coarse, fine.neighbours(first, end), trail.positions))
             rho.append(coarse.multipliers)
             Phi.append(coarse.Phi)
-            ratio.append(np.full((len(trail), 1), steps / trail.steps))
-            least.append(np.full((len(trail), 1), fine.grid.least_ratio(coarse.grid)))
+            times = steps / trail.steps
+            ratio.append(np.full((len(trail), 1), times))
+            in_piece = times if fine.grid.smooth else fine.grid.least_ratio(coarse.grid)
+            least.append(np.full((len(trail), 1), in_piece))
         return _Compared(
             Pace(steps, np.concatenate(ratio), np.concatenate([trail.ratio for trail in trails])),
             Pace(steps, np.concatenate(least), np.concatenate([trail.least for trail in trails])),
@@ -278,7 +280,7 @@ class Ladder:
         """Points whose grids agree, unless modes that these do not follow, or orders that they do not see,
         matter and the grids are not the `last`; returns which points have ended (k,)."""
         pace, positions, fine = these.pace, these.positions, these.fine
-        unseen = self.unseen(pace.coarser, positions, fine, errors)
+        unseen = self.unseen(pace.both, positions, fine, errors)
         alias = aliasing(self.solving.points[positions], self.method, pace.steps)
         doubt = across(np.maximum, np.maximum(unseen[:, :2], alias / ALIAS))
         ended = (doubt <= self.request.rtol) | last

@@ -58,9 +58,9 @@ class Pace:
         return np.isfinite(self.ratio_before[:, 0])
 
     @property
-    def coarser(self) -> Array:
-        """Steps (k,) of the grid before."""
-        return np.round(self.steps / self.ratio[:, 0])
+    def both(self) -> Array:
+        """Steps (k, 2) of the grid before and of this one."""
+        return np.round(self.steps / np.column_stack((self.ratio, np.ones(len(self.ratio)))))
 
 
 def onward(steps: int, times: Array, most: int) -> Array:

@@ -107,7 +107,7 @@ def _on_given_steps(solving: Solving, positions: Array) -> Iterator[Certified | 
         if not len(part):
             continue
         errors = judged(solving.differences(coarse, fine, part), solving.orders)
-        unseen = _unseen(solving, np.full(len(part), steps), part, coarse, errors)
+        unseen = _unseen(solving, np.full((len(part), 2), steps), part, coarse, errors)
         alias = aliasing(solving.points[part], solving.method, 2 * steps, given=True)
         radii = radius_changes(coarse.multipliers, fine.multipliers)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -117,7 +117,7 @@ def _on_given_steps(solving: Solving, positions: Array) -> Iterator[Certified | 
 
 
 def _unseen(solving: Solving, steps: Array, positions: Array, solutions: Solutions, errors: Array) -> Array:
-    """What two grids with the errors (k, 2) do not show, see `hidden`."""
+    """What two grids of steps (k, 2) with the errors (k, 2) do not show, see `hidden`."""
 
     def witness(at: Array) -> tuple[Multipliers, Array]:
         return _witnessed(solving, positions[at], solutions[at], errors[at])
