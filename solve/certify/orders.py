@@ -103,7 +103,8 @@ def _beyond(points: Points, steps: int, angle: float, most: float = 1.0) -> Arra
 
 def _orders(samples: Array, ends: Array) -> list[Array]:
     """Moduli of the orders (…, k', m) of each part of samples (…, k, m), parted at `ends`."""
-    return [np.abs(np.fft.rfft(part, axis=-2, norm="forward")) for part in np.split(samples, ends, -2)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return [np.abs(np.fft.rfft(part, axis=-2, norm="forward")) for part in np.split(samples, ends, -2)]
 
 
 class _Latest:

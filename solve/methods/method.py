@@ -203,9 +203,10 @@ class Method:
         return self._overflow(grid.steps)
 
     def _overflow(self, steps: int) -> StepsError:
+        other = "" if self.l_stable else ", or a method that damps stiff modes (radau)"
         return StepsError(
-            f"{self.name} with {steps} steps overflows within one period; use more steps or the default "
-            "method, or other parameters where the matrices are infinite at some phase"
+            f"{self.name} with {steps} steps overflows within one period: some motion grows beyond all "
+            f"numbers, or the matrices are infinite at some phase; use more steps{other}, or other parameters"
         )
 
 

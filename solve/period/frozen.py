@@ -148,7 +148,8 @@ class Frozen:
         entries = self._matrices
         sizes = np.abs(entries[..., some_phases(entries.shape[-1])]).max(axis=-1)
         own = np.einsum("aiip->aip", sizes)
-        alike = sizes <= _ALIKE * (own + own[:1])[:, None]
+        with np.errstate(over="ignore"):
+            alike = sizes <= _ALIKE * (own + own[:1])[:, None]
         if alike.all():
             return None
         at = np.flatnonzero(~alike.all(axis=(0, 1, 2)))

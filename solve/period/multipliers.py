@@ -221,7 +221,10 @@ def _in_order(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Arra
     two rows the least in any units; larger ones where these tell as much."""
     if engine == COMPILED and Phi.ndim == 3:
         found = kernel.eigenvalues(Phi, units)
-        if found is not None and not np.isnan(found.values).any():
+        if found is not None:
+            at, matrices, known = _missed(found.values, Phi, units)
+            if len(at):
+                found.values[at], found.sizes[at] = _in_order(matrices, known, NUMPY)
             return found.values, found.sizes
     scaled, unit = _scaled(Phi)
     if len(scaled) == 4:
@@ -238,6 +241,12 @@ def _in_order(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Arra
     return values, norm
 
 
+def _missed(values: Array, Phi: Array, units: Array | None) -> tuple[Array, Array, Array | None]:
+    """Positions (k,) of matrices whose eigenvalues (P, N) are not found, these matrices and their units."""
+    at = np.flatnonzero(np.isnan(values).any(axis=1))
+    return at, Phi[at], None if units is None else units[at]
+
+
 def _by_modulus(values: Array) -> Array:
     """Eigenvalues (…, N), falling in modulus."""
     modulus = np.abs(values)
@@ -250,9 +259,13 @@ def _conditioned(Phi: Array, units: Array | None, engine: str) -> tuple[Array, A
     """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these, spectral norms (…) and
     condition numbers (…, N)."""
     if engine == COMPILED and Phi.ndim == 3:
-        found = kernel.conditioned(Phi, units)
-        if found is not None and not np.isnan(found.values).any():
-            return found.values, np.ones(len(Phi)), found.norms, found.conditions
+        found, unit = kernel.conditioned(Phi, units), np.ones(len(Phi))
+        if found is not None:
+            at, matrices, known = _missed(found.values, Phi, units)
+            if len(at):
+                made = _conditioned(matrices, known, NUMPY)
+                found.values[at], unit[at], found.norms[at], found.conditions[at] = made
+            return found.values, unit, found.norms, found.conditions
     scaled, unit = _scaled(Phi)
     if len(scaled) == 4:
         entries = pairs.balanced(*scaled)
