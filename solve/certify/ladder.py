@@ -46,6 +46,10 @@ STEPS = "steps"
 UNDERFLOW = 1e-30
 """Spectral radius below which multipliers are refined only as long as grids agree better and better."""
 
+_STIFF_ROUNDING = EPS / 8
+"""Times the square of the turns of the stiffest mode: what rounding of its coefficients makes of the softest,
+as measured."""
+
 Unseen = Callable[[Array, Array, Solutions, Array], Array]
 """From steps (k, 2) of two grids, positions (k,), solutions and their errors (k, 2) to what these grids do
 not show, as `hidden` has it."""
@@ -248,7 +252,7 @@ class Ladder:
         if done.any():
             at = most(done)
             points = self.solving.points[these.positions[at]]
-            left = unresolved(points, self.method, pace[at], found[at], before[at])
+            left = unresolved(points, self.method, pace[at], found[at], before[at], wanted[at])
             errors[at] = np.where(done[at, None], np.maximum(errors[at], left), errors[at])
             done[at] &= across(np.logical_and, left <= wanted[at])
         if done.any():
@@ -303,7 +307,7 @@ class Ladder:
         if not self.method.l_stable:
             return np.zeros((len(positions), 1))
         turns = self.solving.modes[positions].few_reach / (2 * np.pi)
-        return (EPS * turns**2)[:, None]
+        return (_STIFF_ROUNDING * turns**2)[:, None]
 
 
 def _taken(trails: list[_Trail], known: Array) -> Iterator[_Trail]:

@@ -54,11 +54,14 @@ def aliasing(points: Points, method: Method, finest: int, given: bool = False) -
     return _beyond(points, finest, np.pi / 2 if method.spectral else np.pi)
 
 
-def unresolved(points: Points, method: Method, pace: Pace, found: Array, before: Array) -> Array:
+def unresolved(
+    points: Points, method: Method, pace: Pace, found: Array, before: Array, wanted: Array
+) -> Array:
     """Errors (P, 2) of orbit and multipliers on the finer of two grids, as `estimated` has them, that orders
     of the matrices may leave which the uneven samples of a step do not follow: errors that fall with no
-    more than the second power of the steps, whatever the differences of three grids show. Of two grids, and
-    where such orders are large, these tell nothing: errors are as large as the orders."""
+    more than the second power of the steps, whatever the differences show. Orders that are large enough for
+    the `wanted` errors (P, 2) to be missed are believed to matter no more than that only if three grids tell,
+    and not where they are most of what varies."""
     if method.samples_evenly:
         return np.zeros((len(points), 2))
     loaded = method.loaded(points)
@@ -68,7 +71,7 @@ def unresolved(points: Points, method: Method, pace: Pace, found: Array, before:
     if not parts.any():
         return parts
     orders = np.minimum((method.curve_order, method.order), _UNRESOLVED_ORDER)
-    tells = pace.tells[:, None] & (_beyond(loaded, steps, angle) <= _BLIND)
+    tells = pace.tells[:, None] & (_beyond(loaded, steps, angle) <= _BLIND) | (parts <= ALIAS * wanted)
     return np.fmin(parts / ALIAS, np.where(tells, estimated(found, before, pace, orders), np.inf))
 
 
