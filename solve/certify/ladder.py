@@ -170,8 +170,9 @@ class Ladder:
             return further
         fine = solutions.neighbours(0, sum(len(trail) for trail in old))
         if fine.failures:
-            old, positions = list(_taken(old, fine.known)), np.concatenate([trail.positions for trail in old])
+            positions, known = np.concatenate([trail.positions for trail in old]), fine.known
             fine, _ = yield from self.solving.sound(fine, positions)
+            old = list(_taken(old, known))
         if len(fine):
             further += yield from self._judged(self._compared(steps, old, fine))
         return further
@@ -243,12 +244,8 @@ class Ladder:
         by_two = done & ~pace.tells
         if by_two.any():
             at = most(by_two)
-            apart = fallen(
-                monodromy_differences(these.Phi[at], fine, at)[:, None], these.least[at], self.sure[1]
-            )
-            errors[at, 1] = np.where(by_two[at], np.maximum(errors[at, 1], apart[:, 0]), errors[at, 1])
-            rho, e = fine.multipliers[at], errors[at, 1]
-            done[at] &= ~by_two[at] | ((e <= wanted[at, 1]) & decided(rho, e * rho.spectral_radius))
+            known = self._known_by_two(these, errors, wanted, by_two, at)
+            done[at] &= ~by_two[at] | known
         if done.any():
             at = most(done)
             points = self.solving.points[these.positions[at]]
@@ -258,6 +255,17 @@ class Ladder:
         if done.any():
             done &= ~nearly_decided(done & pace.tells, fine, errors, found, before, self.method.order)
         return done
+
+    def _known_by_two(
+        self, these: _Compared, errors: Array, wanted: Array, by_two: Array, at: Array | slice
+    ) -> Array:
+        """Whether matrices of points at positions (k,) agree as their multipliers do, which may meet by
+        chance, and leave a verdict; raises the errors of those of two grids in place."""
+        apart = monodromy_differences(these.Phi[at], these.fine, at)[:, None]
+        apart = fallen(apart, these.least[at], self.sure[1])[:, 0]
+        errors[at, 1] = np.where(by_two[at], np.maximum(errors[at, 1], apart), errors[at, 1])
+        rho, e = these.fine.multipliers[at], errors[at, 1]
+        return (e <= wanted[at, 1]) & decided(rho, e * rho.spectral_radius)
 
     def _begun(
         self, steps: int, trail: _Trail, first: Solutions
