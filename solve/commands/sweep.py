@@ -50,6 +50,10 @@ def sweep(
         raise ValueOutOfBoundsError(
             "--waterfall draws a spectrum over one quantity; give one speed, or one value of the others"
         )
+    if waterfall and not (results.plot or results.save or results.json):
+        raise MissingValueError(
+            f"--waterfall {waterfall} draws a picture; add the file, such as --plot waterfall.png"
+        )
     asked = accuracy.rule, accuracy.steps, accuracy.rtol
     kept: dict[str, Any] = {"spectra": spectra, "harmonics": orders, "over": varied or None}
     with places.given() as given:

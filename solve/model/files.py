@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from solve.errors import ModelFileError, UnknownNameError
-from solve.model.generated import ROOT, model_module, sha256
+from solve.model.generated import ROOT, model_module, readable, sha256
 
 
 class Files(NamedTuple):
@@ -26,7 +26,7 @@ def model_files(model: str) -> Files:
     files = _located(model)
     if not files.generated.is_file():
         raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
-    text = files.mechanism.read_text(encoding="utf-8-sig", errors="replace")
+    text = readable(files.mechanism)
     if sha256(text) != model_module(files.generated).MECHANISM_SHA256:
         raise ModelFileError(
             f"'{model}' has changed since its code was generated; run: python -m derive {model}"

@@ -77,9 +77,18 @@ def module_of(code: str) -> ModuleType:
     return module
 
 
+def readable(path: Path) -> str:
+    """The text of a file of a model. Raises ModelFileError where its rights, or its disk, forbid it."""
+    try:
+        return path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise ModelFileError(f"'{path}' cannot be read: {why}; make it readable or give another") from None
+
+
 @lru_cache(maxsize=32)
 def _executed(path: Path, _modified: int) -> ModuleType:
-    return _of_text(_sealed(path.read_text(encoding="utf-8", errors="replace"), str(path)), str(path))
+    return _of_text(_sealed(readable(path), str(path)), str(path))
 
 
 @lru_cache(maxsize=64)

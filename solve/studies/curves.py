@@ -1,5 +1,6 @@
 """Periodic solutions at many speeds on one grid: the curves themselves, beside the figures of a sweep."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +13,7 @@ from solve.errors import MatricesError, StepsError
 from solve.methods.method import Method
 from solve.methods.radau import Radau
 from solve.system import PeriodicSystem
+from solve.units import speeds_given
 
 _METHOD = Radau()
 
@@ -57,8 +59,9 @@ class PeriodicCurves:
         count = self.steps * self.samples
         return np.arange(count) * (self.system.period / count)
 
-    def __call__(self, speeds: Array) -> SolvedCurves:
-        """At speeds (P,) in rad/s."""
+    def __call__(self, speeds: float | str | Iterable[float | str]) -> SolvedCurves:
+        """At speeds (P,) in rad/s, or texts with unit. Raises UnitError, ValueOutOfBoundsError."""
+        speeds = np.array(speeds_given(speeds), dtype=float)
         n, coarse_steps = self.system.n, self.steps // 2
         coarse, fine = np.full((2, len(speeds), n, len(self.phase)), np.inf)
         Phi = np.zeros((len(speeds), 2 * n, 2 * n))

@@ -4,6 +4,7 @@ import hashlib
 import math
 import os
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -247,6 +248,20 @@ def test_stale_code_names_the_command_and_line_endings_do_not_matter(ready):
     with pytest.raises(
         ModelFileError, match=r"has changed since its code was generated; run: python -m derive "
     ):
+        ready.load()
+
+
+@pytest.mark.parametrize("name", ["mine.py", "generated/mine.py"])
+def test_a_file_without_the_right_to_read_it_is_named(ready, name, monkeypatch):
+    read, target = Path.read_text, ready.mechanism.parent / name
+
+    def forbidden(path, *given, **named):
+        if path.resolve() == target.resolve():
+            raise PermissionError(13, "Permission denied", str(path))
+        return read(path, *given, **named)
+
+    monkeypatch.setattr(Path, "read_text", forbidden)
+    with pytest.raises(ModelFileError, match=f"{name}' cannot be read: permission denied; make it readable"):
         ready.load()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.errors import MatricesError, StepsError
+from solve.errors import MatricesError, StepsError, ValueOutOfBoundsError
 
 SPEEDS = np.array([20.0, 40.0, 62.8])
 
@@ -22,6 +22,15 @@ def test_curves_are_those_of_single_solutions():
         assert error.max() < 1e-7
         assert error.max() <= max((np.abs(solved.coarse[number] - expected) / size).max(), 1e-9)
         assert solved.radius_bound[number] >= orbit.spectral_radius * (1 - 1e-6)
+
+
+def test_speeds_may_be_texts():
+    curves = solve.PeriodicCurves(solve.load("coupler"), steps=64)
+    expected = curves(np.array([20.0, 40.0])).q
+    for speeds in ([20.0, "40 rad/s"], "20:40:2 rad/s"):
+        np.testing.assert_array_equal(curves(speeds).q, expected)
+    with pytest.raises(ValueOutOfBoundsError, match="speed"):
+        curves([-1.0])
 
 
 def test_what_the_grid_cannot_hold_is_refused():
