@@ -244,7 +244,7 @@ class _Search:
     def _unbounded(self, at: Array) -> Array:
         """Whether the response grows beyond all bounds about speeds (k,), since a multiplier is +1 there: one
         that goes along the real axis, as at the edge of an unstable range, or along the unit circle, as where
-        nothing damps a resonance."""
+        nothing damps a resonance, whether or not there is a narrow unstable range about it."""
         near = 1 + _BESIDE * self.tolerance * np.array([-1, 0, 1])
         found = self.without_orbits((at[:, None] * near).ravel())
         off, side = np.abs(1 - found.multipliers), _side(found).reshape(-1, 3)
@@ -253,7 +253,7 @@ class _Search:
             np.take_along_axis(each, least, 1).reshape(-1, 3) for each in (off, np.abs(found.multipliers))
         )
         error = (found.errors[:, 1] * found.spectral_radius).reshape(-1, 3)
-        turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE).all(axis=1)
+        turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE)[:, ::2].all(axis=1)
         return (side[:, 0] * side[:, 2] < 0) | turned & (size[:, 1] < size[:, ::2].min(axis=1))
 
     def with_edges(self, speeds: Array, found: PointResults, others: Array) -> tuple[Array, PointResults]:

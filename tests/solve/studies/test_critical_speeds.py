@@ -223,6 +223,22 @@ def test_a_resonance_that_nothing_damps_has_no_height():
     assert lines == pytest.approx([1.5 * 30 / np.pi, 3 * 30 / np.pi], rel=2e-5)
 
 
+@pytest.mark.parametrize("count", [30, 60, 120])
+def test_narrow_unstable_ranges_have_no_height_however_many_speeds_are_given(count):
+    """q″ + 100 (1 + cos φ / 5) q = 1 + cos φ: a multiplier is +1 at both edges of ranges that get narrower
+    by powers of ten, at divisions of the mean frequency."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = 100 * (1 + 0.2 * np.cos(phase))[:, None, None]
+        return one, 0 * one, stiffness, (1 + np.cos(phase))[:, None]
+
+    made = solve.critical_speeds(solve.PeriodicSystem(matrices, ["q"]), f"1.2:6:{count} rad/s")
+    divisions = [row.response for row in made.rows if row.response and row.response.height > 0.1]
+    assert [round(9.97 / one.speed) for one in divisions] == [2, 3, 4, 5, 6, 7, 8]
+    assert all(one.height == np.inf for one in divisions)
+
+
 def test_a_resonance_with_the_least_damping_has_its_height():
     made = solve.critical_speeds(pushed(1e-7), np.linspace(2.5, 3.5, 12), orders=1)
     (row,) = [row for row in made.rows if row.response]
