@@ -71,7 +71,9 @@ def unresolved(
     if not parts.any():
         return parts
     orders = np.minimum((method.curve_order, method.order), _UNRESOLVED_ORDER)
-    tells = pace.tells[:, None] & (_beyond(loaded, steps, angle) <= _BLIND) | (parts <= ALIAS * wanted)
+    tells = parts <= ALIAS * wanted
+    if pace.tells.any() and not tells.all():
+        tells |= pace.tells[:, None] & (_beyond(loaded, steps, angle) <= _BLIND)
     return np.fmin(parts / ALIAS, np.where(tells, estimated(found, before, pace, orders), np.inf))
 
 
