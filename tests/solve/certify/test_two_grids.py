@@ -39,25 +39,43 @@ def test_multipliers_that_meet_by_chance_are_known_by_their_matrices(between):
     assert 1e-9 < error <= 10 * found.error_estimate.multipliers <= 1e-4
 
 
-@pytest.mark.parametrize("seed", range(60))
-def test_pieces_between_jumps_that_a_finer_grid_divides_no_finer_are_not_believed(seed):
-    """8 steps among six pieces are 1 1 1 1 3 1, and 12 are two each; truth by exponentials of matrices."""
-    rng = np.random.default_rng(seed)
-    breaks = np.sort(rng.uniform(0, 2 * np.pi, 5))
-    K = rng.uniform(-1, 1, 5) * 10 ** rng.uniform(-1, 2) + 10 ** rng.uniform(-1, 2)
+def of_pieces(breaks, K, damping):
+    """q″ + damping q′ + K q = 1, K another in each piece, and its multipliers by exponentials of matrices."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         piece = np.searchsorted(breaks, np.mod(phase, 2 * np.pi), side="right") - 1
-        return one, 0.05 * one, K[piece][:, None, None], one[:, 0]
+        return one, damping * one, K[piece][:, None, None], one[:, 0]
 
     Phi, ends = np.eye(2), [0.0, *breaks, 2 * np.pi]
     for k, length in zip([K[-1], *K], np.diff(ends), strict=True):
-        Phi = expm(length * np.array([[0.0, 1.0], [-k, -0.05]])) @ Phi
-    truth, rtol = np.linalg.eigvals(Phi), 10.0 ** -(1 + seed % 6)
-    found = floquet(PeriodicSystem(matrices, ["q"], breaks=breaks), 1.0, rtol=rtol)
+        Phi = expm(length * np.array([[0.0, 1.0], [-k, -damping]])) @ Phi
+    return PeriodicSystem(matrices, ["q"], breaks=breaks), np.linalg.eigvals(Phi)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_pieces_between_jumps_that_a_finer_grid_divides_no_finer_are_not_believed(seed):
+    """8 steps among six pieces are 1 1 1 1 3 1, and 12 are two each."""
+    rng = np.random.default_rng(seed)
+    breaks = np.sort(rng.uniform(0, 2 * np.pi, 5))
+    K = rng.uniform(-1, 1, 5) * 10 ** rng.uniform(-1, 2) + 10 ** rng.uniform(-1, 2)
+    given, truth = of_pieces(breaks, K, 0.05)
+    found = floquet(given, 1.0, rtol=10.0 ** -(1 + seed % 6))
     error = multiplier_error(found.multipliers, truth)
     assert error <= 10 * found.error_estimate.multipliers + 1e-13
+
+
+@pytest.mark.parametrize("seed", [35, 70, 231, 259])
+@pytest.mark.parametrize("rtol", [1e-2, 1e-5, 1e-8])
+def test_a_stiff_piece_that_two_of_three_grids_divide_alike_is_not_believed(seed, rtol):
+    rng = np.random.default_rng((991, seed))
+    count = int(rng.integers(1, 6))
+    breaks = np.sort(rng.uniform(0, 2 * np.pi, count))
+    K = 10 ** rng.uniform(-1, rng.uniform(0, 3), count) * np.where(rng.random(count) < 0.1, -0.05, 1)
+    given, truth = of_pieces(breaks, K, rng.choice([0, 0.05, 0.3]))
+    found = floquet(given, 1.0, rtol=rtol)
+    error = multiplier_error(found.multipliers, truth)
+    assert error <= 10 * found.error_estimate.multipliers + 1e-12
 
 
 @pytest.mark.parametrize("damping", [1e-5, 1e-7, -1e-7])
@@ -85,25 +103,3 @@ def test_a_verdict_is_decided_where_errors_cannot_change_it(radii, angle, error,
     values = np.array([[radii[0] * np.exp(1j * angle), radii[1] * np.exp(-1j * angle)]])
     multipliers = Multipliers(values, np.array([2]), np.array([1e-15]))
     assert decided(multipliers, np.array([error])).tolist() == [expected]
-
-
-@pytest.mark.parametrize("seed", [35, 70, 231, 259])
-@pytest.mark.parametrize("rtol", [1e-2, 1e-5, 1e-8])
-def test_a_stiff_piece_that_two_of_three_grids_divide_alike_is_not_believed(seed, rtol):
-    rng = np.random.default_rng((991, seed))
-    count = int(rng.integers(1, 6))
-    breaks = np.sort(rng.uniform(0, 2 * np.pi, count))
-    K = 10 ** rng.uniform(-1, rng.uniform(0, 3), count) * np.where(rng.random(count) < 0.1, -0.05, 1)
-    damping = rng.choice([0, 0.05, 0.3])
-
-    def matrices(phase, speed):
-        one = np.ones((len(phase), 1, 1))
-        piece = np.searchsorted(breaks, np.mod(phase, 2 * np.pi), side="right") - 1
-        return one, damping * one, K[piece][:, None, None], one[:, 0]
-
-    Phi, ends = np.eye(2), [0.0, *breaks, 2 * np.pi]
-    for k, length in zip([K[-1], *K], np.diff(ends), strict=True):
-        Phi = expm(length * np.array([[0.0, 1.0], [-k, -damping]])) @ Phi
-    found = floquet(PeriodicSystem(matrices, ["q"], breaks=breaks), 1.0, rtol=rtol)
-    error = multiplier_error(found.multipliers, np.linalg.eigvals(Phi))
-    assert error <= 10 * found.error_estimate.multipliers + 1e-12

@@ -1,0 +1,53 @@
+"""A point is as exact beside others, in the lanes of one register, as alone."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.batch.family import BuiltFamily
+from solve.batch.tables import Sampled
+from solve.period.grid import Grid
+from tests.solve.witnesses import multiplier_error
+
+
+def turned(angle, scale):
+    """A stiff mode in axes turned by an angle, in units of the coordinates that are apart by a scale."""
+    mixed = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    swing = 0.3 * mixed @ np.diag([0.5, 0.75, 1.0]) @ mixed.T
+    axes, omega = np.eye(3), np.array([1e3, 2.1, 0.7])
+    axes[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    units = np.diag(scale ** np.array([-1.0, 0.0, 1.0]))
+    K, C = (units @ axes @ np.diag(part) @ axes.T @ units for part in (omega**2, 0.1 * omega))
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        varying = K + np.cos(phase)[:, None, None] * (units @ swing @ units)
+        return units @ units * one, C * one, varying, np.ones((len(phase), 3))
+
+    return solve.PeriodicSystem(matrices, ["a", "b", "c"])
+
+
+def test_monodromy_matrices_do_not_depend_on_those_beside_them():
+    """To the last bit, though some of the points exchange rows and others do not."""
+    points = np.column_stack((np.linspace(0.0, 1.5, 9), np.logspace(-3, 3, 9)))
+    every = Sampled(BuiltFamily(turned, ("angle", "scale"), points, 1.0), points, "compiled")
+    grid = Grid.uniform(48, 2 * np.pi)
+    Phi = solve.Radau().solutions(every, grid, False, "compiled").Phi
+    for first in range(8):
+        two = every[np.array([first, first + 1])]
+        np.testing.assert_array_equal(
+            solve.Radau().solutions(two, grid, False, "compiled").Phi, Phi[first : first + 2]
+        )
+
+
+@pytest.mark.parametrize("scales", [[1e-6, 1e-3, 1.0, 1e3, 1e6], [0.1, 1.0, 10.0]])
+def test_a_point_is_as_exact_beside_others_as_alone(scales):
+    """Units change no multiplier; each point eliminates the coordinates in an order of its own."""
+    angles = [0.0, 0.4, np.pi / 4, 1.2, np.pi / 2]
+    found = solve.chart(turned, {"angle": angles}, {"scale": scales}, speed=1.0, boundaries=False)
+    truth = [solve.floquet(turned(angle, 1.0), 1.0, engine="numpy", rtol=1e-11) for angle in angles]
+    for row, scale in enumerate(scales):
+        for column, angle in enumerate(angles):
+            error = multiplier_error(found.multipliers[row, column], truth[column].multipliers)
+            assert error <= 10 * found.error_estimate[row, column], (scale, angle)
+            assert error <= 2e-10
