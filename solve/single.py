@@ -1,5 +1,7 @@
 """One point: the periodic solution of a system, found directly, or its stability alone."""
 
+import os
+
 from solve.certify.all_multipliers import Spectrum, checked_maps, refined
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.ladder import STEPS
@@ -14,6 +16,10 @@ from solve.results.stability import Stability
 from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
+
+CERTIFICATE, TWO_ORDERS = "SOLVE_CERTIFICATE", "two orders"
+"""The environment variable that chooses how errors are estimated, and its value for the estimate of
+`solve.certify.two_orders`, which is to take the place of the grid sequence."""
 
 
 @of_system
@@ -75,7 +81,8 @@ def floquet(
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:
     """What is asked of points, with the methods that judge others; engine: COMPILED or NUMPY. Raises
     ValueOutOfBoundsError."""
-    return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
+    two_orders = os.environ.get(CERTIFICATE) == TWO_ORDERS
+    return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto, two_orders)
 
 
 def _solved(

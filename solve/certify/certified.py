@@ -23,7 +23,8 @@ class Request:
     """What is asked of points: `steps`, or as many as `rtol` needs; with `orbit` the periodic solutions.
 
     witness: an L-stable method whose multipliers judge those of methods that are not. reference: from
-    points to converging methods, which judge approximations.
+    points to converging methods, which judge approximations. two_orders: whether errors are differences to
+    the solution with another stage, see `solve.certify.two_orders`.
     """
 
     orbit: bool
@@ -32,6 +33,7 @@ class Request:
     engine: str
     witness: Method
     reference: Callable[[Points], Iterator[tuple[Method, Array]]]
+    two_orders: bool = False
 
 
 @dataclass(frozen=True)

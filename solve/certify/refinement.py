@@ -15,6 +15,7 @@ from solve.certify.ladder import Ladder
 from solve.certify.orders import aliasing
 from solve.certify.pace import judged
 from solve.certify.solving import Solving
+from solve.certify.two_orders import refinement as two_orders
 from solve.methods.method import Method, Solutions
 from solve.period.multipliers import Multipliers
 from solve.period.points import Points
@@ -39,6 +40,9 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
     ResonanceError where an orbit is asked for and a multiplier is at +1 for all that the method can tell.
     Raises StepsError for `steps` that the method cannot use at any point.
     """
+    if request.two_orders and method.converges:
+        yield from two_orders.certified(points, method, request)
+        return
     solving = Solving(points, method, request)
     every, failures = np.arange(len(points)), dict(singular(points, solving.modes))
     if request.steps is not None:

@@ -35,8 +35,20 @@ class Solving:
         """Frozen ones of all points."""
         return frozen(self.points, engine=self.request.engine)
 
+    def with_method(self, method: Method) -> "Solving":
+        """The same points under another method."""
+        made = Solving(self.points, method, self.request)
+        made.__dict__["modes"] = self.modes
+        return made
+
+    def on_grid(self, points: Points, steps: int) -> Solutions:
+        """Solutions of linear equations on that many steps."""
+        grid, method = Grid.uniform(steps, points.period, points.breaks), self.method.linear
+        with stage(f"{self.method.name} on {steps} steps"):
+            return method.solutions(points, grid, self.request.orbit, self.request.engine)
+
     @cached_property
-    def _equations(self) -> Points:
+    def equations(self) -> Points:
         """The points as the method solves them: factors would change modal masses, and what an approximation
         makes of these."""
         return balanced(self.points, self.modes) if self.method.converges else self.points
@@ -69,7 +81,7 @@ class Solving:
 
     def solved(self, steps: int, positions: Array) -> Solutions:
         """Those of the points at the positions (k,) on that many steps."""
-        points = self._equations[positions]
+        points = self.equations[positions]
         grid = Grid.uniform(steps, points.period, points.breaks)
         with stage(f"{self.method.name} on {steps} steps"):
             return self.method.solutions(points, grid, self.request.orbit, self.request.engine)

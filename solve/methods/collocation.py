@@ -9,6 +9,8 @@ Differential Equations II, IV.5; the second-order form equals the method on q, q
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
+from math import factorial
+from typing import Self
 
 import numpy as np
 
@@ -77,6 +79,22 @@ class Collocation:
         """Memory that a step of n coordinates takes: samples, stage accelerations, maps."""
         s = len(self.c)
         return 8 * (s * (3 * n**2 + n) + 2 * s * n * (2 * n + 1) + 20 * n**2)
+
+    def stability_function(self, z: Array) -> Array:
+        """R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…), the factor by which a step multiplies a mode of rate λ, z = hλ (E.
+        Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.2))."""
+        above, below = self._stability
+        small = np.abs(z) <= 1
+        x = np.where(small, z, 1 / np.where(small, 1.0, z))
+        rising = np.polyval(above[::-1], x) / np.polyval(below[::-1], x)
+        return np.where(small, rising, np.polyval(above, x) / np.polyval(below, x))
+
+    @cached_property
+    def _stability(self) -> tuple[Array, Array]:
+        """Coefficients (s+1,) of det(1 − zA + z e bᵀ) and det(1 − zA), of which R is the ratio, lowest power
+        first."""
+        above, below = (np.real(np.poly(part)) for part in (self.A - self.b, self.A))
+        return above, below
 
     @cached_property
     def curve_powers(self) -> Array:
@@ -148,6 +166,14 @@ class Collocation:
         return Curve.of(nodes, np.stack(data, axis=-1), self.curve_powers)
 
 
+def lagrange(nodes: Array, theta: Array) -> Array:
+    """Lagrange polynomials of k nodes at θ (Q,): (Q, k)."""
+    k = len(nodes)
+    others = ~np.eye(k, dtype=bool)
+    factors = np.where(others, theta[:, None, None] - nodes, 1.0)
+    return (factors / np.where(others, nodes[:, None] - nodes, 1.0)).prod(axis=2)
+
+
 @cache
 def _stage_weights(method: Collocation, n: int) -> list[Array]:
     """For each stage the weights (3n, (s + 2) n) of M, hC, h²K in its equations."""
@@ -206,14 +232,36 @@ class Collocated(OneStep):
                 f"order of {self.name} is {self.order}; allowed: {', '.join(map(str, self.orders))}; "
                 f"try order {usual}"
             )
+        self._state_facts()
+
+    def _state_facts(self) -> None:
         # The curve between the nodes has the order of the stage accelerations, s + 1, and two more.
         stages = (self.order + 1) // 2
         self._set(follows=self.order / 2 - 1, curve_order=min(self.order, stages + 3))
 
     @property
+    def with_another_stage(self) -> Self:
+        """The method of the same family with s + 1 stages, of order two higher, beyond `orders` too."""
+        made = object.__new__(type(self))
+        made._set(order=self.order + 2)
+        made._state_facts()
+        return made
+
+    @property
     def nodes(self) -> Array:
         """Fractions (s,) of a step."""
         raise NotImplementedError
+
+    @property
+    def error_constant(self) -> float:
+        """c of exp(z) − R(z) = ± c z^(p + 1) + …: a step is Padé's approximant of exp with s and p − s powers
+        (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.31))."""
+        s, p = (self.order + 1) // 2, self.order
+        return factorial(s) * factorial(p - s) / (factorial(p) * factorial(p + 1))
+
+    @property
+    def stages(self) -> Collocation:
+        return self.collocation
 
     @property
     def collocation(self) -> Collocation:

@@ -18,8 +18,8 @@ class Gauss(Collocated):
     name = "gauss"
     orders = range(4, 17, 2)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _state_facts(self) -> None:
+        super()._state_facts()
         # A step is the diagonal Padé approximant of exp (Hairer, Wanner, IV.3).
         s = self.order // 2
         self._set(phase_constant=factorial(s) ** 2 / (factorial(2 * s) * factorial(2 * s + 1)))

@@ -120,12 +120,13 @@ class Method:
 
     order: of convergence at the nodes, and of the multipliers; infinite where errors fall faster than any
     power of the steps (`spectral`). curve_order: of the continuous curve. converges: False for an
-    approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps
-    do not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the
-    fastest mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders
-    of the matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by
-    c (ω h)^(order + 1); 0 where modes are lost before that matters. warnings: those that the method's own
-    settings deserve.
+    approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps do
+    not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the fastest
+    mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders of the
+    matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by c (ω
+    h)^(order + 1); 0 where modes are lost before that matters. stages: those of a collocation method, and
+    with_another_stage: the method of its family with one stage more; None for other methods. warnings: those
+    that the method's own settings deserve.
     """
 
     name: str
@@ -136,6 +137,8 @@ class Method:
     l_stable: bool = False
     follows: float = 1.0
     samples_evenly: bool = True
+    stages: Any = None
+    with_another_stage: Any = None
     phase_constant: float = 0.0
     warnings: tuple[str, ...] = ()
 
@@ -152,6 +155,15 @@ class Method:
     def loaded(self, points: Points) -> Points:
         """The points whose matrices and loads show what orders the solutions have to follow."""
         return points
+
+    def linearised(self, points: Points, solutions: "Solutions") -> Points:
+        """The linear equations that the solutions of points satisfy: theirs, unless they are nonlinear."""
+        return points
+
+    @property
+    def linear(self) -> "Method":
+        """The method for these equations."""
+        return self
 
     def in_phase(self, steps: Array, error: float) -> Array:
         """Largest angle (…) of which a mode may turn in a period for so many steps to misplace it by no more

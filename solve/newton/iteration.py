@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.certify.correction import corrected, correction
 from solve.contracts import Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
-from solve.methods.collocation import Collocated
+from solve.methods.collocation import Collocated, Collocation
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.period.curve import Curve
 from solve.period.frozen import Frozen
@@ -171,6 +171,28 @@ class Newton(Method):
     def loaded(self, points: Points) -> Points:
         """The system at rest: along the last curve it has the kinks of that curve."""
         return OnePoint(self.task.system, self.task.speed)
+
+    @property
+    def with_another_stage(self) -> "Newton":
+        """The iteration by the method with another stage."""
+        return Newton(replace(self.task, method=self.task.method.with_another_stage), self.start, self.first)
+
+    @property
+    def stages(self) -> Collocation:
+        return self.task.method.stages
+
+    @property
+    def error_constant(self) -> float:
+        return self.task.method.error_constant
+
+    def linearised(self, points: Points, solutions: Solutions) -> Points:
+        """The equations along the solution of the only point."""
+        assert isinstance(solutions.curve, Curve)
+        return OnePoint(self.task.system.along(solutions.curve[0]), self.task.speed)
+
+    @property
+    def linear(self) -> Collocated:
+        return self.task.method
 
     def least_steps(self, modes: Frozen) -> Array:
         """Coarser grids than that of the first start may have no orbit near it."""

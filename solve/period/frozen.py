@@ -140,6 +140,15 @@ class Frozen:
         lasts = rates.mean(axis=1) * self.period > np.log(part)
         return np.where(lasts, np.sort(size, axis=-1).max(axis=1), 0.0).max(axis=1) * self.period
 
+    @property
+    def lasting_rates(self) -> tuple[Array, Array]:
+        """Largest moduli (P, 2n) of the rates, in order of size, and what a period leaves of them, in the
+        mean, relative to the least damped one (P, 2n)."""
+        size, real = np.abs(self.few_eigenvalues), np.real(self.few_eigenvalues)
+        rates = np.take_along_axis(real, np.argsort(size, axis=-1), axis=-1).mean(axis=1)
+        left = np.exp(np.clip((rates - rates.max(axis=1, keepdims=True)) * self.period, -700.0, 0.0))
+        return np.sort(size, axis=-1).max(axis=1), left
+
     def equation_factors(self) -> Array | None:
         """Powers of 2 (P, n) that make the inertias in all equations alike, in balanced units of the
         coordinates; 1 for points whose rows differ little. None where they are 1 for all."""
@@ -269,6 +278,18 @@ class Frozen:
         C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3]))
         with np.errstate(all="ignore"):
             return (low[0] > 0) & (C / low[0] + K / low[0] / rate <= rate)
+
+    @property
+    def rate_bound(self) -> Array | None:
+        """A bound (P,) of the rates of a single mode, r² = max|C/M| r + max|K/M|, from the ranges of terms
+        that the points share; None where these do not give one."""
+        if self._n > 1 or self._tables.own:
+            return None
+        low, high = self._ranges
+        if not (low[0] > 0).all():
+            return None
+        C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3])) / low[0]
+        return C / 2 + np.sqrt((C / 2) ** 2 + K)
 
     def _at(self, phase: int) -> "Frozen":
         entries = np.moveaxis(self._fields[..., phase : phase + 1], 0, -1)

@@ -1,0 +1,1 @@
+"""Errors by two orders on one grid; see docs/certificate.md."""

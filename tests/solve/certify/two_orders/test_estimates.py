@@ -1,0 +1,78 @@
+"""Errors estimated by two orders on one grid, against independent truth."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve import Gauss, Radau, floquet, periodic, sweep
+from tests.solve.certificates.population import HALF, member
+from tests.solve.certificates.test_narrow import DAMPING, RIPPLES, kinked, struck
+from tests.solve.certificates.trials import TRIALS, outcomes, rates
+
+SYSTEMS = [3, 46, 89, 132, 304, 347, *range(HALF + 8, HALF + 14)]
+"""Members of the population of every kind, other than those of the quick test of the present certificate."""
+
+
+def test_estimates_of_auto_are_honest_and_sharp():
+    trials = [trial for trial in TRIALS if trial.name == "auto"]
+    found = [outcome for index in SYSTEMS for outcome in outcomes(member(index), trials)]
+    row = rates("auto", found)
+    print(row)
+    assert row.refused == 0
+    assert row.honest == 1.0, str(row)
+    assert row.sharp >= 0.9, str(row)
+    assert row.contradicted == 0
+
+
+@pytest.mark.parametrize("part", [100, 1000, 5000])
+def test_a_bump_between_the_stages_is_seen(part):
+    """It changes the spectral radius by 6 %; fresh random places."""
+    free = np.exp(-DAMPING / 2 * 2 * np.pi)
+    places = np.random.default_rng((39, part)).uniform(0.0, 2 * np.pi, 25)
+    found = [floquet(struck(place, 2 * np.pi / part), 1.0, rtol=1e-6) for place in places]
+    missed = [each for each in found if each.spectral_radius < 1.01 * free and not each.warnings]
+    assert missed == []
+
+
+@pytest.mark.parametrize("case", [*RIPPLES[::5], *map(kinked, (0.7, 1.777, 2.9))])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_ripples_and_kinks_between_the_stages_count_as_error(case, rtol):
+    given, truth = case
+    found, phase = periodic(given, 1.0, rtol=rtol), np.linspace(0, 2 * np.pi, 801)
+    q = truth(phase)
+    error = np.abs(found.at(phase)[0] - q).max() / np.abs(q).max()
+    assert error <= 10 * found.error_estimate.orbit + 1e-10
+    assert found.error_estimate.orbit <= rtol
+
+
+@pytest.mark.parametrize("method", [Radau(9), Radau(13), Gauss(10), Gauss(12)])
+@pytest.mark.parametrize("steps", [33, 100, 400])
+def test_modes_that_given_steps_do_not_follow_count_as_error(method, steps):
+    """At 100 rpm the cam's fastest mode turns 16 000 rad a revolution."""
+    cam = solve.load("cam")
+    truth = floquet(cam, "100 rpm", Radau(13), rtol=1e-10)
+    found = floquet(cam, "100 rpm", method, steps=steps, rtol=0.9)
+    error = abs(found.spectral_radius / truth.spectral_radius - 1)
+    assert error <= 10 * found.error_estimate.multipliers
+
+
+def test_a_sweep_is_as_exact_as_single_solutions():
+    cam, speeds = solve.load("cam"), np.linspace(300, 900, 12) * np.pi / 30
+    together = sweep(cam, speeds, rtol=1e-6, quantities=cam.coordinates)
+    for at, speed in enumerate(speeds.tolist()):
+        alone = periodic(cam, speed, rtol=1e-6)
+        assert together.results.steps[at] == alone.steps
+        np.testing.assert_allclose(
+            together.multipliers[at], alone.multipliers, atol=1e-11 * alone.spectral_radius
+        )
+
+
+def test_a_nonlinear_orbit_takes_the_same_estimate():
+    """Each iterate is compared by both orders; the reference is of another family."""
+    found = solve.nonlinear(solve.load("cam"), "100 rpm", rtol=1e-7)
+    reference = solve.nonlinear(solve.load("cam"), "100 rpm", method="gauss", rtol=1e-9)
+    phase = np.linspace(0, 2 * np.pi, 500)
+    q, truth = found.at(phase), reference.at(phase)
+    error = (np.abs(q - truth).max(axis=1) / np.abs(truth).max(axis=1)).max()
+    assert error <= 10 * found.error_estimate.orbit
+    assert found.error_estimate.orbit <= 1e-7

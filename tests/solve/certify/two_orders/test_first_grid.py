@@ -1,0 +1,61 @@
+"""The first grid, from the frozen modes and the harmonics of the coefficients."""
+
+import numpy as np
+import pytest
+
+from solve import Gauss, Newmark, Radau
+from solve.certify.two_orders.first_grid import first_steps
+from solve.period.frozen import frozen
+from solve.period.points import OnePoint
+from tests.solve.systems import constant
+
+
+def oscillators(*omegas, damping=0.0):
+    """Uncoupled oscillators without load; the last one with a damping ratio."""
+    C, K = np.zeros((2, len(omegas), len(omegas)))
+    np.fill_diagonal(K, np.square(omegas))
+    C[-1, -1] = 2 * damping * omegas[-1]
+    return constant(np.eye(len(omegas)), C, K, lambda phase: np.zeros((len(phase), len(omegas))))
+
+
+def steps(method, system, rtol=1e-6):
+    point = OnePoint(system, 1.0)
+    (found,) = first_steps(method, point, frozen(point), rtol).tolist()
+    return found
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_soft_systems_begin_with_few_steps(n):
+    soft = oscillators(*([1.5] * n))
+    assert steps(Gauss(), soft) <= 16
+    assert steps(Radau(13), soft) <= 16
+    assert steps(Newmark(), soft) == 16
+
+
+@pytest.mark.parametrize("method", [Gauss(), Radau(13)])
+@pytest.mark.parametrize("omega", [40.0, 160.0])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_the_first_grid_reaches_the_tolerance(method, omega, rtol):
+    """An undamped mode of frequency ω that m steps turn by too much each: the phase error of Padé's approximant
+    is within a tenth and the whole of `rtol`, so that neither a grid nor steps are wasted."""
+    m = steps(method, oscillators(1.0, omega), rtol)
+    angle = 2 * np.pi * omega
+    error = m * method.error_constant * (angle / m) ** (method.order + 1)
+    assert 1e-2 * rtol < error < rtol
+
+
+def test_modes_that_die_out_need_few_steps():
+    """A period leaves exp(-2π 0.01 · 400) = 1e-11 of the fast mode."""
+    dying, lasting = (oscillators(1.0, 400.0, damping=damping) for damping in (0.01, 0.0))
+    for method in (Gauss(), Radau(13)):
+        assert steps(method, dying) < steps(method, lasting) / 2
+
+
+def test_harmonics_of_the_load_count_as_far_as_inertia_lets_them():
+    def loaded(order):
+        return constant(
+            np.eye(1), 0.1 * np.eye(1), 2.3 * np.eye(1), lambda phase: np.cos(phase) + np.cos(order * phase)
+        )
+
+    found = [steps(Gauss(), loaded(order)) for order in (2, 50, 200)]
+    assert found[0] < found[1] < found[2]
