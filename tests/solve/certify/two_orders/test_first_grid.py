@@ -36,7 +36,7 @@ def test_soft_systems_begin_with_few_steps(n):
 @pytest.mark.parametrize("omega", [40.0, 160.0])
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 def test_the_first_grid_reaches_the_tolerance(method, omega, rtol):
-    """An undamped mode of frequency ω that m steps turn by too much each: the phase error of Padé's approximant
+    """An undamped mode of frequency ω, which m steps turn by too much: the phase error of Padé's approximant
     is within a tenth and the whole of `rtol`, so that neither a grid nor steps are wasted."""
     m = steps(method, oscillators(1.0, omega), rtol)
     angle = 2 * np.pi * omega
