@@ -4,7 +4,8 @@ They are those of `solve.beams.motion` times Tᵀ, so that a basis of all modes 
 
     TᵀM T p̈ + (TᵀC T + 2 TᵀM Ṫ) ṗ + (TᵀK T + TᵀC Ṫ + TᵀM T̈) p = Tᵀd
 
-The terms of a link are constant in its axes, except damping and axial forces, which are interpolated in the phase.
+The terms of a link are constant in its axes, except damping and axial forces, which are interpolated in the
+phase.
 """
 
 from collections.abc import Callable
@@ -59,7 +60,10 @@ class ReducedMotion:
         """Tables of mass and stiffness, with point masses and springs."""
         basis, beams = self.basis, self.full.beams
         own = [
-            (link.reduced(link.body.assembled(member.mass)), link.reduced(link.body.assembled(member.stiffness)))
+            (
+                link.reduced(link.body.assembled(member.mass)),
+                link.reduced(link.body.assembled(member.stiffness)),
+            )
             for link, member in zip(basis.links, beams.members, strict=True)
         ]
         M, K = (basis.spread(tables) for tables in zip(*own, strict=True))
@@ -109,7 +113,9 @@ class ReducedMotion:
         forces = np.asarray(speed) ** 2 * at_speed + acceleration * by_acceleration
         each = np.split(forces, np.cumsum([link.body.member.count for link in self.basis.links])[:-1], axis=1)
         made = np.zeros((len(positions.phase), self.basis.r, self.basis.r))
-        for number, (link, own, table) in enumerate(zip(self.basis.links, each, self._geometric, strict=True)):
+        for number, (link, own, table) in enumerate(
+            zip(self.basis.links, each, self._geometric, strict=True)
+        ):
             terms = own[..., None] * positions.terms[:, number, None]
             made[:, link.at[:, None], link.at] += np.tensordot(terms, table, 2)
         return made

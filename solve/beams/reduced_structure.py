@@ -13,7 +13,7 @@ from solve.beams.frozen import shape
 from solve.beams.motion import State
 from solve.beams.reduced_motion import ReducedMotion
 from solve.beams.reduction import basis
-from solve.beams.structure import StructureModel
+from solve.beams.structure import StructureModel, with_rates
 from solve.contracts import ModeShape
 from solve.errors import ValueOutOfBoundsError
 from solve.model.modes import lowest_frequencies, modes
@@ -24,13 +24,14 @@ _POSITIONS = 36
 """Positions of a period at which natural frequencies are compared."""
 
 _TRUSTED = 0.5
-"""Part of the lowest discarded frequency up to which natural frequencies are compared: the usual rule of component
-mode synthesis retains the modes up to twice the highest frequency of interest."""
+"""Part of the lowest discarded frequency up to which natural frequencies are compared: by the usual rule of
+component mode synthesis, modes are retained up to twice the highest frequency of interest."""
 
 
 class ReducedStructure(StructureModel):
-    """Coordinates: displacements of the joints and rotations that links share, in ground axes, then the amplitudes
-    of the modes of each link. Outputs, deflections, stresses and forces follow from all freedoms, q = T(φ) p."""
+    """Coordinates: displacements of the joints and rotations that links share, in ground axes, then the
+    amplitudes of the modes of each link. Outputs, deflections, stresses and forces follow from all freedoms,
+    q = T(φ) p."""
 
     static = False
     """Whether the basis holds the static shapes of the discarded modes too."""
@@ -50,13 +51,13 @@ class ReducedStructure(StructureModel):
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
             raise ValueOutOfBoundsError(
-                f"reduce keeps modes of finite elements, and element {EXACT} has infinitely many; leave out reduce, "
-                "or choose another element"
+                f"reduce keeps modes of finite elements, and element {EXACT} has infinitely many; leave out "
+                "reduce, or choose another element"
             )
         if any(link.inextensible for link in freedoms.links):
             raise ValueOutOfBoundsError(
-                f"reduce keeps modes of links that stretch, and {setup.module.NAME} has inextensible ones; leave out "
-                "reduce"
+                f"reduce keeps modes of links that stretch, and {setup.module.NAME} has inextensible ones; "
+                "leave out reduce"
             )
         return cls(setup, ReducedMotion(motion, basis(motion.beams, setup.options[REDUCE], cls.static)))
 
@@ -70,15 +71,15 @@ class ReducedStructure(StructureModel):
         """Number of freedoms before the reduction."""
         return self.beams.freedoms.n
 
-    @cached_property
+    @property
     def discarded(self) -> float:
         """Lowest frequency in rad/s of the discarded modes, with the ends of the links fixed."""
         return min(link.discarded for link in self.reduced.basis.links)
 
     @cached_property
     def frequency_error(self) -> float:
-        """Estimated relative error of the natural frequencies below half the lowest discarded one: the largest at
-        36 positions of a period, against those of the enriched structure."""
+        """Estimated relative error of the natural frequencies below half the lowest discarded one: the
+        largest at 36 positions of a period, against those of the enriched structure."""
         phase = np.linspace(0.0, self.period, _POSITIONS, endpoint=False)
         own, better = self.frequencies(phase, self.n), self.enriched.frequencies(phase, self.n)
         compared = (better < _TRUSTED * self.discarded) & (better > 0)
@@ -86,12 +87,12 @@ class ReducedStructure(StructureModel):
 
     @property
     def _sentence(self) -> str:
-        count = f"reduce={self.modes_a_link} keeps {self.n} of {self.full_coordinates} coordinates"
+        given = f"reduce={self.modes_a_link}"
         if self.n == self.full_coordinates:
-            return f"{count}: it changes nothing"
+            return f"{given} keeps all {self.n} coordinates and changes nothing"
         return (
-            f"{count}: natural frequencies below {_TRUSTED * self.discarded:.4g} rad/s, half of the lowest discarded "
-            f"one, are off by up to {self.frequency_error:.1e} of themselves"
+            f"{given}: natural frequencies below {_TRUSTED * self.discarded:.4g} rad/s, half of the lowest "
+            f"discarded one, are off by up to {self.frequency_error:.1e} of themselves"
         )
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -101,7 +102,7 @@ class ReducedStructure(StructureModel):
         positions = Positions(self.beams, phase)
         rates = self.motion.rates_in_time(phase, np.reshape(speed, (-1, 1)), acceleration)
         T, (first, second) = self.reduced.basis.at(positions), self.reduced.basis.rates(positions, *rates)
-        p, pd, pdd = state if len(state) == 3 else (*state, *np.zeros((2, *state[0].shape)))
+        p, pd, pdd = with_rates(state)
 
         def product(A: Array, x: Array) -> Array:
             return np.einsum("knr,rk->nk", A, x)
@@ -126,11 +127,13 @@ class ReducedStructure(StructureModel):
         T, vectors = self.reduced.basis.at(positions)[0], modes(*self.reduced.matrices(positions)).vectors[0]
         found: Sequence[Array] = (T @ vectors[:, : len(frequencies)]).T
         return [
-            shape(positions, vector, 1.0, float(omega)) for vector, omega in zip(found, frequencies, strict=True)
+            shape(positions, vector, 1.0, float(omega))
+            for vector, omega in zip(found, frequencies, strict=True)
         ]
 
 
 class EnrichedStructure(ReducedStructure):
-    """The reduced structure with the static shapes of the discarded modes, by which the reduction is judged."""
+    """The reduced structure with the static shapes of the discarded modes, by which its errors are
+    estimated."""
 
     static = True

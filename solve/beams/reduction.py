@@ -1,7 +1,7 @@
 """Links of a structure reduced to their interface coordinates and their lowest modes.
 
-The basis of a link is constant in the axes of the link, so that in ground axes q = T(φ) p, with p the retained
-coordinates of the structure, in ground axes, and the amplitudes of the links' modes. With R of a link from
+The basis of a link is constant in the axes of the link, so that in ground axes q = T(φ) p, where p are the
+retained coordinates of the structure, in ground axes, and the amplitudes of the modes. With R of a link from
 ground axes to its own, R′ = J R, and T_l its constant basis, its rows of T and of the derivatives by its
 angle are Rᵀ T_l R_r, Rᵀ B R_r and Rᵀ B₂ R_r with
 
@@ -19,8 +19,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.beams.assembly import TERMS, Beams, Positions
 from solve.beams.elements import AXIAL, Freedoms, Member
-from solve.errors import MatricesError, StructureError, ValueOutOfBoundsError
-from solve.model.craig_bampton import CraigBampton, craig_bampton, static_shapes
+from solve.errors import ValueOutOfBoundsError
+from solve.model.craig_bampton import craig_bampton, static_shapes
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,9 @@ class Body:
         """For each element the positions in `own` of its freedoms, the last (len(own)) for those held, and
         which are held."""
         indices = self.member.indices
-        return [(np.where(row < 0, len(self.own), np.searchsorted(self.own, row)), row < 0) for row in indices]
+        return [
+            (np.where(row < 0, len(self.own), np.searchsorted(self.own, row)), row < 0) for row in indices
+        ]
 
 
 @dataclass(frozen=True)
@@ -195,8 +197,8 @@ def retained_freedoms(freedoms: Freedoms) -> Array:
 
 
 def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
-    """Basis with so many modes a link, or all of a link that has fewer. static: with the static shapes that the
-    discarded modes make up too. Raises ValueOutOfBoundsError for a number of modes that no link has."""
+    """Basis with a number of modes of each link, all of a link that has fewer. static: with the static shapes
+    of the discarded modes too. Raises ValueOutOfBoundsError for a number of modes that no link has."""
     retained = retained_freedoms(beams.freedoms)
     bodies = [Body.of(member, retained) for member in beams.members]
     most = max(len(body.own) - len(body.interface) for body in bodies)
@@ -236,11 +238,7 @@ def _largest(body: Body, shape: Array) -> float:
     """The largest displacement of a shape (k,) along a link, with its sign."""
     member, xi = body.member, np.linspace(0.0, 1.0, _POINTS)
     values = np.append(shape, 0.0)
-    found = [
-        part @ values[rows]
-        for rows, _ in body._rows()
-        for part in member.shapes(xi)
-    ]
+    found = [part @ values[rows] for rows, _ in body._rows() for part in member.shapes(xi)]
     curve = np.concatenate(found)
     # The first of equal extrema, which rounding shall not exchange.
     return float(curve[np.flatnonzero(np.abs(curve) > (1 - 1e-6) * np.abs(curve).max())[0]])

@@ -125,10 +125,10 @@ class StructureModel(Model):
     @classmethod
     def of(cls, setup: Setup) -> Self:
         """Raises StructureError where the links cannot be assembled all the way round."""
-        if setup.options.get(REDUCE) is not None:
-            from solve.beams.reduced_structure import ReducedStructure
-
-            return ReducedStructure.of(setup)  # type: ignore[return-value]
+        if REDUCE in setup.options:
+            raise ValueOutOfBoundsError(
+                f"{setup.module.NAME} is loaded with all coordinates; to reduce it, load it anew with reduce"
+            )
         return cls(setup, cls._motion(setup))
 
     @staticmethod
@@ -145,7 +145,7 @@ class StructureModel(Model):
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array, acceleration: float = 0.0) -> State:
         """The freedoms at phases (k,) for q, q̇, q̈ (n, k), or for q alone at rest."""
-        q, qd, qdd = state if len(state) == 3 else (*state, *np.zeros((2, *state[0].shape)))
+        q, qd, qdd = with_rates(state)
         return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
     def at(self, phase: Array, speed: float) -> Matrices:
@@ -270,7 +270,11 @@ class StructureModel(Model):
 
         Raises UnknownNameError and ValueOutOfBoundsError.
         """
-        point, positions, q = self.point(link, along), self.at_positions(phase), self.expanded(phase, 0.0, q).q
+        point, positions, q = (
+            self.point(link, along),
+            self.at_positions(phase),
+            self.expanded(phase, 0.0, q).q,
+        )
         number = point.member.number
         direction = np.exp(1j * positions.angle[:, number])
         rigid = along * self.beams.properties.length[number] + 1j * across
@@ -332,6 +336,14 @@ class StructureModel(Model):
                 f"{self.name} has inextensible links, of which only the frequencies are known; "
                 "let them stretch"
             )
+
+
+def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """q, q̇, q̈ (n, k) of these, or of q alone at rest."""
+    if len(state) == 3:
+        return state[0], state[1], state[2]
+    (q,) = state
+    return q, np.zeros_like(q), np.zeros_like(q)
 
 
 def _of_each_link(setup: Setup, option: str) -> list[str]:

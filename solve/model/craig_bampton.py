@@ -1,4 +1,6 @@
-"""Component modes of an elastic body from its matrices (R. R. Craig, M. C. C. Bampton, AIAA J. 6 (1968) 1313).
+"""Component modes of an elastic body from its matrices.
+
+R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA J. 6 (1968) 1313-1319.
 
 Coordinates q of a body split into interface coordinates b, which are retained, and interior coordinates i:
 
@@ -16,8 +18,8 @@ from solve.arrays import Array
 from solve.errors import MatricesError, ValueOutOfBoundsError
 
 _DEPENDENT = 1e-10
-"""Relative singular value, in the energy norm, below which static responses are dependent. Measured on links of 3
-to 30 elements with 1 to 15 modes: dependent ones up to 1e-13, independent ones from 3e-7 on."""
+"""Relative singular value, in the energy norm, below which static responses are dependent. Measured on links
+of 3 to 30 elements with 1 to 15 modes: dependent ones up to 1e-13, independent ones from 3e-7 on."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class CraigBampton:
     discarded: float
 
 
-def craig_bampton(M: Array, K: Array, interface: Sequence[int], modes: int) -> CraigBampton:
+def craig_bampton(M: Array, K: Array, interface: Sequence[int] | Array, modes: int) -> CraigBampton:
     """Reduce a body to its interface coordinates and its lowest fixed-interface modes.
 
     Parameters
@@ -72,9 +74,11 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int], modes: int) -> C
     ((3, 2), array([1.]), 1.732051)
     """
     n = len(M)
-    retained = list(interface)
-    if len(set(retained)) < len(retained) or not all(0 <= index < n for index in retained):
-        raise ValueOutOfBoundsError(f"interface is {retained}; allowed: different indices from 0 to {n - 1}")
+    retained = np.array(interface, dtype=int)
+    if len(np.unique(retained)) < len(retained) or not ((retained >= 0) & (retained < n)).all():
+        raise ValueOutOfBoundsError(
+            f"interface is {[*interface]}; allowed: different indices from 0 to {n - 1}"
+        )
     inner = np.setdiff1d(np.arange(n), retained)
     if not 0 <= modes <= len(inner):
         raise ValueOutOfBoundsError(f"{modes} modes of a body; allowed: 0 to {len(inner)}")
@@ -90,7 +94,7 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int], modes: int) -> C
     return CraigBampton(basis, _projected(M, basis), _projected(K, basis), frequencies, discarded)
 
 
-def static_shapes(K: Array, basis: Array, interface: Sequence[int], loads: Array) -> Array:
+def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, loads: Array) -> Array:
     """Static response of a body to loads, without the part that a basis contains.
 
     Parameters

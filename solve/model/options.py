@@ -10,8 +10,8 @@ import numpy as np
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 
 REDUCE = "reduce"
-"""Option of every structure of beams: how many modes of each link are kept. It is among the options where it is
-given."""
+"""Option of every structure of beams: number of modes that are kept of each link. It is among the options
+only where it is given."""
 
 
 def checked_options(module: ModuleType, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -36,7 +36,8 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
     """A number of modes; which ones the elements allow is known when they are assembled."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
-            f"{module.NAME} has no beams whose modes could be kept: reduce is for structures of beams; leave it out"
+            f"{module.NAME} has no beams whose modes could be kept: reduce is for structures of beams; "
+            "leave it out"
         )
     modes = _whole(value)
     if type(modes) is not int or modes < 1:
