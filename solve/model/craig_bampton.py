@@ -134,19 +134,27 @@ def _projected(A: Array, basis: Array) -> Array:
     return (product + product.T) / 2
 
 
+_PIVOT = 1e-12
+"""Part of the diagonal of K below which a pivot of its factorisation is round-off. Measured: up to 5e-15 for
+free chains of 8 to 500 masses, 7e-3 or more for links of up to 100 elements with their ends held."""
+
+
 def _flexible(K: Array, inner: Array, loads: Array) -> Array:
     """K_ii⁻¹ times loads (i, c). Raises MatricesError where K_ii is not positive definite."""
     from scipy.linalg import cho_factor, cho_solve
 
-    if not len(inner) or not loads.shape[1]:
-        return np.zeros(loads.shape)
+    stiffness = K[np.ix_(inner, inner)]
     try:
-        return cho_solve(cho_factor(K[np.ix_(inner, inner)]), loads)
+        factor = cho_factor(stiffness) if len(inner) else None
+        free = factor is not None and (np.diag(factor[0]) ** 2 < _PIVOT * np.diag(stiffness)).any()
     except np.linalg.LinAlgError:
+        free, factor = True, None
+    if free:
         raise MatricesError(
             "a body moves freely while its interface is fixed: K of its interior coordinates is not positive "
             "definite; add coordinates to the interface until it is held"
-        ) from None
+        )
+    return np.zeros(loads.shape) if factor is None else cho_solve(factor, loads)
 
 
 def _lowest(M: Array, K: Array, modes: int) -> tuple[Array, Array]:

@@ -259,12 +259,9 @@ class Stability(Result):
         radius, error = self.spectral_radius, self.error_estimate.multipliers
         line = Text("\n").append(self.verdict, _VERDICT_STYLE[self.verdict])
         line.append(f": spectral radius {radius:.10g} ± {error * radius:.0e}")
-        reduced = self.reduction_error
-        return (
-            line
-            if reduced is None
-            else line.append(f", ± {reduced.spectral_radius * radius:.0e} by reduction")
-        )
+        if self.reduction_error is not None:
+            line.append(f", reduction ± {self.reduction_error.spectral_radius * radius:.0e}")
+        return line
 
     @property
     def metadata(self) -> dict[str, Any]:
