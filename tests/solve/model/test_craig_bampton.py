@@ -1,4 +1,4 @@
-"""Component modes of bodies whose frequencies and shapes have closed forms, and against the whole eigenproblem."""
+"""Component modes of bodies with closed forms, and against the whole eigenproblem."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def chain(n, held=True):
 
 
 def cantilever(count):
-    """A clamped beam, EI = µ = L = 1, of elements with Hermite's cubics; the last two coordinates are its tip."""
+    """A clamped beam, EI = µ = L = 1, of Hermite's cubics; the last coordinates are the tip's."""
     h = 1 / count
     k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2]]) / h**3
     k = np.vstack((k, -k[0], [k[0, 1], k[1, 3], -k[0, 1], k[1, 1]]))
@@ -60,8 +60,8 @@ def test_with_all_modes_nothing_is_lost(interface):
 
 def test_a_reduced_cantilever_has_its_frequencies_from_above():
     """cos λ cosh λ = −1, ω = λ²; by the tip and four clamped-clamped modes."""
-    M, K = cantilever(20)
-    found = craig_bampton(M, K, [38, 39], modes=4)
+    M, K = cantilever(40)
+    found = craig_bampton(M, K, [78, 79], modes=4)
     omega = np.sqrt(eigh(found.stiffness, found.mass, eigvals_only=True)[:3])
     exact = [brentq(lambda x: np.cos(x) + 1 / np.cosh(x), a, a + 2) ** 2 for a in (1, 4, 7)]
     whole = np.sqrt(eigh(K, M, eigvals_only=True)[:3])
