@@ -136,3 +136,24 @@ class Motion(Protocol):
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
         """q or its derivative by the phase at phases (k,) of any turn: (n, k)."""
         ...
+
+
+class Reduction(Protocol):
+    """How a system was reduced: modes_a_link of each link are retained, full_coordinates is the number of
+    coordinates before, discarded the lowest frequency in rad/s of the discarded modes. enriched: a larger
+    reduced system, by which the error of this one is estimated."""
+
+    modes_a_link: int
+
+    @property
+    def full_coordinates(self) -> int: ...
+
+    @property
+    def discarded(self) -> float: ...
+
+    @property
+    def enriched(self) -> Any: ...
+
+    def expanded(self, phase: Array, speed: Array | float, *state: Array) -> Any:
+        """The state with all coordinates, as `q` (full_coordinates, k), at phases (k,) for q, q̇, q̈ (n, k)."""
+        ...

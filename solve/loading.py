@@ -12,6 +12,7 @@ from solve.model.cases import Case, chosen_case
 from solve.model.files import model_files
 from solve.model.generated import EQUATIONS, kind_of, model_module, module_of
 from solve.model.model import Model
+from solve.model.options import REDUCE
 from solve.model.setup import Setup
 
 
@@ -25,6 +26,7 @@ def load(
     model: str | Derivable | Callable[[], Derivable],
     case: str | int | None = None,
     options: Mapping[str, Any] | None = None,
+    reduce: int | None = None,
     **parameters: Any,
 ) -> Model:
     """The system of a model and a case.
@@ -32,13 +34,16 @@ def load(
     model: a name, the path of a mechanism file, or without files a `derive.Mechanism` or a function that
     returns one, which is then derived in memory, once for the same statement. Parameters override the case's
     values, in the units that the model declares or as texts with unit such as "30 mm"; options may stand
-    among them by name. The first case is the default. Raises UnknownNameError, ModelFileError (no or stale
-    generated code), CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, and what the
+    among them by name. The first case is the default. reduce: number of modes that are kept of each link of
+    a structure of beams; results then state what that changes. Raises UnknownNameError, ModelFileError (no
+    or stale generated code), CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, and what the
     mechanism itself raises.
     """
     module, file = _found(model)
     named = {name: value for name, value in parameters.items() if name in _options_of(module)}
     numbers = {name: value for name, value in parameters.items() if name not in named}
+    if reduce is not None:
+        named[REDUCE] = reduce
     for name in named.keys() & (options or {}).keys():
         raise ValueOutOfBoundsError(f"option {name} is given twice; give it once")
     chosen = chosen_case(module, file, None if case is None else str(case), numbers, required=False)
@@ -62,9 +67,10 @@ def model_of(setup: Setup) -> Model:
     """The model of the setup, of the kind that its module states."""
     if kind_of(setup.module) == EQUATIONS:
         return Model.of(setup)
+    from solve.beams.reduced_structure import ReducedStructure
     from solve.beams.structure import StructureModel
 
-    return StructureModel.of(setup)
+    return (ReducedStructure if REDUCE in setup.options else StructureModel).of(setup)
 
 
 def _found(model: str | Derivable | Callable[[], Derivable]) -> tuple[ModuleType, Path | None]:

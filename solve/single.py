@@ -5,6 +5,7 @@ import os
 from solve.certify.all_multipliers import Spectrum, checked_maps, refined
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.ladder import STEPS
+from solve.certify.reduction import judged_by_enriched
 from solve.certify.refinement import certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
@@ -107,5 +108,6 @@ def _solved(
             (result,) = certified(point, settled, asked)
         if isinstance(result, Failed):
             raise result.reason
+        result = judged_by_enriched(result, lambda _: (system, omega))
         every_one = refined(point, settled, asked, result.steps) if every else None
     return result, Spectrum(point, result, every_one), notes

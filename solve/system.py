@@ -8,7 +8,17 @@ import numpy as np
 
 from solve.argument import first_is
 from solve.arrays import Array, Plane
-from solve.contracts import Columns, Dependence, Formulas, ManyPoints, Marcher, Matrices, ModeShape, Motion
+from solve.contracts import (
+    Columns,
+    Dependence,
+    Formulas,
+    ManyPoints,
+    Marcher,
+    Matrices,
+    ModeShape,
+    Motion,
+    Reduction,
+)
 from solve.errors import (
     LinearModelError,
     MatricesError,
@@ -51,6 +61,9 @@ class PeriodicSystem(Labels):
     >>> PeriodicSystem(oscillator, ["q"]).n
     1
     """
+
+    reduction: Reduction | None = None
+    """How it was reduced from a larger system; None where it was not."""
 
     def __init__(
         self,

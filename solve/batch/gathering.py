@@ -1,6 +1,6 @@
 """Points solved here, and what is kept of each put in its place."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.certify.certified import Certified
+from solve.certify.reduction import judged_by_enriched
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
@@ -16,6 +17,7 @@ from solve.period.quantities import Quantities
 from solve.progress import stage
 from solve.results.points import Kept, PointResults
 from solve.statistics import Statistics
+from solve.system import PeriodicSystem
 from solve.threads import one_thread
 
 _FEWEST = 8
@@ -67,6 +69,10 @@ class _Keeper:
     def _keep(self, found: Certified) -> None:
         """Points that the same grid served."""
         at, results, solutions = self.start + found.positions, self.results, found.solutions
+        if results.kept.warnings:
+            found = judged_by_enriched(found, self._system_of(found))
+            for place, error in zip(at, found.reduction, strict=False):
+                results.reductions[place] = error.orbit, error.multipliers
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
         results.verdicts[at] = found.verdicts if results.kept.meetings else roughly(rho, found.absolute)
@@ -77,6 +83,10 @@ class _Keeper:
             results.errors[at, 0] = np.nan
         else:
             self._keep_figures(found.positions, solutions.curve)
+
+    def _system_of(self, found: Certified) -> Callable[[int], tuple[PeriodicSystem, float]]:
+        """System and speed (rad/s) of each of the points found."""
+        return lambda at: self.batch.family.system(self.points[found.positions[at]])
 
     def _keep_warnings(self, found: Certified) -> None:
         doubtful = found.doubtful

@@ -17,13 +17,13 @@ from solve.beams import dynamic_stiffness as exact
 from solve.beams.elements import HELD, Freedoms, Member
 from solve.errors import StructureError
 
-_TERMS = np.zeros((5, 3, 3))
+TERMS = np.zeros((5, 3, 3))
 """The products of 1, c, s in terms of 1, c, s, c², cs; s² is 1 − c²."""
 for _row, _i, _j, _sign in (
     *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
     *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
 ):
-    _TERMS[_row, _i, _j] = _sign
+    TERMS[_row, _i, _j] = _sign
 
 
 @dataclass(frozen=True)
@@ -98,18 +98,28 @@ class Beams:
         for member in self.members:
             axial = member.element.axial * member.link.inextensible
             tables.append(self.spread(member, member.mass * (np.outer(axial, axial) if member.exact else 1)))
+        tables[0][0] += self.point_masses
+        return np.stack(tables)
+
+    @cached_property
+    def point_masses(self) -> Array:
+        """M (n, n) of the joints."""
         whole = np.zeros((self.freedoms.n + 1, self.freedoms.n + 1))
         for xy, mass in zip(self.freedoms.joint_indices, self.properties.mass, strict=True):
             whole[xy, xy] += mass
-        tables[0][0] += whole[:HELD, :HELD]
-        return np.stack(tables)
+        return whole[:HELD, :HELD]
 
     @cached_property
     def stiffness(self) -> Array:
         """K of the finite elements and of the springs to the ground."""
         tables = [self.spread(each, each.stiffness * (not each.exact)) for each in self.members]
-        tables[0][0] += self._to_ground(self.freedoms.springs, self.properties.spring)
+        tables[0][0] += self.springs
         return np.stack(tables)
+
+    @cached_property
+    def springs(self) -> Array:
+        """K (n, n) of the springs to the ground."""
+        return self._to_ground(self.freedoms.springs, self.properties.spring)
 
     @cached_property
     def dashpots(self) -> Array:
@@ -135,7 +145,7 @@ class Beams:
     def spread_singly(self, member: Member, local: Array) -> Array:
         """The same for each element of the link by itself: (elements, 5, n, n)."""
         R = member.element.axes
-        turned = np.einsum("tij,iba,bc,jcd->tad", _TERMS, R, local, R, optimize=True)
+        turned = np.einsum("tij,iba,bc,jcd->tad", TERMS, R, local, R, optimize=True)
         whole = np.zeros((member.count, 5, self.freedoms.n + 1, self.freedoms.n + 1))
         for each, row in zip(whole, member.indices, strict=True):
             each[:, row[:, None], row[None, :]] += turned

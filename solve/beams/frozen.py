@@ -130,7 +130,7 @@ def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
         each = [(positions, vector, 1.0) for vector in vectors.T]
     else:
         each = [_exact_mode(beams, phase, frequencies, number) for number in range(len(frequencies))]
-    return [_shape(*mode, float(omega)) for mode, omega in zip(each, frequencies, strict=True)]
+    return [shape(*mode, float(omega)) for mode, omega in zip(each, frequencies, strict=True)]
 
 
 def _exact_mode(
@@ -159,7 +159,7 @@ def _exact_mode(
     return positions, positions.expanded(vector[None, :, None])[0, :, 0], float(vector @ M @ vector)
 
 
-def _shape(positions: Positions, vector: Array, mass: float, omega: float) -> ModeShape:
+def shape(positions: Positions, vector: Array, mass: float, omega: float) -> ModeShape:
     curves = [_curve(positions, number, vector, omega) for number in range(len(positions.beams.members))]
     largest = max(np.linalg.norm(displacement, axis=1).max() for _, displacement, _ in curves)
     places, displacements, transverse = zip(*curves, strict=True)

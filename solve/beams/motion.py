@@ -97,13 +97,13 @@ def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
     return damping
 
 
-def _modal(beams: Beams, period: float) -> Callable[[Array], Array]:
+def _modal(beams: Beams, _: float) -> Callable[[Array], Array]:
     """C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,): 2ζ times the geometric mean of M and K, as smooth in
-    the phase as these are. So a few hundred positions give it at all others, once for all speeds."""
+    the phase as these are."""
     ratio, n = beams.properties.damping_ratio, beams.freedoms.n
     if ratio == 0:
         return lambda phase: np.zeros((len(phase), n, n))
-    return interpolated(lambda phase: modal_damping(*Positions(beams, phase).matrices(), ratio), period)
+    return lambda phase: modal_damping(*Positions(beams, phase).matrices(), ratio)
 
 
 _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
@@ -200,8 +200,16 @@ class Motion:
         return Latest(partial(Positions, self.beams))
 
     @cached_property
+    def damping_at(self) -> Callable[[Array], Array]:
+        """C (m, n, n) of the links at phases (m,)."""
+        return _DAMPING[self.damping](self.beams, self.period)
+
+    @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        return Latest(_DAMPING[self.damping](self.beams, self.period))
+        """The same, where it is modal from a few hundred positions, once for all speeds."""
+        if self.damping == "modal" and self.beams.properties.damping_ratio:
+            return Latest(interpolated(self.damping_at, self.period))
+        return Latest(self.damping_at)
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """A structure of beams from a generated module: a model whose matrices are assembled, not printed."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, Self
 
@@ -17,6 +17,7 @@ from solve.contracts import DrawnLink, Matrices, ModeShape
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.damping import beyond_critical
 from solve.model.model import Model
+from solve.model.options import REDUCE
 from solve.model.sampling import Sampler, symbol
 from solve.model.setup import Setup
 from solve.model.sketches import SAMPLES, stated_lines
@@ -92,11 +93,19 @@ class StructureModel(Model):
 
     outputs_apart = True
 
-    def __init__(self, setup: Setup, motion: Motion):
+    def __init__(
+        self,
+        setup: Setup,
+        motion: Motion,
+        matrices: Callable[[Array, float], Matrices] | None = None,
+        coordinates: Sequence[tuple[str, str, str]] | None = None,
+    ):
+        """matrices, coordinates: others than those of the motion, from which `expanded` finds its freedoms;
+        name, unit and meaning of each."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
-        declared = [(name, unit, "displacement from the rigid motion") for name, unit in units]
-        super().__init__(setup, motion, declared)
+        own = [(name, unit, "displacement from the rigid motion") for name, unit in units]
+        super().__init__(setup, matrices or motion, coordinates or own)
         self.motion, self.beams = motion, motion.beams
         self.moves = setup.module.MOVES
         self.links = _drawn(chosen)
@@ -116,6 +125,14 @@ class StructureModel(Model):
     @classmethod
     def of(cls, setup: Setup) -> Self:
         """Raises StructureError where the links cannot be assembled all the way round."""
+        if REDUCE in setup.options:
+            raise ValueOutOfBoundsError(
+                f"{setup.module.NAME} is loaded with all coordinates; to reduce it, load it anew with reduce"
+            )
+        return cls(setup, cls._motion(setup))
+
+    @staticmethod
+    def _motion(setup: Setup) -> Motion:
         module, kinematics = setup.module, Kinematics(setup)
         counts = list(map(int, _of_each_link(setup, "elements")))
         elastic = (getattr(module, name, ()) for name in ("SPRINGS", "DASHPOTS"))
@@ -124,7 +141,12 @@ class StructureModel(Model):
         if module.MOVES:
             Positions(beams, np.linspace(0.0, module.PERIOD, _ASSEMBLED, endpoint=False))
         terms = {name: setup.options.get(name, usual) for name, usual in _STILL.items()}
-        return cls(setup, Motion(beams, kinematics.rates, module.PERIOD, **terms))
+        return Motion(beams, kinematics.rates, module.PERIOD, **terms)
+
+    def expanded(self, phase: Array, speed: Array | float, *state: Array, acceleration: float = 0.0) -> State:
+        """The freedoms at phases (k,) for q, q̇, q̈ (n, k), or for q alone at rest."""
+        q, qd, qdd = with_rates(state)
+        return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
     def at(self, phase: Array, speed: float) -> Matrices:
         self.require_motion()
@@ -179,7 +201,7 @@ class StructureModel(Model):
     ) -> Mapping[str, Array]:
         if not self.outputs:
             return {}
-        state = State(self.motion, phase, speed, q, qd, qdd, acceleration)
+        state = self.expanded(phase, speed, q, qd, qdd, acceleration=acceleration)
 
         def value(name: str) -> Array:
             kind, link, place = self.observed[name]
@@ -215,12 +237,13 @@ class StructureModel(Model):
         member = self._member(link)
         ends = member.link[1:3]
         require_name(f"joint of link {link}", joint, ends)
-        state = State(self.motion, phase, turn.speed, *turn.state(phase))
+        state = self.expanded(phase, turn.speed, *turn.state(phase))
         return joint_force(state, member, ends.index(joint))
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
         """Transverse displacement (k,) in m from the rigid motion, at a fraction (0 … 1) of a link's length,
         for q (n, k) at phases (k,). Raises UnknownNameError and ValueOutOfBoundsError."""
+        q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).displacement(self.beams.angle(phase), q)[1]
 
     def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
@@ -229,6 +252,7 @@ class StructureModel(Model):
 
         Raises UnknownNameError and ValueOutOfBoundsError.
         """
+        q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
 
     def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
@@ -246,7 +270,11 @@ class StructureModel(Model):
 
         Raises UnknownNameError and ValueOutOfBoundsError.
         """
-        point, positions = self.point(link, along), self.at_positions(phase)
+        point, positions, q = (
+            self.point(link, along),
+            self.at_positions(phase),
+            self.expanded(phase, 0.0, q).q,
+        )
         number = point.member.number
         direction = np.exp(1j * positions.angle[:, number])
         rigid = along * self.beams.properties.length[number] + 1j * across
@@ -261,10 +289,11 @@ class StructureModel(Model):
         """What the lowest modes of each position, followed along the turn, give to a deflection or stress
         of an orbit, or of its quasi-static solution. Raises UnknownNameError, ValueOutOfBoundsError."""
         kind, link, place = self.require_part_of_modes(output)
-        if not 1 <= count <= self.n:
-            raise ValueOutOfBoundsError(f"{count} modes asked for; allowed: 1 to {self.n}")
+        most = self.beams.freedoms.n
+        if not 1 <= count <= most:
+            raise ValueOutOfBoundsError(f"{count} modes asked for; allowed: 1 to {most}")
         phase = np.linspace(0.0, self.period, samples + 1)
-        state = State(self.motion, phase, turn.speed, *turn.state(phase))
+        state = self.expanded(phase, turn.speed, *turn.state(phase))
         member = self._member(link)
         return contributions(state, output, lambda part: quantity(part, kind, member, place), count)
 
@@ -307,6 +336,14 @@ class StructureModel(Model):
                 f"{self.name} has inextensible links, of which only the frequencies are known; "
                 "let them stretch"
             )
+
+
+def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """q, q̇, q̈ (n, k) of these, or of q alone at rest."""
+    if len(state) == 3:
+        return state[0], state[1], state[2]
+    (q,) = state
+    return q, np.zeros_like(q), np.zeros_like(q)
 
 
 def _of_each_link(setup: Setup, option: str) -> list[str]:

@@ -1,8 +1,10 @@
 """What is asked of points, and their solutions with the errors estimated from a second grid."""
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,12 +38,52 @@ class Request:
     two_orders: bool = False
 
 
+class ReductionError(NamedTuple):
+    """What a reduction changes, estimated.
+
+    modes: retained modes a link. coordinates, full: their number with and without the reduction.
+    discarded: lowest frequency of the discarded modes in rad/s. orbit: the largest max|error|/max|q| of
+    all coordinates of the full system, NaN without an orbit. multipliers: the largest |error| divided by
+    the spectral radius. spectral_radius: that of the dominant multiplier. outputs: max|error|/max|output|
+    of each. NaN where there is no estimate.
+    """
+
+    modes: int
+    coordinates: int
+    full: int
+    discarded: float
+    orbit: float
+    multipliers: float
+    spectral_radius: float
+    outputs: Mapping[str, float]
+
+    @property
+    def parts(self) -> list[str]:
+        """The errors in words, of the outputs the largest."""
+        parts = [] if math.isnan(self.orbit) else [f"orbit {self.orbit:.1e}"]
+        parts.append(f"multipliers {self.multipliers:.1e}")
+        if self.outputs:
+            worst = max(self.outputs, key=lambda name: self.outputs[name])
+            parts.append(f"outputs up to {self.outputs[worst]:.1e} ({worst})")
+        return parts
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence, unless nothing is discarded."""
+        count = f"reduce={self.modes} keeps {self.coordinates} of {self.full} coordinates"
+        if self.coordinates == self.full:
+            return []
+        if math.isnan(self.multipliers):
+            return [f"{count}: what that changes cannot be estimated at this speed; increase reduce"]
+        return [f"{count}, which changes about: {', '.join(self.parts)} (relative)"]
+
+
 @dataclass(frozen=True)
 class Certified:
     """Points that the same method and grid served, with the errors estimated from a second grid.
 
     positions (k,) among the points asked for; errors (k, 2) of orbit and multipliers, relative; absolute
-    (k,): of the multipliers; modes: frozen ones.
+    (k,): of the multipliers; modes: frozen ones; reduction (k,): a `ReductionError` each, or none.
     """
 
     positions: Array
@@ -51,6 +93,7 @@ class Certified:
     absolute: Array
     request: Request
     modes: Frozen
+    reduction: tuple[ReductionError, ...] = ()
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -20,6 +20,7 @@ from solve.loading import case_numbers, model_of, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.cases import Case
 from solve.model.model import Model
+from solve.model.options import REDUCE
 from solve.model.setup import Setup
 from solve.results.files import PICTURES, checked
 from solve.results.save import checked_data
@@ -82,6 +83,9 @@ class Numbers(CaseNumbers):
     option: Annotated[list[str] | None, Flag("Choose an option of the model; repeatable.", "NAME=VALUE")] = (
         None
     )
+    reduce: Annotated[
+        int | None, Flag("Structures of beams: keep K modes of each link; the error is estimated.", "K")
+    ] = None
 
     def of(self, name: str, still: bool = False) -> Model:
         """The model of that name. Raises NoMotionError for one without equations of motion, unless what is
@@ -93,7 +97,11 @@ class Numbers(CaseNumbers):
 
     def setup(self, name: str) -> Setup:
         """What the model of that name is made from. Raises SolveError subclasses for bad input."""
-        options = assignments("--option", self.option or [])
+        options: dict[str, Any] = assignments("--option", self.option or [])
+        if self.reduce is not None:
+            if REDUCE in options:
+                raise ValueOutOfBoundsError("--reduce and --option reduce are both given; give one of them")
+            options[REDUCE] = self.reduce
         return setup_of(name, self.case, self.cases, options, self.parameters)
 
     @property

@@ -9,6 +9,10 @@ import numpy as np
 
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 
+REDUCE = "reduce"
+"""Option of every structure of beams: number of modes that are kept of each link. It is among the options
+only where it is given."""
+
 
 def checked_options(module: ModuleType, given: Mapping[str, Any]) -> dict[str, Any]:
     """Every option's value: the given or the default one. Raises UnknownNameError and
@@ -18,11 +22,27 @@ def checked_options(module: ModuleType, given: Mapping[str, Any]) -> dict[str, A
     allowed = {name: values for name, values, _ in declared}
     options: dict[str, Any] = {name: default for name, _, default in declared}
     for name, value in given.items():
+        if name == REDUCE and name not in allowed:
+            options[name] = _modes_a_link(module, value)
+            continue
         if name not in allowed:
             raise UnknownNameError(f"option of {module.NAME}", name, allowed)
         checked = _link_by_link if name in {each for each, *_ in of_links} else _checked_option
         options[name] = checked(module, name, value, allowed[name])
     return options
+
+
+def _modes_a_link(module: ModuleType, value: Any) -> int:
+    """A number of modes; which ones the elements allow is known when they are assembled."""
+    if not hasattr(module, "LINKS"):
+        raise ValueOutOfBoundsError(
+            f"{module.NAME} has no beams whose modes could be kept: reduce is for structures of beams; "
+            "leave it out"
+        )
+    modes = _whole(value)
+    if type(modes) is not int or modes < 1:
+        raise ValueOutOfBoundsError(f"reduce is {value}; allowed: a number of modes a link, 1 or more")
+    return modes
 
 
 def _link_by_link(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:

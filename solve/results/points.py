@@ -23,7 +23,7 @@ FAILED = -1
 _NUMBERS_AN_AMPLITUDE = 64
 """At the peak, while many points are analysed together."""
 
-_ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods")
+_ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods", "reductions")
 
 
 @lasting
@@ -49,7 +49,8 @@ class PointResults:
     """Arrays over P points.
 
     figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers
-    (P, N), zero where unresolved; errors (P, 2) of orbit and multipliers; verdicts (P,), positions in
+    (P, N), zero where unresolved; errors (P, 2) of orbit and multipliers; reductions (P, 2): those of the
+    reduction of the system, NaN where it is not reduced or they are not kept; verdicts (P,), positions in
     VERDICTS or FAILED; steps (P,); methods (P,), their names. warnings and failures: texts by point.
     """
 
@@ -61,6 +62,7 @@ class PointResults:
     verdicts: Array
     steps: Array
     methods: Array
+    reductions: Array
     warnings: dict[int, list[str]] = field(default_factory=dict)
     failures: dict[int, str] = field(default_factory=dict)
 
@@ -79,6 +81,7 @@ class PointResults:
             np.full(count, FAILED, dtype=np.int8),
             np.zeros(count, dtype=np.int32),
             np.full(count, "", dtype=object),
+            np.full((count, 2), np.nan),
         )
 
     def __len__(self) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum
-from solve.certify.certified import Certified
+from solve.certify.certified import Certified, ReductionError
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers
 from solve.results.contents import Column, Columns, Contents, plain
@@ -50,6 +50,9 @@ class ErrorEstimate(NamedTuple):
     multipliers: float
 
 
+lasting(ReductionError)
+
+
 @dataclass(frozen=True)
 class Stability(Result):
     """Whether disturbances of the periodic motion die out, and how certain that is."""
@@ -64,7 +67,7 @@ class Stability(Result):
     _calculated: ClassVar[tuple[str, ...]] = (
         *("method", "described", "steps", "multipliers", "exponents", "multiplier_errors", "modes"),
         *("spectral_radius", "distance_from_one", "condition", "liouville", "error_estimate", "verdict"),
-        *("notes", "warnings"),
+        *("notes", "warnings", "reduction_error"),
     )
 
     @property
@@ -159,6 +162,13 @@ class Stability(Result):
         return ErrorEstimate(math.nan if self.certified.solutions.curve is None else orbit, multipliers)
 
     @cached_property
+    def reduction_error(self) -> ReductionError | None:
+        """What the reduction of the system changes, estimated; None for a system that is not reduced."""
+        if not self.system.solvable or not self.certified.reduction:
+            return None
+        return self.certified.reduction[0]
+
+    @cached_property
     def verdict(self) -> str:
         """ "asymptotically stable", "stable", "unstable" or "undetermined"."""
         return VERDICTS[self.certified.verdicts[0]]
@@ -176,7 +186,8 @@ class Stability(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        own = [*self.certified.warnings(0), *self.spectrum.warnings]
+        reduced = [] if self.reduction_error is None else self.reduction_error.warnings
+        own = [*reduced, *self.certified.warnings(0), *self.spectrum.warnings]
         return [*own, *self.system.warnings(self.speed)]
 
     @property
@@ -187,7 +198,8 @@ class Stability(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        return {"residual": None, **{name: getattr(self, name) for name in _RECORDED}}
+        reduced = {} if self.reduction_error is None else {"reduction_error": self.reduction_error}
+        return {"residual": None, **{name: getattr(self, name) for name in _RECORDED}, **reduced}
 
     def tables(self) -> Sequence[RenderableType]:
         return [self._multiplier_table(), self._verdict_line()]
@@ -201,9 +213,17 @@ class Stability(Result):
         return [
             ("method", f"{self.described}, {self.steps} steps a period"),
             ("errors", f"{', '.join(errors)} (relative)"),
+            *(("reduced", text) for text in self._reduced()),
             ("checks", ", ".join(checks)),
             *(("note", note) for note in self.notes),
         ]
+
+    def _reduced(self) -> list[str]:
+        """What the reduction changes, in words."""
+        error = self.reduction_error
+        if error is None:
+            return []
+        return [f"{error.coordinates} of {error.full} coordinates: {', '.join(error.parts)} (relative)"]
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
         """Errors, and what the result was checked by, in words."""
@@ -238,7 +258,10 @@ class Stability(Result):
 
         radius, error = self.spectral_radius, self.error_estimate.multipliers
         line = Text("\n").append(self.verdict, _VERDICT_STYLE[self.verdict])
-        return line.append(f": spectral radius {radius:.10g} ± {error * radius:.0e}")
+        line.append(f": spectral radius {radius:.10g} ± {error * radius:.0e}")
+        if self.reduction_error is not None:
+            line.append(f", reduction ± {self.reduction_error.spectral_radius * radius:.0e}")
+        return line
 
     @property
     def metadata(self) -> dict[str, Any]:

@@ -44,7 +44,7 @@ class SweepPoint:
 
     parameters: those that vary beside the speed. statistics: of coordinates and outputs by name. multipliers:
     all 2n, falling in modulus, 0 where the monodromy matrix holds no digit. error: the reason; figures are
-    then NaN.
+    then NaN. reduction_error: what the reduction of the system changes, None where it is not reduced.
     """
 
     speed: float
@@ -58,6 +58,7 @@ class SweepPoint:
     error: str | None = None
     multipliers: Sequence[complex] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
+    reduction_error: ErrorEstimate | None = None
 
     @property
     def stable(self) -> bool | None:
@@ -74,7 +75,9 @@ class SweepPoint:
         where = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
         if self.error is not None:
             return {**where, "error": self.error}
-        names = "spectral_radius", "verdict", "stable", "method", "steps", "error_estimate", "warnings"
+        names = ["spectral_radius", "verdict", "stable", "method", "steps", "error_estimate", "warnings"]
+        if self.reduction_error is not None:
+            names.append("reduction_error")
         return {
             **where,
             "coordinates": self._figures(system, system.coordinates),
@@ -122,7 +125,15 @@ class Sweep(Result):
             results.warnings.get(at, ()),
             multipliers=results.multipliers[at].tolist(),
             parameters=parameters,
+            reduction_error=ErrorEstimate(*self.reductions[at]) if "reduce" in self.system.options else None,
         )
+
+    @property
+    def reductions(self) -> Array:
+        """Errors (P, 2) of orbit and multipliers by the reduction of the system; NaN where it is not
+        reduced, or where the point failed."""
+        unknown = np.full((len(self.speeds), 2), np.nan)
+        return getattr(self.results, "reductions", unknown)
 
     @property
     def spectral_radius(self) -> Array:
@@ -185,7 +196,16 @@ class Sweep(Result):
             for text in (text for text in texts[at] if text not in of_equations):
                 groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(float(self.speeds[at]))
         of_points = [f"{text} ({self._where(at)})" for text, at in groups.values()]
-        return [*of_equations, *of_points]
+        return [*of_equations, *self._reduced, *of_points]
+
+    @property
+    def _reduced(self) -> list[str]:
+        """What the reduction of the system changes at most, in a sentence."""
+        if np.isnan(self.reductions).all():
+            return []
+        most = [float(np.nanmax(column, initial=0.0)) for column in self.reductions.T]
+        at = f"up to {most[0]:.1e} of the orbits and {most[1]:.1e} of the multipliers"
+        return [f"reduce={self.system.options['reduce']} changes {at} (relative)"]
 
     def _where(self, speeds: Sequence[float]) -> str:
         """Of points with these speeds, in words."""

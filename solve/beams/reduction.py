@@ -1,0 +1,244 @@
+"""Links of a structure reduced to their interface coordinates and their lowest modes.
+
+The basis of a link is constant in the axes of the link, so that in ground axes q = T(φ) p, where p are the
+retained coordinates of the structure, in ground axes, and the amplitudes of the modes. With R of a link from
+ground axes to its own, R′ = J R, and T_l its constant basis, its rows of T and of the derivatives by its
+angle are Rᵀ T_l R_r, Rᵀ B R_r and Rᵀ B₂ R_r with
+
+    B = Jᵀ T_l + T_l J_r        B₂ = Jᵀ B + B J_r
+
+and R_r, J_r those of the retained coordinates, 1 and 0 for the modes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.beams.assembly import TERMS, Beams, Positions
+from solve.beams.elements import AXIAL, Freedoms, Member
+from solve.errors import ValueOutOfBoundsError
+from solve.model.craig_bampton import craig_bampton, static_shapes
+
+
+@dataclass(frozen=True)
+class Body:
+    """The matrices of a link in its own axes, over its own freedoms, those that are held left out.
+
+    own (k,): indices of its freedoms in the structure. axes (3, k, k): R = axes[0] + c axes[1] + s axes[2].
+    interface (b,): positions in `own` of the retained coordinates.
+    """
+
+    member: Member
+    own: Array
+    axes: Array
+    interface: Array
+
+    @classmethod
+    def of(cls, member: Member, retained: Array) -> "Body":
+        """retained (n,): which freedoms of the structure are interface coordinates."""
+        own = np.unique(member.indices[member.indices >= 0])
+        axes = np.zeros((3, len(own), len(own)))
+        body = cls(member, own, axes, np.flatnonzero(retained[own]))
+        for rows, held in body._rows():
+            free = np.flatnonzero(~held)
+            axes[:, rows[free][:, None], rows[free]] = member.element.axes[:, free[:, None], free]
+        return body
+
+    def assembled(self, local: Array) -> Array:
+        """Matrix (k, k) of the link from one (f, f) that all its elements have."""
+        return self.assembled_singly(local).sum(axis=0)
+
+    def assembled_singly(self, local: Array) -> Array:
+        """The same for each element by itself: (elements, k, k)."""
+        whole = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
+        for each, (rows, _) in zip(whole, self._rows(), strict=True):
+            each[rows[:, None], rows] += local
+        return whole[:, :-1, :-1]
+
+    @property
+    def loads(self) -> Array:
+        """Inertia (k, 4) of rigid motions: translation and linear growth, along the link and across it."""
+        member, made = self.member, np.zeros((len(self.own) + 1, 4))
+        for number, (rows, _) in enumerate(self._rows()):
+            shapes = np.zeros((len(rows), 4))
+            for i, freedom in enumerate(member.element.freedoms):
+                along = 0 if freedom.direction == AXIAL else 2
+                if freedom.order == 0:
+                    shapes[i, along] = 1.0
+                    shapes[i, along + 1] = (number + freedom.xi) * member.L
+                elif freedom.order == 1:
+                    shapes[i, along + 1] = 1.0
+            made[rows] += member.mass @ shapes
+        return made[:-1]
+
+    def _rows(self) -> list[tuple[Array, Array]]:
+        """For each element the positions in `own` of its freedoms, the last (len(own)) for those held, and
+        which are held."""
+        indices = self.member.indices
+        return [
+            (np.where(row < 0, len(self.own), np.searchsorted(self.own, row)), row < 0) for row in indices
+        ]
+
+
+@dataclass(frozen=True)
+class LinkBasis:
+    """A link with its reduced coordinates: those of its interface, then its modes.
+
+    local (k, r): T_l. at (r,): indices of its reduced coordinates among those of the structure. frequencies
+    (modes,): of the retained modes in rad/s; discarded: the lowest one of the others, infinite without any.
+    """
+
+    body: Body
+    local: Array
+    at: Array
+    frequencies: Array
+    discarded: float
+
+    @cached_property
+    def axes(self) -> Array:
+        """Parts (3, r, r) with 1, c and s of R_r."""
+        b, r = len(self.body.interface), self.local.shape[1]
+        parts = np.zeros((3, r, r))
+        parts[:, :b, :b] = self.body.axes[:, self.body.interface[:, None], self.body.interface]
+        parts[0, range(b, r), range(b, r)] = 1.0
+        return parts
+
+    @cached_property
+    def turned(self) -> tuple[Array, Array]:
+        """B and B₂ (k, r)."""
+        J, J_r = self.body.axes[2], self.axes[2]
+        B = J.T @ self.local + self.local @ J_r
+        return B, J.T @ B + B @ J_r
+
+    def reduced(self, A: Array, left: Array | None = None, right: Array | None = None) -> Array:
+        """Table (5, r, r) for 1, c, s, c², cs of Rᵀ leftᵀ A right R in ground axes, for A (k, k) of the link;
+        left and right are T_l unless given."""
+        local = (self.local if left is None else left).T @ A @ (self.local if right is None else right)
+        return np.einsum("tij,iba,bc,jcd->tad", TERMS, self.axes, local, self.axes, optimize=True)
+
+    def expanding(self, local: Array) -> Array:
+        """Table (5, k, r) of Rᵀ local R_r, for local (k, r); zero in the rows of the interface."""
+        table = np.einsum("tij,iba,bc,jcd->tad", TERMS, self.body.axes, local, self.axes, optimize=True)
+        table[:, self.body.interface] = 0.0
+        return table
+
+
+@dataclass(frozen=True)
+class Basis:
+    """T(φ) of a structure, (n, r) at each position. retained (b,): freedoms that are kept, first among the
+    reduced coordinates; names, units, meanings (r,) of these."""
+
+    beams: Beams
+    retained: Array
+    links: Sequence[LinkBasis]
+
+    @property
+    def r(self) -> int:
+        """Number of reduced coordinates."""
+        return len(self.retained) + sum(len(each.at) - len(each.body.interface) for each in self.links)
+
+    @property
+    def declared(self) -> list[tuple[str, str, str]]:
+        """Name, unit and meaning of each reduced coordinate."""
+        freedoms = self.beams.freedoms
+        made = [
+            (freedoms.names[at], freedoms.units[at], "displacement from the rigid motion")
+            for at in self.retained
+        ]
+        for each in self.links:
+            link = each.body.member.link.name
+            for number in range(len(each.at) - len(each.body.interface)):
+                meaning = f"largest deflection of {link} in its mode {number + 1}, ends fixed"
+                made.append((f"{link}_mode_{number + 1}", "m", meaning))
+        return made
+
+    def spread(self, tables: Sequence[Array]) -> Array:
+        """Table (links, 5, r, r) of a structure from one (5, …, …) of each link."""
+        whole = np.zeros((len(self.links), 5, self.r, self.r))
+        for each, link, table in zip(whole, self.links, tables, strict=True):
+            each[:, link.at[:, None], link.at] += table
+        return whole
+
+    @cached_property
+    def tables(self) -> tuple[Array, Array, Array]:
+        """Tables (links, 5, n, r) of T and of what its derivatives by the angle of each link consist of."""
+        made = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
+        for number, link in enumerate(self.links):
+            rows, columns = link.body.own[:, None], link.at
+            for table, local in zip(made, (link.local, *link.turned), strict=True):
+                table[number][:, rows, columns] += link.expanding(local)
+        # The retained coordinates are the same in both.
+        made[0, 0, 0, self.retained, np.arange(len(self.retained))] = 1.0
+        T, B, B2 = made
+        return T, B, B2
+
+    def at(self, positions: Positions) -> Array:
+        """T (m, n, r)."""
+        return np.tensordot(positions.terms, self.tables[0], 2)
+
+    def rates(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
+        """Ṫ and T̈ (m, n, r), for first and second derivatives (m, links) of the angles of the links."""
+        _, B, B2 = self.tables
+        first, turned, squared = (part[..., None] * positions.terms for part in (rate, second, rate**2))
+        return np.tensordot(first, B, 2), np.tensordot(turned, B, 2) + np.tensordot(squared, B2, 2)
+
+
+def retained_freedoms(freedoms: Freedoms) -> Array:
+    """Which freedoms (n,) are interface coordinates: displacements of the joints, and rotations that several
+    links share or on which springs or dashpots act. With both ends fixed so no link moves freely."""
+    ends = [set(rows[rows >= 0].tolist()) for rows in freedoms.indices]
+    made = np.array([sum(at in each for each in ends) > 1 for at in range(freedoms.n)])
+    made[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
+    made[[freedoms.names.index(name) for name in (*freedoms.springs, *freedoms.dashpots)]] = True
+    return made
+
+
+def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
+    """Basis with a number of modes of each link, all of a link that has fewer. static: with the static shapes
+    of the discarded modes too. Raises ValueOutOfBoundsError for a number of modes that no link has."""
+    retained = retained_freedoms(beams.freedoms)
+    bodies = [Body.of(member, retained) for member in beams.members]
+    most = max(len(body.own) - len(body.interface) for body in bodies)
+    if not 1 <= modes <= most:
+        raise ValueOutOfBoundsError(
+            f"reduce is {modes} modes a link; allowed: 1 to {most} for these elements, where {most} leave "
+            "the structure as it is"
+        )
+    kept = np.flatnonzero(retained)
+    links, end = [], len(kept)
+    for body in bodies:
+        link = _link_basis(body, modes, static, np.searchsorted(kept, body.own[body.interface]), end)
+        links.append(link)
+        end += len(link.at) - len(body.interface)
+    return Basis(beams, kept, links)
+
+
+def _link_basis(body: Body, modes: int, static: bool, at: Array, end: int) -> LinkBasis:
+    """at (b,): indices of the interface among the reduced coordinates; end: index of the first mode."""
+    M, K = body.assembled(body.member.mass), body.assembled(body.member.stiffness)
+    made = craig_bampton(M, K, body.interface, min(modes, len(body.own) - len(body.interface)))
+    local, b = made.basis, len(body.interface)
+    if static:
+        loads = np.concatenate((M @ local[:, :b], body.loads), axis=1)
+        local = np.concatenate((local, static_shapes(K, local, body.interface, loads)), axis=1)
+    scales = np.array([_largest(body, shape) for shape in local[:, b:].T])
+    local = np.concatenate((local[:, :b], local[:, b:] / scales), axis=1)
+    at = np.concatenate((at, end + np.arange(local.shape[1] - b)))
+    return LinkBasis(body, local, at, made.frequencies, made.discarded)
+
+
+_POINTS = 33
+"""Points of an element at which the largest deflection is looked for."""
+
+
+def _largest(body: Body, shape: Array) -> float:
+    """The largest displacement of a shape (k,) along a link, with its sign."""
+    member, xi = body.member, np.linspace(0.0, 1.0, _POINTS)
+    values = np.append(shape, 0.0)
+    found = [part @ values[rows] for rows, _ in body._rows() for part in member.shapes(xi)]
+    curve = np.concatenate(found)
+    # The first of equal extrema, which rounding shall not exchange.
+    return float(curve[np.flatnonzero(np.abs(curve) > (1 - 1e-6) * np.abs(curve).max())[0]])

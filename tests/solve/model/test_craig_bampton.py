@@ -1,0 +1,123 @@
+"""Component modes of bodies with closed forms, and against the whole eigenproblem."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh, null_space
+from scipy.optimize import brentq
+
+from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.model.craig_bampton import craig_bampton, static_shapes
+
+
+def chain(n, held=True):
+    """Unit masses and springs in a row; held: the first spring is tied to the ground."""
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    K[-1, -1] = 1.0
+    K[0, 0] = 2.0 if held else 1.0
+    return np.eye(n), K
+
+
+def cantilever(count):
+    """A clamped beam, EI = µ = L = 1, of Hermite's cubics; the last coordinates are the tip's."""
+    h = 1 / count
+    k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2]]) / h**3
+    k = np.vstack((k, -k[0], [k[0, 1], k[1, 3], -k[0, 1], k[1, 1]]))
+    m = np.array(
+        [
+            [156, 22 * h, 54, -13 * h],
+            [22 * h, 4 * h**2, 13 * h, -3 * h**2],
+            [54, 13 * h, 156, -22 * h],
+            [-13 * h, -3 * h**2, -22 * h, 4 * h**2],
+        ]
+    )
+    M, K = np.zeros((2, 2 * count + 2, 2 * count + 2))
+    for first in range(count):
+        at = slice(2 * first, 2 * first + 4)
+        M[at, at] += m * h / 420
+        K[at, at] += k
+    return M[2:, 2:], K[2:, 2:]
+
+
+def test_fixed_interface_modes_of_a_chain_have_the_frequencies_of_a_string_of_beads():
+    """m beads between fixed ends: 2 sin(jπ/(2(m+1)))."""
+    found = craig_bampton(*chain(8), interface=[7], modes=3)
+    expected = 2 * np.sin(np.arange(1, 5) * np.pi / 16)
+    np.testing.assert_allclose(found.frequencies, expected[:3], rtol=1e-13)
+    assert found.discarded == pytest.approx(expected[3], rel=1e-13)
+    np.testing.assert_allclose(found.mass[1:, 1:], np.eye(3), atol=1e-13)
+    np.testing.assert_allclose(found.stiffness[1:, 1:], np.diag(expected[:3] ** 2), atol=1e-13)
+    np.testing.assert_allclose(found.basis[:, 0], np.arange(1, 9) / 8, rtol=1e-13)
+
+
+@pytest.mark.parametrize("interface", [[7], [0, 7], [5, 2], []])
+def test_with_all_modes_nothing_is_lost(interface):
+    M, K = chain(8)
+    found = craig_bampton(M, K, interface, modes=8 - len(interface))
+    assert found.discarded == np.inf
+    np.testing.assert_allclose(eigh(found.stiffness, found.mass)[0], eigh(K, M)[0], rtol=1e-12)
+    np.testing.assert_array_equal(found.basis[interface, : len(interface)], np.eye(len(interface)))
+
+
+def test_a_reduced_cantilever_has_its_frequencies_from_above():
+    """cos λ cosh λ = −1, ω = λ²; by the tip and four clamped-clamped modes."""
+    M, K = cantilever(40)
+    found = craig_bampton(M, K, [78, 79], modes=4)
+    omega = np.sqrt(eigh(found.stiffness, found.mass, eigvals_only=True)[:3])
+    exact = [brentq(lambda x: np.cos(x) + 1 / np.cosh(x), a, a + 2) ** 2 for a in (1, 4, 7)]
+    whole = np.sqrt(eigh(K, M, eigvals_only=True)[:3])
+    assert (np.abs(omega / exact - 1) < [1e-5, 2e-4, 1e-3]).all()
+    assert (omega >= whole * (1 - 1e-10)).all()
+    clamped = [brentq(lambda x: np.cos(x) - 1 / np.cosh(x), a, a + 1.5) ** 2 for a in (4, 7, 10, 13.5, 16.5)]
+    np.testing.assert_allclose([*found.frequencies, found.discarded], clamped, rtol=1e-4)
+
+
+def test_static_shapes_complete_what_the_modes_lack():
+    """The deflection under a uniform load is a combination of the basis and of one shape."""
+    M, K = cantilever(12)
+    load = M @ np.tile([1.0, 0.0], 12)
+    found = craig_bampton(M, K, [22, 23], modes=2)
+    shapes = static_shapes(K, found.basis, [22, 23], np.column_stack((load, 2 * load)))
+    assert shapes.shape == (24, 1)
+    np.testing.assert_allclose(
+        shapes.T @ K @ np.column_stack((found.basis, shapes)), [[0] * 4 + [1]], atol=1e-9
+    )
+    deflection = np.linalg.solve(K, load)
+    fitted = np.column_stack((found.basis, shapes))
+    coefficients = np.linalg.lstsq(fitted, deflection, rcond=None)[0]
+    np.testing.assert_allclose(fitted @ coefficients, deflection, rtol=1e-9)
+    assert np.linalg.norm(found.basis @ np.linalg.lstsq(found.basis, deflection)[0] - deflection) > 1e-5
+    everything = craig_bampton(M, K, [22, 23], modes=22)
+    assert static_shapes(K, everything.basis, [22, 23], load[:, None]).shape == (24, 0)
+
+
+@pytest.mark.parametrize(
+    ("interface", "modes", "words"),
+    [
+        ([7], 8, "8 modes of a body; allowed: 0 to 7"),
+        ([7], -1, "allowed: 0 to 7"),
+        ([7, 7], 1, "different indices"),
+        ([8], 1, "indices from 0 to 7"),
+    ],
+)
+def test_what_cannot_be_is_refused(interface, modes, words):
+    with pytest.raises(ValueOutOfBoundsError, match=words):
+        craig_bampton(*chain(8), interface, modes)
+
+
+def test_a_body_that_its_interface_does_not_hold_is_refused():
+    M, K = chain(8, held=False)
+    assert null_space(K).shape[1] == 1
+    with pytest.raises(MatricesError, match="add coordinates to the interface"):
+        craig_bampton(M, K, [], modes=2)
+    K[3:, :3] = K[:3, 3:] = 0.0
+    K[2, 2] = K[3, 3] = 1.0
+    with pytest.raises(MatricesError, match="moves freely"):
+        craig_bampton(M, K, [7], modes=2)
+
+
+def test_a_mode_without_mass_is_refused():
+    M, K = chain(4)
+    M[0, 0] = M[1, 1] = 0.0
+    assert craig_bampton(M, K, [3], modes=1).discarded == np.inf
+    with pytest.raises(MatricesError, match="only 1 fixed-interface modes"):
+        craig_bampton(M, K, [3], modes=2)
