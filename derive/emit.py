@@ -121,14 +121,13 @@ def derive_equations(mechanism: Mechanism) -> Equations:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
         outputs.append(_in_its_unit(each, lagrange.from_fundamental(mechanism, each.expression)))
-    q = [each.symbol for each in mechanism.declared_coordinates]
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
-    moving = [s for each in q for s in each.motion]
+    moving = [s for each in mechanism.declared_coordinates for s in each.symbol.motion]
     return Equations(
         linearised._asdict(),
         varying,
         outputs,
-        conditions=clearances(r, q),
+        conditions=clearances(mechanism, r),
         passages=passages(linearised, [*map(steady, expressions)], moving),
         nonlinear=losses(mechanism, [*r], linearised),
         idle=idle(mechanism, [*varying, *linearised, *expressions]),
