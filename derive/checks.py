@@ -145,7 +145,7 @@ def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:
         for equation in loop.closure:
             yield _Statement(f"loop of {loop}", equation, None, motion | {PHASE, SPEED})
     for condition in mechanism.conditions:
-        yield _Statement(f"condition {condition.text}", condition.margin, None, motion | {SPEED})
+        yield _Statement(f"condition {condition.text}", condition.margin, None)
     parameters = {each.symbol for each in mechanism.declared_parameters}
     yield _Statement("period", _period(mechanism), "rad", motion | parameters | {PHASE, SPEED})
 

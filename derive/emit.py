@@ -11,6 +11,7 @@ import sympy
 from derive import lagrange
 from derive.breaks import ANGLES, PASSES, Passage, passages
 from derive.declarations import Condition, Output
+from derive.desired import Demand, conditions, demands
 from derive.errors import DeclarationError, ImpulseError
 from derive.field import Field
 from derive.field_text import along, definitions, field_functions, field_tools
@@ -92,6 +93,7 @@ class Equations:
     tools: list[str] = field(default_factory=list)
     functions: list[str] = field(default_factory=list)
     conditions: list[Condition] = field(default_factory=list)
+    demands: list[Demand] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
     nonlinear: list[str] = field(default_factory=list)
     idle: list[str] = field(default_factory=list)
@@ -127,7 +129,8 @@ def derive_equations(mechanism: Mechanism) -> Equations:
         linearised._asdict(),
         varying,
         outputs,
-        conditions=clearances(mechanism, r),
+        conditions=[*conditions(mechanism), *clearances(mechanism, r)],
+        demands=demands(mechanism),
         passages=passages(linearised, [*map(steady, expressions)], moving),
         nonlinear=losses(mechanism, [*r], linearised),
         idle=idle(mechanism, [*varying, *linearised, *expressions]),
@@ -151,6 +154,8 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
         definitions(projection),
         tools,
         functions,
+        conditions=conditions(mechanism),
+        demands=demands(mechanism),
         passages=passages(linearised, (), ()),
         no_drive_torque=mechanism.no_drive_torque,
         projection=projection,
@@ -183,6 +188,7 @@ def module_text(
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
     data = [
         constants(mechanism, equations.outputs, _operations(counts), equations.conditions),
+        *_domain(equations.demands),
         *_reasons(equations),
     ]
     body = "\n\n\n".join(["\n".join(data), *tools, *equations.tools, *texts]) + "\n"
@@ -199,6 +205,11 @@ def _require_own_names(body: str) -> None:
                 f'"{name}" cannot be the name of a field or of an unknown: a function of the generated '
                 "module is called so; choose another"
             )
+
+
+def _domain(found: Sequence[Demand]) -> list[str]:
+    """DOMAIN, where the desired motion has one."""
+    return tuple_lines("DOMAIN", [literal(tuple(each[:4])) for each in found]) if found else []
 
 
 def _reasons(equations: Equations) -> list[str]:
@@ -263,7 +274,17 @@ def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunc
         ratios = {"ratios": sympy.Matrix(mechanism.damping_ratios)}
         functions.append(GeneratedFunction("damping_ratios", doc, ("p",), ratios))
     functions += sketch_functions(mechanism)
-    return functions + condition_functions([*mechanism.conditions, *equations.conditions])
+    functions += domain_functions(equations.demands)
+    return functions + condition_functions(equations.conditions)
+
+
+def domain_functions(found: Sequence[Demand]) -> list[GeneratedFunction]:
+    """The function of what the desired motion demands, if there is any."""
+    if not found:
+        return []
+    doc = "One number for each of DOMAIN, which must satisfy its relation all over the period."
+    margins = sympy.Matrix([each.margin for each in found])
+    return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 
 
 def sketch_functions(mechanism: Mechanism) -> list[GeneratedFunction]:
@@ -287,7 +308,7 @@ def sketch_functions(mechanism: Mechanism) -> list[GeneratedFunction]:
     return [GeneratedFunction("sketch", doc, ("phase", "speed", "q", "running", "p"), lines, texts)]
 
 
-def condition_functions(conditions: list[Condition]) -> list[GeneratedFunction]:
+def condition_functions(conditions: Sequence[Condition]) -> list[GeneratedFunction]:
     """The function of the conditions, if there are any."""
     if not conditions:
         return []
@@ -309,9 +330,9 @@ def constants(
     mechanism: Mechanism,
     outputs: list[Output],
     operations: dict[str, int],
-    further: Sequence[Condition] = (),
+    conditions: Sequence[Condition],
 ) -> str:
-    """The data of a generated module, but for its hashes; further conditions beside the mechanism's."""
+    """The data of a generated module, but for its hashes."""
     names = {each.symbol.name for each in mechanism.declared_parameters}
     rows = {
         "COORDINATES": [
@@ -324,7 +345,6 @@ def constants(
         "OUTPUTS": [(each.name, each.unit, each.meaning) for each in outputs],
         "LIMITS": mechanism.limits,
     }
-    conditions = [*mechanism.conditions, *further]
     if conditions:
         rows["CONDITIONS"] = [
             (each.text, each.meaning, tuple(name for name in each.parameters if name in names))

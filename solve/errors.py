@@ -51,6 +51,10 @@ class MatricesError(SolveError):
     """Matrices of wrong shape, with NaN or infinity, not periodic, or with a singular M."""
 
 
+class DesiredMotionError(SolveError):
+    """A desired motion, or what is stated along it, that is not real and finite at some phases."""
+
+
 class StructureError(SolveError):
     """Links that do not meet where they should, or that leave a structure nothing to vibrate with."""
 

@@ -105,20 +105,29 @@ class Model(PeriodicSystem):
         if found is None:
             return None
         table, entry, power = found
-        return table, speeds[:, None] ** power, entry
+        return table, self._existing(speeds[:, None] ** power, speeds), entry
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         sampler = self._matrices
         if not isinstance(sampler, MatrixSampler):
             return super().entries_over(phase, speeds)
-        return by_the_phase(sampler.entries(phase, speeds), speeds, self.n)
+        return self._existing(by_the_phase(sampler.entries(phase, speeds), speeds, self.n), speeds)
+
+    def _existing(self, parts: Array, speeds: Array) -> Array:
+        """Parts (P, …) at speeds (P,), NaN where there is no desired motion."""
+        domain = self.setup.domain
+        if domain is not None and domain.by_speed:
+            parts[~domain.holds(speeds, np.zeros((len(speeds), 0)))] = np.nan
+        return parts
 
     def many_points(self, names: Sequence[str]) -> ModelPoints | None:
         return ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
-        """Beyond the checks of any system: generated matrices repeat at every phase, and M is positive
-        definite. Raises MatricesError."""
+        """Beyond the checks of any system: the desired motion exists, generated matrices repeat at every
+        phase, and M is positive definite. Raises DesiredMotionError, MatricesError."""
+        if self.setup.domain is not None and self.setup.domain.by_speed:
+            self.setup.domain.require(speed, self.speed_unit.text(speed))
         if not self._sound:
             super().checked(speed)
             require_sound(self, speed)
