@@ -182,6 +182,10 @@ class PeriodicSystem(Labels):
     def require_motion(self) -> None:
         """Raise NoMotionError where the system has no equations of motion."""
 
+    def require_desired_motion(self, speeds: Array) -> None:
+        """Raise DesiredMotionError where the motion about which the equations hold does not exist at one of
+        the speeds (P,) in rad/s."""
+
     def require_load(self, speed: float) -> None:
         """Raise NoLoadError where d is zero all over the period, and the periodic vibration with it."""
         phase = (np.arange(_LOOKS) + 0.5) * (self.period / _LOOKS)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from solve.model.setup import Setup
 
-_LOOKS = 180
+_LOOKS = 128
 """Phases of a period at which margins are sampled; between them the least value of a smooth margin is found from
 a bracket of three samples, and a change of sign by bisection."""
 
@@ -21,13 +21,16 @@ _ROUNDING = 1e-12
 square root of that moves a minimum that touches zero by no more than its square."""
 
 _HALVINGS = 40
-"""Of two samples' distance: 0.035 rad · 2⁻⁴⁰ is 3e-14 rad; golden sections reduce as far in 1.44 times as many."""
+"""Of two samples' distance: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad; golden sections reduce as far in 1.44 times as many."""
 
 _JUMP = 1e-6
 """Of the largest margin: a larger one on both sides of a change of sign is a jump and no zero."""
 
 _TOGETHER = 2**16
 """Phases of points that are evaluated together."""
+
+_KEPT = 8
+"""Answers for the latest points: a solution asks for matrices of the same points on several grids."""
 
 _GOLDEN = (5**0.5 - 1) / 2
 
@@ -51,6 +54,7 @@ class Domain:
         self._period = float(setup.module.PERIOD)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"
+        self._kept: dict[tuple[int, bytes, bytes], Array] = {}
         self._by_phase = _depends(function, 0).any()
         self._by_speed = _depends(function, 1)
 
@@ -61,6 +65,14 @@ class Domain:
 
     def holds(self, speeds: Array, values: Array) -> Array:
         """Whether all is met (P,) at speeds (P,) with the free parameters (P, v)."""
+        key = len(values), speeds.tobytes() if self.by_speed else b"", values.tobytes()
+        if key not in self._kept:
+            while len(self._kept) >= _KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[key] = self._met(speeds, values)
+        return self._kept[key]
+
+    def _met(self, speeds: Array, values: Array) -> Array:
         given = np.column_stack([speeds if self.by_speed else np.ones_like(speeds), values])
         different, group = np.unique(given, axis=0, return_inverse=True)
         hold = np.ones(len(different), dtype=bool)

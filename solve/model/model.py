@@ -113,6 +113,12 @@ class Model(PeriodicSystem):
             return super().entries_over(phase, speeds)
         return self._existing(by_the_phase(sampler.entries(phase, speeds), speeds, self.n), speeds)
 
+    def require_desired_motion(self, speeds: Array) -> None:
+        domain = self.setup.domain
+        if domain is not None and domain.by_speed:
+            for speed in speeds[~domain.holds(speeds, np.zeros((len(speeds), 0)))][:1].tolist():
+                domain.require(speed, self.speed_unit.text(speed))
+
     def _existing(self, parts: Array, speeds: Array) -> Array:
         """Parts (P, …) at speeds (P,), NaN where there is no desired motion."""
         domain = self.setup.domain
@@ -126,8 +132,7 @@ class Model(PeriodicSystem):
     def checked(self, speed: float) -> None:
         """Beyond the checks of any system: the desired motion exists, generated matrices repeat at every
         phase, and M is positive definite. Raises DesiredMotionError, MatricesError."""
-        if self.setup.domain is not None and self.setup.domain.by_speed:
-            self.setup.domain.require(speed, self.speed_unit.text(speed))
+        self.require_desired_motion(np.array([speed]))
         if not self._sound:
             super().checked(speed)
             require_sound(self, speed)
@@ -361,6 +366,7 @@ class ModelAlong(Model):
 
     def _tangent(self, phase: Array, speed: float) -> Array:
         """M, C, K by rows and d (3n² + n, k) at phases (k,), but for the damping of ratios."""
+        self.model.require_desired_motion(np.array([speed]))
         speeds, of = np.full(len(phase), speed), getattr(self.motion, "states", None)
         motions = of(phase) if of else [self.motion(phase, derivative) for derivative in range(3)]
         states = [speed**derivative * part for derivative, part in enumerate(motions)]
