@@ -67,6 +67,8 @@ TOOLS = {
 MOST_TO_READ = 2000
 """Operations of M, C, K and d that are still printed for reading."""
 
+RIGID = "a mechanism without coordinates has no equations of motion"
+
 DOCS = {
     "residual": "Nonlinear r of the equation of motion r = 0.",
     "outputs": "One scalar for each of OUTPUTS.",
@@ -79,7 +81,8 @@ ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
 class Equations:
     """All that a generated module computes.
 
-    residual, outputs: where the speed varies; residual is None where `functions` contain it. definitions:
+    residual, outputs: where the speed varies; residual is None where `functions` contain it, or
+    nothing vibrates. definitions:
     text for symbols of the expressions that are no inputs. tools, functions: texts that go before and after
     the others. conditions: beyond those that the mechanism states. passages: where the matrices switch.
     nonlinear: what the linear answer ignores, a sentence each; idle: what moves nothing. no_drive_torque: why
@@ -127,7 +130,7 @@ def derive_equations(mechanism: Mechanism) -> Equations:
     moving = [s for each in mechanism.declared_coordinates for s in each.symbol.motion]
     return Equations(
         linearised._asdict(),
-        varying,
+        varying if mechanism.declared_coordinates else None,
         outputs,
         conditions=[*conditions(mechanism), *clearances(mechanism, r)],
         demands=demands(mechanism),
@@ -224,6 +227,8 @@ def _reasons(equations: Equations) -> list[str]:
 
 def _for_reading(mechanism: Mechanism, equations: Equations, operations: int) -> str:
     """M, C, K and d as MathML, where they are not too long."""
+    if not mechanism.declared_coordinates:
+        return f"NO_EQUATIONS = {literal(RIGID)}"
     if operations > MOST_TO_READ:
         reason = f"M, C, K and d take {operations} operations; up to {MOST_TO_READ} are printed for reading"
         return f"NO_EQUATIONS = {literal(reason)}"

@@ -207,6 +207,8 @@ def _return(function: GeneratedFunction, printed: Sequence[str]) -> list[str]:
 
 def _matrix(printer: CasadiPrinter, matrix: Any) -> str:
     rows = [[str(printer.doprint(entry)) for entry in matrix.row(i)] for i in range(matrix.rows)]
+    if matrix.rows == 0:
+        return f"casadi.SX(0, {matrix.cols})"
     if matrix.shape == (1, 1):
         return f"casadi.SX({rows[0][0]})"
     if matrix.cols == 1:

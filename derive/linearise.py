@@ -33,6 +33,9 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     Raises ExpansionError where an entry is not finite, SingularMassError where M is singular whatever
     the parameters.
     """
+    if not mechanism.declared_coordinates:
+        none = sympy.zeros(0, 0)
+        return Linearised(none, none, none, sympy.zeros(0, 1))
     signs = signs_of(mechanism.declared_parameters)
     matrices = expanded(residual, [each.symbol for each in mechanism.declared_coordinates], signs)
     _require_expansion(mechanism, matrices)
@@ -55,6 +58,8 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = 
 
 def clearances(mechanism: Mechanism, residual: sympy.Matrix) -> list[Condition]:
     """Conditions without which there is no expansion."""
+    if not mechanism.declared_coordinates:
+        return []
     jacobian, moving = _jacobian(residual, [each.symbol for each in mechanism.declared_coordinates])
     found = [
         *open_clearances(residual, jacobian, moving),

@@ -63,6 +63,10 @@ class NoMotionError(SolveError):
     """A model that stands still, asked for what only motion has."""
 
 
+class NoVibrationError(SolveError):
+    """A mechanism without coordinates, asked for what only a vibration has."""
+
+
 class NoLoadError(SolveError):
     """A system that nothing drives, asked for a vibration that would be zero."""
 

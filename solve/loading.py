@@ -12,6 +12,7 @@ from solve.model.cases import Case, chosen_case
 from solve.model.files import model_files
 from solve.model.generated import EQUATIONS, kind_of, model_module, module_of
 from solve.model.model import Model
+from solve.model.rigid import RigidModel
 from solve.model.setup import Setup
 
 
@@ -61,7 +62,7 @@ def setup_of(
 def model_of(setup: Setup) -> Model:
     """The model of the setup, of the kind that its module states."""
     if kind_of(setup.module) == EQUATIONS:
-        return Model.of(setup)
+        return Model.of(setup) if setup.module.COORDINATES else RigidModel.of(setup)
     from solve.beams.structure import StructureModel
 
     return StructureModel.of(setup)

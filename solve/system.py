@@ -61,7 +61,8 @@ class PeriodicSystem(Labels):
     ):
         self.period = _checked_period(period)
         texts = all(isinstance(name, str) for name in coordinates)
-        if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) == 0:
+        none = len(coordinates) == 0 and self.vibrates
+        if not texts or len(set(coordinates)) != len(coordinates) or none:
             raise ValueOutOfBoundsError(
                 f"coordinates are {list(coordinates)}; give each of the n coordinates a name of its own"
             )
@@ -179,8 +180,11 @@ class PeriodicSystem(Labels):
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         """Raise ValueOutOfBoundsError where a value leaves the bounds of its parameter."""
 
+    def require_vibration(self) -> None:
+        """Raise NoVibrationError where the system has no coordinates."""
+
     def require_motion(self) -> None:
-        """Raise NoMotionError where the system has no equations of motion."""
+        """Raise NoMotionError or NoVibrationError where the system has no equations of motion."""
 
     def require_desired_motion(self, speeds: Array) -> None:
         """Raise DesiredMotionError where the motion about which the equations hold does not exist at one of
@@ -362,8 +366,13 @@ class PeriodicSystem(Labels):
         return np.concatenate((phase, later, apart))
 
 
-of_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
+of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 """Before a public function of a system."""
+
+of_system = first_is(
+    PeriodicSystem, such_as="solve.load('cam')", demand=lambda system: system.require_vibration()
+)
+"""Before a public function of a system that vibrates."""
 
 
 def _checked_period(period: float) -> float:

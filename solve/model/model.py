@@ -338,8 +338,8 @@ def _bound(name: str, meaning: str, unit: str, clause: str) -> Limit:
     return Limit(name, left, says)
 
 
-of_model = first_is(Model, such_as="solve.load('cam')")
-"""Before a public function of a model."""
+of_model = first_is(Model, such_as="solve.load('cam')", demand=lambda model: model.require_vibration())
+"""Before a public function of a model that vibrates."""
 
 
 class ModelAlong(Model):

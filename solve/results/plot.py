@@ -115,7 +115,7 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     """The names to show: those given, or the first coordinates. Raises UnknownNameError, and
     ValueOutOfBoundsError for more rows than a page holds."""
     if not names:
-        return list(system.coordinates[:MOST_SHOWN])
+        return list((system.coordinates or system.outputs)[:MOST_SHOWN])
     known = system.known_quantities(names)
     if len(known) > MOST_SHOWN:
         raise ValueOutOfBoundsError(
