@@ -96,6 +96,10 @@ class RigidOrbit(Orbit):
     def summary(self) -> str:
         return f"At {self.system.speed_unit.text(self.speed)} the motion is prescribed: nothing vibrates."
 
+    @property
+    def whole(self) -> dict[str, Any]:
+        return {**super().whole, "verdict": None}
+
     def tables(self) -> Sequence[RenderableType]:
         return []
 
