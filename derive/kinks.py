@@ -14,7 +14,17 @@ from derive.declarations import Condition
 from derive.domains import Signs
 from derive.errors import ExpansionError
 from derive.pieces import at_rest, is_finite, margin_of
-from derive.switches import BESIDE, Numbers, arbitrary_points, differ, in_order, jumps, places, switches
+from derive.switches import (
+    BESIDE,
+    Numbers,
+    arbitrary_points,
+    differ,
+    in_order,
+    jumps,
+    place_of,
+    places,
+    switches,
+)
 from derive.symbols import PHASE
 from derive.units import short
 
@@ -31,7 +41,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
         if vanishes(at_rest):
             parts, where = [*residual, *jacobian], f"{short(switch)} is 0 all along it"
         elif PHASE in at_rest.free_symbols:
-            parts, where = [*residual], f"it passes {short(switch)} = 0"
+            parts, where = [*residual], f"it passes {place_of(switch, residual)}"
         else:
             continue
         if _apart(parts, at_rest, moving):
