@@ -101,10 +101,10 @@ def gate(factor: Any) -> Any:
     return None
 
 
-def branches(pieces: sympy.Piecewise) -> Iterator[tuple[Any, Any]]:
-    """Value of each piece, and where it is taken."""
+def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
+    """Of values and conditions of a piecewise function: each value, and where it is taken."""
     before: list[Any] = []
-    for value, condition in pieces.args:
+    for value, condition in pieces:
         yield value, sympy.And(condition, *map(sympy.Not, before))
         before.append(condition)
 
@@ -126,7 +126,7 @@ def needs(expression: Any) -> list[tuple[Any, Need]]:
 def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[Any, ...]]]:
     """Every part of an expression with the conditions under which it counts, arguments before functions."""
     if isinstance(part, sympy.Piecewise):
-        for value, condition in branches(part):
+        for value, condition in branches(part.args):
             yield from _guarded(value, guards if condition == sympy.true else (*guards, condition))
         return
     gates = [gate(each) for each in part.args] if isinstance(part, sympy.Mul) else []

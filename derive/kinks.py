@@ -59,20 +59,22 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 
 
 def open_clearances(
-    residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]
+    residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
     """Of parameters: that no clearance is just closed in the desired motion, if slopes differ there."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
-    linear = [part.xreplace(rest) for part in parts]
+    values = [part.xreplace(rest) for part in parts]
+    pairs = zip(parts, values, strict=True)
+    linear = [value if is_finite(value) else at_rest(part, rest, signs)[0] for part, value in pairs]
     for switch in switches(residual, moving):
-        at_rest = switch.xreplace(rest)
-        held = in_order(at_rest)
-        if held and PHASE not in held and any(jumps(linear, at_rest, symbol) for symbol in held):
+        still = switch.xreplace(rest)
+        held = in_order(still)
+        if held and PHASE not in held and any(jumps(linear, still, symbol) for symbol in held):
             meaning = f"the equations have no linearisation where {short(switch)} = 0 in the desired motion"
             names = tuple(symbol.name for symbol in held)
-            shown = -at_rest if at_rest.could_extract_minus_sign() else at_rest
-            yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(at_rest), names)
+            shown = -still if still.could_extract_minus_sign() else still
+            yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(still), names)
 
 
 def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:

@@ -61,9 +61,10 @@ def clearances(mechanism: Mechanism, residual: sympy.Matrix) -> list[Condition]:
     if not mechanism.declared_coordinates:
         return []
     jacobian, moving = _jacobian(residual, [each.symbol for each in mechanism.declared_coordinates])
+    signs = signs_of(mechanism.declared_parameters)
     found = [
-        *open_clearances(residual, jacobian, moving),
-        *inactive([*residual, *jacobian], moving, signs_of(mechanism.declared_parameters)),
+        *open_clearances(residual, jacobian, moving, signs),
+        *inactive([*residual, *jacobian], moving, signs),
     ]
     return list({each.text: each for each in found}.values())
 

@@ -46,13 +46,13 @@ def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any
         if not isinstance(part, Selected):
             return part.func(*map(value, part.args)) if part.has(Selected) else part.xreplace(rest)
         condition, taken, otherwise = map(value, part.args)
-        if not is_finite(taken) and is_finite(otherwise):
-            conditions.append(sympy.Not(condition))
-            return otherwise
-        if not is_finite(otherwise) and is_finite(taken):
-            conditions.append(condition)
-            return taken
-        return Selected(condition, taken, otherwise)
+        demand, chosen = sympy.Not(condition), otherwise
+        if is_finite(taken):
+            demand, chosen = condition, taken
+        if is_finite(taken) == is_finite(otherwise) or not _may_hold(demand, signs):
+            return sympy.Piecewise((taken, condition), (otherwise, True))
+        conditions.append(demand)
+        return chosen
 
     return value(_Selection(signs, False).of(expression)), conditions
 
@@ -72,6 +72,12 @@ def margin_of(condition: Any) -> Any:
     return condition.gts - condition.lts if hasattr(condition, "gts") else None
 
 
+def _may_hold(condition: Any, signs: Signs) -> bool:
+    """Whether the signs of symbols leave it possible that inequalities hold beyond equality."""
+    margin = margin_of(condition)
+    return margin is not None and not margin.xreplace(dict(signs)).is_nonpositive
+
+
 @dataclass(frozen=True)
 class _Selection:
     """safe: whether values are made finite where they are not taken."""
@@ -83,13 +89,18 @@ class _Selection:
         if not part.has(*PIECEWISE):
             return part
         if isinstance(part, sympy.Piecewise):
-            return self._pieces(part)
+            return self._pieces(part.args, part)
         if isinstance(part, sympy.Max | sympy.Min):
             return self._extreme(part)
         if isinstance(part, sympy.Mul):
             gates = {each: condition for each in part.args if (condition := gate(each)) is not None}
-            if gates and any(map(self._is_singular, part.args)):
-                return self._product(part, gates)
+            if any(map(self._is_singular, part.args)):
+                if gates:
+                    return self._product(part, gates)
+                whole = next((each for each in part.args if isinstance(each, sympy.Piecewise)), None)
+                if whole is not None:
+                    rest = sympy.Mul(*(each for each in part.args if each is not whole))
+                    return self._pieces([(value * rest, condition) for value, condition in whole.args], part)
         if isinstance(part, sympy.Mul | sympy.Add) and part.has(*STEPS):
             split = self._split(part)
             if split is not None:
@@ -132,12 +143,13 @@ class _Selection:
             value = Selected(condition, self._finite(value, condition), beyond)
         return value
 
-    def _pieces(self, pieces: sympy.Piecewise) -> Any:
-        if not any(self._is_singular(value) for value, _ in pieces.args):
-            return pieces
+    def _pieces(self, pieces: Sequence[tuple[Any, Any]], stated: Any) -> Any:
+        """Of values and conditions of a piecewise function, or of its product with something, as stated."""
+        if not any(self._is_singular(value) for value, _ in pieces):
+            return stated
         values = [self._finite(self.of(value), condition) for value, condition in branches(pieces)]
         result = values[-1]
-        for value, (_, condition) in reversed([*zip(values[:-1], pieces.args[:-1], strict=True)]):
+        for value, (_, condition) in reversed([*zip(values[:-1], pieces[:-1], strict=True)]):
             result = Selected(condition, value, result)
         return result
 
