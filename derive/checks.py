@@ -74,9 +74,15 @@ def _require(statement: _Statement, known: Dimensions) -> None:
 
 
 def _require_equations(mechanism: Mechanism) -> None:
-    """There must be coordinates, and a drive torque that follows from the energies or is declined."""
-    if not mechanism.declared_coordinates:
-        raise DeclarationError(f"{mechanism.name} has no coordinates; declare one with coordinates(...)")
+    """There must be coordinates, or outputs of a rigid mechanism, and a drive torque that follows from the
+    energies or is declined."""
+    energies = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *mechanism.forces)
+    moved = any(each != 0 for each in energies) and not mechanism.no_drive_torque
+    if not (mechanism.declared_coordinates or mechanism.declared_outputs or moved):
+        raise DeclarationError(
+            f"{mechanism.name} has no coordinates; declare one with coordinates(...), or for a rigid mechanism "
+            "state its energies as functions of the phase, or outputs"
+        )
     require_coherent("the energy", mechanism.energy)
     ratios, modes = len(mechanism.damping_ratios), len(mechanism.declared_coordinates)
     if ratios > modes:
@@ -145,7 +151,7 @@ def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:
         for equation in loop.closure:
             yield _Statement(f"loop of {loop}", equation, None, motion | {PHASE, SPEED})
     for condition in mechanism.conditions:
-        yield _Statement(f"condition {condition.text}", condition.margin, None, motion | {SPEED})
+        yield _Statement(f"condition {condition.text}", condition.margin, None)
     parameters = {each.symbol for each in mechanism.declared_parameters}
     yield _Statement("period", _period(mechanism), "rad", motion | parameters | {PHASE, SPEED})
 

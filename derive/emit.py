@@ -11,6 +11,7 @@ import sympy
 from derive import lagrange
 from derive.breaks import ANGLES, PASSES, Passage, passages
 from derive.declarations import Condition, Output
+from derive.desired import Demand, conditions, demands
 from derive.errors import DeclarationError, ImpulseError
 from derive.field import Field
 from derive.field_text import along, definitions, field_functions, field_tools
@@ -66,6 +67,8 @@ TOOLS = {
 MOST_TO_READ = 2000
 """Operations of M, C, K and d that are still printed for reading."""
 
+RIGID = "a mechanism without coordinates has no equations of motion"
+
 DOCS = {
     "residual": "Nonlinear r of the equation of motion r = 0.",
     "outputs": "One scalar for each of OUTPUTS.",
@@ -78,7 +81,8 @@ ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
 class Equations:
     """All that a generated module computes.
 
-    residual, outputs: where the speed varies; residual is None where `functions` contain it. definitions:
+    residual, outputs: where the speed varies; residual is None where `functions` contain it, or
+    nothing vibrates. definitions:
     text for symbols of the expressions that are no inputs. tools, functions: texts that go before and after
     the others. conditions: beyond those that the mechanism states. passages: where the matrices switch.
     nonlinear: what the linear answer ignores, a sentence each; idle: what moves nothing. no_drive_torque: why
@@ -92,6 +96,7 @@ class Equations:
     tools: list[str] = field(default_factory=list)
     functions: list[str] = field(default_factory=list)
     conditions: list[Condition] = field(default_factory=list)
+    demands: list[Demand] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
     nonlinear: list[str] = field(default_factory=list)
     idle: list[str] = field(default_factory=list)
@@ -121,14 +126,14 @@ def derive_equations(mechanism: Mechanism) -> Equations:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
         outputs.append(_in_its_unit(each, lagrange.from_fundamental(mechanism, each.expression)))
-    q = [each.symbol for each in mechanism.declared_coordinates]
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
-    moving = [s for each in q for s in each.motion]
+    moving = [s for each in mechanism.declared_coordinates for s in each.symbol.motion]
     return Equations(
         linearised._asdict(),
-        varying,
+        varying if mechanism.declared_coordinates else None,
         outputs,
-        conditions=clearances(r, q),
+        conditions=[*conditions(mechanism), *clearances(mechanism, r)],
+        demands=demands(mechanism),
         passages=passages(linearised, [*map(steady, expressions)], moving),
         nonlinear=losses(mechanism, [*r], linearised),
         idle=idle(mechanism, [*varying, *linearised, *expressions]),
@@ -152,6 +157,8 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
         definitions(projection),
         tools,
         functions,
+        conditions=conditions(mechanism),
+        demands=demands(mechanism),
         passages=passages(linearised, (), ()),
         no_drive_torque=mechanism.no_drive_torque,
         projection=projection,
@@ -184,6 +191,7 @@ def module_text(
     tools = [tool for call, tool in TOOLS.items() if any(call in text for text in texts)]
     data = [
         constants(mechanism, equations.outputs, _operations(counts), equations.conditions),
+        *_domain(equations.demands),
         *_reasons(equations),
     ]
     body = "\n\n\n".join(["\n".join(data), *tools, *equations.tools, *texts]) + "\n"
@@ -202,6 +210,11 @@ def _require_own_names(body: str) -> None:
             )
 
 
+def _domain(found: Sequence[Demand]) -> list[str]:
+    """DOMAIN, where the desired motion has one."""
+    return tuple_lines("DOMAIN", [literal(tuple(each[:4])) for each in found]) if found else []
+
+
 def _reasons(equations: Equations) -> list[str]:
     """Why there is no drive torque, and what the linear answer ignores, where there is such."""
     lines = []
@@ -214,6 +227,8 @@ def _reasons(equations: Equations) -> list[str]:
 
 def _for_reading(mechanism: Mechanism, equations: Equations, operations: int) -> str:
     """M, C, K and d as MathML, where they are not too long."""
+    if not mechanism.declared_coordinates:
+        return f"NO_EQUATIONS = {literal(RIGID)}"
     if operations > MOST_TO_READ:
         reason = f"M, C, K and d take {operations} operations; up to {MOST_TO_READ} are printed for reading"
         return f"NO_EQUATIONS = {literal(reason)}"
@@ -264,7 +279,17 @@ def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunc
         ratios = {"ratios": sympy.Matrix(mechanism.damping_ratios)}
         functions.append(GeneratedFunction("damping_ratios", doc, ("p",), ratios))
     functions += sketch_functions(mechanism)
-    return functions + condition_functions([*mechanism.conditions, *equations.conditions])
+    functions += domain_functions(equations.demands)
+    return functions + condition_functions(equations.conditions)
+
+
+def domain_functions(found: Sequence[Demand]) -> list[GeneratedFunction]:
+    """The function of what the desired motion demands, if there is any."""
+    if not found:
+        return []
+    doc = "One number for each of DOMAIN, which must satisfy its relation all over the period."
+    margins = sympy.Matrix([each.margin for each in found])
+    return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 
 
 def sketch_functions(mechanism: Mechanism) -> list[GeneratedFunction]:
@@ -288,7 +313,7 @@ def sketch_functions(mechanism: Mechanism) -> list[GeneratedFunction]:
     return [GeneratedFunction("sketch", doc, ("phase", "speed", "q", "running", "p"), lines, texts)]
 
 
-def condition_functions(conditions: list[Condition]) -> list[GeneratedFunction]:
+def condition_functions(conditions: Sequence[Condition]) -> list[GeneratedFunction]:
     """The function of the conditions, if there are any."""
     if not conditions:
         return []
@@ -310,9 +335,9 @@ def constants(
     mechanism: Mechanism,
     outputs: list[Output],
     operations: dict[str, int],
-    further: Sequence[Condition] = (),
+    conditions: Sequence[Condition],
 ) -> str:
-    """The data of a generated module, but for its hashes; further conditions beside the mechanism's."""
+    """The data of a generated module, but for its hashes."""
     names = {each.symbol.name for each in mechanism.declared_parameters}
     rows = {
         "COORDINATES": [
@@ -325,7 +350,6 @@ def constants(
         "OUTPUTS": [(each.name, each.unit, each.meaning) for each in outputs],
         "LIMITS": mechanism.limits,
     }
-    conditions = [*mechanism.conditions, *further]
     if conditions:
         rows["CONDITIONS"] = [
             (each.text, each.meaning, tuple(name for name in each.parameters if name in names))

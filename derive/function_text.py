@@ -11,9 +11,11 @@ import sympy
 
 from derive.breaks import Passage
 from derive.declarations import Option
+from derive.domains import signs_of
 from derive.kinematics import Loop, Order
 from derive.loop_text import loop_calls
 from derive.mechanism import Mechanism
+from derive.pieces import guarded
 from derive.printer import CasadiPrinter
 from derive.recurrence import series_calls, series_operations
 from derive.symbols import ACCELERATION
@@ -55,8 +57,10 @@ def function_text(
         | {"phase", "speed", ACCELERATION.name}
         | {symbol.name for symbol in function.definitions}
     )
-    solved, positions = loop_calls(function.matrices, loops, taken)
-    results = [matrix.xreplace(positions) for matrix in function.matrices]
+    signs = signs_of(mechanism.declared_parameters)
+    matrices = [matrix.applyfunc(lambda entry: guarded(entry, signs)) for matrix in function.matrices]
+    solved, positions = loop_calls(matrices, loops, taken)
+    results = [matrix.xreplace(positions) for matrix in matrices]
     calls, values = series_calls(results, taken)
     used = set().union(*(matrix.free_symbols for matrix in results))
     free = sympy.numbered_symbols("x", exclude=[sympy.Symbol(name) for name in sorted(taken)])
@@ -203,6 +207,8 @@ def _return(function: GeneratedFunction, printed: Sequence[str]) -> list[str]:
 
 def _matrix(printer: CasadiPrinter, matrix: Any) -> str:
     rows = [[str(printer.doprint(entry)) for entry in matrix.row(i)] for i in range(matrix.rows)]
+    if matrix.rows == 0:
+        return f"casadi.SX(0, {matrix.cols})"
     if matrix.shape == (1, 1):
         return f"casadi.SX({rows[0][0]})"
     if matrix.cols == 1:

@@ -150,9 +150,9 @@ class Loop:
 
     @property
     def margins(self) -> list[Any]:
-        """What is positive where the loop is closed in the desired motion, to 1e-9 of the terms' sizes."""
-        rest = [at_desired_motion(argument) for argument in self.arguments]
-        values = dict(zip((*self.unknowns, *self.given), (*self.at(rest), *rest), strict=True))
+        """What is positive where the loop is closed, to 1e-9 of the terms' sizes."""
+        arguments = self.arguments
+        values = dict(zip((*self.unknowns, *self.given), (*self.at(arguments), *arguments), strict=True))
         closed = [equation.xreplace(values) for equation in self.closure]
         sizes = [sympy.Add(*map(sympy.Abs, sympy.Add.make_args(equation))) for equation in closed]
         return [size / 10**9 - sympy.Abs(gap) for size, gap in zip(sizes, closed, strict=True)]

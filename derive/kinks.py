@@ -4,15 +4,27 @@ A switch g(φ, q, q̇) of the residual lies beside the desired motion (a clearan
 some phases, or is zero all along it (friction at rest, contact without clearance).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import sympy
 from sympy.core.relational import Relational
 
 from derive.declarations import Condition
+from derive.domains import Signs
 from derive.errors import ExpansionError
-from derive.switches import BESIDE, Numbers, arbitrary_points, differ, in_order, jumps, places, switches
+from derive.pieces import at_rest, is_finite, margin_of
+from derive.switches import (
+    BESIDE,
+    Numbers,
+    arbitrary_points,
+    differ,
+    in_order,
+    jumps,
+    place_of,
+    places,
+    switches,
+)
 from derive.symbols import PHASE
 from derive.units import short
 
@@ -29,7 +41,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
         if vanishes(at_rest):
             parts, where = [*residual, *jacobian], f"{short(switch)} is 0 all along it"
         elif PHASE in at_rest.free_symbols:
-            parts, where = [*residual], f"it passes {short(switch)} = 0"
+            parts, where = [*residual], f"it passes {place_of(switch, residual)}"
         else:
             continue
         if _apart(parts, at_rest, moving):
@@ -47,32 +59,52 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 
 
 def open_clearances(
-    residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]
+    residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
     """Of parameters: that no clearance is just closed in the desired motion, if slopes differ there."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
-    linear = [part.xreplace(rest) for part in parts]
+    values = [part.xreplace(rest) for part in parts]
+    pairs = zip(parts, values, strict=True)
+    linear = [value if is_finite(value) else at_rest(part, rest, signs)[0] for part, value in pairs]
     for switch in switches(residual, moving):
-        at_rest = switch.xreplace(rest)
-        held = in_order(at_rest)
-        if held and PHASE not in held and any(jumps(linear, at_rest, symbol) for symbol in held):
+        still = switch.xreplace(rest)
+        held = in_order(still)
+        if held and PHASE not in held and any(jumps(linear, still, symbol) for symbol in held):
             meaning = f"the equations have no linearisation where {short(switch)} = 0 in the desired motion"
             names = tuple(symbol.name for symbol in held)
-            shown = -at_rest if at_rest.could_extract_minus_sign() else at_rest
-            yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(at_rest), names)
+            shown = -still if still.could_extract_minus_sign() else still
+            yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(still), names)
 
 
-def at_desired_motion(matrix: Any, moving: Sequence[Any]) -> Any:
+def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
     """The matrix where all that moves is zero; at switches that are zero there, from one of their sides,
-    which are alike."""
+    which are alike. Pieces that are not finite there are taken to be inactive, see `inactive`."""
     rest = resting(moving)
     at_switch = [
         node
         for node in matrix.atoms(sympy.Heaviside, sympy.sign, Relational)
         if _argument(node).free_symbols & {*moving} and vanishes(_argument(node).xreplace(rest))
     ]
-    return matrix.xreplace({node: _chosen(node, moving) for node in at_switch}).xreplace(rest)
+    beside = matrix.xreplace({node: _chosen(node, moving) for node in at_switch})
+    made = beside.xreplace(rest)
+    return made if is_finite(made) else beside.applyfunc(lambda entry: at_rest(entry, rest, signs or {})[0])
+
+
+def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
+    """Where the parts are not finite at the desired motion: that the pieces in which they are not, such as a
+    contact's, are inactive there. Signs of parameters that ensure it make a condition unnecessary."""
+    rest = resting(moving)
+    for part in parts:
+        if is_finite(part.xreplace(rest)):
+            continue
+        for condition in at_rest(part, rest, signs)[1]:
+            margin = margin_of(condition)
+            if margin is None or margin.xreplace(dict(signs)).is_positive:
+                continue
+            names = tuple(symbol.name for symbol in in_order(margin))
+            meaning = "a piece of the equations that has no tangent there acts in the desired motion"
+            yield Condition(f"{short(margin)} > 0", meaning, margin, names)
 
 
 def resting(moving: Sequence[Any]) -> dict[Any, Any]:

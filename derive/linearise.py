@@ -6,11 +6,13 @@ from typing import NamedTuple
 import sympy
 
 from derive.declarations import Condition
+from derive.domains import Signs, signs_of
 from derive.errors import ExpansionError, SingularMassError
 from derive.gather import simplified, unshifted
 from derive.kinematics import LoopFunction
-from derive.kinks import at_desired_motion, open_clearances, require_tangents
+from derive.kinks import at_desired_motion, inactive, open_clearances, require_tangents
 from derive.mechanism import Mechanism
+from derive.pieces import is_finite
 from derive.switches import beside, known_real
 from derive.symbols import Moving
 from derive.transmission import PeriodicFunction
@@ -31,27 +33,40 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
     Raises ExpansionError where an entry is not finite, SingularMassError where M is singular whatever
     the parameters.
     """
-    matrices = expanded(residual, [each.symbol for each in mechanism.declared_coordinates])
+    if not mechanism.declared_coordinates:
+        none = sympy.zeros(0, 0)
+        return Linearised(none, none, none, sympy.zeros(0, 1))
+    signs = signs_of(mechanism.declared_parameters)
+    matrices = expanded(residual, [each.symbol for each in mechanism.declared_coordinates], signs)
     _require_expansion(mechanism, matrices)
     linearised = Linearised(*simplified(matrices))
     _require_inertia(mechanism, linearised.M)
     return linearised
 
 
-def expanded(residual: sympy.Matrix, q: Sequence[Moving]) -> Linearised:
+def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
     """Taylor's first order of rows in any coordinates q, their rates and accelerations, beside switches.
 
-    Raises ExpansionError where a step or kink that holds coordinates leaves no tangent.
+    signs: of the parameters. Raises ExpansionError where a step or kink that holds coordinates leaves no
+    tangent.
     """
     jacobian, moving = _jacobian(residual, q)
     require_tangents(residual, jacobian, moving)
     parts = [jacobian[:, k * len(q) : (k + 1) * len(q)] for k in range(3)] + [-residual]
-    return Linearised(*(unshifted(at_desired_motion(part, moving)) for part in parts))
+    return Linearised(*(unshifted(at_desired_motion(part, moving, signs)) for part in parts))
 
 
-def clearances(residual: sympy.Matrix, q: Sequence[Moving]) -> list[Condition]:
-    """Conditions of parameters without which there is no expansion."""
-    return list(open_clearances(residual, *_jacobian(residual, q)))
+def clearances(mechanism: Mechanism, residual: sympy.Matrix) -> list[Condition]:
+    """Conditions without which there is no expansion."""
+    if not mechanism.declared_coordinates:
+        return []
+    jacobian, moving = _jacobian(residual, [each.symbol for each in mechanism.declared_coordinates])
+    signs = signs_of(mechanism.declared_parameters)
+    found = [
+        *open_clearances(residual, jacobian, moving, signs),
+        *inactive([*residual, *jacobian], moving, signs),
+    ]
+    return list({each.text: each for each in found}.values())
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
@@ -65,7 +80,7 @@ def _require_expansion(mechanism: Mechanism, matrices: Linearised) -> None:
     names = [each.symbol.name for each in mechanism.declared_coordinates]
     for symbol, matrix in matrices._asdict().items():
         for row, name in enumerate(names):
-            if matrix.row(row).has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+            if not is_finite(matrix.row(row)):
                 raise ExpansionError(
                     f"the equation of {name} cannot be linearised: {symbol} is not finite at the desired "
                     "motion; state energies and forces that are smooth there (sqrt(q) is not at q = 0)"

@@ -160,8 +160,11 @@ def _run(source: Source) -> object:
         stated = function() if callable(function) else None
     except DeriveError as error:
         raise type(error)(f"{source.path}{_line(error, source.path)}: {error}") from error
-    except (Exception, SystemExit) as error:
-        what = f"{type(error).__name__}: {error}"
+    except BaseException as error:
+        # Whoever interrupts raises this very class; others are the author's.
+        if type(error) is KeyboardInterrupt:
+            raise
+        what = ": ".join(filter(None, (type(error).__name__, str(error))))
         raise MechanismFileError(f"{source.path}{_line(error, source.path)}: {what}") from error
     if not callable(function):
         raise MechanismFileError(

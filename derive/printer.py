@@ -10,6 +10,7 @@ from sympy.logic.boolalg import BooleanTrue
 from sympy.printing.pycode import AbstractPythonCodePrinter
 
 from derive.errors import UnsupportedExpressionError
+from derive.pieces import Selected
 from derive.switches import Wrapped
 
 SAME = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sign")
@@ -35,6 +36,7 @@ NODES = (
     sympy.Or,
     BooleanTrue,
     Wrapped,
+    Selected,
     Pi,
     Exp1,
 )
@@ -90,6 +92,10 @@ class CasadiPrinter(AbstractPythonCodePrinter):
         for piece, condition in reversed(pieces if always == sympy.true else expr.args):
             text = f"casadi.if_else({self._print(condition)}, {self._print(piece)}, {text})"
         return text
+
+    def _print_Selected(self, expr: Selected) -> str:
+        condition, value, otherwise = map(self._print, expr.args)
+        return f"casadi.if_else({condition}, {value}, {otherwise})"
 
     def _print_And(self, expr: sympy.And) -> str:
         return self._nested("casadi.logic_and", expr)

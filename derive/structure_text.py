@@ -53,7 +53,12 @@ def structure_text(structure: Structure, source_sha256: str, command: str) -> st
     )
     of_interest = observed(structure)
     parts = [
-        constants(structure, [each.output for each in of_interest], {"properties": counts["properties"]}),
+        constants(
+            structure,
+            [each.output for each in of_interest],
+            {"properties": counts["properties"]},
+            structure.conditions,
+        ),
         _data(structure, of_interest),
         *(tool for call, tool in TOOLS.items() if any(call in text for text in texts)),
         *texts,

@@ -52,6 +52,10 @@ class Wrapped(sympy.Function):
     def fdiff(self, argindex: int = 1) -> sympy.Expr:
         return sympy.S.One
 
+    def _sympystr(self, printer: Any) -> str:
+        angle, turn = map(printer.doprint, self.args)
+        return f"wrapped({angle})" if self.args[1] == 2 * sympy.pi else f"wrapped({angle}, {turn})"
+
     def _latex(self, printer: Any, exp: str | None = None) -> str:
         text = rf"\left({printer._print(self.args[0])} \bmod {printer._print(self.args[1])}\right)"
         return text if exp is None else rf"{text}^{{{exp}}}"
@@ -98,7 +102,22 @@ def _switching(node: Any) -> Iterator[Any]:
     elif isinstance(node, Relational):
         yield args[0] - args[1]
     elif isinstance(node, Wrapped):
-        yield sympy.sin(sympy.pi * args[0] / args[1])
+        yield _whole_turns(node)
+
+
+def _whole_turns(node: Wrapped) -> Any:
+    """What is zero where an angle less whole turns jumps."""
+    angle, turn = node.args
+    return sympy.sin(sympy.pi * angle / turn)
+
+
+def place_of(switch: Any, expressions: Iterable[Any]) -> str:
+    """Where a switch of expressions lies, in words."""
+    for node in set().union(*(each.atoms(Wrapped) for each in expressions)):
+        if _whole_turns(node) in (switch, -switch):
+            angle, turn = node.args
+            return f"{short(angle)} = 0 modulo {short(turn)}"
+    return f"{short(switch)} = 0"
 
 
 def outermost(expression: Any) -> list[Any]:
@@ -143,7 +162,7 @@ def require_no_jump(expression: Any, by: Sequence[Any]) -> None:
         moving = next(symbol for symbol in by if symbol in switch.free_symbols)
         if jumps([expression], switch, moving):
             raise ImpulseError(
-                f"{short(expression)} jumps where {short(switch)} = 0, and its derivative by {moving} would "
+                f"{short(expression)} jumps where {place_of(switch, [expression])}, and its derivative by {moving} would "
                 "be an impulse there; V and forces may jump with the phase, T and displacements have "
                 "kinks at most, and so may V with coordinates",
                 switch,

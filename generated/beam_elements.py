@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "7922ac84fb979b634bcb3fafa49bec817b7c91fc6ecdaa5a02b4b4c994714907"
+DERIVE_SHA256 = "8f42f851613f87d090d17416a8fd01225ad9a5b951cf4e1b222f9d070ba1923e"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "7e5d8855a5a84979a2bfa1e025a784c0c271c685449f3741a07a71ea74394fa6"
+FILE_SHA256 = "58f93bdfa581b95b0c51de62a795f0835b98cd2064898198a1551e81b4e17899"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "7922ac84fb979b634bcb3fafa49bec817b7c91fc6ecdaa5a02b4b4c994714907"
+DERIVE_SHA256 = "8f42f851613f87d090d17416a8fd01225ad9a5b951cf4e1b222f9d070ba1923e"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0212a87f96c6e5a19a35070e7f2bcb0411bae04ae0ada6673c297c953db51a71"
+FILE_SHA256 = "61c2e2e73d7bf1dbbede51a5e20fa5e0f4dea24580626da7a0ed1eefb6e437dd"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

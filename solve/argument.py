@@ -5,7 +5,7 @@ import inspect
 import reprlib
 from collections.abc import Callable, Iterable
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -15,9 +15,11 @@ Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
 
-def first_is(*kinds: type, such_as: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+def first_is(
+    *kinds: type, such_as: str, demand: Callable[[Any], None] | None = None
+) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
     """A function that raises ValueOutOfBoundsError where its first argument is of none of the kinds; such_as:
-    how one is had."""
+    how one is had. demand: what else raises where the argument is not suitable."""
 
     def checking(work: Callable[Given, Result]) -> Callable[Given, Result]:
         name = next(iter(inspect.signature(work).parameters))
@@ -30,6 +32,8 @@ def first_is(*kinds: type, such_as: str) -> Callable[[Callable[Given, Result]], 
                 raise ValueOutOfBoundsError(
                     f"{name} is {reprlib.repr(given[0])}; allowed: {allowed}, such as {such_as}"
                 )
+            if given and demand is not None:
+                demand(given[0])
             return work(*args, **kwargs)
 
         return checked

@@ -51,12 +51,20 @@ class MatricesError(SolveError):
     """Matrices of wrong shape, with NaN or infinity, not periodic, or with a singular M."""
 
 
+class DesiredMotionError(SolveError):
+    """A desired motion, or what is stated along it, that is not real and finite at some phases."""
+
+
 class StructureError(SolveError):
     """Links that do not meet where they should, or that leave a structure nothing to vibrate with."""
 
 
 class NoMotionError(SolveError):
     """A model that stands still, asked for what only motion has."""
+
+
+class NoVibrationError(SolveError):
+    """A mechanism without coordinates, asked for what only a vibration has."""
 
 
 class NoLoadError(SolveError):

@@ -42,6 +42,8 @@ class Labels:
     """Of the places of `sketched`."""
     moves: bool = True
     """Whether the drive has positions: a structure may stand still."""
+    vibrates: bool = True
+    """Whether it has coordinates: the motion of a rigid mechanism is prescribed."""
     coordinates: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     """Names of the quantities that follow from the state; units and meanings hold theirs too."""

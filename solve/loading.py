@@ -13,6 +13,7 @@ from solve.model.files import model_files
 from solve.model.generated import EQUATIONS, kind_of, model_module, module_of
 from solve.model.model import Model
 from solve.model.options import REDUCE
+from solve.model.rigid import RigidModel
 from solve.model.setup import Setup
 
 
@@ -66,7 +67,7 @@ def setup_of(
 def model_of(setup: Setup) -> Model:
     """The model of the setup, of the kind that its module states."""
     if kind_of(setup.module) == EQUATIONS:
-        return Model.of(setup)
+        return Model.of(setup) if setup.module.COORDINATES else RigidModel.of(setup)
     from solve.beams.reduced_structure import ReducedStructure
     from solve.beams.structure import StructureModel
 

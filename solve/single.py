@@ -13,8 +13,9 @@ from solve.methods.radau import Radau
 from solve.period.points import OnePoint
 from solve.progress import stage
 from solve.results.orbit import Orbit
+from solve.results.rigid import RigidOrbit
 from solve.results.stability import Stability
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_any_system, of_system
 from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
 
@@ -23,7 +24,7 @@ CERTIFICATE, TWO_ORDERS = "SOLVE_CERTIFICATE", "two orders"
 `solve.certify.two_orders`, which is to take the place of the grid sequence."""
 
 
-@of_system
+@of_any_system
 def periodic(
     system: PeriodicSystem,
     speed: float | str,
@@ -40,6 +41,7 @@ def periodic(
     engine: "compiled", "numpy", or "auto" for the first where there is a C compiler; the first solution of a
     kind then waits for the compiler, once for a machine. all_multipliers: `rtol` holds for each multiplier,
     however small, from the factors of the period; it costs more steps.
+    A mechanism without coordinates has its outputs over the turn, and neither multipliers nor a verdict.
     Raises ResonanceError where a multiplier is at +1, and other SolveError subclasses for bad input,
     matrices or steps.
 
@@ -53,6 +55,8 @@ def periodic(
     """
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
+    if not system.vibrates:
+        return RigidOrbit.of(system, omega)
     solved = _solved(system, omega, method, steps, rtol, engine, True, all_multipliers)
     return Orbit(system, omega, *solved)
 

@@ -29,6 +29,6 @@ def animate(
     """The mechanism in motion, its vibration magnified, as an animation or a picture."""
     file = out_file(out, ENDINGS, "animation", "cam.gif")
     frame_count(frames, False, file.suffix.lower() in PICTURES)
-    model, rule = problem.loaded(), accuracy.rule
+    model, rule = problem.loaded(rigid=True), accuracy.rule
     animation = made(model, speed.speed, scale, frames, show, nonlinear, rule, accuracy.rtol)
     deliver_animation(animation, file)

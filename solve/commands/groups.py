@@ -87,11 +87,11 @@ class Numbers(CaseNumbers):
         int | None, Flag("Structures of beams: keep K modes of each link; the error is estimated.", "K")
     ] = None
 
-    def of(self, name: str, still: bool = False) -> Model:
-        """The model of that name. Raises NoMotionError for one without equations of motion, unless what is
-        asked of it needs none."""
+    def of(self, name: str, still: bool = False, rigid: bool = False) -> Model:
+        """The model of that name. Raises NoMotionError for one without equations of motion and
+        NoVibrationError for a rigid one, unless what is asked of it needs none."""
         model = model_of(self.setup(name))
-        if not still:
+        if not still and (model.vibrates or not rigid):
             model.require_motion()
         return model
 
@@ -118,9 +118,9 @@ class Problem(Numbers):
         str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
     ]
 
-    def loaded(self, still: bool = False) -> Model:
+    def loaded(self, still: bool = False, rigid: bool = False) -> Model:
         """As `of`, the model that the user names."""
-        return self.of(self.model, still)
+        return self.of(self.model, still, rigid)
 
 
 @dataclass(frozen=True)

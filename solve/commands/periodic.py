@@ -37,7 +37,7 @@ def periodic(
     scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:
     """Periodic vibration, its spectrum and its stability."""
-    orders, model = harmonic_count(harmonics), problem.loaded()
+    orders, model = harmonic_count(harmonics), problem.loaded(rigid=True)
     require_name("scale", scale, SCALES)
     shown(model, show)
     if fits and results.plot is None:

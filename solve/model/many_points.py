@@ -12,6 +12,7 @@ from solve.contracts import Formulas
 from solve.errors import ValueOutOfBoundsError
 from solve.model.bounds import clauses, holds
 from solve.model.damping import damped
+from solve.model.domain import Domain
 from solve.model.sampling import Sampler
 from solve.model.setup import Setup
 
@@ -46,6 +47,8 @@ class ModelPoints:
         entries = by_the_phase(entries.reshape(P, k, 3 * n**2 + n), speeds, n)
         if self._names:
             entries[~self._admitted(values)] = np.nan
+        if self._domain is not None:
+            entries[~self._domain.holds(speeds, values)] = np.nan
         return entries
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
@@ -75,6 +78,10 @@ class ModelPoints:
     @cached_property
     def _ratios(self) -> Sampler:
         return self._setup.sampler("damping_ratios", self._names)
+
+    @cached_property
+    def _domain(self) -> Domain | None:
+        return Domain(self._setup, tuple(self._names)) if self._setup.domain is not None else None
 
     @cached_property
     def _margins(self) -> Sampler:

@@ -105,20 +105,34 @@ class Model(PeriodicSystem):
         if found is None:
             return None
         table, entry, power = found
-        return table, speeds[:, None] ** power, entry
+        return table, self._existing(speeds[:, None] ** power, speeds), entry
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         sampler = self._matrices
         if not isinstance(sampler, MatrixSampler):
             return super().entries_over(phase, speeds)
-        return by_the_phase(sampler.entries(phase, speeds), speeds, self.n)
+        return self._existing(by_the_phase(sampler.entries(phase, speeds), speeds, self.n), speeds)
+
+    def require_desired_motion(self, speeds: Array) -> None:
+        domain = self.setup.domain
+        if domain is not None and domain.by_speed:
+            for speed in speeds[~domain.holds(speeds, np.zeros((len(speeds), 0)))][:1].tolist():
+                domain.require(speed, self.speed_unit.text(speed))
+
+    def _existing(self, parts: Array, speeds: Array) -> Array:
+        """Parts (P, …) at speeds (P,), NaN where there is no desired motion."""
+        domain = self.setup.domain
+        if domain is not None and domain.by_speed:
+            parts[~domain.holds(speeds, np.zeros((len(speeds), 0)))] = np.nan
+        return parts
 
     def many_points(self, names: Sequence[str]) -> ModelPoints | None:
         return ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
-        """Beyond the checks of any system: generated matrices repeat at every phase, and M is positive
-        definite. Raises MatricesError."""
+        """Beyond the checks of any system: the desired motion exists, generated matrices repeat at every
+        phase, and M is positive definite. Raises DesiredMotionError, MatricesError."""
+        self.require_desired_motion(np.array([speed]))
         if not self._sound:
             super().checked(speed)
             require_sound(self, speed)
@@ -324,8 +338,8 @@ def _bound(name: str, meaning: str, unit: str, clause: str) -> Limit:
     return Limit(name, left, says)
 
 
-of_model = first_is(Model, such_as="solve.load('cam')")
-"""Before a public function of a model."""
+of_model = first_is(Model, such_as="solve.load('cam')", demand=lambda model: model.require_vibration())
+"""Before a public function of a model that vibrates."""
 
 
 class ModelAlong(Model):
@@ -352,6 +366,7 @@ class ModelAlong(Model):
 
     def _tangent(self, phase: Array, speed: float) -> Array:
         """M, C, K by rows and d (3n² + n, k) at phases (k,), but for the damping of ratios."""
+        self.model.require_desired_motion(np.array([speed]))
         speeds, of = np.full(len(phase), speed), getattr(self.motion, "states", None)
         motions = of(phase) if of else [self.motion(phase, derivative) for derivative in range(3)]
         states = [speed**derivative * part for derivative, part in enumerate(motions)]

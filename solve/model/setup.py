@@ -13,6 +13,7 @@ from solve.contracts import Formulas
 from solve.errors import ValueOutOfBoundsError
 from solve.model.bounds import checked_parameters, measured
 from solve.model.cases import Case
+from solve.model.domain import Domain
 from solve.model.formulas import c_text
 from solve.model.options import checked_options
 from solve.model.sampling import Sampler, folded
@@ -38,10 +39,12 @@ class Setup:
     @classmethod
     def checked(cls, module: ModuleType, case: Case, options: Mapping[str, Any]) -> "Setup":
         """Options that are not given have their defaults; every parameter needs a value. Raises
-        UnknownNameError and ValueOutOfBoundsError."""
+        UnknownNameError, ValueOutOfBoundsError and DesiredMotionError."""
         case = replace(case, parameters=checked_parameters(module, case.parameters))
         setup = cls(module, case, checked_options(module, options))
         setup.require_conditions()
+        if setup.domain is not None:
+            setup.domain.require()
         return setup
 
     def varied(self, parameters: Mapping[str, float], options: Mapping[str, Any]) -> "Setup":
@@ -109,6 +112,11 @@ class Setup:
         text = c_text(function)
         names = tuple(order[k] for k in kept)
         return Formulas(text, function.size1_out(0), names, self.p[kept]) if text else None
+
+    @cached_property
+    def domain(self) -> Domain | None:
+        """Where the desired motion is real and finite; None where it is so everywhere."""
+        return Domain(self) if hasattr(self.module, "DOMAIN") else None
 
     @property
     def conditions(self) -> Sequence[tuple[str, str, Sequence[str]]]:

@@ -112,6 +112,7 @@ def _run_up(
     """While the speed goes linearly in time, so that its square goes linearly from turn to turn."""
     system.require_motion()
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
+    system.require_desired_motion(ends)
     if start == ORBIT and ramp[0] == 0:
         raise ValueOutOfBoundsError("a drive at rest has no orbit to start from; start from rest")
     first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None

@@ -74,6 +74,8 @@ class Animation:
 
     @property
     def _shown(self) -> str:
+        if not self.system.vibrates:
+            return "rigid motion"
         if self.scale != 1:
             return f"{self.about} magnified {self.scale:g} times"
         return f"{self.about}, of any size" if self._free else f"{self.about} at its true size"
@@ -86,7 +88,7 @@ class Animation:
         """What a picture shows, at the phases of a still or of an animation."""
         count = frame_count(self.frames, self._free, still)
         phase = np.arange(count) * (self.span / count)
-        caption = f"grey: rigid motion; blue: with the {self._shown}"
+        caption = f"grey: rigid motion; blue: with the {self._shown}" if self.system.vibrates else ""
         fine = np.linspace(0.0, self.span, _SAMPLES)
         panels = [Panel(name, signal(fine), signal(phase)) for name, signal in self.signals.items()]
         rigid, moved = self.lines(phase, 0.0), self.lines(phase, self.scale)
@@ -149,9 +151,10 @@ def animate(
     asked = system.system if isinstance(system, Orbit) else system
     if not asked.solvable:
         raise ReopenedError("a result that was read from a file knows no lines to draw; load the model again")
-    asked.require_motion()
+    if asked.vibrates:
+        asked.require_motion()
     asked.sketched(np.zeros(1), 1.0, np.zeros((asked.n, 1)))
-    names = shown(asked, show) if show else list(asked.coordinates[:_PANELS])
+    names = shown(asked, show) if show else list((asked.coordinates or asked.outputs)[:_PANELS])
     if isinstance(system, Orbit):
         _require_nothing(speed is not None or nonlinear or method != "auto")
         return _scaled(_of_orbit(system, names, frames), scale)
@@ -172,7 +175,8 @@ def _calculated(
 ) -> Animation:
     """Of the orbit at this speed; without a load, which it needs, of the free vibration."""
     try:
-        system.require_load(omega)
+        if system.vibrates:
+            system.require_load(omega)
     except NoLoadError:
         if nonlinear:
             raise

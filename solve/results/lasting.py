@@ -29,7 +29,7 @@ Kind = TypeVar("Kind", bound=type)
 _NUMBERS = "fciub"
 _LABELS = (
     *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
-    *("links", "moves", "outputs", "equation_warnings", "largest_of", "units", "meanings", "period"),
+    *("links", "moves", "vibrates", "outputs", "equation_warnings", "largest_of", "units", "meanings", "period"),
     *("coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit"),
 )
 
@@ -78,6 +78,7 @@ class StoredSystem(PeriodicSystem):
     judged_quantities = ()  # type: ignore[assignment]
 
     def __init__(self, labels: Mapping[str, Any]):
+        self.vibrates = labels.get("vibrates", True)
         super().__init__(self._refused, labels["coordinates"], labels["period"], labels["breaks"])
         vars(self).update(labels)
 

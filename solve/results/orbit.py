@@ -331,7 +331,8 @@ class Orbit(Stability, Turn):
         for name in shown(self.system, names):
             amplitudes, _ = self.harmonics(name, harmonics or self.samples // 8)
             motions[name] = Motion(self.signal(name)(phase), beside(name, phase), amplitudes)
-        return orbit_figure(self.system, self.speed, motions, self._panel, scale, *self._curve_names)
+        panel = self._panel if self.system.vibrates else None
+        return orbit_figure(self.system, self.speed, motions, panel, scale, *self._curve_names)
 
     def _beside(self, quasi_static: bool) -> Callable[[str, Array], Array | None]:
         """From a quantity and phases (k,) to the values (k,) that are drawn beside."""

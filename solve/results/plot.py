@@ -74,21 +74,20 @@ def orbit_figure(
     system: PeriodicSystem,
     speed: float,
     motions: Mapping[str, Motion],
-    panel: StabilityPanel,
+    panel: StabilityPanel | None,
     scale: str,
     label: str,
     beside: str,
 ) -> Figure:
-    """Time curve over one period and spectrum of each quantity, multipliers; speed in rad/s. label and beside
-    name the solution and the one beside it.
+    """Time curve over one period and spectrum of each quantity, multipliers unless nothing vibrates; speed in
+    rad/s. label and beside name the solution and the one beside it.
 
     scale of the spectra is "linear" or "dB", 0 dB the largest amplitude; orders up to the last that can
     be seen.
     """
-    heights = [0.95 + _ROW_HEIGHTS[len(motions) - 1] * len(motions), _CIRCLE_ROW]
+    heights = [0.95 + _ROW_HEIGHTS[len(motions) - 1] * len(motions), _CIRCLE_ROW][: 1 + (panel is not None)]
     with page(sum(heights), titled(system, speed)) as figure:
-        grid = figure.add_gridspec(2, 1, height_ratios=heights)
-        upper, lower = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+        upper, *lower = map(figure.add_subfigure, figure.add_gridspec(len(heights), 1, height_ratios=heights))
         axes = upper.subplots(len(motions), 2, sharex="col", squeeze=False, width_ratios=(1.2, 1))
         orders = _orders(motions, scale)
         for (left, right), (name, motion) in zip(axes, motions.items(), strict=True):
@@ -100,7 +99,8 @@ def orbit_figure(
             axes[0, 0].set_ylim(top=high + 0.25 * (high - low))
             axes[0, 0].legend(loc="upper right", ncols=2)
         upper.align_ylabels()
-        _draw_stability(lower, panel)
+        if panel is not None:
+            _draw_stability(lower[0], panel)
     return figure
 
 
@@ -115,7 +115,7 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     """The names to show: those given, or the first coordinates. Raises UnknownNameError, and
     ValueOutOfBoundsError for more rows than a page holds."""
     if not names:
-        return list(system.coordinates[:MOST_SHOWN])
+        return list((system.coordinates or system.outputs)[:MOST_SHOWN])
     known = system.known_quantities(names)
     if len(known) > MOST_SHOWN:
         raise ValueOutOfBoundsError(

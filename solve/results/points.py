@@ -89,8 +89,9 @@ class PointResults:
 
     @property
     def spectral_radius(self) -> Array:
-        """Largest |ρ| (P,); NaN where the point failed."""
-        return np.abs(self.multipliers[:, 0])
+        """Largest |ρ| (P,); NaN where the point failed, or nothing vibrates."""
+        none = self.multipliers.shape[1] == 0
+        return np.full(len(self), np.nan) if none else np.abs(self.multipliers[:, 0])
 
     @property
     def leading(self) -> Array:
@@ -138,7 +139,9 @@ class PointResults:
 
 
 def kinds_of(multipliers: Array) -> Array:
-    """Positions in KINDS (k,) of what the first of the multipliers (k, N) is."""
+    """Positions in KINDS (k,) of what the first of the multipliers (k, N) is; 0 where there are none."""
+    if not multipliers.shape[1]:
+        return np.zeros(len(multipliers), dtype=int)
     leader = multipliers[:, 0]
     pair = np.abs(np.imag(leader)) > _REAL * np.abs(leader)
     return np.where(pair, 2, np.where(np.real(leader) > 0, 0, 1))

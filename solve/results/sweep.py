@@ -83,6 +83,7 @@ class SweepPoint:
             "coordinates": self._figures(system, system.coordinates),
             "outputs": self._figures(system, system.outputs),
             **{name: getattr(self, name) for name in names},
+            "verdict": self.verdict or None,
         }
 
     def _figures(self, system: PeriodicSystem, names: Sequence[str]) -> dict[str, Any]:
@@ -118,7 +119,7 @@ class Sweep(Result):
             speed,
             dict(zip(results.kept.names, figures, strict=True)),
             float(results.spectral_radius[at]),
-            VERDICTS[results.verdicts[at]],
+            VERDICTS[results.verdicts[at]] if self.system.vibrates else "",
             results.methods[at],
             int(results.steps[at]),
             ErrorEstimate(*results.errors[at].tolist()),
@@ -232,7 +233,8 @@ class Sweep(Result):
         UnknownNameError, and ValueOutOfBoundsError for more lines than can be distinguished."""
         names = self.system.known_quantities(names or self._shown)
         responses = {name: self.figures(name, figure) for name in names}
-        return sweep_figure(self.system, self.varied, responses, self.spectral_radius, figure, self.unstable)
+        radius = self.spectral_radius if self.system.vibrates else None
+        return sweep_figure(self.system, self.varied, responses, radius, figure, self.unstable)
 
     def waterfall(self, name: str) -> Figure:
         """The spectrum of a quantity over the speed, or over the parameter that varies instead (matplotlib
@@ -272,8 +274,9 @@ class Sweep(Result):
         }
         columns[SPEED] = speeds_of(self.system, self.speeds, heading="{}", form=".7g")
         columns |= itertools.islice(moduli.items(), fitting)
-        columns["radius"] = Column(self.spectral_radius, heading="|ρ|", text=digits(".6g"))
-        columns["verdict"] = Column([point.stability for point in self.points], heading="stability")
+        if self.system.vibrates:
+            columns["radius"] = Column(self.spectral_radius, heading="|ρ|", text=digits(".6g"))
+            columns["verdict"] = Column([point.stability for point in self.points], heading="stability")
         every, over = math.ceil(len(self.points) / _MOST_ROWS), ", ".join([*self.parameters, SPEED])
         title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(self.points)}"
         caption = "others by --show NAME, all by --json" if fitting < len(names) else None

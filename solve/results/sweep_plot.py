@@ -41,20 +41,21 @@ def sweep_figure(
     system: PeriodicSystem,
     varied: Mapping[str, Array],
     responses: Mapping[str, Array],
-    radius: Array,
+    radius: Array | None,
     figure: str = "max_abs",
     bands: Edges = (),
 ) -> Figure:
     """A row a quantity: its figure over the last of the quantities that vary, values (P,) by name, a line for
-    each combination of the others, one alone with its maxima marked; below them the spectral radius. Bands
-    are shaded; in them the response is never reached, and not drawn. Raises ValueOutOfBoundsError for more
+    each combination of the others, one alone with its maxima marked; below them the spectral radius, unless
+    nothing vibrates. Bands are shaded; in them the response is never reached, and not drawn. Raises ValueOutOfBoundsError for more
     lines than can be distinguished."""
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
     x = system.unit_of(along).of(varied[along])
-    with page(1.4 + 1.35 * (len(responses) + 1), f"{title_of(system)}: response over {along}") as made:
-        axes = made.subplots(len(responses) + 1, 1, sharex=True, squeeze=False)[:, 0]
+    rows = len(responses) + (radius is not None)
+    with page(1.4 + 1.35 * rows, f"{title_of(system)}: response over {along}") as made:
+        axes = made.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
         for place, (name, values) in zip(axes, responses.items(), strict=False):
             heights = values * label_quantity(place, system, name, values, figure)
             for low, high, _ in bands:
@@ -64,7 +65,7 @@ def sweep_figure(
                 if not others:
                     _mark_maxima(place, x[index], heights[index])
             _shade(place, system, bands)
-        for (words, index), style in zip(lines.items(), styles, strict=True):
+        for (words, index), style in zip(lines.items(), styles, strict=True) if radius is not None else ():
             _draw_radius(axes[-1], x[index], radius[index], label=words or None, **style)
         label_speeds(axes[-1], system, np.sort(varied[along]), along)
         _name_bands(axes[-1], system, bands)

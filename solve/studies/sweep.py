@@ -22,14 +22,15 @@ from solve.results.points import Kept
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
 from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.system import PeriodicSystem, of_system
+from solve.studies.rigid import rigid_points
+from solve.system import PeriodicSystem, of_any_system
 from solve.units import evenly, speeds_given
 
 Over = str | Sequence[str] | Mapping[str, str | Sequence[float] | Array]
 """Values of parameters by name, or texts NAME=A:B:N."""
 
 
-@of_system
+@of_any_system
 def sweep(
     system: PeriodicSystem,
     speeds: float | str | Sequence[float | str] | Array | None = None,
@@ -69,7 +70,12 @@ def sweep(
     for extreme in (points.min(axis=0), points.max(axis=0)) if values else ():
         system.require_bounds(dict(zip(values, extreme.tolist(), strict=False)))
     task, notes = task_of(family, method, rtol, engine, kept, steps)
-    results = task.solved(task.batch(points), points, executor, store)
+    if system.vibrates:
+        results = task.solved(task.batch(points), points, executor, store)
+    elif store is None:
+        results = rigid_points(family, points, kept)
+    else:
+        raise ValueOutOfBoundsError(f"{system.name} is rigid, and its sweep quick; leave out the store")
     parameters = dict(zip(values, points.T, strict=False))
     return Sweep(system, points[:, -1], results, task.request.engine, notes, parameters)
 

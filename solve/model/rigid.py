@@ -1,0 +1,45 @@
+"""A mechanism without coordinates: nothing vibrates, its outputs follow from the phase and the speed."""
+
+from typing import Any, Self
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.contracts import Matrices
+from solve.errors import NoVibrationError
+from solve.model.model import Model
+from solve.model.setup import Setup
+
+
+class RigidModel(Model):
+    """A model of which the whole motion is prescribed."""
+
+    vibrates = False
+
+    @classmethod
+    def of(cls, setup: Setup) -> Self:
+        return cls(setup, _no_matrices, ())
+
+    @property
+    def assembled(self) -> bool:
+        return False
+
+    def many_points(self, names: Any) -> None:
+        return None
+
+    def checked(self, speed: float) -> None:
+        self.require_desired_motion(np.array([speed]))
+
+    def require_vibration(self) -> None:
+        raise NoVibrationError(
+            f"{self.name} has no coordinates, and nothing vibrates; its outputs over the turn are shown by "
+            "periodic, sweep and animate"
+        )
+
+    def require_motion(self) -> None:
+        self.require_vibration()
+
+
+def _no_matrices(phase: Array, speed: float) -> Matrices:
+    none = np.zeros((len(phase), 0, 0))
+    return none, none, none, np.zeros((len(phase), 0))

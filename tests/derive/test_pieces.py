@@ -1,0 +1,138 @@
+"""Pieces that are not taken contribute nothing, in values and in automatic derivatives of any order."""
+
+import casadi
+import numpy as np
+import pytest
+from modules import module_of, values
+
+from derive import Abs, Heaviside, Max, Mechanism, Min, Piecewise, log, rate, sign, sqrt
+from derive.checks import check
+from derive.emit import module_text
+from derive.errors import ExpansionError
+from solve.model.sampling import tangent
+
+K, KR, GAP = 1e4, 4e4, 2e-4
+
+
+def rotor(gap_bound="> 0"):
+    """A mass on a shaft, its coordinates and the ring's parameters."""
+    made = Mechanism("rotor", "Rotor in a ring")
+    x, y = made.coordinates(x=("m", "across"), y=("m", "up"))
+    m, k = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "shaft", "> 0"))
+    kr, gap = made.parameters(kr=("N/m", "ring", ">= 0"), gap=("m", "clearance", gap_bound))
+    made.kinetic = m * (rate(x) ** 2 + rate(y) ** 2) / 2
+    made.potential = k * (x**2 + y**2) / 2
+    return made, x, y, kr, gap
+
+
+def by_energy(energy):
+    def state():
+        made, x, y, kr, gap = rotor()
+        made.potential += kr * energy(sqrt(x**2 + y**2), gap) / 2
+        return made
+
+    return state
+
+
+def by_force(normal):
+    def state():
+        made, x, y, kr, gap = rotor()
+        r = sqrt(x**2 + y**2)
+        for coordinate in (x, y):
+            made.force(-kr * normal(r, gap) * coordinate / r, along=coordinate)
+        return made
+
+    return state
+
+
+RINGS = {
+    "Max in an energy": by_energy(lambda r, gap: Max(0, r - gap) ** 2),
+    "Min in an energy": by_energy(lambda r, gap: Min(0, gap - r) ** 2),
+    "Piecewise in an energy": by_energy(lambda r, gap: Piecewise(((r - gap) ** 2, r > gap), (0, True))),
+    "Abs in an energy": by_energy(lambda r, gap: (Abs(r - gap) + r - gap) ** 2 / 4),
+    "Max": by_force(lambda r, gap: Max(0, r - gap)),
+    "Min": by_force(lambda r, gap: -Min(0, gap - r)),
+    "Heaviside": by_force(lambda r, gap: Heaviside(r - gap) * (r - gap)),
+    "its complement": by_force(lambda r, gap: (1 - Heaviside(gap - r)) * (r - gap)),
+    "Abs": by_force(lambda r, gap: (Abs(r - gap) + r - gap) / 2),
+    "sign": by_force(lambda r, gap: (1 + sign(r - gap)) * (r - gap) / 2),
+    "Piecewise": by_force(lambda r, gap: Piecewise((0, r < gap), (r - gap, True))),
+}
+
+
+@pytest.mark.parametrize("state", RINGS.values(), ids=RINGS)
+def test_a_ring_that_is_not_touched_at_rest(state):
+    """K is the shaft's at rest; the residual and its derivatives are those of the ring's force
+    kr (1 - gap/r) (x, y) beyond the gap, and the shaft's within it, at its middle too."""
+    module = module_of(state())
+    M, C, stiffness, d = values(module.linearised(), 0.0, 1.0, [1.0, K, KR, GAP])
+    assert np.array_equal(stiffness, K * np.eye(2))
+    assert not d.any()
+    assert not hasattr(module, "CONDITIONS")
+    residual = module.residual()
+    matrices = tangent(residual, np.array([1.0, K, KR, GAP]))
+    for x, y in [(0.0, 0.0), (1e-4, -5e-5), (1.5e-4, 2.5e-4), (-3e-4, 0.0)]:
+        r = np.hypot(x, y)
+        expected_force, expected = K * np.array([x, y]), K * np.eye(2)
+        if r > GAP:
+            e = np.array([x, y]) / r
+            expected_force = expected_force + KR * (r - GAP) * e
+            expected = expected + KR * ((1 - GAP / r) * np.eye(2) + GAP / r * np.outer(e, e))
+        (force,) = values(residual, 0.0, 1.0, [x, y], [0, 0], [0, 0], [1.0, K, KR, GAP])
+        assert force.ravel() == pytest.approx(expected_force, rel=1e-12, abs=1e-15)
+        (found,) = values(matrices, 0.0, 1.0, [x, y], [0, 0], [0, 0])
+        assert found.ravel()[8:12].reshape(2, 2) == pytest.approx(expected, rel=1e-12, abs=1e-9)
+
+
+def test_second_derivatives_are_finite_where_the_piece_is_not_taken():
+    residual = module_of(RINGS["Max"]()).residual()
+    q, p = casadi.SX.sym("q", 2), casadi.SX.sym("p", 4)
+    (r,) = residual.call([0, 1, q, casadi.SX(2, 1), casadi.SX(2, 1), p], True, False)
+    second = casadi.jacobian(casadi.jacobian(r, casadi.vertcat(q, p)), casadi.vertcat(q, p))
+    (found,) = values(casadi.Function("second", [q, p], [second]), [0, 0], [1.0, K, KR, GAP])
+    assert np.isfinite(found).all()
+
+
+def test_a_gap_of_either_sign_is_a_condition_of_the_numbers():
+    made, x, y, kr, gap = rotor(gap_bound="")
+    made.potential += kr * Max(0, sqrt(x**2 + y**2) - gap) ** 2 / 2
+    module = module_of(made)
+    assert [text for text, *_ in module.CONDITIONS] == ["gap > 0"]
+    (margins,) = values(module.conditions(), 0.0, [1, K, KR, -0.5])
+    assert margins == [[-0.5]]
+
+
+def test_a_piece_that_is_taken_at_rest_has_no_linearisation():
+    made, x, y, kr, gap = rotor()
+    made.potential += kr * Max(0, sqrt(x**2 + y**2) + gap) ** 2 / 2
+    with pytest.raises(ExpansionError, match="K is not finite"):
+        module_of(made)
+
+
+def test_a_logarithm_within_a_piece():
+    """Of compressed gas beyond a gap: F log(q/gap) has an infinite slope at q = 0, where it does not act."""
+    made = Mechanism("gas", "Mass before a cushion")
+    q = made.coordinate("q", "m", "deflection")
+    m, k, F, gap = made.parameters(
+        m=("kg", "mass", "> 0"), k=("N/m", "spring"), F=("N", "force"), gap=("m", "gap", "> 0")
+    )
+    made.kinetic, made.potential = m * rate(q) ** 2 / 2, k * q**2 / 2
+    made.force(-Piecewise((F * log(q / gap), q > gap), (0, True)), along=q)
+    module = module_of(made)
+    p = np.array([1.0, 5.0, 3.0, 0.1])
+    assert float(module.linearised()(0, 1, p)[2]) == 5.0
+    for at, slope in [(0.0, 5.0), (0.05, 5.0), (0.2, 5.0 + 3.0 / 0.2), (-1.0, 5.0)]:
+        (force,) = values(module.residual(), 0, 1, at, 0, 0, p)
+        (found,) = values(tangent(module.residual(), p), 0, 1, at, 0, 0)
+        assert float(force[0, 0]) == pytest.approx(5.0 * at + (3.0 * np.log(at / 0.1) if at > 0.1 else 0))
+        assert found[2, 0] == pytest.approx(slope)
+
+
+def test_code_without_singular_pieces_stays_as_it_is():
+    """A stop is printed as a kink: nothing within it can fail."""
+    made, x, _, kr, gap = rotor()
+    made.potential += kr * Max(0, x - gap) ** 2 / 2
+    check(made)
+    text = module_text(made, "0" * 64, "rotor")
+    assert "fmax" in text or " > 0)" in text
+    assert "if_else" not in text
