@@ -22,6 +22,9 @@ _FEW = 16
 _PASSES = 3
 """Alternate scalings of columns and rows; more change the factors of usual machines by less than 2."""
 
+_SMALL, _COMPARABLE = 1e-11, 0.03
+"""Components of a unit vector: below the first they may be round-off; above the second all have 14 digits."""
+
 _INTEGER = 16 * EPS
 """Distance from a whole number within which a component is that number."""
 
@@ -158,9 +161,18 @@ def _null_space(K: Array, size: Array, noise: Array) -> Array:
     for _ in range(_PASSES):
         columns /= _largest(size * rows[:, None] * columns, 0)
         rows /= _largest(size * rows[:, None] * columns, 1)
-    scaled = (np.where(size > noise, K, 0.0) * rows[:, None] * columns).reshape(-1, len(size))
-    _, values, right = np.linalg.svd(scaled, full_matrices=False)
-    return columns[:, None] * right[values <= BOUND * max(float(values[0]), 1.0)].T
+    K = np.where(size > noise, K, 0.0)
+    for _ in range(_PASSES):
+        scaled = (K * rows[:, None] * columns).reshape(-1, len(size))
+        _, values, right = np.linalg.svd(scaled, full_matrices=False)
+        found = right[values <= BOUND * max(float(values[0]), 1.0)]
+        moved = np.linalg.norm(found, axis=0)
+        if not len(found) or moved[moved > _SMALL].min() > _COMPARABLE:
+            break
+        # Small components have few digits: with columns as large as these, none is small.
+        columns = columns * np.where(moved > _SMALL, moved, 1.0)
+        rows = rows / _largest(size * rows[:, None] * columns, 1)
+    return columns[:, None] * found.T
 
 
 def _largest(sizes: Array, axis: int) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError
+from solve.period.natural import lowest_elastic
 from solve.progress import part
 from solve.results.critical_rows import Combination
 from solve.studies.mean_modes import mean_modes, shift_by_rates
@@ -49,6 +50,11 @@ class MeanFrequencies:
         return self._found[0]
 
     @property
+    def lowest(self) -> Array:
+        """The lowest that is not 0, as those of rigid-body modes are (P,)."""
+        return lowest_elastic(self.values)
+
+    @property
     def imaginary(self) -> Array:
         """Whether one of the frequencies is imaginary or complex at some phase (P,)."""
         return self._found[1]
@@ -73,9 +79,10 @@ class MeanFrequencies:
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
     """Every (ω̄i ± ω̄j)/k within the speeds, with k up to `orders` that the matrices may have by their period,
-    falling in speed; integer divisions are none."""
+    falling in speed; integer divisions are none, and rigid-body modes have no part in any."""
     modes, found = np.eye(frequencies.values.shape[1]), []
-    for low, high in itertools.combinations_with_replacement(range(len(modes)), 2):
+    vibrating = np.flatnonzero(frequencies.values.any(axis=0)).tolist()
+    for low, high in itertools.combinations_with_replacement(vibrating, 2):
         for sign in (1, -1) if high > low else (1,):
             found_at = crossed(frequencies, modes[high] + sign * modes[low], orders)
             every = (Combination(speed, (high + 1, low + 1), sign, order) for order, speed in found_at)
@@ -131,7 +138,7 @@ def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
     system, (values,) = rest.system, rest.values
     every = [
         (np.eye(len(values))[one] + sign * np.eye(len(values))[two], order)
-        for one, two in itertools.combinations_with_replacement(range(len(values))[::-1], 2)
+        for one, two in itertools.combinations_with_replacement(np.flatnonzero(values)[::-1].tolist(), 2)
         for sign in ((1, -1) if one != two else (1,))
         for order in range(1, _LOW + 1)
         if excited(system, order) and (one != two or order % 2)
