@@ -43,6 +43,8 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     """
     step = system.period / _PHASES
     M, C, K, _ = system.at((np.arange(_PHASES) + 0.5) * step, speed)
+    if all((part == part[:1]).all() for part in (M, C, K)):
+        M, C, K = M[:1], C[:1], K[:1]
     squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
     rigid = rigid_body_modes(K[None], C[None], M[None]).vectors.shape[-1]
     np.put_along_axis(squares, np.argsort(np.abs(squares), axis=1)[:, :rigid], 0.0, axis=1)
