@@ -162,6 +162,7 @@ def _null_space(K: Array, size: Array, noise: Array) -> Array:
         columns /= _largest(size * rows[:, None] * columns, 0)
         rows /= _largest(size * rows[:, None] * columns, 1)
     K = np.where(size > noise, K, 0.0)
+    found = np.empty((0, len(size)))
     for _ in range(_PASSES):
         scaled = (K * rows[:, None] * columns).reshape(-1, len(size))
         _, values, right = np.linalg.svd(scaled, full_matrices=False)

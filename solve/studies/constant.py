@@ -71,8 +71,8 @@ class Constant:
         found, period = self.exponents(points), self.family.example.period
         growth, errors = found.growth * period, found.errors * period
         with np.errstate(invalid="ignore"):
-            unstable = (growth - errors > UNIT_CIRCLE).any(axis=1)
-            stable = ~unstable & (growth + errors <= _CLOSE).all(axis=1)
+            unstable = np.asarray((growth - errors > UNIT_CIRCLE).any(axis=1))
+            stable = np.asarray(~unstable & (growth + errors <= _CLOSE).all(axis=1))
         angles = found.turns * (self.family.speeds(points) * self.unit)[:, None]
         multipliers = np.exp(np.minimum(growth, _LARGEST) + 1j * angles)
         known = Judged(points, stable, unstable, np.nan_to_num(multipliers))
