@@ -25,12 +25,14 @@ _NEAR = 0.5
 
 class MeanModes(NamedTuple):
     """Means over the cycle of the frozen modes: frequencies in rad/s (n,), rising, and the rates in 1/s (n,)
-    at which vibrations die out, to the first order in C. Frequencies of rigid-body modes are exactly 0; where
-    K is not positive they count as 0. imaginary: whether one is imaginary or complex at some phase."""
+    at which vibrations die out, to the first order in C. Where K is not positive frequencies count as 0.
+    imaginary: whether one is imaginary or complex at some phase. rigid: how many are of rigid-body modes,
+    whose frequency is 0."""
 
     frequencies: Array
     rates: Array
     imaginary: bool
+    rigid: int = 0
 
 
 def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
@@ -46,9 +48,9 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     if all((part == part[:1]).all() for part in (M, C, K)):
         M, C, K = M[:1], C[:1], K[:1]
     squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
-    rigid = rigid_body_modes(K[None], C[None], M[None]).vectors.shape[-1]
+    rigid = int(rigid_body_modes(K[None], C[None], speed * M[None]).present.sum())
     np.put_along_axis(squares, np.argsort(np.abs(squares), axis=1)[:, :rigid], 0.0, axis=1)
-    order = np.argsort(np.real(squares), axis=1, kind="stable")
+    order = np.argsort(np.real(squares), axis=1)
     squares = np.take_along_axis(squares, order, axis=1)
     shapes = np.take_along_axis(shapes, order[:, None], axis=2)
     real, size = np.real(squares), np.abs(squares).max()
@@ -65,7 +67,7 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
         if speed == 0 or faster * system.period / speed <= -kept:
             means = along
     means = means[:, np.argsort(means[0], kind="stable")]
-    return MeanModes(means[0], means[1], bool(imaginary))
+    return MeanModes(means[0], means[1], bool(imaginary), rigid)
 
 
 def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
@@ -75,7 +77,7 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     parts = np.s_[: system.n], np.s_[system.n : 2 * system.n]
     rate = rate_of(*system.at((np.arange(_FEWER) + 0.5) * system.period / _FEWER, speed))[..., :-1]
     squares, values = np.linalg.eigvals(-rate[:, system.n :, : system.n]), np.linalg.eigvals(rate)
-    rigid = rigid_body_modes(*(-rate[None, :, system.n :, part] for part in parts)).vectors.shape[-1]
+    rigid = int(rigid_body_modes(*(-rate[None, :, system.n :, part] for part in parts)).present.sum())
     squares, values = _without_least(squares, rigid), _without_least(values, 2 * rigid)
     if np.real(squares).min(initial=np.inf) <= 0 or not np.imag(values).all():
         return 0.0
