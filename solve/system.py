@@ -310,15 +310,10 @@ class PeriodicSystem(Labels):
         """How many natural frequencies can be asked for."""
         return self.freedoms
 
-    def frequencies(self, positions: Array, count: int) -> Array:
-        """The lowest `count` natural frequencies (m, count) in rad/s, rising, of M and K at speed 0 at
-        positions (m,); NaN where the static stiffness is not positive. Raises MatricesError where M is
-        singular."""
-        M, _, K, _ = self.at(positions, 0.0)
-        require_inertia(M)
-        squares = np.linalg.eigvals(np.linalg.solve(M, K))
-        real = np.where(np.abs(squares.imag) > 1e-9 * np.abs(squares), np.nan, squares.real)
-        return np.sort(np.sqrt(np.where(real >= 0, real, np.nan)), axis=1)[:, :count]
+    def frequencies(self, positions: Array, count: int) -> Array | None:
+        """Natural frequencies (m, count) in rad/s at positions (m,) that a structure finds from its elements;
+        None where they are those of M and K at speed 0."""
+        return None
 
     def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
         """How the links move at the lowest frequencies (k,) of a position. Raises ValueOutOfBoundsError

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array, runs
+from solve.period.natural import lowest_elastic
 from solve.results.contents import Column, Columns, rows_of
 from solve.results.critical_marks import curve, draw_marks, growing, label_order, legend, shade
 from solve.results.critical_rows import Combination, Critical, Maximum
@@ -318,7 +319,7 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
 
     maxima = found.maxima("multiplier")
     # Where only orders above the highest lie it turns faster than the speeds tell.
-    seen = found.frequencies[:, 0] <= (found.orders + 0.5) * found.speeds
+    seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
     speeds, real_part = curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
     shown = found.system.speed_unit.of
     axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
@@ -346,7 +347,7 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     unit, divided = found.system.speed_unit, found.divided
     speeds = unit.of(found.speeds)
     orders = sorted({order for *_, order in divided})
-    shown = sorted({mode for _, mode, _ in divided}) or [1]
+    shown = sorted({mode for _, mode, _ in divided}) or [1 + int(found.frequencies.any(axis=0).argmax())]
     top = _HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
     for order in orders:
         rays = order * found.speeds / (2 * math.pi)

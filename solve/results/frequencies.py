@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -12,11 +12,13 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import ModeShape
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, Contents, model_record, plain
+from solve.period.natural import NaturalFrequencies
+from solve.results.contents import Column, Columns, Contents, known, model_record, plain
 from solve.results.frequencies_plot import positions_figure, shapes_figure, variation_figure
 from solve.results.quantities import fixed, headed
 from solve.results.report import Facts, RenderableType, Table, digits, table_of
 from solve.results.result import Result
+from solve.results.rigid_body import RigidBodyMode
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
@@ -27,20 +29,88 @@ _MOST_ROWS = 40
 """Rows of a table; of more positions or values every k-th is shown."""
 
 
-@dataclass(frozen=True)
-class Frequencies(Result):
-    """values (m, k): the lowest k frequencies in rad/s, rising, at positions (m,) in rad.
+class Roots(Result):
+    """Roots of λ in K v = λ M v, by frequencies and growth rates of one shape."""
 
-    A frequency is NaN where the static stiffness is not positive: there the position is unstable.
+    @property
+    def signed(self) -> Array:
+        """Frequencies; growth rates, negative, where λ < 0. They rise with λ."""
+        return self._roots.signed
+
+    @property
+    def _roots(self) -> NaturalFrequencies:
+        raise NotImplementedError
+
+    @property
+    def _largest(self) -> float:
+        """Of the roots that tables show."""
+        return float(np.nanmax(np.abs(self.signed), initial=0.0))
+
+    def _text(self, root: float) -> str:
+        """A frequency, or a growth rate given as a negative number, in a column of others."""
+        if root == 0:
+            return "0"
+        text = fixed(abs(root), self._largest, 6)
+        return f"{text}i" if root < 0 else text
+
+    def _figures(self, axis: int) -> dict[str, Array]:
+        """mean, min and max by name along an axis, of signed roots; a mean of both kinds has no meaning."""
+        signed = self.signed
+        mixed = (signed < 0).any(axis=axis) & ~(signed < 0).all(axis=axis)
+        mean = np.where(mixed, np.nan, signed.mean(axis=axis))
+        return {"mean": mean, "min": signed.min(axis=axis), "max": signed.max(axis=axis)}
+
+
+def _roots_of(frequencies: Array, growth_rates: Array | None) -> NaturalFrequencies:
+    """Files of earlier versions hold no growth rates."""
+    rates = np.full_like(frequencies, np.nan) if growth_rates is None else growth_rates
+    return NaturalFrequencies(frequencies, rates)
+
+
+def _growing(rows: Roots, places: str) -> list[str]:
+    """A sentence that names the modes that grow at some of the rows of a result; none where none does."""
+    frequencies, rates = rows._roots
+    grows = np.isfinite(rates)
+    if not grows.any():
+        return []
+    lost = "symmetric" if np.isfinite(frequencies[grows]).any() else "positive"
+    count = np.count_nonzero(grows.reshape(len(grows), -1).any(axis=1))
+    highest = int(np.nonzero(grows)[-1].max()) + 1
+    where = f" at {count} of {len(grows)} {places}" if len(grows) > 1 else ""
+    named = "mode 1 grows" if highest == 1 else f"modes up to {highest} grow"
+    return [
+        f"the static stiffness is not {lost}{where}: "
+        f"{named} instead of vibrating, at up to {np.nanmax(rates):.4g} 1/s"
+    ]
+
+
+def _vibrating(figures: Mapping[str, Array]) -> dict[str, Array]:
+    """Figures of signed roots, NaN instead of growth rates."""
+    return {name: np.where(values < 0, np.nan, values) for name, values in figures.items()}
+
+
+@dataclass(frozen=True)
+class Frequencies(Roots):
+    """values (m, k): frequencies of the first k modes in rad/s, rising, at positions (m,) in rad; the order
+    of modes is that of λ in K v = λ M v.
+
+    Where λ < 0 the position is unstable: the frequency is NaN, and growth_rates (m, k) in 1/s, NaN elsewhere,
+    holds √−λ. A mode of complex λ has both. rigid_body_modes: those of the first position, 0 each.
     """
 
     system: PeriodicSystem
     positions: Array
     values: Array
+    growth_rates: Array | None = None
+    rigid_body_modes: Sequence[RigidBodyMode] = ()
+
+    @property
+    def _roots(self) -> NaturalFrequencies:
+        return _roots_of(self.values, self.growth_rates)
 
     @property
     def mean(self) -> Array:
-        """Mean over the positions (k,): for a whole turn the cycle's mean."""
+        """Mean over the positions (k,): for a whole turn the cycle's mean; NaN where the mode grows."""
         return self.values.mean(axis=0)
 
     @property
@@ -53,11 +123,23 @@ class Frequencies(Result):
         for a system that is no structure of beams."""
         return self.system.mode_shapes(float(self.positions[number]), self.values[number])
 
+    def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
+        """Roots at a position: 21.5, of λ < 0 1.73i, of complex λ 21.5±1.73i."""
+        made = []
+        for omega, rate in zip(*(factor * part[number] for part in self._roots), strict=True):
+            parts = [
+                text
+                for value, text in ((omega, f"{omega:{form}}"), (rate, f"{rate:{form}}i"))
+                if known(value)
+            ]
+            made.append("±".join(parts) or "–")
+        return made
+
     def plot(self) -> Figure:
         """Mode shapes at one position; frequencies over several. Raises ValueOutOfBoundsError where there
         are no links to draw."""
         if len(self.positions) > 1:
-            return positions_figure(self.system, self.positions, self.values)
+            return positions_figure(self.system, self.positions, self.signed)
         if not self.system.links:
             raise ValueOutOfBoundsError(
                 f"{self.system.name} at one position has nothing to draw; draw the whole turn: --turn 36"
@@ -66,40 +148,46 @@ class Frequencies(Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        """Positions (rad), frequencies (rad/s), and figures of these over the positions."""
-        return {"positions": self.positions, "frequencies": self.values, **_figures(self.values, 0)}
+        """Positions (rad), frequencies (rad/s) or growth rates (1/s), and figures of the frequencies over the
+        positions."""
+        frequencies, growth_rates = self._roots
+        found = {"positions": self.positions, "frequencies": frequencies, "growth_rates": growth_rates}
+        return {**found, **_vibrating(self._figures(0))}
 
     @property
     def columns(self) -> Columns:
         """A row a position."""
         degrees = [f"{each:.5g}°" for each in np.degrees(self.positions)]
         columns = {"position": Column(self.positions, "rad", "of the drive", "position", degrees)}
-        for k, values in enumerate(self.values.T, start=1):
-            heading = f"mode {k}" if k <= _MOST_MODES else ""
-            meaning = f"natural frequency {k}"
-            columns[f"frequency{k}"] = Column(values, "rad/s", meaning, heading, self._text)
+        frequencies, growth_rates = self._roots
+        for k, (omegas, rates) in enumerate(zip(frequencies.T, growth_rates.T, strict=True), start=1):
+            heading, texts = (
+                f"mode {k}" if k <= _MOST_MODES else "",
+                [*map(self._text, self.signed[:, k - 1])],
+            )
+            columns[f"frequency{k}"] = Column(omegas, "rad/s", f"natural frequency {k}", heading, texts)
+            if np.isfinite(rates).any():
+                columns[f"growth_rate{k}"] = Column(rates, "1/s", f"at which mode {k} grows")
         return columns
-
-    def _text(self, omega: float) -> str:
-        return fixed(omega, float(np.nanmax(self.values, initial=0.0)), 6)
 
     def tables(self) -> Sequence[Table]:
         """A row a position, and the figures below."""
         k = self.values.shape[1]
-        shown = f": the lowest {_MOST_MODES} of {k}" if k > _MOST_MODES else ""
+        shown = f": the first {_MOST_MODES} of {k}" if k > _MOST_MODES else ""
         made = table_of(f"Over the turn, rad/s{shown}", self.columns, most=_MOST_ROWS)
         made.add_section()
-        for name, values in _figures(self.values, 0).items():
+        for name, values in self._figures(0).items():
             made.add_row(name, *map(self._text, values[:_MOST_MODES]))
         return [made]
 
 
 @dataclass(frozen=True)
-class Variation(Result):
+class Variation(Roots):
     """Frequencies (v, m, k) in rad/s over a parameter, values (v,) in its own unit, at positions (m,) in rad.
 
-    NaN where errors (v,) says why there are none. pinned: the lowest frequency of each link by itself,
-    pinned at both ends, (v,) by name.
+    NaN where errors (v,) says why there are none, and where growth_rates (v, m, k) in 1/s, NaN elsewhere,
+    holds a mode that grows, see `Frequencies`. pinned: the lowest frequency of each link by itself, pinned at
+    both ends, (v,) by name.
     """
 
     system: PeriodicSystem
@@ -109,43 +197,72 @@ class Variation(Result):
     frequencies: Array
     pinned: dict[str, Array]
     errors: tuple[str | None, ...]
+    growth_rates: Array | None = None
+
+    @property
+    def _roots(self) -> NaturalFrequencies:
+        return _roots_of(self.frequencies, self.growth_rates)
 
     @property
     def figures(self) -> dict[str, Array]:
-        """mean, min and max over the positions (v, k), by name."""
-        return _figures(self.frequencies, 1)
+        """mean, min and max of frequencies over the positions (v, k), by name; NaN where modes grow."""
+        return _vibrating(self._figures(1))
 
     @property
     def mean(self) -> Array:
         """Over the positions (v, k)."""
         return self.figures["mean"]
 
+    @property
+    def largest_growth_rates(self) -> Array:
+        """Over the positions (v, k); NaN where a mode grows at none."""
+        return np.fmax.reduce(self._roots[1], axis=1)
+
+    @property
+    def _largest(self) -> float:
+        return float(np.nanmax(np.abs(self.signed[..., self.shown_modes]), initial=0.0))
+
+    @property
+    def shown_modes(self) -> list[int]:
+        """Numbers, from 0, of the lowest mode and of the lowest that is not a rigid-body mode throughout."""
+        signed = np.nan_to_num(self.signed).any(axis=(0, 1))
+        return sorted({0, int(signed.argmax())})
+
     def plot(self) -> Figure:
-        """The lowest frequency over the parameter beside those of the links alone (thesis Fig. 9.1)."""
-        lowest = {name: values[:, 0] for name, values in self.figures.items()}
-        return variation_figure(self.system, self.parameter, self.values, lowest, self.pinned, self._several)
+        """The lowest frequency that is not that of a rigid-body mode over the parameter, beside those of the
+        links alone (thesis Fig. 9.1)."""
+        mode = self.shown_modes[-1]
+        lowest = {name: values[:, mode] for name, values in self._figures(1).items()}
+        return variation_figure(self.system, self.parameter, mode, self.values, lowest, self.pinned)
 
     @property
     def whole(self) -> dict[str, Any]:
         """In rad/s and rad, the parameter in its own unit."""
         over = {"parameter": self.parameter, "values": self.values, "positions": self.positions}
-        return {**over, **self.figures, "pinned": self.pinned, "errors": self.errors}
+        growing = {"growth_rates": self.largest_growth_rates}
+        return {**over, **self.figures, **growing, "pinned": self.pinned, "errors": self.errors}
 
     @property
     def columns(self) -> Columns:
         """A row a value of the parameter."""
         unit, _ = self.system.parameter_labels[self.parameter]
         title = headed(self.parameter, self.system.unit_of(self.parameter).name)
-        largest, tenths = float(np.abs(self.values).max()), partial(fixed, magnitude=100.0, digits=6)
-        varied = partial(fixed, magnitude=largest, digits=5)
+        varied = partial(fixed, magnitude=float(np.abs(self.values).max()), digits=5)
         columns = {self.parameter: Column(self.values, unit, "varied", title, varied)}
-        headings = {"mean": "mean ω1", "min": "min", "max": "max"} if self._several else {"mean": "ω1"}
+        shown, several = self._figures(1), self._several
+        headings = {name: f"{name} ω" for name in ("mean", "min", "max")} if several else {"mean": "ω"}
         for k, (name, values) in itertools.product(range(self.frequencies.shape[2]), self.figures.items()):
-            about = "rad/s", f"{name} over the positions", headings.get(name, "") if k == 0 else ""
-            columns[f"frequency{k + 1}_{name}"] = Column(values[:, k], *about, tenths)
+            is_shown = k == self.shown_modes[-1] or (k in self.shown_modes and name == "mean")
+            heading = f"{headings[name]}{k + 1}" if is_shown and name in headings else ""
+            texts = [*map(self._text, shown[name][:, k])]
+            meaning = f"{name} over the positions"
+            columns[f"frequency{k + 1}_{name}"] = Column(values[:, k], "rad/s", meaning, heading, texts)
+        for k, rates in enumerate(self.largest_growth_rates.T, start=1):
+            if np.isfinite(rates).any():
+                columns[f"growth_rate{k}"] = Column(rates, "1/s", "largest over the positions")
         for number, (link, alone) in enumerate(self.pinned.items()):
             about = "rad/s", "the link alone, pinned at both ends", f"{link} alone" * (number < _MOST_LINKS)
-            columns[f"{link}_pinned"] = Column(alone, *about, tenths)
+            columns[f"{link}_pinned"] = Column(alone, *about, self._text)
         return columns
 
     @property
@@ -154,7 +271,8 @@ class Variation(Result):
         return len(self.positions) > 1
 
     def tables(self) -> Sequence[Table]:
-        """A row a value of the parameter: the lowest frequency, and those of up to three links alone."""
+        """A row a value of the parameter: the lowest frequency, where that is of a rigid-body mode also the
+        next, and those of up to three links alone."""
         mean_of = f": the mean of {len(self.positions)} positions" if self._several else ""
         caption = "alone: the link's lowest frequency, pinned at both ends" if self.pinned else None
         title = f"Over {self.parameter}, rad/s{mean_of}"
@@ -174,11 +292,9 @@ class Findings(Result):
     def warnings(self) -> list[str]:
         """Positions without stiffness, and values of the parameter that the model refuses."""
         texts = []
-        if not np.isfinite((self.turn or self.here).values).all():
-            texts.append(
-                "the static stiffness is not positive at some position: frequencies are missing there"
-            )
+        texts += _growing(self.turn or self.here, "positions")
         if self.variation is not None:
+            texts += _growing(self.variation, f"values of {self.variation.parameter}")
             failed = [error for error in self.variation.errors if error is not None]
             if failed:
                 texts.append(f"{len(failed)} of {len(self.variation.errors)} values give none: {failed[0]}")
@@ -186,7 +302,9 @@ class Findings(Result):
 
     def record(self) -> dict[str, Any]:
         """Of `solve frequencies --json`; rad/s and rad, parameters in the model's own units."""
-        here = {"position": self.here.positions[0], "frequencies": self.here.values[0]}
+        first = self.here.whole
+        here = {"position": self.here.positions[0], "frequencies": first["frequencies"][0]}
+        here |= {"growth_rates": first["growth_rates"][0], "rigid_body_modes": self.here.rigid_body_modes}
         further = {
             "turn": self.turn and self.turn.whole,
             "over": self.variation and self.variation.whole,
@@ -208,7 +326,7 @@ class Findings(Result):
     def summary(self) -> str:
         """The lowest frequencies at the position."""
         where = f" at {math.degrees(self.here.positions[0]):.6g}°" if self.here.system.moves else ""
-        hertz = ", ".join(f"{omega / (2 * math.pi):.4g}" for omega in self.here.values[0])
+        hertz = ", ".join(self.here.texts(0, ".4g", 1 / (2 * math.pi)))
         return f"The lowest natural frequencies{where}, standing still: {hertz} Hz."
 
     def facts(self) -> Facts:
@@ -218,21 +336,32 @@ class Findings(Result):
     def tables(self) -> Sequence[RenderableType]:
         """At the position, with mode shapes the largest bending of each link; over the turn; over a
         parameter."""
-        omegas, caption = self.here.values[0], None
+        roots, captions = self.here.signed[0], self._about_modes
         columns = {
-            "mode": Column(range(1, len(omegas) + 1), heading="mode"),
-            "frequency": Column(omegas, heading="rad/s", text=digits(".7g")),
-            "hertz": Column(omegas, heading="Hz", text=digits(".7g", 1 / (2 * math.pi))),
+            "mode": Column(range(1, len(roots) + 1), heading="mode"),
+            "frequency": Column(roots, heading="rad/s", text=self.here.texts(0, ".7g")),
+            "hertz": Column(roots, heading="Hz", text=self.here.texts(0, ".7g", 1 / (2 * math.pi))),
         }
         if self.shapes:
             masses = [shape.modal_mass for shape in self.shapes]
             columns["mass"] = Column(masses, heading="modal mass (kg)", text=digits(".4g"))
-            caption = "of each link: its largest bending, that of the mode being 1"
+            captions = [*captions, "of each link: its largest bending, that of the mode being 1"]
             for number, link in enumerate(self.system.links):
                 bending = [np.abs(shape.transverse[number]).max() for shape in self.shapes]
                 columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
         further = (part.tables() for part in (self.turn, self.variation) if part is not None)
+        caption = "\n".join(captions) or None
         return [table_of("Natural frequencies", columns, caption=caption), *itertools.chain(*further)]
+
+    @property
+    def _about_modes(self) -> list[str]:
+        """What a table says of modes that grow, and of rigid-body modes."""
+        first = int((self.here.signed[0] < 0).sum())
+        texts = ["i: the mode grows instead of vibrating, at this rate in 1/s"] * (first > 0)
+        names = self.here.system.coordinates
+        for number, mode in enumerate(self.here.rigid_body_modes, start=first + 1):
+            texts.append(f"mode {number} is a rigid-body mode, {mode.ratio(names)}")
+        return texts
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]
@@ -249,7 +378,3 @@ class Findings(Result):
     def plot(self) -> Figure:
         """Raises ValueOutOfBoundsError where there is nothing to draw."""
         return self._widest.plot()
-
-
-def _figures(frequencies: Array, axis: int) -> dict[str, Array]:
-    return {name: getattr(frequencies, name)(axis=axis) for name in ("mean", "min", "max")}

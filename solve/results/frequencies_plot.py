@@ -64,7 +64,7 @@ def shapes_figure(system: PeriodicSystem, position: float, every: Sequence[ModeS
 
 
 def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
-    """Every frequency (m, k) over the positions (m,) of a turn, its mean dashed."""
+    """Every frequency (m, k) over the positions (m,) of a turn, means dashed; growth rates are negative."""
     from matplotlib.ticker import MultipleLocator
 
     degrees = np.degrees(np.append(positions, positions[0] + system.period))
@@ -72,11 +72,15 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
         axes = made.subplots()
         for k, values in enumerate(frequencies.T):
             color = _COLORS[k % len(_COLORS)]
-            label = f"mode {k + 1}: mean {values.mean():.6g}"
-            axes.plot(degrees, np.append(values, values[0]), color=color, marker=".", label=label)
-            axes.axhline(values.mean(), color=color, linewidth=0.8, linestyle=(0, (6, 4)))
+            label = f"mode {k + 1}"
+            if not (values < 0).any():
+                label += f": mean {values.mean():.6g}"
+                axes.axhline(values.mean(), color=color, linewidth=0.8, linestyle=(0, (6, 4)))
+            axes.plot(
+                degrees, np.append(values, values[0]), color=color, marker=".", label=label, clip_on=False
+            )
         axes.set_xlim(degrees[0], degrees[-1])
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(*_limits(frequencies))
         if degrees[-1] - degrees[0] > 180:
             axes.xaxis.set_major_locator(MultipleLocator(60))
         axes.set_xlabel("position of the drive (deg)")
@@ -88,26 +92,29 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
 def variation_figure(
     system: PeriodicSystem,
     parameter: str,
+    mode: int,
     values: Array,
-    lowest: Mapping[str, Array],
+    figures: Mapping[str, Array],
     pinned: Mapping[str, Array],
-    several: bool,
 ) -> Figure:
-    """The lowest frequency over a parameter (v,), with its range over the turn, beside the links alone.
+    """The frequency of a mode (from 0) over a parameter (v,), with its range over the turn, beside the links
+    alone.
 
-    lowest: mean, min and max (v,) of the positions, `several` or one; pinned: by link.
+    figures: mean, min and max (v,) of the positions; growth rates are negative. pinned: by link.
     """
-    with page(3.8, f"{title_of(system)}: lowest frequency over {parameter}") as made:
+    which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
+    several = not np.array_equal(figures["min"], figures["max"], equal_nan=True)
+    with page(3.8, f"{title_of(system)}: {which} over {parameter}") as made:
         axes = made.subplots()
         if several:
-            axes.fill_between(values, lowest["min"], lowest["max"], color=BLUE, alpha=0.15, linewidth=0)
+            axes.fill_between(values, figures["min"], figures["max"], color=BLUE, alpha=0.15, linewidth=0)
         label = "mechanism, mean and range of the turn" if several else "mechanism"
-        axes.plot(values, lowest["mean"], color=BLUE, marker="o", label=label)
-        top = 2.2 * np.nanmax(lowest["max"], initial=0.0)
+        axes.plot(values, figures["mean"], color=BLUE, marker="o", label=label)
+        top = 2.2 * np.nanmax(figures["max"], initial=0.0)
         for (link, alone), color in zip(pinned.items(), (GREY, VERMILION, GREEN, *_COLORS), strict=False):
             if np.nanmin(alone, initial=math.inf) < top:
                 axes.plot(values, alone, color=color, linestyle="--", label=f"{link} alone, pinned")
-        axes.set_ylim(0, top)
+        axes.set_ylim(*_limits(figures["min"], top))
         axes.set_xlim(values.min(), values.max())
         axes.set_xlabel(axis_label(system, parameter))
         _label_frequencies(axes)
@@ -139,9 +146,25 @@ def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> Non
                 axes.plot(*moved[end], zorder=3, **_MARKERS[held])
 
 
+def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None]:
+    """Of the vertical axis: 0 unless a mode grows; top: of frequencies, where it is known."""
+    lowest = float(np.nanmin(roots, initial=0.0))
+    if lowest == 0.0 and not top:
+        return 0.0, 1.0 if not np.nan_to_num(roots).any() else None
+    return 1.1 * lowest, top or None if lowest == 0.0 else None
+
+
 def _label_frequencies(axes: Axes) -> None:
-    """The vertical axis in rad/s, and the same scale in Hz on the right."""
+    """The vertical axis in rad/s, and the same scale in Hz on the right; growth rates below zero, as
+    imaginary frequencies."""
     turn = 2 * math.pi
-    axes.set_ylabel("natural frequency (rad/s)")
     scales = lambda omega: np.divide(omega, turn), lambda hertz: np.multiply(hertz, turn)
-    axes.secondary_yaxis("right", functions=scales).set_ylabel("Hz")
+    right = axes.secondary_yaxis("right", functions=scales)
+    right.set_ylabel("Hz")
+    axes.set_ylabel("natural frequency (rad/s)")
+    if axes.get_ylim()[0] < 0:
+        axes.axhline(0.0, color=BLACK, linewidth=0.8)
+        axes.axhspan(axes.get_ylim()[0], 0.0, color=LIGHT, alpha=0.5, linewidth=0, zorder=0)
+        axes.set_ylabel("natural frequency (rad/s); shaded: growth rate (1/s)")
+        for axis in (axes.yaxis, right.yaxis):
+            axis.set_major_formatter(lambda value, _: f"{-value:.4g}i" if value < 0 else f"{value:.4g}")

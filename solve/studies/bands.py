@@ -26,6 +26,7 @@ from solve.progress import part, stage, steps
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
 from solve.studies.boundaries import Search
+from solve.studies.constant import NOTE, constant, still
 from solve.studies.judged import Judge, Judged, judge
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.tongues import LIGHTLY_DAMPED, Turning, fastest_turning, hidden, parted, rising
@@ -37,6 +38,9 @@ GROWTH = 1e-6
 
 _FEWEST, _MOST = 40, 2000
 """Parts of the range of speeds before the search for narrow bands."""
+
+_FINER = 10
+"""Parts of each of these where matrices are constant: an eigenvalue costs less than a solution."""
 
 _TURN = 0.25
 """Angle in rad by which the fastest multiplier may turn between two speeds."""
@@ -76,7 +80,8 @@ def bands(
     leaves above 0.01 turns by more than 0.25 rad from one to the next, but not many more than 2000.
     Bands narrower than their distance, the result's `spacing`, are looked for where multipliers come
     closest to each other, to +1 and to -1, and may be missed all the same, as may a stable range narrower
-    than a sixteenth of the unstable one around it; a growth below 1e-6 a turn makes no band. Where lightly
+    than a sixteenth of the unstable one around it; a growth below 1e-6 a turn makes no band. Where M, C and K
+    do not vary over the period, eigenvalues decide at ten times 40 parts and more. Where lightly
     damped modes turn too far in one turn to be followed at many speeds, `auto` looks for bands of the slower
     ones alone, and the notes say so. Edges are found to `tolerance`, relative. engine: as in `sweep`. Raises
     ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
@@ -85,19 +90,24 @@ def bands(
     system, omegas = system.shown_in(given[0]), np.array(given)
     ends = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
-    fast = _unfollowed(system, ends[0], task.method)
+    coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
+    steady = constant(task.batch(coarse[:, None]))
+    fast = 0 if steady else _unfollowed(system, ends[0], task.method)
     if fast:
         left_out = (
             f"{fast} of {system.n} modes turn by more than {_FOLLOWED:g} rad a turn and are not damped out: "
             "their bands, of high order, are not looked for; a single solution follows all modes"
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
-    turning = fastest_turning(system, ends, _FOLLOWED if fast else np.inf)
-    coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
-    turned = -np.diff(1 / coarse) * turning(coarse[1:])
-    points = _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))[:, None]
+    if steady:
+        notes = [*notes, NOTE]
+        turning, points = still, _divided(coarse, np.full(len(coarse) - 1, _FINER))[:, None]
+    else:
+        turning = fastest_turning(system, ends, _FOLLOWED if fast else np.inf)
+        turned = -np.diff(1 / coarse) * turning(coarse[1:])
+        points = _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))[:, None]
     batch = task.batch(points)
-    asked = (_judge_of_followed if fast else judge)(batch)
+    asked = steady.judge if steady else (_judge_of_followed if fast else judge)(batch)
     with steps(4) as step:
         step("all speeds")
         known = asked(points)

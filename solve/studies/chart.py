@@ -27,6 +27,7 @@ from solve.single import floquet
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.statistics import Statistics
 from solve.studies.boundaries import Lines, Search
+from solve.studies.constant import constant
 from solve.studies.contours import contours
 from solve.studies.judged import Judged, judge
 from solve.studies.tongues import hidden
@@ -86,7 +87,9 @@ def chart(
         found = task.solved(task.batch(points), points, executor, store)
         results = _stability(found, batch, points) if of_orbit else found
         results.require_any()
-        search = Search(judge(batch), np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
+        steady = constant(batch)
+        judging = steady.judge if steady else judge(batch)
+        search = Search(judging, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
         system = family.example.shown_in(across[0]).shown_in(upwards[0])
         at = partial(_at, batch, system.speed_unit)
@@ -97,7 +100,8 @@ def chart(
             solved = replace(solved, of=asked.named, values=values.reshape(solved.shape), beyond=beyond)
         if not boundaries:
             return solved
-        return replace(solved, boundaries=_boundaries(search, solved, Judged.of(points, results), step))
+        known = steady.judge(points) if steady else Judged.of(points, results)
+        return replace(solved, boundaries=_boundaries(search, solved, known, step))
 
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:

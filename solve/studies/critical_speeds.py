@@ -26,8 +26,9 @@ from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
 from solve.studies.boundaries import Search
+from solve.studies.constant import NOTE, constant, still
 from solve.studies.explained import CLOSE, Explained, Turn, allowed_distance, of_modulus, of_real_part
-from solve.studies.judged import Judged, judge, passing
+from solve.studies.judged import Judge, Judged, judge, passing
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
 from solve.studies.mean_frequencies import (
@@ -91,11 +92,15 @@ def critical_speeds(
     rest = MeanFrequencies(system, np.array([0.0]))
     # Where there are no matrices at rest, frequencies at a speed stand for those.
     first = rest if np.isfinite(rest.values).all() else MeanFrequencies(system, np.array([low]))
-    grid = _refined_grid(omegas, first, orders)
+    stability = replace(task, request=replace(task.request, orbit=False))
+    steady = constant(stability.batch(omegas[:, None]))
+    grid = _refined_grid(omegas, first, orders, combined=steady is None)
     batch = task.batch(grid[:, None])
-    without = replace(task, request=replace(task.request, orbit=False)).batch(grid[:, None])
-    turning = fastest_turning(system, (low, high))
-    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance), turning)
+    without = stability.batch(grid[:, None])
+    judging, turning = (
+        (steady.judge, still) if steady else (judge(without), fastest_turning(system, (low, high)))
+    )
+    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance), judging, turning)
     with steps(4) as step:
         step("all speeds")
         found = search.solved(grid)
@@ -120,7 +125,7 @@ def critical_speeds(
         name,
         figure,
         rows,
-        combinations(frequencies, orders),
+        [] if steady else combinations(frequencies, orders),
         grid,
         search.response(found),
         search.real_part(found),
@@ -129,21 +134,27 @@ def critical_speeds(
         frequencies.values,
         orders,
         frequencies.imaginary,
-        [*notes, *shifted_by_rates(frequencies, CLOSE), *_left_out(system, grid, frequencies, found, orders)],
+        [
+            *notes,
+            *[NOTE] * bool(steady),
+            *shifted_by_rates(frequencies, CLOSE),
+            *_left_out(system, grid, frequencies, found, orders),
+        ],
     )
 
 
-def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int) -> Array:
-    """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and those of
-    resonances and halfway between these, so that what is unstable at two is not taken for one range."""
-    low, high, lowest = omegas[0], omegas[-1], float(frequencies.values[0, 0])
+def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, combined: bool) -> Array:
+    """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and, where modes
+    may be combined, those of resonances and halfway between these, so that what is unstable at two is not
+    taken for one range."""
+    low, high, lowest = omegas[0], omegas[-1], float(frequencies.lowest[0])
     between = np.empty(0)
     first, last = lowest / high, min(lowest / low, orders + 1.0)
     if last > first > 0:
         count = int(np.ceil((last - first) * _A_DIVISION)) + 1
         require_size("speeds between the divisions up to that order", count, orders)
         between = np.clip(lowest / np.linspace(first, last, count), low, high)
-    resonant = np.unique(resonances(frequencies, low, high))
+    resonant = np.unique(resonances(frequencies, low, high)) if combined else np.empty(0)
     halfway = (resonant[:-1] + resonant[1:]) / 2
     return np.unique(np.concatenate((omegas, between, resonant, halfway)))
 
@@ -152,7 +163,7 @@ def _left_out(
     system: PeriodicSystem, grid: Array, frequencies: MeanFrequencies, found: PointResults, orders: int
 ) -> Iterator[str]:
     """Where no maxima are looked for, and where there is no result."""
-    unit, skipped = system.speed_unit, frequencies.values[:, 0] > (orders + 0.5) * grid
+    unit, skipped = system.speed_unit, frequencies.lowest > (orders + 0.5) * grid
     if skipped.any():
         limit = unit.text(float(grid[skipped].max()), ".4g")
         yield f"below {limit} only orders above {orders} lie: no maxima are looked for"
@@ -162,13 +173,15 @@ def _left_out(
 
 @dataclass
 class _Search:
-    """Solves speeds and finds maxima between them. multipliers: the batch that leaves out orbits."""
+    """Solves speeds and finds maxima between them. multipliers: the batch that leaves out orbits; judging,
+    turning: its judge, and how fast its multipliers turn over the speed."""
 
     batch: Batch
     multipliers: Batch
     kept: Kept
     figure: str
     tolerance: float
+    judging: Judge
     turning: Turning
 
     def solved(self, speeds: Array) -> PointResults:
@@ -216,7 +229,7 @@ class _Search:
         turns = system.period / (2 * np.pi)
         at = np.array([one.speed for one in maxima])
         unbounded = self._unbounded(at)
-        aside = _ASIDE / np.maximum(MeanFrequencies(system, at).values[:, 0] / at, _ASIDE / CLOSE)
+        aside = _ASIDE / np.maximum(MeanFrequencies(system, at).lowest / at, _ASIDE / CLOSE)
         near = np.full(len(at), _BESIDE * self.tolerance)
         trials = at * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
         kept = Kept((name,), (name,), math.ceil(orders * turns), warnings=False)
@@ -261,12 +274,13 @@ class _Search:
         multiplier passes +1 along the real axis between these, the first or the last of those beyond: the
         response may grow beyond all bounds there, however narrow its maximum."""
         speeds, found = self._with(speeds, found, others)
-        solving = judge(self.multipliers)
 
         def judged(points: Array) -> Judged:
-            return solving(points).by_plus_one
+            return self.judging(points).by_plus_one
 
-        known = parted(judged, Judged.of(speeds[:, None], found).by_plus_one, self.turning, (1,))
+        constant_matrices = self.turning is still
+        first = self.judging(speeds[:, None]) if constant_matrices else Judged.of(speeds[:, None], found)
+        known = parted(judged, first.by_plus_one, self.turning, (1,))
         known = rising(known + hidden(judged, known, np.arange(1, len(known.points) - 1)))
         side = known.stable.astype(int) - known.unstable
         changes = np.flatnonzero(side[:-1] * side[1:] < 0)
@@ -329,7 +343,7 @@ def _side(found: PointResults) -> Array:
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
     """Speeds (P,) at which the lowest frequency is of an order up to `orders`."""
-    return frequencies.values[:, 0] <= (orders + 0.5) * frequencies.speeds
+    return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 
 def _rows(

@@ -153,7 +153,7 @@ class Turn:
     def combined(self, lead: int, orders: int) -> list[tuple[float, Combination]]:
         """Combinations of two modes, or of one with itself, that feed the pair `lead` at its angle: misfit
         and combination, the best first."""
-        found, modes, met = [], range(len(self.ratios)), self.meeting(lead)
+        found, modes, met = [], np.flatnonzero(self.ratios).tolist(), self.meeting(lead)
         for (low, high), sign in itertools.product(
             itertools.combinations_with_replacement(modes, 2), (1, -1)
         ):

@@ -3,7 +3,6 @@ Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as SciPy has 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import numpy as np
 from solve.argument import listed
 from solve.arrays import Array
 from solve.derivatives.point import OnGrid, dependence_of
-from solve.differences import slope
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
@@ -22,6 +20,7 @@ from solve.progress import part, stage
 from solve.results.channels import Channel
 from solve.results.fit import Fitted, Interval
 from solve.single import periodic
+from solve.studies.fit_frequencies import natural_frequencies, require_elastic_modes
 from solve.studies.measured import FREQUENCY, Measured, measured
 from solve.studies.misfit import misfits
 from solve.units import speed_in_si
@@ -32,9 +31,6 @@ _UNTOLD = 0.5
 
 _SHARE = 0.1
 """Part of the largest from which on a parameter is named in a combination."""
-
-_STEP = 1e-3
-"""Part of a parameter by which natural frequencies are differenced."""
 
 _REACH = 1e6
 """Times its start, or part of it, beyond which a positive parameter is not tried."""
@@ -72,6 +68,7 @@ def fit(
         raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
     model.dependence(names)
     sets = measured(data, model, None if speed is None else speed_in_si(speed))
+    require_elastic_modes(model, sets)
     model = model.shown_in(sets[0].speed)
     problem = Problem(model, sets, names, method, rtol)
     count = sum(len(each) for each in problem.measured)
@@ -185,7 +182,7 @@ class Problem:
     def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
         """Of every channel its name, values (k,) and their derivatives (r, k) by the parameters."""
         if data.position is not None:
-            return [(FREQUENCY, *_of_frequencies(model, data, self.names))]
+            return [(FREQUENCY, *natural_frequencies(model, data, self.names))]
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
         rule = orbit.certified.method
         if not isinstance(rule, Collocated):
@@ -198,20 +195,6 @@ class Problem:
             else:
                 found.append((name, on.orbit.signal(name)(data.at), on.forward.signal(name, data.at)))
         return found
-
-
-def _of_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple[Array, Array]:
-    """Natural frequencies (k,) at rest, and their derivatives (r, k) by differences."""
-    places, position = np.round(data.at).astype(int) - 1, np.array([data.position])
-
-    def frequencies(name: str, number: float) -> Array:
-        return model.varied({name: number}).frequencies(position, int(places.max()) + 1)[0, places]
-
-    slopes = [
-        slope(partial(frequencies, name), at, _STEP * (abs(at) or 1.0))
-        for name, at in ((name, model.parameters[name]) for name in names)
-    ]
-    return model.frequencies(position, int(places.max()) + 1)[0, places], np.array(slopes)
 
 
 def _of_orders(on: OnGrid, name: str, orders: Array, angles: bool) -> tuple[Array, Array]:

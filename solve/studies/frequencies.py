@@ -6,26 +6,36 @@ from collections.abc import Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import NoMotionError, SolveError, ValueOutOfBoundsError, require_name
+from solve.contracts import Matrices
+from solve.errors import MatricesError, NoMotionError, SolveError, ValueOutOfBoundsError, require_name
+from solve.period.natural import NaturalFrequencies, natural_frequencies
+from solve.period.rigid_body import rigid_body_modes
 from solve.results.frequencies import Frequencies, Variation
+from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
 from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.system import PeriodicSystem, of_system
-from solve.units import require_size_of_number, with_unit
+from solve.system import PeriodicSystem, of_system, require_inertia
+from solve.units import require_size_of_number, speed_in_si, with_unit
 
 USUAL_COUNT = 4
 
 TURN = 36
 """Positions of a turn, by default."""
 
+_RUNNING = 1.0
+"""Speed in rad/s at which matrices are tried that do not exist at speed 0, where no case names one."""
+
 
 @of_system
 def frequencies(
     system: PeriodicSystem, position: float | str | Sequence[float] | Array = 0.0, count: int | None = None
 ) -> Frequencies:
-    """The lowest frequencies (4 by default) of M and K at speed 0 with the drive held at a position.
+    """Natural frequencies of M and K at speed 0 with the drive held at a position, the lowest 4 by default.
+
+    Modes are in the order of λ in K v = λ M v: those with λ < 0 first, which grow at the rate √−λ, then
+    rigid-body modes of frequency exactly 0, then those that vibrate.
 
     position: rad, a text with unit such as "70 deg", or several in rad. Raises ValueOutOfBoundsError,
-    UnitError, StructureError.
+    UnitError, StructureError, and MatricesError where there are no matrices at speed 0.
     """
     phase = with_unit(position, "rad") if isinstance(position, str) else position
     positions = np.atleast_1d(np.asarray(phase, dtype=float))
@@ -34,7 +44,45 @@ def frequencies(
     for value in positions:
         require_size_of_number("position", float(value))
     require_size("positions", len(positions), system.freedoms**2 + NUMBERS_A_POINT)
-    return Frequencies(system, positions, system.frequencies(positions, _checked_count(system, count)))
+    found = natural(system, positions, _checked_count(system, count))
+    return Frequencies(system, positions, *found, _rigid_body_modes(system, positions[:1]))
+
+
+def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
+    """The first `count` modes at positions (m,). Raises MatricesError where M is singular, or M or K does not
+    exist at speed 0."""
+    found = system.frequencies(positions, count)
+    if found is not None:
+        return NaturalFrequencies(found, np.full(found.shape, np.nan))
+    M, _, K, _ = at_speed_zero(system, positions)
+    require_inertia(M)
+    return natural_frequencies(M, K, count)
+
+
+def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
+    """M, C, K, d at positions (m,). Raises MatricesError that names speed 0 where it alone is the cause."""
+    try:
+        return system.at(positions, 0.0)
+    except (MatricesError, ZeroDivisionError) as error:
+        running = speed_in_si(system.case_speed) if system.case_speed else _RUNNING
+        try:
+            system.at(positions, running)
+        except (SolveError, ZeroDivisionError):
+            raise error from None
+        unit = system.speed_unit
+        raise MatricesError(
+            f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are taken, but at "
+            f"{unit.text(running, '.4g')} it has: a term divides by the speed; mean frequencies at running "
+            f'speeds are given by solve critical --speeds "A:B:N {unit.name}"'
+        ) from None
+
+
+def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[RigidBodyMode]:
+    """Those of K at a position (1,); none are named for structures of beams."""
+    if system.links:
+        return []
+    _, C, K, _ = system.at(position, 0.0)
+    return rigid_body_modes_of(rigid_body_modes(K[None], C[None]), 0)
 
 
 def require_position(system: PeriodicSystem, position: object) -> None:
@@ -60,7 +108,8 @@ def frequencies_over(
     positions: Array,
     count: int | None = None,
 ) -> Variation:
-    """Frequencies at the positions for each value (in its own unit) of a parameter.
+    """Frequencies at the positions for each value (in its own unit) of a parameter, in the order of
+    `frequencies`.
 
     Values that the system refuses become NaN with their reason. Raises UnknownNameError.
     """
@@ -71,13 +120,13 @@ def frequencies_over(
     require_size(
         "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
     )
-    found = np.full((len(values), len(positions), k), math.nan)
+    found = np.full((2, len(values), len(positions), k), math.nan)
     pinned = {link.name: np.full(len(values), math.nan) for link in system.links}
     errors: list[str | None] = []
     for number, value in enumerate(values):
         try:
             varied = system.varied({parameter: float(value)})
-            found[number] = varied.frequencies(positions, _checked_count(varied, k))
+            found[:, number] = natural(varied, positions, _checked_count(varied, k))
         except SolveError as error:
             errors.append(str(error))
             continue
@@ -85,7 +134,7 @@ def frequencies_over(
         for link, alone in varied.pinned_frequencies().items():
             pinned[link][number] = alone
     numbers = np.asarray(values, dtype=float)
-    return Variation(system, parameter, numbers, positions, found, pinned, tuple(errors))
+    return Variation(system, parameter, numbers, positions, found[0], pinned, tuple(errors), found[1])
 
 
 def _checked_count(system: PeriodicSystem, count: int | None) -> int:

@@ -7,6 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import matched
 from solve.period.points import rate_of
+from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
 _PHASES, _FEWER = 64, 16
@@ -25,11 +26,13 @@ _NEAR = 0.5
 class MeanModes(NamedTuple):
     """Means over the cycle of the frozen modes: frequencies in rad/s (n,), rising, and the rates in 1/s (n,)
     at which vibrations die out, to the first order in C. Where K is not positive frequencies count as 0.
-    imaginary: whether one is imaginary or complex at some phase."""
+    imaginary: whether one is imaginary or complex at some phase. rigid: how many are of rigid-body modes,
+    whose frequency is 0."""
 
     frequencies: Array
     rates: Array
     imaginary: bool
+    rigid: int = 0
 
 
 def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
@@ -42,7 +45,11 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     """
     step = system.period / _PHASES
     M, C, K, _ = system.at((np.arange(_PHASES) + 0.5) * step, speed)
+    if all((part == part[:1]).all() for part in (M, C, K)):
+        M, C, K = M[:1], C[:1], K[:1]
     squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
+    rigid = int(rigid_body_modes(K[None], C[None], speed * M[None]).present.sum())
+    np.put_along_axis(squares, np.argsort(np.abs(squares), axis=1)[:, :rigid], 0.0, axis=1)
     order = np.argsort(np.real(squares), axis=1)
     squares = np.take_along_axis(squares, order, axis=1)
     shapes = np.take_along_axis(shapes, order[:, None], axis=2)
@@ -60,19 +67,27 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
         if speed == 0 or faster * system.period / speed <= -kept:
             means = along
     means = means[:, np.argsort(means[0], kind="stable")]
-    return MeanModes(means[0], means[1], bool(imaginary))
+    return MeanModes(means[0], means[1], bool(imaginary), rigid)
 
 
 def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     """By what part of itself a mean frequency differs at most, at a speed (rad/s), from that of moduli of
     eigenvalues with C, which `mean_modes` leaves out: gyroscopic forces make them differ, and damping that
     couples modes, not what damps each by itself. 0 where some are real."""
+    parts = np.s_[: system.n], np.s_[system.n : 2 * system.n]
     rate = rate_of(*system.at((np.arange(_FEWER) + 0.5) * system.period / _FEWER, speed))[..., :-1]
     squares, values = np.linalg.eigvals(-rate[:, system.n :, : system.n]), np.linalg.eigvals(rate)
-    if np.real(squares).min() <= 0 or not np.imag(values).all():
+    rigid = int(rigid_body_modes(*(-rate[None, :, system.n :, part] for part in parts)).present.sum())
+    squares, values = _without_least(squares, rigid), _without_least(values, 2 * rigid)
+    if np.real(squares).min(initial=np.inf) <= 0 or not np.imag(values).all():
         return 0.0
     without = np.sort(np.sqrt(np.real(squares)), axis=1).mean(axis=0)
-    return float(np.abs(np.sort(np.abs(values), axis=1)[:, ::2].mean(axis=0) / without - 1).max())
+    return float(np.abs(np.sort(np.abs(values), axis=1)[:, ::2].mean(axis=0) / without - 1).max(initial=0.0))
+
+
+def _without_least(values: Array, count: int) -> Array:
+    """Values (k, n) without so many of the least modulus."""
+    return np.take_along_axis(values, np.argsort(np.abs(values), axis=1)[:, count:], axis=1)
 
 
 def _followed(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:

@@ -37,7 +37,7 @@ def test_a_system_of_a_users_own_has_neither_case_nor_parameters_nor_links(own):
 
 
 def test_its_frequencies_and_entries_over_speeds(own):
-    np.testing.assert_allclose(own.frequencies(np.array([0.0, 1.0]), 1), 2.0, rtol=1e-14)
+    np.testing.assert_allclose(solve.frequencies(own, [0.0, 1.0], 1).values, 2.0, rtol=1e-14)
     phase = np.array([0.0, 0.5])
     found = own.entries_over(phase, np.array([3.0, 20.0]))
     np.testing.assert_array_equal(found[0], own.entries(phase, 3.0))

@@ -9,6 +9,7 @@ from scipy.optimize import minimize_scalar
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.results.critical_rows import Critical, Maximum
+from solve.studies.mean_frequencies import MeanFrequencies, combinations
 from tests.solve import systems
 
 FREQUENCIES, ZETA = np.array([10.0, 37.0]), 0.02
@@ -63,12 +64,18 @@ def test_divisions_and_combinations_are_exact(found):
     assert {order for mode, order in divided if mode == 1} == {1, 2, 3, 4}
     for (mode, order), speed in divided.items():
         assert speed == pytest.approx(FREQUENCIES[mode - 1] / order, rel=1e-12)
-    principal = [one.order for one in found.combinations if one.modes == (1, 1)]
+    every = combinations(MeanFrequencies(found.system, found.speeds), 5)
+    principal = [one.order for one in every if one.modes == (1, 1)]
     assert principal == [3, 5]
-    for one in found.combinations:
+    for one in every:
         high, low = (FREQUENCIES[mode - 1] for mode in one.modes)
         exact = (high + one.sign * low) / one.order
         assert one.speed == pytest.approx(exact, rel=1e-12)
+
+
+def test_constant_matrices_have_no_combination_resonances(found):
+    assert found.combinations == []
+    assert "M, C and K are constant over the period" in found.notes[0]
 
 
 def test_a_range_may_be_one_text():

@@ -1,0 +1,169 @@
+"""Natural frequencies of M q̈ + K q = 0, for many positions at once: rigid-body modes are exactly 0, and a
+stiffness that is not positive gives rates of growth."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array, solved
+from solve.period.multipliers import EPS
+from solve.period.rigid_body import rigid_body_modes
+
+_SYMMETRIC = 64 * EPS
+"""Asymmetry of a matrix, relative to its largest entry where coordinates have inertia 1, that is round-off of
+the products from which it was assembled."""
+
+_PERTURBATION = 16.0
+"""Times n eps and the condition of an eigenvalue: its error by the QR algorithm, an upper estimate (measured:
+below 2 for random matrices of 2 to 20 coordinates)."""
+
+_EQUAL = 1e-7
+"""Difference of λ, relative to the largest, within which they count as equal: round-off parts a defective
+pair by the square root of eps, 1.5e-8."""
+
+
+class NaturalFrequencies(NamedTuple):
+    """Modes of M and K at m positions, by the rising real part of λ in K v = λ M v: those that grow, then
+    rigid-body modes, then those that vibrate.
+
+    frequencies (m, k): imaginary part of √−λ in rad/s; NaN where λ < 0. growth_rates (m, k): real part of
+    √−λ in 1/s; NaN where λ ≥ 0. A mode of complex λ, which some K that is not symmetric has, has both.
+    """
+
+    frequencies: Array
+    growth_rates: Array
+
+    @property
+    def signed(self) -> Array:
+        """Frequencies; growth rates, negative, where λ < 0. They rise with λ."""
+        return np.where(np.isnan(self.frequencies), -self.growth_rates, self.frequencies)
+
+    @classmethod
+    def of(cls, eigenvalues: Array) -> "NaturalFrequencies":
+        """From λ (m, k), complex."""
+        roots = np.sqrt(-eigenvalues.astype(complex))
+        real = np.imag(eigenvalues) == 0
+        grows = ~real | (np.real(eigenvalues) < 0)
+        return cls(
+            np.where(real & grows, np.nan, np.abs(np.imag(roots))),
+            np.where(grows, np.abs(np.real(roots)), np.nan),
+        )
+
+
+def natural_frequencies(M: Array, K: Array, count: int) -> NaturalFrequencies:
+    """The first `count` modes of M and K (m, n, n), M invertible."""
+    return NaturalFrequencies.of(eigenvalues(M, K)[:, :count])
+
+
+def eigenvalues(M: Array, K: Array) -> Array:
+    """λ of K v = λ M v (m, n) by rising real part, complex; exactly 0 for rigid-body modes of each position.
+
+    >>> chain = np.array([[[2.0, -2.0], [-2.0, 2.0]]])
+    >>> eigenvalues(np.eye(2)[None], chain).real.tolist()
+    [[0.0, 4.0]]
+    """
+    modes = rigid_body_modes(K[:, None], np.zeros_like(K[:, None]))
+    found = np.zeros(K.shape[:2], dtype=complex)
+    alike: dict[tuple[int, ...], list[int]] = {}
+    for at, (places, present) in enumerate(zip(modes.references, modes.present, strict=True)):
+        alike.setdefault(tuple(places[present].tolist()), []).append(at)
+    for places, positions in alike.items():
+        rest = [k for k in range(K.shape[1]) if k not in places]
+        if rest:
+            vectors = modes.vectors[positions][:, :, : len(places)]
+            found[positions, len(places) :] = _elastic(M[positions], K[positions], vectors, [*places], rest)
+    return np.take_along_axis(found, np.argsort(np.real(found), axis=1, kind="stable"), axis=1)
+
+
+def lowest_elastic(frequencies: Array) -> Array:
+    """The lowest of natural frequencies (…, n) that is not 0, as those of rigid-body modes are; 0 where every
+    one is.
+
+    >>> lowest_elastic(np.array([[0.0, 3.0, 2.0], [0.0, 0.0, 0.0]])).tolist()
+    [2.0, 0.0]
+    """
+    lowest = np.where(frequencies == 0, np.inf, frequencies).min(axis=-1)
+    return np.where(np.isinf(lowest), 0.0, lowest)
+
+
+def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
+    """Derivatives (r, n) of λ by r quantities, from M and K (n, n) at one position and their derivatives
+    (r, n, n): yᵀ(∂K − λ ∂M)v with yᵀMv = 1; of λ that are equal, their mean.
+
+    >>> slopes(np.eye(1), np.eye(1) * 4, np.ones((1, 1, 1)), np.zeros((1, 1, 1)))
+    array([[-4.]])
+    """
+    values, right = np.linalg.eig(np.linalg.solve(M, K))
+    order = np.argsort(np.real(values), kind="stable")
+    values, right = values[order], right[:, order]
+    left = np.linalg.inv(M @ right)
+    each = np.einsum("ni,rij,jn->rn", left, by_K, right) - values * np.einsum(
+        "ni,rij,jn->rn", left, by_M, right
+    )
+    alike = np.abs(values[:, None] - values) <= _EQUAL * np.abs(values).max()
+    return np.real(each @ (alike / alike.sum(axis=0)))
+
+
+def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[int]) -> Array:
+    """λ (m, n - r) of the modes other than rigid-body modes, whose vectors (m, n, r) are 1 at their own of
+    r places and 0 at those of the others.
+
+    With q = E a + x, x zero at the places, K acts on x alone; what remains is a Schur complement of M.
+    """
+    stiffness, moved = K[:, rest][:, :, rest], M @ vectors
+    if _symmetric(M, M).all() and _symmetric(K, M).all() and _is_positive(M):
+        own = np.linalg.inv(np.swapaxes(vectors, 1, 2) @ moved)
+        mass = M[:, rest][:, :, rest] - moved[:, rest] @ own @ np.swapaxes(moved[:, rest], 1, 2)
+        return _of_symmetric(mass, stiffness).astype(complex)
+    rate = np.linalg.solve(M, K)[:, :, rest]
+    return np.array([_of_general(one) for one in rate[:, rest] - vectors[:, rest] @ rate[:, places]])
+
+
+def _symmetric(A: Array, M: Array) -> Array:
+    """Whether matrices (m, n, n) are symmetric (m,), in coordinates of inertia 1."""
+    unit = 1 / np.sqrt(np.abs(np.einsum("mii->mi", M)))
+    scaled = A * unit[:, :, None] * unit[:, None, :]
+    asymmetry = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
+    return np.asarray(asymmetry <= _SYMMETRIC * np.abs(scaled).max(axis=(1, 2)))
+
+
+def _is_positive(A: Array) -> bool:
+    """Whether all symmetric matrices (m, n, n) are positive definite."""
+    try:
+        np.linalg.cholesky(A)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _of_symmetric(M: Array, K: Array) -> Array:
+    """λ (m, n), rising, for M positive definite.
+
+    Low λ lose digits beside high ones, and high 1/λ beside low ones: where K is positive definite, each is
+    taken from the pencil in which its relative error, eps λmax/λ or eps λ/λmin, is smaller.
+    """
+    found = _reduced(M, K)
+    if not _is_positive(K):
+        return found
+    inverse = 1 / _reduced(K, M)[:, ::-1]
+    middle = np.sqrt(inverse[:, :1] * np.abs(found[:, -1:]))
+    return np.sort(np.where(inverse < middle, inverse, found), axis=1)
+
+
+def _reduced(A: Array, B: Array) -> Array:
+    """Eigenvalues (m, n) of L⁻¹ B L⁻ᵀ, A = L Lᵀ."""
+    L = np.linalg.cholesky(A)
+    made = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, B), 1, 2))
+    return np.linalg.eigvalsh((made + np.swapaxes(made, 1, 2)) / 2)
+
+
+def _of_general(rate: Array) -> Array:
+    """Eigenvalues (n,) of a matrix, complex; real ones but for round-off are real."""
+    from scipy.linalg import matrix_balance
+
+    balanced = np.asarray(matrix_balance(rate)[0])
+    values, right = np.linalg.eig(balanced)
+    left = np.nan_to_num(solved(right, np.eye(len(rate))), nan=np.inf)
+    condition = np.linalg.norm(left, axis=1)
+    error = _PERTURBATION * len(rate) * EPS * np.linalg.norm(balanced) * condition
+    return np.where(np.abs(np.imag(values)) <= error, np.real(values), values)

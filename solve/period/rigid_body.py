@@ -1,0 +1,217 @@
+"""Rigid-body modes: constant directions e in which a machine moves without any restoring force, K(φ)e = 0 over
+the whole period, such as the rotation of a drive train that nothing holds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.multipliers import EPS
+
+BOUND = 4e-12
+"""Largest residual |K e| that counts as none, relative to Σ|K_ij e_j| of the same equation: four times the
+relative error of the tables from which many points are solved (`solve.batch.tables`)."""
+
+_ROUNDING = 64 * EPS
+"""The same relative to Σ(|M_ij| + |C_ij|)|e_j|, for entries that cancel to zero but for round-off; as in
+`solve.system`."""
+
+_FEW = 16
+"""Phases, at least, from which directions are computed; all phases verify them."""
+
+_PASSES = 3
+"""Alternate scalings of columns and rows; more change the factors of usual machines by less than 2."""
+
+_SMALL, _COMPARABLE = 1e-11, 0.03
+"""Components of a unit vector: below the first they may be round-off; above the second all have 14 digits."""
+
+_INTEGER = 16 * EPS
+"""Distance from a whole number within which a component is that number."""
+
+
+@dataclass(frozen=True)
+class RigidBodyModes:
+    """Rigid-body modes of P points, at most r each.
+
+    vectors (P, n, r): e, with component 1 at its own coordinate of reference; columns of zeros where a point
+    has fewer than r. references (P, r): these coordinates. damped (P, r): whether C e ≠ 0. errors (P, r):
+    largest |K e| over the period, relative to Σ|K_ij e_j|. Modes without damping come first.
+    """
+
+    vectors: Array
+    references: Array
+    damped: Array
+    errors: Array
+
+    @classmethod
+    def none(cls, count: int, n: int, r: int = 0) -> "RigidBodyModes":
+        """Of so many points that have none."""
+        return cls(
+            np.zeros((count, n, r)),
+            np.zeros((count, r), dtype=int),
+            np.zeros((count, r), dtype=bool),
+            np.zeros((count, r)),
+        )
+
+    def __len__(self) -> int:
+        return len(self.vectors)
+
+    def __getitem__(self, points: Array | slice) -> "RigidBodyModes":
+        return RigidBodyModes(
+            self.vectors[points], self.references[points], self.damped[points], self.errors[points]
+        )
+
+    @property
+    def present(self) -> Array:
+        """Which of the columns are modes (P, r)."""
+        return self.vectors.any(axis=1)
+
+    @property
+    def measures(self) -> Array:
+        """Rows l (P, r, n) that give a motion's share of each mode from the coordinates of reference alone:
+        l_i e_j = 1 where i = j, else 0."""
+        at = np.arange(len(self.vectors))[:, None], self.references
+        present, each = self.present, np.arange(self.references.shape[1])
+        block = np.moveaxis(self.vectors, 1, 2)[at[0][..., None], each, self.references[:, :, None]]
+        block = np.where(present[:, :, None] & present[:, None], block, np.eye(len(each)))
+        made = np.zeros(np.moveaxis(self.vectors, 1, 2).shape)
+        inverse = np.linalg.inv(block) * (present[:, :, None] & present[:, None])
+        np.add.at(made, (at[0][..., None], each[:, None], self.references[:, None]), inverse)
+        return made
+
+    @property
+    def any(self) -> Array:
+        """Which points have one or more (P,)."""
+        return self.present.any(axis=1)
+
+    @property
+    def multiplicity(self) -> Array:
+        """How many Floquet multipliers +1 belong to the modes (P,): two each, one where C e ≠ 0."""
+        return (self.present * (2 - self.damped)).sum(axis=1)
+
+
+def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyModes:
+    """Of K, C and M (P, k, n, n) at k phases, all for derivatives by the same variable, the phase or the time.
+
+    M: where given, entries of K and C that are round-off of the inertia count as zero. The result does not
+    depend on units of coordinates and equations, and has r = 0 columns where no point has such a mode.
+
+    >>> chain = np.array([[[[2.0, -2.0], [-2.0, 2.0]]]])
+    >>> rigid_body_modes(chain, 0 * chain).vectors[0].T
+    array([[1., 1.]])
+    """
+    count, _, n, _ = K.shape
+    inertia = np.zeros_like(K[:, :1]) if M is None else np.abs(M)
+    noise = _ROUNDING * (inertia.max(axis=1) + np.abs(C).max(axis=1))
+    found = {}
+    for at in np.flatnonzero(_may_be_singular(K[:, 0], noise)).tolist():
+        modes = _of_point(
+            K[at], C[at], noise[at], _ROUNDING * (inertia[at].max(axis=0) + np.abs(K[at]).max(axis=0))
+        )
+        if modes.vectors.shape[-1]:
+            found[at] = modes
+    made = RigidBodyModes.none(count, n, max((one.vectors.shape[-1] for one in found.values()), default=0))
+    for at, one in found.items():
+        r = one.vectors.shape[-1]
+        made.vectors[at, :, :r], made.references[at, :r] = one.vectors[0], one.references[0]
+        made.damped[at, :r], made.errors[at, :r] = one.damped[0], one.errors[0]
+    return made
+
+
+def _may_be_singular(K: Array, noise: Array) -> Array:
+    """Whether matrices (P, n, n) may be singular but for a change of their entries by `BOUND` of themselves
+    (P,), which changes the determinant by no more than n BOUND times the product of sums of rows."""
+    sums = np.abs(K).sum(axis=-1)
+    weak = (sums <= noise.sum(axis=-1)).any(axis=-1)
+    scale = np.where(sums > 0, sums, 1.0)
+    determinant = np.abs(np.linalg.det(K / scale[..., None]))
+    return weak | (determinant <= 2 * K.shape[-1] * (BOUND + noise.max(axis=(-2, -1)) / scale.min(axis=-1)))
+
+
+def _of_point(K: Array, C: Array, noise: Array, noise_of_damping: Array) -> RigidBodyModes:
+    """Of one point with K and C (k, n, n), and the round-off (n, n) of either."""
+    n, few = K.shape[-1], max(1, len(K) // _FEW)
+    size = np.abs(K).max(axis=0)
+
+    def verified(vectors: Array) -> Array:
+        return (np.abs(K @ vectors).max(axis=0) <= (BOUND * size + noise) @ np.abs(vectors)).all(axis=0)
+
+    vectors = _null_space(K[::few], size, noise)
+    if vectors.shape[1] > 1 and not verified(vectors).all():
+        vectors = _null_space(K, size, noise)
+    vectors = vectors[:, verified(vectors)]
+    if not vectors.shape[1]:
+        return RigidBodyModes.none(1, n)
+    free = _undamped(vectors, C, noise_of_damping)
+    held, places = _reduced(free)
+    rest = vectors - held @ vectors[places]
+    damped, others = _reduced(_independent(rest, vectors.shape[1] - held.shape[1]))
+    vectors = np.concatenate((held, damped), axis=1)
+    residual, scale = np.abs(K @ vectors).max(axis=0), size @ np.abs(vectors)
+    errors = (residual / np.where(scale > 0, scale, 1.0)).max(axis=0)
+    references = np.concatenate((places, others))
+    return RigidBodyModes(
+        vectors[None], references[None], (np.arange(len(references)) >= len(places))[None], errors[None]
+    )
+
+
+def _null_space(K: Array, size: Array, noise: Array) -> Array:
+    """Directions (n, r) in which matrices (k, n, n) of sizes (n, n) vanish, in whatever units."""
+    columns, rows = np.ones(len(size)), np.ones(len(size))
+    for _ in range(_PASSES):
+        columns /= _largest(size * rows[:, None] * columns, 0)
+        rows /= _largest(size * rows[:, None] * columns, 1)
+    K = np.where(size > noise, K, 0.0)
+    found = np.empty((0, len(size)))
+    for _ in range(_PASSES):
+        scaled = (K * rows[:, None] * columns).reshape(-1, len(size))
+        _, values, right = np.linalg.svd(scaled, full_matrices=False)
+        found = right[values <= BOUND * max(float(values[0]), 1.0)]
+        moved = np.linalg.norm(found, axis=0)
+        if not len(found) or moved[moved > _SMALL].min() > _COMPARABLE:
+            break
+        # Small components have few digits: with columns as large as these, none is small.
+        columns = columns * np.where(moved > _SMALL, moved, 1.0)
+        rows = rows / _largest(size * rows[:, None] * columns, 1)
+    return columns[:, None] * found.T
+
+
+def _largest(sizes: Array, axis: int) -> Array:
+    found = sizes.max(axis=axis)
+    return np.where(found > 0, found, 1.0)
+
+
+def _undamped(vectors: Array, C: Array, noise: Array) -> Array:
+    """Combinations (n, u) of directions (n, r) on which C (k, n, n) does not act either."""
+    acting = C @ vectors
+    allowed = (BOUND * np.abs(C).max(axis=0) + noise) @ np.abs(vectors)
+    if (np.abs(acting) <= allowed).all():
+        return vectors
+    limit = allowed.max(axis=1, keepdims=True)
+    weighted = np.where(limit > 0, acting / np.where(limit > 0, limit, 1.0), 0.0)
+    _, values, right = np.linalg.svd(weighted.reshape(-1, vectors.shape[1]), full_matrices=False)
+    return vectors @ right[values <= np.sqrt(len(weighted) * len(limit))].T
+
+
+def _independent(vectors: Array, count: int) -> Array:
+    """So many independent columns (n, count) that span the same as columns (n, r)."""
+    if count == 0:
+        return vectors[:, :0]
+    units = _largest(np.abs(vectors), 1)
+    left, _, _ = np.linalg.svd(vectors / units[:, None], full_matrices=False)
+    return units[:, None] * left[:, :count]
+
+
+def _reduced(vectors: Array) -> tuple[Array, Array]:
+    """A basis (n, r) of the space of columns with the identity at r places (r,), by complete pivoting."""
+    made, places = vectors.copy(), np.zeros(vectors.shape[1], dtype=int)
+    for column in range(made.shape[1]):
+        sizes = np.abs(made[:, column:])
+        place, other = np.unravel_index(int(sizes.argmax()), sizes.shape)
+        made[:, [column, column + int(other)]] = made[:, [column + int(other), column]]
+        made[:, column] /= made[place, column]
+        others = np.arange(made.shape[1]) != column
+        made[:, others] -= made[:, [column]] * made[place, others]
+        places[column] = place
+    whole = np.round(made)
+    return np.where(np.abs(made - whole) <= _INTEGER * np.maximum(np.abs(whole), 1.0), whole, made), places

@@ -1,0 +1,231 @@
+"""Stability where M, C and K are constant over the period, whatever the load does: eigenvalues µ of
+µ²M + µC + K decide. There is no parametric resonance then, so no tongue to look for between speeds; what may
+change with the speed or a parameter are the eigenvalues themselves, which do so slowly."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array, solved
+from solve.batch.batch import Batch
+from solve.batch.family import Family
+from solve.methods.method import Method
+from solve.period.multipliers import EPS, UNIT_CIRCLE
+from solve.period.points import parted
+from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
+from solve.studies.judged import Judge, Judged, judge
+
+NOTE = (
+    "M, C and K are constant over the period: their eigenvalues decide, and nothing is excited parametrically"
+)
+
+_PHASES = 128
+"""At which some of the points show whether matrices are constant; as many as `solve.period.frozen` takes."""
+
+_LOOKS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
+"""Parts of the period at which every other point is checked."""
+
+_CONSTANT = 1e-13
+"""Variation of an entry, relative to itself, that is round-off of its formula; parametric excitation of this
+size feeds a mode by less than 1e-13 ω T / 2 a period, which is far below what makes a band."""
+
+_PERTURBATION = 16.0
+"""As in `solve.period.natural`: the error of an eigenvalue over n eps, its condition and the matrix norm."""
+
+_ROUNDING = 64 * EPS
+"""Relative to the largest entry of a matrix: asymmetry, or a negative eigenvalue, that is round-off."""
+
+_CLOSE = 1e-6
+"""Uncertainty of a modulus up to which a multiplier on the unit circle counts as stable, as in verdicts."""
+
+_LARGEST = 300.0
+"""Growth exponent a period that is shown at most; larger ones overflow."""
+
+
+class Exponents(NamedTuple):
+    """growth (P, N): real parts of µ, falling, and turns (P, N): imaginary parts, by the phase; errors (P, N)
+    of the real parts. NaN at points whose matrices are not known to be constant."""
+
+    growth: Array
+    turns: Array
+    errors: Array
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Points of a family with constant matrices. multiplicity: how many multipliers +1 belong to rigid-body
+    modes, at points like these; unit: seconds by which exponents are made angles that do not pass π."""
+
+    family: Family
+    fallback: Judge
+    multiplicity: int
+    unit: float
+
+    def judge(self, points: Array) -> Judged:
+        """Stability at points (k, v); by the fallback where matrices vary, or eigenvalues are too uncertain.
+
+        The multipliers have the true moduli but angles Im µ Ω times a fixed time, in which no two modes meet
+        unless their exponents do.
+        """
+        found, period = self.exponents(points), self.family.example.period
+        growth, errors = found.growth * period, found.errors * period
+        with np.errstate(invalid="ignore"):
+            unstable = np.asarray((growth - errors > UNIT_CIRCLE).any(axis=1))
+            stable = np.asarray(~unstable & (growth + errors <= _CLOSE).all(axis=1))
+        angles = found.turns * (self.family.speeds(points) * self.unit)[:, None]
+        multipliers = np.exp(np.minimum(growth, _LARGEST) + 1j * angles)
+        known = Judged(points, stable, unstable, np.nan_to_num(multipliers))
+        open_ = np.flatnonzero(known.failed)
+        if len(open_):
+            others = self.fallback(points[open_])
+            kept = others.multipliers[:, : multipliers.shape[1]]
+            known = known.replaced(open_, Judged(others.points, others.stable, others.unstable, kept))
+        return known
+
+    def exponents(self, points: Array) -> Exponents:
+        """Of points (P, v), without those of rigid-body modes."""
+        n = self.family.example.n
+        entries = self.family.entries(_LOOKS * self.family.example.period, points)
+        steady = _steady(entries, n)
+        found = np.full((3, len(points), 2 * n - self.multiplicity), np.nan)
+        M, C, K = parted(entries[steady, 0], n)[:3]
+        modes = _rigid_body_modes(M, C, K)
+        alike: dict[tuple[int, ...], list[int]] = {}
+        for at in np.flatnonzero(modes.multiplicity == self.multiplicity).tolist():
+            alike.setdefault(tuple(modes.references[at][modes.present[at]].tolist()), []).append(at)
+        where = np.flatnonzero(steady)
+        for places, at in alike.items():
+            found[:, where[at]] = _exponents(
+                M[at], C[at], K[at], modes[np.array(at)], list(places), self.multiplicity
+            )
+        return Exponents(*found)
+
+
+def constant(batch: Batch) -> Constant | None:
+    """How points like those of a batch are judged where M, C and K are constant at all of these; None where
+    they vary, or the method is an approximation whose own stability is in question."""
+    family = batch.family
+    n, period = family.example.n, family.example.period
+    if isinstance(batch.method, Method) and not batch.method.converges:
+        return None
+    phases = (np.arange(_PHASES) + 0.5) * (period / _PHASES)
+    entries = family.entries(phases, batch.region)
+    entries = entries[np.isfinite(entries).all(axis=(1, 2))]
+    if not len(entries) or not _steady(entries, n).all():
+        return None
+    modes = _rigid_body_modes(*parted(entries[:, 0], n)[:3])
+    multiplicity = int(np.bincount(modes.multiplicity).argmax())
+    if multiplicity == 2 * n:
+        return None
+    found = Constant(family, judge(batch), multiplicity, 0.0)
+    turns = np.abs(found.exponents(batch.region).turns * family.speeds(batch.region)[:, None])
+    return Constant(
+        family, found.fallback, multiplicity, 1 / max(float(np.nanmax(turns, initial=0.0)), 1e-300)
+    )
+
+
+def still(speeds: Array) -> Array:
+    """By how much multipliers of such a judge turn over 1/Ω at speeds (k,), see `solve.studies.tongues`."""
+    return np.zeros(len(speeds))
+
+
+def _steady(entries: Array, n: int) -> Array:
+    """Whether M, C and K do not vary (P,) in entries (P, k, 3n² + n)."""
+    some = entries[..., : 3 * n**2]
+    largest, change = np.abs(some).max(axis=1), np.ptp(some, axis=1)
+    unit = np.sqrt(np.abs(largest[:, : n**2 : n + 1]))
+    both = np.tile((unit[:, :, None] * unit[:, None]).reshape(-1, n**2), (1, 3))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sizes = np.where(both > 0, largest / both, 0.0).reshape(-1, 3, n**2).max(axis=2)
+        allowed = _CONSTANT * largest + EPS * np.repeat(sizes, n**2, axis=1) * both
+        return np.asarray((change <= allowed).all(axis=1))
+
+
+def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
+    """Of points with M, C, K (P, n, n). Those of the first are those of every point at which these matrices
+    do the same to them: speeds and stiffnesses change no such mode."""
+    first = rigid_body_modes(K[:1, None], C[:1, None], M[:1, None])
+    vectors = first.vectors[:1].sum(axis=0)
+    if not vectors.any():
+        return rigid_body_modes(K[:, None], C[:, None], M[:, None])
+
+    def acts(part: Array) -> Array:
+        return np.asarray((np.abs(part @ vectors) > BOUND * (np.abs(part) @ np.abs(vectors))).any(axis=1))
+
+    alike = ~acts(K).any(axis=1) & (acts(C) == first.damped[0]).all(axis=1)
+    modes = first[np.zeros(len(K), dtype=int)]
+    others = np.flatnonzero(~alike)
+    if not len(others):
+        return modes
+    some = rigid_body_modes(K[others, None], C[others, None], M[others, None])
+    count = max(vectors.shape[1], some.vectors.shape[2])
+    made = RigidBodyModes.none(len(K), K.shape[1], count)
+    for at, part in ((np.flatnonzero(alike), modes[alike]), (others, some)):
+        r = part.vectors.shape[2]
+        made.vectors[at, :, :r], made.references[at, :r] = part.vectors, part.references
+        made.damped[at, :r], made.errors[at, :r] = part.damped, part.errors
+    return made
+
+
+def _exponents(
+    M: Array, C: Array, K: Array, modes: RigidBodyModes, places: list[int], multiplicity: int
+) -> Array:
+    """Growth, turns and errors (3, P, N) of points with M, C, K (P, n, n) whose rigid-body modes have these
+    places. States are the coordinates without these places, relative to the modes, and all velocities."""
+    n, rest = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
+    unit = 1 / np.sqrt(np.abs(np.einsum("pii->pi", M)))
+    unit[~np.isfinite(unit)] = 1.0
+    M, C, K = (part * unit[:, :, None] * unit[:, None] for part in (M, C, K))
+    vectors = modes.vectors[:, :, : len(places)]
+    vectors = vectors / unit[:, :, None] * unit[:, places][:, None]
+    pace = np.sqrt(np.abs(K).max(axis=(1, 2))) + np.abs(C).max(axis=(1, 2))
+    pace = np.where(pace > 0, pace, 1.0)[:, None, None]
+    size = len(rest)
+    A = np.zeros((len(M), size + n, size + n))
+    A[:, :size, size:] = pace * np.eye(n)[rest]
+    if places:
+        A[:, :size, [size + at for at in places]] -= pace * vectors[:, rest]
+    A[:, size:, :size] = -solved(M, K)[:, :, rest] / pace
+    A[:, size:, size:] = -solved(M, C)
+    values, errors = _eigenvalues(A)
+    left_over = multiplicity - len(places)
+    kept = np.argsort(np.abs(values), axis=1, kind="stable")[:, left_over:]
+    values, errors = (np.take_along_axis(part, kept, axis=1) for part in (values, errors))
+    bound = _energy_bound(M, C, K, rest)[:, None]
+    growth = np.minimum(np.real(values), bound)
+    errors = np.minimum(errors, bound - growth)
+    order = np.argsort(-growth, axis=1, kind="stable")
+    every = growth, np.imag(values), errors
+    return np.array([np.take_along_axis(part, order, axis=1) for part in every])
+
+
+def _eigenvalues(A: Array) -> tuple[Array, Array]:
+    """Eigenvalues (P, N) of matrices (P, N, N), + imaginary part first, and their errors (P, N)."""
+    finite = np.asarray(np.isfinite(A).all(axis=(1, 2)))
+    values, right = np.linalg.eig(np.where(finite[:, None, None], A, 0.0))
+    left = solved(right, np.broadcast_to(np.eye(A.shape[1]), A.shape))
+    condition = np.linalg.norm(left, axis=2)
+    norms = np.linalg.norm(A, axis=(1, 2))[:, None]
+    errors = _PERTURBATION * A.shape[1] * EPS * norms * np.nan_to_num(condition, nan=np.inf)
+    return np.where(finite[:, None], values, np.nan), errors
+
+
+def _energy_bound(M: Array, C: Array, K: Array, rest: list[int]) -> Array:
+    """The largest growth (P,) that the energy q̇ᵀMq̇/2 + xᵀKx/2 allows: where M and K are symmetric and
+    positive definite in the coordinates x at places `rest`, it changes by -q̇ᵀCq̇ alone, whatever the
+    gyroscopic forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345); infinite elsewhere."""
+    scale = [np.abs(part).max(axis=(1, 2)) for part in (M, C, K)]
+    symmetric = [
+        np.abs(part - np.swapaxes(part, 1, 2)).max(axis=(1, 2)) <= _ROUNDING * size
+        for part, size in ((M, scale[0]), (K, scale[2]))
+    ]
+    of_mass = np.linalg.eigvalsh((M + np.swapaxes(M, 1, 2)) / 2)[:, 0]
+    stiffness = K[:, rest][:, :, rest]
+    of_stiffness = np.linalg.eigvalsh((stiffness + np.swapaxes(stiffness, 1, 2)) / 2)[:, :1].min(
+        axis=1, initial=np.inf
+    )
+    positive = (of_mass > _ROUNDING * scale[0]) & (of_stiffness > _ROUNDING * scale[2])
+    least = np.linalg.eigvalsh((C + np.swapaxes(C, 1, 2)) / 2)[:, 0]
+    fed = np.where(least < -_ROUNDING * scale[1], -least / np.where(positive, of_mass, 1.0), 0.0)
+    return np.where(symmetric[0] & symmetric[1] & positive, fed, np.inf)

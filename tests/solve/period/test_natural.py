@@ -1,0 +1,105 @@
+"""Natural frequencies of free machines, of springs that turned negative, and of K that is not symmetric."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from solve.period.natural import eigenvalues, natural_frequencies, slopes
+from tests.solve.period.test_rigid_body import CHAIN, chain
+
+INERTIA = 3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05
+
+
+def exact(M, K):
+    """λ of diagonal M and symmetric K, with 40 digits."""
+    with mpmath.workdps(40):
+        unit = mpmath.diag([1 / mpmath.sqrt(m) for m in np.diag(M)])
+        return np.array([float(x) for x in sorted(mpmath.eigsy(unit * mpmath.matrix(K) * unit)[0])])
+
+
+def test_of_a_free_chain_the_first_is_exactly_zero():
+    found = natural_frequencies(np.diag(INERTIA)[None], chain(CHAIN)[None], 5)
+    hertz = found.frequencies[0] / (2 * np.pi)
+    assert hertz[0] == 0.0
+    np.testing.assert_allclose(hertz[1:], [81.21, 141.21, 378.95, 536.36], atol=5e-3)
+    np.testing.assert_allclose(found.frequencies[0] ** 2, exact(np.diag(INERTIA), chain(CHAIN)), atol=1e-6)
+    assert np.isnan(found.growth_rates).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_frequency_keeps_its_digits_beside_a_rigid_body_mode_and_stiff_ones(seed):
+    """Two geared trains without a connection, so of two rigid-body modes, in mixed units."""
+    draw = np.random.default_rng(seed)
+    M, K = np.zeros((2, 7, 7))
+    for part in (slice(0, 3), slice(3, 7)):
+        n = part.stop - part.start
+        units = 10.0 ** draw.uniform(-3, 3, n)
+        K[part, part] = units[:, None] * chain(10.0 ** draw.uniform(0, 8, n - 1)) * units
+        M[part, part] = np.diag(units**2 * draw.uniform(0.1, 1.0, n))
+    found = eigenvalues(M[None], K[None])[0]
+    truth = exact(M, K)
+    assert (found[:2] == 0).all()
+    np.testing.assert_allclose(found[2:], truth[2:], rtol=1e-7)
+
+
+@pytest.mark.parametrize("k1", [-3.0, -2.0, -0.5, 0.5, 3.0])
+def test_a_negative_spring_leaves_every_mode_its_number(k1):
+    """Closed form of two unit masses on k1 and 100 N/m, 1 N/m between them."""
+    a, b = k1 + 1.0, 101.0
+    root = np.hypot((a - b) / 2, 1.0)
+    low, high = (a + b) / 2 - root, (a + b) / 2 + root
+    found = natural_frequencies(np.eye(2)[None], np.array([[[a, -1.0], [-1.0, b]]]), 2)
+    if low < 0:
+        assert np.isnan(found.frequencies[0, 0])
+        assert found.growth_rates[0, 0] == pytest.approx(np.sqrt(-low), rel=1e-12)
+    else:
+        assert found.frequencies[0, 0] == pytest.approx(np.sqrt(low), rel=1e-12)
+        assert np.isnan(found.growth_rates[0, 0])
+    assert found.frequencies[0, 1] == pytest.approx(np.sqrt(high), rel=1e-14)
+    assert np.isnan(found.growth_rates[0, 1])
+
+
+def test_a_mode_that_grows_comes_before_a_rigid_body_mode():
+    """Two discs on a shaft of negative stiffness, and two on a positive one."""
+    K = np.zeros((4, 4))
+    K[:2, :2], K[2:, 2:] = chain([-8.0]), chain([2.0])
+    found = natural_frequencies(np.eye(4)[None], K[None], 4)
+    np.testing.assert_allclose(found.growth_rates[0], [4.0, np.nan, np.nan, np.nan])
+    np.testing.assert_allclose(found.frequencies[0], [np.nan, 0.0, 0.0, 2.0])
+
+
+def test_circulatory_forces_give_a_pair_a_frequency_and_a_growth_rate():
+    """λ = k ± i p of K = [[k, p], [-p, k]]."""
+    found = natural_frequencies(np.eye(2)[None], np.array([[[4.0, 3.0], [-3.0, 4.0]]]), 2)
+    root = np.sqrt(-(4.0 + 3.0j))
+    np.testing.assert_allclose(found.frequencies[0], [abs(root.imag)] * 2, rtol=1e-14)
+    np.testing.assert_allclose(found.growth_rates[0], [abs(root.real)] * 2, rtol=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_equations_in_any_units_have_the_same_frequencies(seed):
+    """Rows scaled, so that neither matrix is symmetric; two λ are equal, which round-off must not part."""
+    draw = np.random.default_rng(seed)
+    vectors = np.linalg.qr(draw.standard_normal((4, 4)))[0]
+    rows = np.diag(10.0 ** draw.uniform(-4, 4, 4))
+    K = vectors @ np.diag([1.0, 9.0, 9.0, 100.0]) @ vectors.T
+    found = natural_frequencies(rows[None], (rows @ K)[None], 4)
+    np.testing.assert_allclose(found.frequencies[0], [1.0, 3.0, 3.0, 10.0], rtol=1e-9)
+    assert np.isnan(found.growth_rates).all()
+
+
+def test_positions_with_and_without_a_rigid_body_mode():
+    held = chain([1.0]) + np.diag([3.0, 0.0])
+    found = eigenvalues(np.stack([np.eye(2)] * 3), np.stack([chain([1.0]), held, chain([2.0])]))
+    np.testing.assert_allclose(found[:, 0], [0.0, (5 - np.sqrt(13)) / 2, 0.0], rtol=1e-14, atol=0)
+    np.testing.assert_allclose(found[:, 1], [2.0, (5 + np.sqrt(13)) / 2, 4.0], rtol=1e-14)
+
+
+def test_slopes_of_a_free_pair_and_of_equal_eigenvalues():
+    """λ = 0, k (1/J1 + 1/J2); of two equal λ of diagonal matrices the mean of both slopes."""
+    J1, J2, k = 0.1, 0.2, 10.0
+    by_K, by_M = np.array([chain([1.0]), 0 * chain([1.0])]), np.array([0 * np.eye(2), np.diag([1.0, 0.0])])
+    found = slopes(np.diag([J1, J2]), chain([k]), by_M, by_K)
+    np.testing.assert_allclose(found, [[0, 1 / J1 + 1 / J2], [0, -k / J1**2]], rtol=1e-12, atol=1e-9)
+    equal = slopes(np.eye(3), np.diag([2.0, 2.0, 5.0]), np.zeros((1, 3, 3)), np.diag([1.0, 3.0, 7.0])[None])
+    np.testing.assert_allclose(equal, [[2.0, 2.0, 7.0]], rtol=1e-14)

@@ -1,0 +1,129 @@
+"""Natural frequencies, their studies and fits, where modes are rigid-body modes or grow."""
+
+import numpy as np
+import pytest
+
+import solve
+from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.results.frequencies import Findings
+from tests.solve.studies.free_trains import (
+    HERTZ,
+    bearing,
+    masses,
+    squares_of_masses,
+    train,
+)
+
+
+def test_a_free_train_names_its_rigid_body_mode():
+    found = solve.frequencies(train(), count=5)
+    np.testing.assert_allclose(found.values[0] / (2 * np.pi), HERTZ, rtol=1e-9, atol=0)
+    (mode,) = found.rigid_body_modes
+    assert (mode.vector, mode.damped) == ((1.0,) * 5, False)
+    record = Findings(found).record()
+    assert record["frequencies"][0] == 0.0
+    assert record["growth_rates"] == [None] * 5
+    assert record["rigid_body_modes"][0]["vector"] == [1.0] * 5
+    assert "mode 1 is a rigid-body mode, a1 : a2 : a3 : a4 : a5 = 1 : 1 : 1 : 1 : 1" in repr(Findings(found))
+    assert "0, 81.21, 141.2, 379, 536.4 Hz" in Findings(found).summary
+
+
+def test_the_first_mode_of_three_discs_is_zero_for_every_stiffness():
+    """The others by the closed form of three equal inertias J: J λ = k1 + k2 ± √(k1² + k2² − k1 k2)."""
+    k1, k2, J = np.linspace(40, 60, 21), 50.0, 0.1
+    discs = train([J] * 3, [50.0, k2])
+    found = solve.frequencies_over(discs, "k1", k1, np.zeros(1))
+    root = np.sqrt(k1**2 + k2**2 - k1 * k2)
+    assert (found.mean[:, 0] == 0).all()
+    np.testing.assert_allclose(found.mean[:, 1], np.sqrt((k1 + k2 - root) / J), rtol=1e-12)
+    np.testing.assert_allclose(found.mean[:, 2], np.sqrt((k1 + k2 + root) / J), rtol=1e-12)
+    assert found.shown_modes == [0, 1]
+
+
+def test_a_spring_that_turns_negative_does_not_renumber_the_modes():
+    k1 = np.linspace(-3, 3, 13)
+    low, high = squares_of_masses(k1)
+    found = solve.frequencies_over(masses(), "k1", k1, np.zeros(1))
+    np.testing.assert_allclose(found.mean[:, 0], np.where(low > 0, np.sqrt(np.abs(low)), np.nan), rtol=1e-12)
+    np.testing.assert_allclose(found.mean[:, 1], np.sqrt(high), rtol=1e-12)
+    rates = found.largest_growth_rates
+    np.testing.assert_allclose(rates[:, 0], np.where(low < 0, np.sqrt(np.abs(low)), np.nan), rtol=1e-12)
+    assert np.isnan(rates[:, 1]).all()
+    assert found.whole["growth_rates"] is not None
+    assert "1.41764i" in repr(found)
+    (warning,) = Findings(solve.frequencies(masses()), variation=found).warnings
+    assert warning == (
+        "the static stiffness is not positive at 5 of 13 values of k1: mode 1 grows instead of vibrating, "
+        f"at up to {np.sqrt(-low[0]):.4g} 1/s"
+    )
+    low_edge, _ = found.plot().axes[0].get_ylim()
+    assert low_edge < -np.sqrt(-low[0])
+
+
+def test_over_a_turn_on_which_the_stiffness_changes_its_sign():
+    """x″ + (1/2 + cos φ) x: a growth rate where the bracket is negative, a frequency elsewhere."""
+    mathieu = solve.load("mathieu", delta=0.5, epsilon=1.0)
+    positions = np.linspace(0, np.pi, 5, endpoint=False)
+    square = 0.5 + np.cos(2 * positions)
+    found = solve.frequencies(mathieu, positions)
+    np.testing.assert_allclose(found.values[:, 0], np.where(square > 0, np.sqrt(np.abs(square)), np.nan))
+    np.testing.assert_allclose(
+        found.growth_rates[:, 0], np.where(square < 0, np.sqrt(np.abs(square)), np.nan), rtol=1e-12
+    )
+    table = repr(found)
+    assert f"{np.sqrt(-square.min()):.5f}i" in table
+    assert next(line for line in table.splitlines() if line.split()[:1] == ["mean"]).split()[1] == "–"
+    assert set(found.to_pandas()) == {"position", "frequency1", "growth_rate1"}
+
+
+def test_speed_0_is_named_where_it_makes_a_matrix_infinite():
+    with pytest.raises(MatricesError, match=r"no finite M, C, K at speed 0.*divides by the speed.*critical"):
+        solve.frequencies(bearing())
+
+    def never(phase, speed):
+        one = np.full((len(phase), 1, 1), 1.0)
+        return one, one, one * np.nan, one[:, 0]
+
+    with pytest.raises(MatricesError, match=r"^K has NaN or infinite entries"):
+        solve.frequencies(solve.PeriodicSystem(never, ["x"]))
+
+    def by_python(phase, speed):
+        one = np.full((len(phase), 1, 1), 1.0)
+        return one, one, one * (1 / speed), one[:, 0]
+
+    with pytest.raises(MatricesError, match="at speed 0"):
+        solve.frequencies(solve.PeriodicSystem(by_python, ["x"]))
+
+
+def written(path, rows):
+    path.write_text("\n".join(["mode (1),frequency (Hz)", *(f"{m},{f:.17g}" for m, f in rows)]) + "\n")
+    return path
+
+
+def test_a_fit_finds_the_stiffness_of_a_free_train(tmp_path):
+    file = written(tmp_path / "f.csv", [*enumerate(HERTZ, 1)][1:])
+    found = solve.fit(train(k1=9000.0), file, ["k1"])
+    assert found.parameters["k1"].value == pytest.approx(12e3, rel=1e-8)
+
+
+def test_a_fit_of_two_free_discs(tmp_path):
+    """ω² = k (1/J1 + 1/J2)."""
+    hertz = np.sqrt(2500.0 * (1 / 0.1 + 1 / 0.3)) / (2 * np.pi)
+    file = written(tmp_path / "f.csv", [(2, hertz), (2, hertz * (1 + 1e-9))])
+    found = solve.fit(train([0.1, 0.3], [900.0]), file, ["k1"])
+    assert found.parameters["k1"].value == pytest.approx(2500.0, rel=1e-7)
+
+
+def test_a_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
+    file = written(tmp_path / "f.csv", [(at, hertz) for at, hertz in enumerate(HERTZ[1:], 1)])
+    with pytest.raises(ValueOutOfBoundsError) as refused:
+        solve.fit(train(k1=9000.0), file, ["k1"])
+    assert "mode 1 was measured at 81.2076 Hz, but is a rigid-body mode of frequency 0" in str(refused.value)
+    assert "counted first; number elastic modes in the file from 2 on" in str(refused.value)
+
+
+def test_a_fit_comes_back_from_a_start_with_a_mode_that_grows(tmp_path):
+    low, high = squares_of_masses(3.0)
+    file = written(tmp_path / "f.csv", [(1, np.sqrt(low) / 2 / np.pi), (2, np.sqrt(high) / 2 / np.pi)])
+    found = solve.fit(masses(k1=-3.0), file, ["k1"])
+    assert found.parameters["k1"].value == pytest.approx(3.0, rel=1e-6)
