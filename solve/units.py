@@ -239,22 +239,41 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     return first, last
 
 
-def evenly(text: str, name: str) -> list[float]:
-    """N numbers from A to B, both ends, from a text "A:B:N"; `name` is what they are given for. Raises
-    ValueOutOfBoundsError.
+def evenly(text: str, name: str) -> list[float] | list[str]:
+    """N numbers from A to B, both ends, from a text "A:B:N" or, as texts, "A:B:N unit"; `name` is what they
+    are given for. Raises ValueOutOfBoundsError.
 
-    >>> evenly("0.2:0.6:3", "L2")
-    [0.2, 0.4, 0.6]
+    >>> evenly("0.2:0.6:3", "L2"), evenly("200:600:3 mm", "L2")
+    ([0.2, 0.4, 0.6], ['200.0 mm', '400.0 mm', '600.0 mm'])
     """
-    usage = f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1"
+    usage = (
+        f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1, or with a "
+        "unit behind, such as '20:40:5 mm'"
+    )
+    given, _, unit = _apart(text).partition(" ")
     try:
-        first, last, number = text.split(":")
+        first, last, number = given.split(":")
         low, high, count = float(first), float(last), int(number)
     except ValueError:
         raise ValueOutOfBoundsError(usage) from None
     if count < 2:
         raise ValueOutOfBoundsError(usage)
-    return spaced(low, high, count)
+    numbers = spaced(low, high, count)
+    return [f"{each!r} {unit.strip()}" for each in numbers] if unit.strip() else numbers
+
+
+def in_unit(value: float | str, unit: str, name: str) -> float:
+    """A number of `unit` from a number, or from a text with or without a unit; `name` is what it is given
+    for. Raises UnitError, and ValueError for a text that is not a number.
+
+    >>> in_unit("30 mm", "m", "r"), in_unit("0.03", "m", "r"), in_unit(0.03, "m", "r")
+    (0.03, 0.03, 0.03)
+    """
+    found = quantity(value) if isinstance(value, str) else float(value)
+    try:
+        return with_unit(found, unit) if isinstance(found, str) else found
+    except UnitError as error:
+        raise UnitError(f"{name}: {error}") from None
 
 
 def _apart(text: str) -> str:

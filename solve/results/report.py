@@ -24,6 +24,9 @@ else:
 Facts = Sequence[tuple[str, str]]
 """A word, and what it stands for."""
 
+_UNBROKEN = 10_000
+"""Columns of a terminal in which no table is broken."""
+
 
 def described(method: Method) -> str:
     """A method's name and settings.
@@ -134,6 +137,11 @@ def _number_table() -> type[Table]:
             super().add_row(*(greek(cell) if isinstance(cell, str) else cell for cell in cells), **style)
 
         def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+            unbroken = console.measure(self, options=options.update_width(_UNBROKEN)).maximum
+            if unbroken > options.max_width:
+                for column in self.columns:
+                    # A unit is never broken, and takes a line of its own.
+                    column.header = str(column.header).replace(" (", "\n(")
             for column in self.columns:
                 if column.justify == "right":
                     widths = (console.measure(cell).maximum for cell in column.cells)
