@@ -203,7 +203,7 @@ def speeds_in_si(text: str) -> list[GivenSpeed]:
         if len(ends) != 3 or count < 2:
             raise ValueOutOfBoundsError(usage + ", N at least 2")
         return [speed_in_si(f"{value!r} {unit}") for value in spaced(low, high, count)]
-    if not numbers or not all(map(_is_number, numbers)) or _is_number(unit):
+    if not numbers or not all(map(is_number, numbers)) or is_number(unit):
         raise UnitError(usage)
     return [speed_in_si(f"{number} {unit}") for number in numbers]
 
@@ -219,10 +219,10 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     usage = f"speeds are {speeds!r}; give two, such as '0:600 rpm', not both 0"
     if isinstance(speeds, str):
         *numbers, unit = _apart(speeds).split() or [""]
-        if not numbers and all(map(_is_number, unit.split(":"))):
+        if not numbers and all(map(is_number, unit.split(":"))):
             raise UnitError(f"speeds are {speeds!r}; they have no unit, write them like '{unit} rpm'")
         ends = numbers[0].split(":") if len(numbers) == 1 else []
-        if not all(map(_is_number, ends)):
+        if not all(map(is_number, ends)):
             raise UnitError(usage)
         given = [f"{end} {unit}" for end in ends]
     else:
@@ -302,7 +302,8 @@ def spaced(low: float, high: float, count: int) -> list[float]:
     return [low + (high - low) * i / (count - 1) for i in range(count)]
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a text is a number without a unit."""
     try:
         float(text)
     except ValueError:

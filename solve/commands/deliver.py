@@ -2,7 +2,8 @@
 
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -46,12 +47,13 @@ def deliver_result(
                 files.write(file, partial(_text, made) if isinstance(made, str) else drawn(made, file))
         if data is not None:
             files.write(data, writer(result, data))
-    if flags.json:
-        print(json.dumps((record or result.record)(), ensure_ascii=False, allow_nan=False))
-    else:
-        _console().print(report() if report else result.report(choices))
-    sys.stdout.flush()
-    print_warnings([*notes, *result.warnings], [file for file in (*pictures, data) if file is not None])
+    with _naming([file for file in (*pictures, data) if file is not None]):
+        if flags.json:
+            print(json.dumps((record or result.record)(), ensure_ascii=False, allow_nan=False))
+        else:
+            _console().print(report() if report else result.report(choices))
+        sys.stdout.flush()
+        print_warnings([*notes, *result.warnings])
 
 
 def _console(stderr: bool = False) -> "Console":
@@ -68,26 +70,37 @@ def _text(text: str, stream: BinaryIO) -> None:
 def deliver_page(made: "Report", file: Path) -> None:
     """Write the page of a report to a checked file; print what was found, and what is missing on it."""
     write_whole(file, made.write)
-    for sentence in made.summary:
-        _console().print(sentence)
-    sys.stdout.flush()
-    missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
-    doubts = []
-    for said, headings in made.warnings.items():
-        orbits = ", ".join(filter(None, map(made.orbit_of, headings)))
-        doubts.append(f"{said} ({orbits})" if orbits else said)
-    print_warnings([*missing, *doubts], [file])
+    with _naming([file]):
+        for sentence in made.summary:
+            _console().print(sentence)
+        sys.stdout.flush()
+        missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
+        doubts = []
+        for said, headings in made.warnings.items():
+            orbits = ", ".join(filter(None, map(made.orbit_of, headings)))
+            doubts.append(f"{said} ({orbits})" if orbits else said)
+        print_warnings([*missing, *doubts])
 
 
 def deliver_animation(made: "Animation", file: Path) -> None:
     """Write the animation to a checked file; print what it shows."""
     made.save(file)
-    _console().print(made.title, soft_wrap=True)
-    sys.stdout.flush()
-    print_warnings(made.warnings, [file])
+    with _naming([file]):
+        _console().print(made.title, soft_wrap=True)
+        sys.stdout.flush()
+        print_warnings(made.warnings)
 
 
-def print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:
+@contextmanager
+def _naming(written: Sequence[Path]) -> Iterator[None]:
+    """Name the files that were written, on standard error, also where the output that follows fails."""
+    try:
+        yield
+    finally:
+        print_warnings([], written)
+
+
+def print_warnings(warnings: Sequence[str], written: Sequence[Path] = ()) -> None:
     """What is doubtful, then which files were written, on standard error."""
     from rich.text import Text
 
