@@ -24,7 +24,7 @@ def case_numbers(path: Path, case: str, mechanism: Mechanism) -> dict[sympy.Symb
         cases = {name: {**entry.get("parameters", {})} for name, entry in content["case"].items()}
         shared = {**content.get("common", {}).get("parameters", {})}
     except (OSError, UnicodeDecodeError, ValueError, KeyError, AttributeError, TypeError) as error:
-        raise CaseError(f"{path} cannot be read as a case file ({type(error).__name__}): {error}") from None
+        raise CaseError(f"{path} cannot be read as a case file: {_cause(error)}") from None
     if case not in cases:
         raise CaseError(f'{path} has no case "{case}"; it has: {", ".join(cases)}')
     declared = {each.symbol.name: each for each in mechanism.declared_parameters}
@@ -57,3 +57,12 @@ def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
         yield from ((f"{name}{k}", value) for k, value in enumerate(entry["values"], start=1))
     elif "table" not in entry:
         yield name, entry.get("value")
+
+
+def _cause(error: Exception) -> str:
+    """Why a case file cannot be read, in words."""
+    if isinstance(error, OSError):
+        return (error.strerror or "no access").lower()
+    if isinstance(error, KeyError):
+        return f"it has no {error}"
+    return str(error) if isinstance(error, ValueError) else "a table is missing in it"

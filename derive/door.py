@@ -6,6 +6,7 @@
 
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -29,6 +30,15 @@ _NOT_INSTALLED = (
 
 _AGAIN = 0.3
 """Seconds after which an interruption comes again."""
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""Control characters, tab and line feed excepted: a terminal executes them (ECMA-48)."""
+
+_STYLE = r"\x1b\[[0-9;]*m"
+_OUTPUT = re.compile(rf"({_STYLE})|{_CONTROL.pattern}")
+_ERROR_OUTPUT = re.compile(rf"({_STYLE}|\x1b\[(?:\?25[lh]|2K|1A)|\r)|{_CONTROL.pattern}")
+"""Control characters; the group holds what Rich writes to a terminal: styles, and for progress on standard
+error the cursor's moves."""
 
 
 class ReadOnce:
@@ -58,6 +68,7 @@ class _Stream(io.TextIOBase):
     that was closed leads nowhere. What cannot be said on standard error is left unsaid."""
 
     def __init__(self, stream: Any, silent: bool):
+        self._control = _ERROR_OUTPUT if silent else _OUTPUT
         self._stream = open(os.devnull, "w") if stream is None else stream  # noqa: SIM115
         self._silent = silent
         self._failure: _StreamError | None = None
@@ -75,7 +86,7 @@ class _Stream(io.TextIOBase):
         return self._stream.fileno()
 
     def write(self, text: str) -> int:
-        self._tried(self._stream.write, text)
+        self._tried(self._stream.write, self._control.sub(_escape_unless_allowed, text))
         return len(text)
 
     def flush(self) -> None:
@@ -106,6 +117,8 @@ def door(
     """Exit status of a command under the name that the user typed, which `work` carries out; what it raises
     of the class `refusals`, or Typer for what was mistyped, is said in one line."""
     with redirect_stdout(_Stream(sys.stdout, False)), redirect_stderr(_Stream(sys.stderr, True)):
+        for argument in filter(_CONTROL.search, arguments):
+            return _ended(name, f"'{_escaped(argument)}' contains a control character; write it without")
         interruptions: list[object] = []
         try:
             with _insistent(interruptions):
@@ -201,8 +214,21 @@ def _fault(name: str, error: Exception, debug: bool) -> int:
     return _ended(name, message, FAULT)
 
 
+def _escaped(text: str) -> str:
+    """The text with control characters as JSON writes them, so that JSON stays what it is.
+
+    >>> _escaped("a\x1b[31m")
+    'a\\\\u001b[31m'
+    """
+    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def _escape_unless_allowed(found: re.Match[str]) -> str:
+    return found[1] or _escaped(found[0])
+
+
 def _ended(name: str, message: str, status: int = REFUSED) -> int:
-    line = " ".join(message.split())
+    line = _escaped(" ".join(message.split()))
     if len(line) > _LONGEST:
         line = f"{line[: _LONGEST // 2]} … {line[-_LONGEST // 2 :]}"
     print(f"{name}: {line}", file=sys.stderr)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 HOME = Path(__file__).resolve().parent.parent
 
+_NUMERIC = {"cmath", "math", "numpy"}
+"""Libraries whose functions take numbers alone."""
+
 BEAM_ELEMENTS = "beam_elements"
 """The module of element matrices, which structures share; its source is this package's beam.py."""
 
@@ -164,13 +167,26 @@ def _run(source: Source) -> object:
         # Whoever interrupts raises this very class; others are the author's.
         if type(error) is KeyboardInterrupt:
             raise
-        what = ": ".join(filter(None, (type(error).__name__, str(error))))
+        what = ": ".join(filter(None, (type(error).__name__, str(error)))) + _hint(error, namespace)
         raise MechanismFileError(f"{source.path}{_line(error, source.path)}: {what}") from error
     if not callable(function):
         raise MechanismFileError(
             f"{source.path} has no function mechanism(); it must return a derive.Mechanism"
         )
     return stated
+
+
+def _hint(error: BaseException, namespace: dict[str, object]) -> str:
+    """What to do where functions of numbers are given symbols."""
+    foreign = [
+        name
+        for name, value in namespace.items()
+        if _NUMERIC
+        & {getattr(value, "__module__", ""), getattr(value, "__name__", ""), type(value).__module__}
+    ]
+    if not foreign or not isinstance(error, TypeError | AttributeError):
+        return ""
+    return f"; what is imported as {', '.join(foreign[:3])} takes no symbols: import functions from derive"
 
 
 def _line(error: BaseException, path: Path) -> str:

@@ -119,6 +119,19 @@ class ReopenedError(SolveError):
     """A result that was read from a file, asked for what needs the equations or the solver."""
 
 
+def cause(error: Exception) -> str:
+    """Why a file cannot be read, in words.
+
+    >>> cause(FileNotFoundError(2, "No such file or directory"))
+    'no such file or directory'
+    """
+    if isinstance(error, OSError):
+        return (error.strerror or "no access").lower()
+    if isinstance(error, UnicodeDecodeError):
+        return "it is not text in UTF-8"
+    return "it is damaged, or of another kind"
+
+
 def _natural(name: str) -> tuple[str, int]:
     digits = name[len(name.rstrip("0123456789")) :]
     return name.removesuffix(digits), int(digits or 0)

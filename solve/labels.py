@@ -8,7 +8,7 @@ from typing import Any, Self
 from solve.argument import listed
 from solve.contracts import DrawnLink
 from solve.errors import MissingValueError, require_name
-from solve.units import RPM, ShownUnit, raised, speed_in_si, unit_given
+from solve.units import RPM, ShownUnit, in_unit, raised, speed_in_si, unit_given
 
 SPEED = "speed"
 """The name under which the speed Ω (rad/s) varies like a parameter."""
@@ -94,6 +94,15 @@ class Labels:
         """In which values of a parameter, or of the "speed", are shown."""
         unit, _ = self.parameter_labels.get(name, ("", ""))
         return self.speed_unit if name == SPEED else ShownUnit(raised(unit), 1.0)
+
+    def in_own_unit(self, name: str, value: float | str) -> float:
+        """A parameter's value in its own unit, from a number or a text such as "30 mm". Raises
+        UnknownNameError, UnitError, and ValueError for a text that is not a number."""
+        if not isinstance(value, str):
+            return float(value)
+        require_name(f"parameter of {self.name}", name, self.parameters)
+        unit, _ = self.parameter_labels.get(name, ("", ""))
+        return in_unit(value, unit or "1", name)
 
     def known_quantities(self, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
         """Names of coordinates and outputs, by default all, each once; a text is one name. Raises

@@ -203,7 +203,7 @@ def speeds_in_si(text: str) -> list[GivenSpeed]:
         if len(ends) != 3 or count < 2:
             raise ValueOutOfBoundsError(usage + ", N at least 2")
         return [speed_in_si(f"{value!r} {unit}") for value in spaced(low, high, count)]
-    if not numbers or not all(map(_is_number, numbers)) or _is_number(unit):
+    if not numbers or not all(map(is_number, numbers)) or is_number(unit):
         raise UnitError(usage)
     return [speed_in_si(f"{number} {unit}") for number in numbers]
 
@@ -219,10 +219,10 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     usage = f"speeds are {speeds!r}; give two, such as '0:600 rpm', not both 0"
     if isinstance(speeds, str):
         *numbers, unit = _apart(speeds).split() or [""]
-        if not numbers and all(map(_is_number, unit.split(":"))):
+        if not numbers and all(map(is_number, unit.split(":"))):
             raise UnitError(f"speeds are {speeds!r}; they have no unit, write them like '{unit} rpm'")
         ends = numbers[0].split(":") if len(numbers) == 1 else []
-        if not all(map(_is_number, ends)):
+        if not all(map(is_number, ends)):
             raise UnitError(usage)
         given = [f"{end} {unit}" for end in ends]
     else:
@@ -239,22 +239,41 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     return first, last
 
 
-def evenly(text: str, name: str) -> list[float]:
-    """N numbers from A to B, both ends, from a text "A:B:N"; `name` is what they are given for. Raises
-    ValueOutOfBoundsError.
+def evenly(text: str, name: str) -> list[float] | list[str]:
+    """N numbers from A to B, both ends, from a text "A:B:N" or, as texts, "A:B:N unit"; `name` is what they
+    are given for. Raises ValueOutOfBoundsError.
 
-    >>> evenly("0.2:0.6:3", "L2")
-    [0.2, 0.4, 0.6]
+    >>> evenly("0.2:0.6:3", "L2"), evenly("200:600:3 mm", "L2")
+    ([0.2, 0.4, 0.6], ['200.0 mm', '400.0 mm', '600.0 mm'])
     """
-    usage = f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1"
+    usage = (
+        f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1, or with a "
+        "unit behind, such as '20:40:5 mm'"
+    )
+    given, _, unit = _apart(text).partition(" ")
     try:
-        first, last, number = text.split(":")
+        first, last, number = given.split(":")
         low, high, count = float(first), float(last), int(number)
     except ValueError:
         raise ValueOutOfBoundsError(usage) from None
     if count < 2:
         raise ValueOutOfBoundsError(usage)
-    return spaced(low, high, count)
+    numbers = spaced(low, high, count)
+    return [f"{each!r} {unit.strip()}" for each in numbers] if unit.strip() else numbers
+
+
+def in_unit(value: float | str, unit: str, name: str) -> float:
+    """A number of `unit` from a number, or from a text with or without a unit; `name` is what it is given
+    for. Raises UnitError, and ValueError for a text that is not a number.
+
+    >>> in_unit("30 mm", "m", "r"), in_unit("0.03", "m", "r"), in_unit(0.03, "m", "r")
+    (0.03, 0.03, 0.03)
+    """
+    found = quantity(value) if isinstance(value, str) else float(value)
+    try:
+        return with_unit(found, unit) if isinstance(found, str) else found
+    except UnitError as error:
+        raise UnitError(f"{name}: {error}") from None
 
 
 def _apart(text: str) -> str:
@@ -283,7 +302,8 @@ def spaced(low: float, high: float, count: int) -> list[float]:
     return [low + (high - low) * i / (count - 1) for i in range(count)]
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a text is a number without a unit."""
     try:
         float(text)
     except ValueError:

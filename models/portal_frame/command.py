@@ -26,5 +26,7 @@ def command(
     made = determinants(model, most)
     assert file is not None
     save_figure(determinants_figure(made, "Portal frame: determinant of the dynamic stiffness"), file)
-    print(f"natural frequencies (rad/s): {', '.join(f'{value:.3f}' for value in made.found)}")
-    print(f"wrote {file}", file=sys.stderr)
+    try:
+        print(f"natural frequencies (rad/s): {', '.join(f'{value:.3f}' for value in made.found)}", flush=True)
+    finally:
+        print(f"wrote {file}", file=sys.stderr)

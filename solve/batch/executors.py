@@ -51,10 +51,8 @@ def cluster(address: str) -> Iterator[Executor]:
         # A client that is refused its address would end with a traceback of its own.
         get_address_host(address)
         client: Any = Client(address, timeout=_PATIENCE, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise WorkersError(
-            f"no scheduler answers at '{address}' ({type(error).__name__}); start one with: dask scheduler"
-        ) from None
+    except (OSError, ValueError, TypeError):
+        raise WorkersError(f"no scheduler answers at '{address}'; start one with: dask scheduler") from None
     with client:
         yield client.get_executor(pure=False)
 

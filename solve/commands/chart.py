@@ -5,12 +5,13 @@ from typing import Annotated
 
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Flag, Places, Problem, Results, Speed
-from solve.commands.parse import assignments, numbers, points
+from solve.commands.parse import assignments, points, quantities
 from solve.errors import MissingValueError
+from solve.model.model import Model
 from solve.studies.chart import chart as found
 from solve.units import speed_in_si, speeds_in_si
 
-_RANGE = 'NAME=A:B:N|"speed=A:B:N rpm"'
+_RANGE = '"NAME=A:B:N unit"'
 
 
 def chart(
@@ -19,10 +20,10 @@ def chart(
     accuracy: Accuracy,
     places: Places,
     results: Results,
-    x: Annotated[str | None, Flag("N values from A to B, across.", _RANGE)] = None,
+    x: Annotated[str | None, Flag("N values from A to B, across; a speed needs its unit.", _RANGE)] = None,
     y: Annotated[str | None, Flag("N values from A to B, upwards.", _RANGE)] = None,
     cut: Annotated[
-        list[str] | None, Flag("Also along the line where x or y is this; repeatable.", "NAME=NUMBER")
+        list[str] | None, Flag("Also along the line where x or y is this; repeatable.", "NAME=NUMBER[unit]")
     ] = None,
     of: Annotated[
         str | None, Flag("Draw this over them: q3.max_abs, rho1.re, exponent1.re, …", "QUANTITY")
@@ -31,8 +32,8 @@ def chart(
 ) -> None:
     """Stability over two quantities, with named boundaries."""
     across, upwards = _axis("--x", x), _axis("--y", y)
-    lines = [_held(text) for text in cut or []]
     model = problem.loaded()
+    lines = [_held(text, model) for text in cut or []]
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
     asked = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of}
     with places.given() as given:
@@ -52,9 +53,9 @@ def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
     return dict([points(flag, text)])
 
 
-def _held(text: str) -> tuple[str, float]:
-    """Name and value in the unit that the model declares from NAME=NUMBER, or "speed=NUMBER unit"."""
+def _held(text: str, model: Model) -> tuple[str, float]:
+    """Name and value in the unit that the model declares, from NAME=NUMBER[unit]."""
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)
-    return name, numbers("--cut", [text])[name]
+    return name, model.in_own_unit(name, quantities("--cut", [text])[name])

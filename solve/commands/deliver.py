@@ -2,7 +2,8 @@
 
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -15,6 +16,8 @@ from solve.results.save import writer
 from solve.results.style import Figure, drawn
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from solve.reports.animation import Animation
     from solve.reports.page import Report
 
@@ -35,8 +38,6 @@ def deliver_result(
     Record, report and figure are the result's own where none is given; beside: further pictures, and
     texts. choices: what the user set beyond the case; notes come before the warnings.
     """
-    from rich.console import Console
-
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}
     with Whole() as files:
@@ -46,12 +47,20 @@ def deliver_result(
                 files.write(file, partial(_text, made) if isinstance(made, str) else drawn(made, file))
         if data is not None:
             files.write(data, writer(result, data))
-    if flags.json:
-        print(json.dumps((record or result.record)(), ensure_ascii=False, allow_nan=False))
-    else:
-        Console(highlight=False).print(report() if report else result.report(choices))
-    sys.stdout.flush()
-    print_warnings([*notes, *result.warnings], [file for file in (*pictures, data) if file is not None])
+    with _naming([file for file in (*pictures, data) if file is not None]):
+        if flags.json:
+            print(json.dumps((record or result.record)(), ensure_ascii=False, allow_nan=False))
+        else:
+            _console().print(report() if report else result.report(choices))
+        sys.stdout.flush()
+        print_warnings([*notes, *result.warnings])
+
+
+def _console(stderr: bool = False) -> "Console":
+    """A terminal that shows names and numbers as they are, brackets and colons included."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False, markup=False, emoji=False)
 
 
 def _text(text: str, stream: BinaryIO) -> None:
@@ -60,36 +69,42 @@ def _text(text: str, stream: BinaryIO) -> None:
 
 def deliver_page(made: "Report", file: Path) -> None:
     """Write the page of a report to a checked file; print what was found, and what is missing on it."""
-    from rich.console import Console
-
     write_whole(file, made.write)
-    for sentence in made.summary:
-        Console(highlight=False).print(sentence, markup=False)
-    sys.stdout.flush()
-    missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
-    doubts = []
-    for said, headings in made.warnings.items():
-        orbits = ", ".join(filter(None, map(made.orbit_of, headings)))
-        doubts.append(f"{said} ({orbits})" if orbits else said)
-    print_warnings([*missing, *doubts], [file])
+    with _naming([file]):
+        for sentence in made.summary:
+            _console().print(sentence)
+        sys.stdout.flush()
+        missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
+        doubts = []
+        for said, headings in made.warnings.items():
+            orbits = ", ".join(filter(None, map(made.orbit_of, headings)))
+            doubts.append(f"{said} ({orbits})" if orbits else said)
+        print_warnings([*missing, *doubts])
 
 
 def deliver_animation(made: "Animation", file: Path) -> None:
     """Write the animation to a checked file; print what it shows."""
-    from rich.console import Console
-
     made.save(file)
-    Console(highlight=False).print(made.title, markup=False, soft_wrap=True)
-    sys.stdout.flush()
-    print_warnings(made.warnings, [file])
+    with _naming([file]):
+        _console().print(made.title, soft_wrap=True)
+        sys.stdout.flush()
+        print_warnings(made.warnings)
 
 
-def print_warnings(warnings: Sequence[str], written: Sequence[Path]) -> None:
+@contextmanager
+def _naming(written: Sequence[Path]) -> Iterator[None]:
+    """Name the files that were written, on standard error, also where the output that follows fails."""
+    try:
+        yield
+    finally:
+        print_warnings([], written)
+
+
+def print_warnings(warnings: Sequence[str], written: Sequence[Path] = ()) -> None:
     """What is doubtful, then which files were written, on standard error."""
-    from rich.console import Console
     from rich.text import Text
 
-    console = Console(stderr=True, highlight=False)
+    console = _console(stderr=True)
     for warning in warnings:
         line = Text("warning: ", style="bold yellow").append(warning, style="not bold")
         console.print(line, soft_wrap=not console.is_terminal)

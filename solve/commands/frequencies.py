@@ -19,7 +19,8 @@ def frequencies(
     over: Annotated[
         list[str] | None,
         Flag(
-            "Also over N values of a parameter: the turn's mean, or at --position where given.", "NAME=A:B:N"
+            "Also over N values of a parameter: the turn's mean, or at --position where given.",
+            '"NAME=A:B:N unit"',
         ),
     ] = None,
     modes: Annotated[bool, Flag("Also the mode shapes of a structure.")] = False,

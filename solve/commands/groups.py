@@ -6,7 +6,7 @@ command's own flags, so that a new command is a short file.
 
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type
 import typer
 
 from solve.commands.parse import assignments, number, quantities, whole
-from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.errors import MatricesError, MissingValueError, ValueOutOfBoundsError
 from solve.loading import case_numbers, model_of, setup_of
 from solve.methods.choice import Rule, chosen
+from solve.model.bounds import measured
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.options import REDUCE
@@ -121,6 +122,18 @@ class Problem(Numbers):
     def loaded(self, still: bool = False, rigid: bool = False) -> Model:
         """As `of`, the model that the user names."""
         return self.of(self.model, still, rigid)
+
+    def numbers_set(self) -> str:
+        """The numbers of --set in the model's units, and the case's units where these differ."""
+        setup, parts = self.setup(self.model), []
+        units = {name: unit for name, unit, *_ in setup.module.PARAMETERS}
+        for name, given in self.parameters.items():
+            text, own = measured(setup.case.parameters[name], units[name]), setup.case.units.get(name)
+            other = isinstance(given, float) and own not in (None, units[name])
+            parts.append(
+                f"{text} for {name}, which the case gives in {own}" if other else f"{text} for {name}"
+            )
+        return "; ".join(parts)
 
 
 @dataclass(frozen=True)
@@ -299,13 +312,23 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
         chosen = Common(**{name: values.pop(name) for name in common})
         for name, group in groups.items():
             values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
-        with limited(chosen.limit):
+        with limited(chosen.limit), _naming_what_is_set(values.values()):
             command(**values)
 
     flat.__doc__ = command.__doc__
     flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return flat
+
+
+@contextmanager
+def _naming_what_is_set(groups: Iterable[Any]) -> Iterator[None]:
+    """Add the numbers of --set to a refusal of matrices, which names no parameter."""
+    try:
+        yield
+    except MatricesError as error:
+        given = next((each.numbers_set() for each in groups if isinstance(each, Problem)), "")
+        raise MatricesError(f"{error}; set here: {given}" if given else str(error)) from None
 
 
 def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:

@@ -58,39 +58,26 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
     return values
 
 
-def numbers(flag: str, texts: Sequence[str]) -> dict[str, float]:
-    """Numbers by name from texts NAME=NUMBER.
-
-    >>> numbers("--set", ["k1=8e4"])
-    {'k1': 80000.0}
-    """
-    return _read_each(flag, texts, float)
-
-
 def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
     """Numbers by name from texts NAME=NUMBER; texts themselves where a unit follows the number.
 
     >>> quantities("--set", ["k1=8e4", "r=30mm"])
     {'k1': 80000.0, 'r': '30mm'}
     """
-    return _read_each(flag, texts, quantity, " or with their unit, such as --set r=30mm")
-
-
-def _read_each(flag: str, texts: Sequence[str], read: Callable[[str], Any], more: str = "") -> dict[str, Any]:
     values = {}
     for name, text in assignments(flag, texts, "NAME=NUMBER").items():
         try:
-            values[name] = read(text)
+            values[name] = quantity(text)
         except ValueError:
             raise ValueOutOfBoundsError(
                 f"{flag} {name}={text}: '{text}' is not a number; write numbers alone, in the "
-                f"model's own units, such as {flag} {name}=1.5e3{more}"
+                f"model's own units, such as {flag} {name}=1.5e3 or with their unit, such as {flag} r=30mm"
             ) from None
     return values
 
 
-def points(flag: str, text: str) -> tuple[str, list[float]]:
-    """A name and N numbers from A to B, both ends, from a text NAME=A:B:N.
+def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
+    """A name and N numbers from A to B, both ends, from a text NAME=A:B:N; texts, where a unit follows.
 
     >>> points("--over", "L2=0.2:0.6:3")
     ('L2', [0.2, 0.4, 0.6])

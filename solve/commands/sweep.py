@@ -1,11 +1,12 @@
 """`solve sweep`: response and stability over many speeds."""
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any
 
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Places, Problem, Results, Speeds, Steps
+from solve.commands.groups import Flag, Places, Problem, Results, Speed, Speeds, Steps
 from solve.commands.parse import harmonic_count, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.model.model import Model
@@ -17,11 +18,13 @@ from solve.results.turn_plot import require_turn, turn_figure, turns_figure
 from solve.single import periodic as solved
 from solve.studies.sweep import sweep as swept
 from solve.system import PeriodicSystem
+from solve.units import speed_in_si
 
 
 def sweep(
     problem: Problem,
     speeds: Speeds,
+    speed: Speed,
     accuracy: Steps,
     places: Places,
     results: Results,
@@ -33,7 +36,10 @@ def sweep(
     ] = None,
     harmonics: Annotated[int | None, Flag("Orders of the spectrum.", "N", "60")] = None,
     over: Annotated[
-        list[str] | None, Flag("N values of a parameter from A to B, in its unit; repeatable.", "NAME=A:B:N")
+        list[str] | None,
+        Flag(
+            "N values of a parameter from A to B, in its unit or with one; repeatable.", '"NAME=A:B:N unit"'
+        ),
     ] = None,
     turn: Annotated[
         str | None, Flag("Draw its curve over one turn instead, a line a point: up to 12.", "NAME")
@@ -41,7 +47,7 @@ def sweep(
 ) -> None:
     """Periodic vibration and stability over many speeds, and values of parameters."""
     orders, varied = harmonic_count(harmonics), _varied(over)
-    omegas = None if varied and speeds.speeds is None else speeds.omegas()
+    omegas = _omegas(speeds, speed, bool(varied))
     model, count = problem.loaded(rigid=True), 1 if omegas is None else len(omegas)
     names, spectra = shown(model, show), [waterfall] if waterfall else []
     if turn is not None:
@@ -66,9 +72,19 @@ def sweep(
     deliver_result(results, result, problem.choices, result.notes, report=report, figure=figure)
 
 
-def _varied(over: list[str] | None) -> dict[str, list[float]]:
+def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
+    """Speeds in rad/s of --speeds or --speed, None for that of the case where parameters vary. Raises
+    MissingValueError, UnitError, ValueOutOfBoundsError."""
+    if speed.speed is not None and speeds.speeds is not None:
+        raise ValueOutOfBoundsError("--speed and --speeds both say at which speed; give one of them")
+    if speed.speed is not None:
+        return [speed_in_si(speed.speed)]
+    return None if varied and speeds.speeds is None else speeds.omegas()
+
+
+def _varied(over: list[str] | None) -> dict[str, Sequence[float | str]]:
     """Values by name. Raises ValueOutOfBoundsError."""
-    pairs = [points("--over", text) for text in over or []]
+    pairs: list[tuple[str, Sequence[float | str]]] = [points("--over", text) for text in over or []]
     for name in (name for at, (name, _) in enumerate(pairs) if name in dict(pairs[:at])):
         raise ValueOutOfBoundsError(f"--over gives {name} twice; give it once")
     return dict(pairs)

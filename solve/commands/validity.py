@@ -18,4 +18,5 @@ def validity(
     """How far the linear model is off over speed, and up to which speed to trust it."""
     omegas, model = speeds.omegas(), problem.loaded()
     result = found(model, omegas, at, accuracy.rule, accuracy.rtol)
+    result.require_any()
     deliver_result(results, result, problem.choices)

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from types import ModuleType
 from typing import Any
 
-from solve.errors import UnitError, ValueOutOfBoundsError
-from solve.units import quantity, require_size_of_number, with_unit
+from solve.errors import ValueOutOfBoundsError
+from solve.units import in_unit, require_size_of_number
 
 
 def clauses(bound: str) -> list[str]:
@@ -40,13 +40,6 @@ def measured(value: float, unit: str, digits: int = 6) -> str:
     return f"{value:z.{digits}g} {unit}".removesuffix(" 1")
 
 
-def _in_unit(text: str, name: str, unit: str) -> float:
-    try:
-        return with_unit(text, unit)
-    except UnitError as error:
-        raise UnitError(f"{name}: {error}") from None
-
-
 def checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str, float]:
     """The parameters that a generated module declares, from the given ones: numbers in the declared units, or
     texts with a unit such as "30 mm"; each finite and within its bound. Raises ValueOutOfBoundsError,
@@ -54,12 +47,11 @@ def checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str
     checked = {}
     for name, unit, meaning, bound in module.PARAMETERS:
         try:
-            found = quantity(given[name]) if isinstance(given[name], str) else float(given[name])
+            value = in_unit(given[name], unit, name)
         except (TypeError, ValueError):
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {given[name]!r}; give a number in {unit}"
             ) from None
-        value = _in_unit(found, name, unit) if isinstance(found, str) else found
         if not math.isfinite(value) or not all(holds(clause, value) for clause in clauses(bound)):
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"

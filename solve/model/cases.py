@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError
+from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError, cause
 from solve.model.tables import Fit, Series, fitted, series_of
 from solve.sizes import require_size
 from solve.units import conversion
@@ -21,22 +21,25 @@ _NUMBERS_A_BYTE = 64
 @dataclass(frozen=True)
 class Case:
     """name, the speed that the case names (a text with unit) or None, the parameters in SI, by the names of
-    series what was fitted to tables, and by those of parameters where the file says that they come from."""
+    series what was fitted to tables, and by those of parameters where the file says that they come from and
+    the unit in which it gives them."""
 
     name: str
     speed: str | None
     parameters: Mapping[str, Any]
     fits: Mapping[str, Fit] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict, compare=False)
+    units: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def replaced(
         self,
         parameters: Mapping[str, Any],
         fits: Mapping[str, Fit] = MappingProxyType({}),
         sources: Mapping[str, str] = MappingProxyType({}),
+        units: Mapping[str, str] = MappingProxyType({}),
     ) -> "Case":
         """With further parameters, fits and sources; a series of which a parameter is given is fitted no
-        more, and a parameter that is given has no source but a new one."""
+        more, and a parameter that is given has no source but a new one; the file's unit stays known."""
         kept = {name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)}
         known = {name: text for name, text in self.sources.items() if name not in parameters}
         return replace(
@@ -44,6 +47,7 @@ class Case:
             parameters={**self.parameters, **parameters},
             fits={**kept, **fits},
             sources={**known, **sources},
+            units={**self.units, **units},
         )
 
 
@@ -124,9 +128,7 @@ def _read(path: Path) -> dict[str, Any]:
         require_size(f"bytes in case file '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
-        raise CaseFileError(
-            f"case file '{path}' cannot be read ({type(error).__name__}); give another"
-        ) from None
+        raise CaseFileError(f"case file '{path}' cannot be read ({cause(error)}); give another") from None
     except RecursionError:
         raise CaseFileError(f"case file '{path}' nests too deeply; give plain tables") from None
     except ValueError as error:
@@ -135,10 +137,12 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _parameters(
     raw: Any, units: Mapping[str, str], series: Mapping[str, Series], path: Path
-) -> tuple[dict[str, float], dict[str, Fit], dict[str, str]]:
+) -> tuple[dict[str, float], dict[str, Fit], dict[str, str], dict[str, str]]:
+    """Values in the units that the model declares, fitted series, sources, and units of the file."""
     values: dict[str, float] = {}
     fits: dict[str, Fit] = {}
     sources: dict[str, str] = {}
+    given: dict[str, str] = {}
     for name, raw_entry in _table(raw, "parameters", path).items():
         entry = _table(raw_entry, name, path)
         if "table" in entry:
@@ -146,12 +150,13 @@ def _parameters(
             found = fit.parameters
         else:
             found = _numbers(name, entry, units, path)
+            given |= dict.fromkeys(found, entry["unit"])
         for member in found:
             if member in values:
                 raise CaseFileError(f"{member} in {path.name} is given twice, the second time by {name}")
         values |= found
         sources |= dict.fromkeys(found, str(entry.get("source") or entry.get("table")))
-    return values, fits, sources
+    return values, fits, sources, given
 
 
 def _fit(

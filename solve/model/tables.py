@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import CaseFileError, UnitError
+from solve.errors import CaseFileError, UnitError, cause
 from solve.sizes import require_size
 from solve.units import conversion
 
@@ -176,7 +176,7 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise CaseFileError(
-            f"{name}: table '{path}' cannot be read ({type(error).__name__}); give a CSV file; paths in a "
+            f"{name}: table '{path}' cannot be read ({cause(error)}); give a CSV file; paths in a "
             "case file are relative to it"
         ) from None
     if not lines:

@@ -65,7 +65,7 @@ class Cut:
 
     def table(self, system: PeriodicSystem) -> RenderableType:
         """A row a crossing."""
-        where = f"Along {self.along} at {system.unit_of(self.across).text(self.value)}"
+        where = f"Along {self.along} at {self.across} = {system.unit_of(self.across).text(self.value)}"
         if not self.crossings:
             return text(f"\n{where}: no boundary")
         made = table(where, "at", "kind", left=0)

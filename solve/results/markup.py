@@ -76,7 +76,7 @@ def _words(content: Any) -> str:
     """A text of rich; new lines become places where a long name may be parted."""
     from rich.console import Console
 
-    console = Console(no_color=True)
+    console = Console(markup=False, emoji=False, no_color=True)
     text = console.render_str(content, highlight=False) if isinstance(content, str) else content.copy()
     if text.style:
         text.stylize(text.style)

@@ -11,7 +11,7 @@ from solve.methods.method import Method
 from solve.results.contents import Column, Columns
 from solve.results.quantities import fixed, greek, headed, prefixed
 from solve.system import PeriodicSystem
-from solve.units import USUAL, ShownUnit
+from solve.units import USUAL, ShownUnit, is_number
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -23,6 +23,9 @@ else:
 
 Facts = Sequence[tuple[str, str]]
 """A word, and what it stands for."""
+
+_UNBROKEN = 10_000
+"""Columns of a terminal in which no table is broken."""
 
 
 def described(method: Method) -> str:
@@ -134,6 +137,11 @@ def _number_table() -> type[Table]:
             super().add_row(*(greek(cell) if isinstance(cell, str) else cell for cell in cells), **style)
 
         def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+            unbroken = console.measure(self, options=options.update_width(_UNBROKEN)).maximum
+            if unbroken > options.max_width:
+                for column in self.columns:
+                    # A unit is never broken, and takes a line of its own.
+                    column.header = str(column.header).replace(" (", "\n(")
             for column in self.columns:
                 if column.justify == "right":
                     widths = (console.measure(cell).maximum for cell in column.cells)
@@ -162,7 +170,8 @@ def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str],
     grid.add_row("model", Text(system.name + case, style="bold"))
     if system.title:
         grid.add_row("", Text(system.title))
-    chosen = dict.fromkeys([*(f"{name}={value}" for name, value in system.options.items()), *choices])
+    numbers = (_with_unit(system, choice) for choice in choices)
+    chosen = dict.fromkeys([*(f"{name}={value}" for name, value in system.options.items()), *numbers])
     if chosen:
         grid.add_row("with", Text(", ".join(chosen)))
     if speed is not None:
@@ -174,6 +183,13 @@ def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str],
     for word, what in facts:
         grid.add_row(word, what)
     return grid
+
+
+def _with_unit(system: PeriodicSystem, choice: str) -> str:
+    """A choice NAME=NUMBER of a parameter with the unit in which the number is taken."""
+    name, _, value = choice.partition("=")
+    unit = system.unit_of(name).name if name in system.parameter_labels else ""
+    return choice if unit in ("", "1") or not is_number(value) else f"{choice} {unit}"
 
 
 def in_every_unit(speed: float, first: ShownUnit) -> str:

@@ -126,7 +126,15 @@ class Result(Lasting):
 
         stream = StringIO()
         # In a notebook a console would show the text there, beside what `_repr_html_` gives.
-        console = Console(file=stream, width=_WIDTH, highlight=False, no_color=True, force_jupyter=False)
+        console = Console(
+            file=stream,
+            width=_WIDTH,
+            highlight=False,
+            markup=False,
+            emoji=False,
+            no_color=True,
+            force_jupyter=False,
+        )
         console.print(self._brief())
         lines = [line.rstrip() for line in stream.getvalue().strip("\n").splitlines()]
         return "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "…"])

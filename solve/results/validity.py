@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from solve.arrays import Array
+from solve.errors import NoResultError
 from solve.results.contents import Column, Columns, plain
 from solve.results.plot import MOST_SHOWN, draw_through, label_speeds, shades, title_of
 from solve.results.report import RenderableType, digits, speeds_of, table_of, text
@@ -36,11 +37,19 @@ class Validity(Result):
 
     @cached_property
     def warnings(self) -> list[str]:
-        """Why speeds have no result, a sentence each."""
+        """Reasons why speeds have no result, one sentence per reason."""
+        unit, speeds = self.system.speed_unit, dict[str, list[float]]()
+        for at, reason in self.failures.items():
+            speeds.setdefault(reason, []).append(float(self.speeds[at]))
         return [
-            f"no result: {reason} (at {self.system.speed_unit.text(self.speeds[at])})"
-            for at, reason in self.failures.items()
+            f"no result {unit.spans((each, each) for each in at)}: {reason}" for reason, at in speeds.items()
         ]
+
+    def require_any(self) -> None:
+        """Raise NoResultError where no speed has a result."""
+        if len(self.failures) == len(self.speeds):
+            reason = next(iter(self.failures.values()))
+            raise NoResultError(f"none of the {len(self.speeds)} speeds has a result: {reason}")
 
     @property
     def whole(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
-from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.choice import Rule
 from solve.period.named import EXPONENT, HARMONIC, PHASE, RADIUS, RHO, Named
@@ -56,8 +56,9 @@ def chart(
     store: str | Path | None = None,
     of: str | None = None,
 ) -> Chart:
-    """Stability over two quantities: parameters in the model's own units, or "speed". Each is {name: values},
-    or a text as on the command line: "delta=0:10:60", "speed=100:400:40 rpm".
+    """Stability over two quantities: parameters in the model's own units or as texts with unit, or "speed".
+    Each is {name: values}, or a text as on the command line: "delta=0:10:60", "k1=10:90:50 kN m/rad",
+    "speed=100:400:40 rpm".
 
     model: a name or path, a system (a generated one varies in its parameters, any other in its speed), or
     a function that builds a system from the two values by name. speed: where it is not among the two, by
@@ -68,7 +69,10 @@ def chart(
     Raises SolveError subclasses for bad input; a point that fails, such
     as a linkage that cannot turn, is NaN with its reason, and boundaries end beside it.
     """
-    (x_name, across), (y_name, upwards) = _axis("x", x), _axis("y", y)
+    if isinstance(model, str):
+        model, case = load(model, case), None
+    labels = model if isinstance(model, PeriodicSystem) else None
+    (x_name, across), (y_name, upwards) = _axis("x", x, labels), _axis("y", y, labels)
     xs, ys = np.array(across), np.array(upwards)
     if x_name == y_name:
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
@@ -170,11 +174,18 @@ def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
 
 
 def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float) -> Cut:
-    """Along one axis, the quantity at the position `held` being kept at the value."""
+    """Along one axis, the quantity at the position `held` being kept at the value. Raises
+    ValueOutOfBoundsError, and NoResultError where no point has a result."""
+    if not np.isfinite(value):
+        raise ValueOutOfBoundsError(f"the cut is at {names[held]} = {value:g}; give a finite number")
     along, values = 1 - held, axes[1 - held]
     points = np.empty((len(values), 2))
     points[:, held], points[:, along] = value, values
     known, inner = search.judge(points), np.arange(1, len(points) - 1)
+    if known.failed.all():
+        raise NoResultError(
+            f"no point of the cut at {names[held]} = {value:g} has a result; give a value that the model has"
+        )
     every = known + hidden(search.judge, known, inner)
     (crossings,) = search.crossings(Lines(every, np.zeros(len(every.points)), along))
     found = [(at, KINDS[kind]) for at, kind in zip(crossings.place.tolist(), crossings.kind, strict=True)]
@@ -188,9 +199,12 @@ def _truth(known: Judged) -> Array:
 
 
 def _axis(
-    which: str, given: str | Mapping[str, str | Sequence[float | str] | Array]
+    which: str,
+    given: str | Mapping[str, str | Sequence[float | str] | Array],
+    system: PeriodicSystem | None,
 ) -> tuple[str, Sequence[float]]:
-    """Name and rising values."""
+    """Name and rising values, of a parameter in its own unit; without a system, which has units, of numbers
+    alone. Raises ValueOutOfBoundsError, UnitError."""
     if isinstance(given, str):
         name, _, text = given.partition("=")
         given = {name.strip(): text.strip()}
@@ -202,29 +216,27 @@ def _axis(
     numbers: Sequence[float] = []
     if name == SPEED:
         numbers = speeds_given(values)
-    elif isinstance(values, str):
-        numbers = evenly(values, name)
     else:
+        each = evenly(values, name) if isinstance(values, str) else values
         with suppress(TypeError, ValueError):
-            numbers = np.atleast_1d(np.asarray(values, dtype=float)).tolist()
+            numbers = [float(value) if system is None else system.in_own_unit(name, value) for value in each]
     found = np.array(numbers)
     if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
         raise ValueOutOfBoundsError(
-            f"values of {name} must be at least two finite numbers, each larger than the one before"
+            f"values of {name} must be at least two finite numbers, each larger than the one before; a unit "
+            "needs a model that states one"
         )
     return name, numbers
 
 
 def _family(
-    model: str | PeriodicSystem | Callable[..., PeriodicSystem],
+    model: PeriodicSystem | Callable[..., PeriodicSystem],
     names: tuple[str, str],
     points: Array,
     speed: float | str | None,
     case: str | None,
 ) -> Family:
     """The systems at the points (P, 2): of a name, one that varies, or those built by a function."""
-    if isinstance(model, str):
-        model, case = load(model, case), None
     if case is not None:
         raise ValueOutOfBoundsError(
             f"case '{case}' is for the name of a model; a system has its numbers already"

@@ -1,10 +1,8 @@
-"""Parameters of a model from measured vibration, by nonlinear least squares with exact derivatives (M. A.
-Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as SciPy has it)."""
+"""Parameters of a model from measured vibration, by nonlinear least squares with exact derivatives."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,12 +13,14 @@ from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.model.bounds import clauses
+from solve.model.bounds import measured as with_its_unit
 from solve.model.model import Model, of_model
 from solve.progress import part, stage
 from solve.results.channels import Channel
 from solve.results.fit import Fitted, Interval
 from solve.single import periodic
 from solve.studies.fit_frequencies import natural_frequencies, require_elastic_modes
+from solve.studies.least_squares import Minimum, minimise
 from solve.studies.measured import FREQUENCY, Measured, measured
 from solve.studies.misfit import misfits
 from solve.units import speed_in_si
@@ -35,12 +35,6 @@ _SHARE = 0.1
 _REACH = 1e6
 """Times its start, or part of it, beyond which a positive parameter is not tried."""
 
-_SPREAD = 1.4826
-"""Standard deviation by the median of the moduli, of normal errors."""
-
-_OUTLIER = 2.0
-"""Standard deviations from which on a robust fit counts errors by their moduli."""
-
 
 @of_model
 def fit(
@@ -54,15 +48,13 @@ def fit(
     rtol: float = 1e-7,
 ) -> Fitted:
     """The values of the free parameters with which the linear orbit is nearest to what was measured; they
-    start from those of the model.
+    start from those of the model. A trial whose values the model refuses shortens the step.
 
     data: a file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
     and high by name, in the model's own units. speed: where the file has no column of speeds. robust:
     outliers count by their moduli, not their squares. Positive parameters are fitted by their logarithms.
-    Raises SolveError subclasses for bad input, and where the model has no orbit on the way.
+    Raises SolveError subclasses for bad input, and where the model has no orbit at the start.
     """
-    from scipy.optimize import least_squares
-
     names = listed(free)
     if not names:
         raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
@@ -76,21 +68,10 @@ def fit(
         raise ValueOutOfBoundsError(
             f"values measured: {count}, parameters free: {len(names)}; free fewer, or measure more"
         )
-    low, high = _limits(problem, bounds or {})
-    ratios = problem.ratios
-    settings: dict[str, Any] = {"jac": problem.jacobian, "bounds": (low, high), "x_scale": "jac"}
+    limits = _limits(problem, bounds or {})
     with stage("trials"):
-        found = least_squares(problem.residuals, problem.start, **settings)
-        if robust:
-            for _ in range(2):
-                scale = _OUTLIER * _spread(found.fun)
-                found = least_squares(problem.residuals, found.x, loss="soft_l1", f_scale=scale, **settings)
-    sigma = _spread(found.fun) if robust else np.sqrt(2 * found.cost / (count - len(names)))
-    return _fitted(problem, found.x, found.jac, float(sigma), count, Path(data).name, ratios)
-
-
-def _spread(residuals: Array) -> float:
-    return float(_SPREAD * np.median(np.abs(residuals)))
+        found = minimise(problem, limits, robust)
+    return _fitted(problem, found, Path(data).name)
 
 
 @dataclass(eq=False)
@@ -159,6 +140,12 @@ class Problem:
 
     def jacobian(self, x: Array) -> Array:
         return self._solved(x)[1]
+
+    def described(self, x: Array) -> str:
+        """The free parameters with their values and units."""
+        values = zip(self.names, self.values(x).tolist(), strict=True)
+        units = self.model.parameter_labels
+        return ", ".join(f"{name} = {with_its_unit(value, units[name][0])}" for name, value in values)
 
     def varied(self, x: Array) -> Model:
         return self.model.varied(dict(zip(self.names, self.values(x).tolist(), strict=True)))
@@ -235,13 +222,12 @@ def _limits(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tupl
     return low, high
 
 
-def _fitted(
-    problem: Problem, x: Array, jac: Array, sigma: float, count: int, file: str, ratios: Mapping[str, float]
-) -> Fitted:
+def _fitted(problem: Problem, found: Minimum, file: str) -> Fitted:
     from scipy.stats import t
 
+    x, count = found.x, len(found.residuals)
     values, model = problem.values(x), problem.varied(x)
-    covariance, lost, unidentifiable = _uncertainty(problem, values, jac, sigma, count)
+    covariance, lost, unidentifiable = _uncertainty(problem, values, found.jacobian, found.sigma, count)
     deviations = np.sqrt(np.diag(covariance))
     reach = np.where(lost, np.inf, t.ppf((1 + _CONFIDENCE) / 2, count - len(x)) * deviations)
     with np.errstate(over="ignore"):
@@ -256,8 +242,9 @@ def _fitted(
         for name, computed, _ in problem.computed(model, s)
     ]
     scale = np.where(deviations > 0, deviations, 1.0)
-    residual = float(np.sqrt(np.mean(problem.residuals(x) ** 2)))
-    correlations, doubts = covariance / scale / scale[:, None], misfits(channels, model.period, ratios)
+    residual = float(np.sqrt(np.mean(found.residuals**2)))
+    correlations = covariance / scale / scale[:, None]
+    doubts = [*found.warnings, *misfits(channels, model.period, problem.ratios)]
     return Fitted(model, file, intervals, correlations, residual, unidentifiable, channels, doubts)
 
 

@@ -7,7 +7,14 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Matrices
-from solve.errors import MatricesError, NoMotionError, SolveError, ValueOutOfBoundsError, require_name
+from solve.errors import (
+    MatricesError,
+    NoMotionError,
+    NoResultError,
+    SolveError,
+    ValueOutOfBoundsError,
+    require_name,
+)
 from solve.period.natural import NaturalFrequencies, natural_frequencies
 from solve.period.rigid_body import rigid_body_modes
 from solve.results.frequencies import Frequencies, Variation
@@ -104,14 +111,15 @@ def turn(system: PeriodicSystem, count: int = TURN) -> Array:
 def frequencies_over(
     system: PeriodicSystem,
     parameter: str,
-    values: Sequence[float] | Array,
+    values: Sequence[float | str] | Array,
     positions: Array,
     count: int | None = None,
 ) -> Variation:
-    """Frequencies at the positions for each value (in its own unit) of a parameter, in the order of
-    `frequencies`.
+    """Frequencies at the positions for each value of a parameter, in its own unit or a text with unit, in the
+    order of `frequencies`.
 
-    Values that the system refuses become NaN with their reason. Raises UnknownNameError.
+    Values that the system refuses become NaN with their reason. Raises UnknownNameError, UnitError, and
+    NoResultError where it refuses all.
     """
     require_name(f"parameter of {system.name}", parameter, system.parameters)
     if len(values) == 0 or len(positions) == 0:
@@ -120,12 +128,13 @@ def frequencies_over(
     require_size(
         "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
     )
+    numbers = np.array([system.in_own_unit(parameter, value) for value in values])
     found = np.full((2, len(values), len(positions), k), math.nan)
     pinned = {link.name: np.full(len(values), math.nan) for link in system.links}
     errors: list[str | None] = []
-    for number, value in enumerate(values):
+    for number, value in enumerate(numbers.tolist()):
         try:
-            varied = system.varied({parameter: float(value)})
+            varied = system.varied({parameter: value})
             found[:, number] = natural(varied, positions, _checked_count(varied, k))
         except SolveError as error:
             errors.append(str(error))
@@ -133,7 +142,8 @@ def frequencies_over(
         errors.append(None)
         for link, alone in varied.pinned_frequencies().items():
             pinned[link][number] = alone
-    numbers = np.asarray(values, dtype=float)
+    if all(errors):
+        raise NoResultError(f"none of the {len(errors)} values of {parameter} has a result: {errors[0]}")
     return Variation(system, parameter, numbers, positions, found[0], pinned, tuple(errors), found[1])
 
 

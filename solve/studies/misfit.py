@@ -22,6 +22,10 @@ _MOST_LAGS, _A_LAG = 6, 6
 _APART = 0.5
 """Difference, relative, beyond which a model explains little."""
 
+_FEW, _OF_SENSORS = 2 * _A_LAG, 0.05
+"""Values below which neighbours say nothing of noise, and the relative difference beyond which so
+few values do not fit: accelerometers and their amplifiers are specified to 5 % of amplitude."""
+
 _UNIT = 100.0
 """Ratio of sizes from which on a unit is doubtful."""
 
@@ -48,6 +52,11 @@ def misfits(channels: Sequence[Channel], period: float, ratios: Mapping[str, flo
             found.append(
                 f"{name} differs by {100 * size:.3g} %: the model does not follow it; look at unit, sign, "
                 "speed and phase 0 of the data, and at what else to free"
+            )
+        elif len(left) < _FEW and size > _OF_SENSORS:
+            found.append(
+                f"{name} differs by {100 * size:.3g} %, more than sensors leave; {len(left)} values are too "
+                "few to distinguish noise from a model that does not follow the data"
             )
         elif noise < _FALSE / len(ratios) and size > _EXACT:
             alike = max((alike for _, alike in pairs), key=abs)

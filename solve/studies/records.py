@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import CaseFileError, MissingLibraryError
+from solve.errors import CaseFileError, MissingLibraryError, cause
 from solve.model.tables import cells_of, number_in
 from solve.sizes import require_size
 
@@ -52,7 +52,7 @@ def record(file: str | Path) -> Record:
         return (_matlab if ending == ".mat" else _universal)(path)
     except (OSError, ValueError, TypeError, KeyError, IndexError, NotImplementedError) as error:
         raise CaseFileError(
-            f"data: '{path}' cannot be read ({type(error).__name__}); give a whole {ending} file"
+            f"data: '{path}' cannot be read ({cause(error)}); give a whole {ending} file"
         ) from None
 
 

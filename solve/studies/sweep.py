@@ -26,8 +26,8 @@ from solve.studies.rigid import rigid_points
 from solve.system import PeriodicSystem, of_any_system
 from solve.units import evenly, speeds_given
 
-Over = str | Sequence[str] | Mapping[str, str | Sequence[float] | Array]
-"""Values of parameters by name, or texts NAME=A:B:N."""
+Over = str | Sequence[str] | Mapping[str, str | Sequence[float | str] | Array]
+"""Values of parameters by name, or texts such as "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad"."""
 
 
 @of_any_system
@@ -48,7 +48,8 @@ def sweep(
     """`periodic` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm"), keeping
     the figures of each.
 
-    over: values of parameters in the model's own units, {name: values} or texts such as "k1=1e4:9e4:50";
+    over: values of parameters in the model's own units, or texts with unit: {name: values}, or texts such as
+    "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad";
     every combination is solved, the speeds running fastest; without speeds at that of the case.
     quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
     are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
@@ -57,7 +58,7 @@ def sweep(
     goes on from there. engine: "compiled", "numpy", or "auto" for the first where there is a
     C compiler. Raises SolveError subclasses for what no speed could mend.
     """
-    values = _over(over)
+    values = _over(over, system)
     given = speeds_given(_speeds(system, speeds, over))
     system, omegas = system.shown_in(given[0]), np.array(given)
     names = system.known_quantities(quantities)
@@ -80,8 +81,8 @@ def sweep(
     return Sweep(system, points[:, -1], results, task.request.engine, notes, parameters)
 
 
-def _over(given: Over | None) -> dict[str, Array]:
-    """Values of parameters by name. Raises ValueOutOfBoundsError."""
+def _over(given: Over | None, system: PeriodicSystem) -> dict[str, Array]:
+    """Values of parameters in their own units by name. Raises ValueOutOfBoundsError, UnitError."""
     texts = [given] if isinstance(given, str) else given or ()
     pairs = given.items() if isinstance(given, Mapping) else [_parted(text) for text in texts]
     found: dict[str, Array] = {}
@@ -89,7 +90,8 @@ def _over(given: Over | None) -> dict[str, Array]:
         if name in found:
             raise ValueOutOfBoundsError(f"over gives {name} twice; give it once")
         try:
-            numbers = evenly(values, name) if isinstance(values, str) else [float(value) for value in values]
+            each = evenly(values, name) if isinstance(values, str) else values
+            numbers = [system.in_own_unit(name, value) for value in each]
         except (TypeError, ValueError):
             numbers = []
         found[name] = np.array(numbers)
@@ -121,7 +123,8 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
 
 @of_model
 def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str, Model]:
-    """The model with each of several values of a parameter (in its own unit) or an option, by the value.
+    """The model with each of several values of a parameter (a number in its own unit, or a text with unit) or
+    of an option, by the value.
 
     Raises UnknownNameError, and ValueOutOfBoundsError for a value that the model does not allow.
     """
@@ -129,7 +132,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     if name in model.options:
         made = {str(value): model.varied(options={name: value}) for value in values}
     else:
-        numbers = [_number(name, value) for value in values]
+        numbers = [_number(model, name, value) for value in values]
         labels = [f"{number:g}" for number in numbers]
         if len(set(labels)) < len(labels):
             labels = [repr(number) for number in numbers]
@@ -166,8 +169,10 @@ def sweeps(
     return Sweeps(title, np.array(given), found, quantities, first)
 
 
-def _number(name: str, value: float | str) -> float:
+def _number(model: Model, name: str, value: float | str) -> float:
     try:
-        return float(value)
+        return model.in_own_unit(name, value)
     except ValueError:
-        raise ValueOutOfBoundsError(f"{name} is '{value}'; give a number in the model's own unit") from None
+        raise ValueOutOfBoundsError(
+            f"{name} is '{value}'; give a number, with its unit or in the model's own"
+        ) from None

@@ -10,9 +10,9 @@ ROTOR = (Path(__file__).parent / "rotor.py").read_text(encoding="utf-8")
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "rotor.toml cannot be read as a case file (FileNotFoundError)"),
-        ("[case", "rotor.toml cannot be read as a case file (TOMLDecodeError)"),
-        ("x = 1", "rotor.toml cannot be read as a case file (KeyError)"),
+        (None, "rotor.toml cannot be read as a case file: no such file or directory"),
+        ("[case", "rotor.toml cannot be read as a case file: Expected ']'"),
+        ("x = 1", "rotor.toml cannot be read as a case file: it has no 'case'"),
         ("[case.b]", 'rotor.toml has no case "a"; it has: b'),
         ("[case.a.parameters]\nI = {value = 1, unit = 'm'}", "I = 1 is no number of a parameter of rotor"),
         ("[case.a.parameters]\nJ = {value = 'x', unit = 'kg m^2'}", "J = 'x' is no number of a parameter"),

@@ -149,7 +149,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
         (entry("P'", "Pa"), GOOD, CaseFileError, "P' is given by its own coefficients; give a table of P"),
         (entry("PP", "Pa"), GOOD, UnknownNameError, "unknown series in mine.toml 'PP'; did you mean 'P'"),
         (entry("P", "Pa").replace("harm", "ham"), GOOD, UnknownNameError, "'hamonics'; did you mean 'harm"),
-        (entry("P", "Pa").replace("mine", "none"), GOOD, CaseFileError, "cannot be read .FileNotFoundError"),
+        (entry("P", "Pa").replace("mine", "none"), GOOD, CaseFileError, "cannot be read .no such file"),
         (entry("P", "Pa").replace("mine.csv", "."), GOOD, CaseFileError, "is no file; give a CSV file"),
         ('P = { table = "mine.csv" }', GOOD, CaseFileError, "P in mine.toml needs a table and two columns"),
         ('P = { table = 3, columns = ["a", "b"] }', GOOD, CaseFileError, "needs a table and two columns"),

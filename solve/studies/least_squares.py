@@ -1,0 +1,158 @@
+"""Nonlinear least squares over a domain that is known only by trial (M. A. Branch, T. F. Coleman, Y. Li,
+SIAM J. Sci. Comput. 21 (1999) 1-23, as SciPy has it).
+
+A trial outside the domain has NaN as its residuals. SciPy's trust-region reflective method then takes a
+quarter of the step as its trust radius and tries again from the same point, before it compares the objective
+with its quadratic model; large finite residuals instead would enter this model and spoil the next radius.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import (
+    MatricesError,
+    NoOrbitError,
+    NoResultError,
+    ResonanceError,
+    SolveError,
+    StructureError,
+)
+
+_OUTLIER = 2.0
+"""Standard deviations from which on a robust fit counts errors by their moduli."""
+
+_SPREAD = 1.4826
+"""Standard deviation by the median of the moduli, of normal errors."""
+
+_OFFSET = 0.1
+"""Relative offset above which a point is no minimum: the estimate lies a tenth of its standard error or more
+from the stationary point. Bates and Watts stop at 0.001; SciPy's ftol of 1e-8 leaves 1e-4 √(n/p), 0.01 for
+10 000 values."""
+
+_EXACT = 1e-5
+"""Residual, relative, up to which it may be the error of the orbits, whose tolerance is 1e-7, and of
+differences."""
+
+_MOVED = 1e-8
+"""Relative change of a parameter below which it did not move: SciPy's xtol."""
+
+_OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
+"""Refusals that depend on the values of the parameters and do not name them."""
+
+
+class LeastSquares(Protocol):
+    """Residuals (k,) and their Jacobian (k, r) at x (r,); both raise SolveError subclasses outside the
+    domain."""
+
+    @property
+    def start(self) -> Array: ...
+    def residuals(self, x: Array) -> Array: ...
+    def jacobian(self, x: Array) -> Array: ...
+    def described(self, x: Array) -> str:
+        """The parameters with their values and units."""
+        ...
+
+
+@dataclass
+class Minimum:
+    """Where the iteration ended: x (r,), the residuals (k,) and the Jacobian (k, r) there, the standard
+    deviation of the residuals; warnings: why this may not be a minimum, a sentence each."""
+
+    x: Array
+    residuals: Array
+    jacobian: Array
+    sigma: float
+    warnings: Sequence[str]
+
+
+def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -> Minimum:
+    """The minimum that the trust-region reflective method reaches from the start. robust: outliers count by
+    their moduli. Raises SolveError subclasses with the values of the start where that has no residuals."""
+    from scipy.optimize import least_squares
+
+    trials = _Trials(problem, _at_start(problem).shape)
+    settings: dict[str, Any] = {"jac": problem.jacobian, "bounds": bounds, "x_scale": "jac"}
+    found = least_squares(trials.residuals, problem.start, **settings)
+    for _ in range(2 if robust else 0):
+        scale = _OUTLIER * _spread(found.fun)
+        if scale > 0:
+            found = least_squares(trials.residuals, found.x, loss="soft_l1", f_scale=scale, **settings)
+    left = len(found.fun) - len(found.x)
+    sigma = _spread(found.fun) if robust else float(np.sqrt(2 * found.cost / left))
+    return Minimum(found.x, found.fun, found.jac, sigma, _doubts(problem, found, trials, robust))
+
+
+def _spread(residuals: Array) -> float:
+    return float(_SPREAD * np.median(np.abs(residuals)))
+
+
+@dataclass
+class _Trials:
+    """Residuals of a problem, NaN outside its domain; failures: why, a sentence for each such trial."""
+
+    problem: LeastSquares
+    shape: tuple[int, ...]
+    failures: list[str] = field(default_factory=list)
+
+    def residuals(self, x: Array) -> Array:
+        try:
+            values = self.problem.residuals(x)
+            if np.isfinite(values).all() and np.isfinite(self.problem.jacobian(x)).all():
+                return values
+            reason = "values or derivatives that are not finite"
+        except SolveError as error:
+            reason = str(error)
+        self.failures.append(f"{self.problem.described(x)}: {reason}")
+        return np.full(self.shape, np.nan)
+
+
+def _at_start(problem: LeastSquares) -> Array:
+    """Residuals (k,) at the start. Raises SolveError subclasses that name its values."""
+    where, remedy = problem.described(problem.start), "start elsewhere with --set NAME=NUMBER"
+    try:
+        values, slopes = problem.residuals(problem.start), problem.jacobian(problem.start)
+    except _OF_VALUES as error:
+        raise type(error)(f"the fit starts from {where}, where {error}; {remedy}") from None
+    for what, each in (("values", values), ("derivatives", slopes)):
+        if not np.isfinite(each).all():
+            raise NoResultError(
+                f"the fit starts from {where}, where {what} computed for the data are not finite; {remedy}"
+            )
+    return values
+
+
+def _doubts(problem: LeastSquares, found: Any, trials: _Trials, robust: bool) -> list[str]:
+    """Why the point where the iteration ended may be no minimum, in words."""
+    if np.sqrt(np.mean(found.fun**2)) <= _EXACT:
+        return []
+    count = len(trials.failures)
+    outside = f" ({count} trials had no result, the last {trials.failures[-1]})" if count else ""
+    minimum = robust or _offset(found) <= _OFFSET
+    start = problem.start
+    if (np.abs(found.x - start) <= _MOVED * np.maximum(1.0, np.abs(start))).all():
+        which = ", already a minimum" if minimum else f", which is not a minimum{outside}"
+        return [f"the fit did not move from its start, {problem.described(start)}{which}; try other starts"]
+    if found.status == 0:
+        return [f"the fit was stopped after {found.nfev} trials{outside}; go on from its result"]
+    if not minimum:
+        return [f"the fit ended away from a minimum{outside}; bound what is free, or start elsewhere"]
+    return []
+
+
+def _offset(found: Any) -> float:
+    """The relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts, Technometrics
+    23 (1981) 179-183): the residuals' part in the tangent plane over that across it, each by its degrees of
+    freedom."""
+    free = found.active_mask == 0
+    axes, sizes, _ = np.linalg.svd(found.jac[:, free], full_matrices=False)
+    known = sizes > np.finfo(float).eps * len(found.fun) * max(sizes, default=0.0)
+    inside = axes[:, known].T @ found.fun
+    rank, across = len(inside), found.fun - axes[:, known] @ inside
+    if not rank:
+        return 0.0
+    normal = np.sqrt(np.sum(across**2) / (len(found.fun) - rank))
+    return float(np.sqrt(np.sum(inside**2) / rank) / max(normal, np.finfo(float).tiny))
