@@ -19,7 +19,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.assembly import Beams, Positions
-from solve.beams.elements import AXIAL, HELD
+from solve.beams.elements import AXIAL, HELD, Member
 from solve.model.modes import lowest_frequencies, modal_damping
 from solve.trigonometric import interpolated
 
@@ -251,10 +251,30 @@ class State:
         """q̈_r of the elements' own freedoms in the axes of their links, (k, elements, freedoms) a link."""
         return rigid_accelerations(self.positions, *self.rates)[0]
 
+    def local(self, member: Member, element: int, order: int = 0) -> Array:
+        """Values (k, freedoms) of an element's freedoms in the axes of its link, or their derivatives by time
+        of an order up to 2; kept, since several outputs use them."""
+        first = element % member.count
+        key = member.number, first, order
+        if key not in self._local:
+            q = (self.q, self.qd, self.qdd)[order]
+            self._local[key] = member.local(self.positions.angle, q, slice(first, first + 1))[:, 0]
+        return self._local[key]
+
+    @cached_property
+    def _local(self) -> dict[tuple[int, int, int], Array]:
+        return {}
+
+    @cached_property
+    def joint_forces(self) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
+        """What `joint_force` gave, by the number of the link and the end: several outputs use it."""
+        return {}
+
     def strain_energy(self) -> Array:
         """½ qᵀ K q (k,) of the links' elastic stiffness, in J."""
         energy = np.zeros(len(self.phase))
         for member in self.motion.beams.members:
-            local = member.local(self.positions.angle, self.q)
-            energy += ((local @ member.stiffness) * local).sum(axis=(1, 2)) / 2
+            for element in range(member.count):
+                local = self.local(member, element)
+                energy += ((local @ member.stiffness) * local).sum(axis=1) / 2
         return energy
