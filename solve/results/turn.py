@@ -10,7 +10,15 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import MatricesError, require_name
-from solve.period.quantities import LEAST_SAMPLES, Signal, enough_samples, figures, harmonics, spectrum
+from solve.period.quantities import (
+    LEAST_SAMPLES,
+    Signal,
+    enough_samples,
+    figures,
+    harmonics,
+    spectrum,
+    statistics,
+)
 from solve.results.quantities import fixed, prefixed
 from solve.results.report import Table, table
 from solve.statistics import Statistics
@@ -54,17 +62,30 @@ class Turn:
         if name in self.system.coordinates:
             return Statistics(*self._figures[self.system.coordinates.index(name)].tolist())
         self._require(name)
+        if self._is_apart("output_statistics"):
+            return statistics(self.signal(name), self.system.period, self.samples)
         return self.output_statistics[name]
 
     def harmonics(self, name: str, count: int = 60) -> tuple[Array, Array]:
         """Amplitudes [A0 … A_count] and phase angles of A0 + Σ A_k cos(kφ + ψ_k), k counted per period.
         Raises UnknownNameError, ValueOutOfBoundsError."""
         self._require(name)
-        if enough_samples(self.samples, count) > self.samples:
+        of_output = name not in self.system.coordinates
+        too_few = enough_samples(self.samples, count) > self.samples
+        if too_few or (of_output and self._is_apart("output_samples")):
             return harmonics(self.signal(name), self.system.period, count, self.samples)
-        if name in self.system.coordinates:
-            return spectrum(self._coordinate_samples[self.system.coordinates.index(name)], count)
-        return spectrum(self.output_samples[name][:-1], count)
+        if of_output:
+            return spectrum(self.output_samples[name][:-1], count)
+        return spectrum(self._coordinate_samples[self.system.coordinates.index(name)], count)
+
+    def _is_apart(self, figures: str) -> bool:
+        """Whether an output is evaluated without the others, of which these figures are not known yet."""
+        return self.system.outputs_apart and figures not in self.__dict__
+
+    def _evaluate_all(self) -> None:
+        """Evaluate the figures of all outputs together, for what shows all of them."""
+        if self.system.outputs:
+            self.output_statistics  # noqa: B018 - cached from here on
 
     def _require(self, name: str) -> None:
         """Raise UnknownNameError unless there is a coordinate or output of that name."""
@@ -120,6 +141,7 @@ class Turn:
     def turn_record(self, count: int) -> dict[str, Any]:
         """Figures and `count` harmonics of every coordinate and output."""
         system = self.system
+        self._evaluate_all()
 
         def quantity(name: str) -> dict[str, Any]:
             amplitudes, phases = self.harmonics(name, count)
@@ -132,6 +154,7 @@ class Turn:
 
     def extrema_table(self, title: str) -> Table:
         """Largest, least and mean values, and at which phases."""
+        self._evaluate_all()
         made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
         for name in self.system.known_quantities():
             found = self.statistics(name)
