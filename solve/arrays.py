@@ -68,6 +68,29 @@ def solved(A: Array, b: Array) -> Array:
         return np.where(regular[..., None, None], x, np.nan)
 
 
+class Recent:
+    """An array function of phases that keeps its latest values, up to a number of bytes: the phases of a grid
+    are those of the next solution too. Values are not to be changed."""
+
+    def __init__(self, function: Callable[[Array], Array], most_bytes: int):
+        self._function, self._most = function, most_bytes
+        self._values: dict[bytes, Array] = {}
+
+    def __call__(self, phase: Array) -> Array:
+        key = phase.tobytes()
+        value = self._values.get(key)
+        if value is None:
+            value = self._values[key] = self._function(phase)
+            # Copies of the dictionary: another thread may change it meanwhile.
+            excess = sum(each.nbytes for each in [*self._values.values()]) - self._most
+            for older, each in [*self._values.items()][:-1]:
+                if excess <= 0:
+                    break
+                excess -= each.nbytes
+                self._values.pop(older, None)
+        return value
+
+
 class Asked(Mapping[str, Array]):
     """Values by name, each calculated when it is asked for."""
 

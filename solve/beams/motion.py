@@ -19,7 +19,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.assembly import Beams, Positions
-from solve.beams.elements import AXIAL, HELD
+from solve.beams.elements import AXIAL, HELD, Member
 from solve.model.modes import lowest_frequencies, modal_damping
 from solve.trigonometric import interpolated
 
@@ -48,8 +48,8 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
     rate, second (m, links): first and second derivative of the links' angles by time; by the phase they
     give q̈_r/Ω² at constant Ω. Held freedoms accelerate too where their link does.
     """
-    spans = positions.beams.properties.length * (1j * second - rate**2) * np.exp(1j * positions.angle)
-    joints, accelerations = positions.placed(spans), []
+    spans = positions.beams.properties.length * (1j * second - rate**2)
+    joints, accelerations = positions.placed(spans * np.exp(1j * positions.angle)), []
     for number, member in enumerate(positions.beams.members):
         start, span = joints[:, member.start, None], spans[:, number, None]
         backwards = np.exp(-1j * positions.angle[:, number, None])
@@ -57,7 +57,7 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
         for i, freedom in enumerate(member.element.freedoms):
             if freedom.order == 0:
                 place = (np.arange(member.count) + freedom.xi) / member.count
-                along = (start + place * span) * backwards
+                along = start * backwards + place * span
                 local[:, :, i] = np.real(along) if freedom.direction == AXIAL else np.imag(along)
             elif freedom.order == 1:
                 local[:, :, i] = second[:, number, None]
@@ -142,15 +142,67 @@ class Motion:
         C = self._damping(phase) + self.beams.dashpots
         axial = self.axial_forces(positions, K, d) if self.stiffening == "on" else None
         if self.terms == "full":
-            first, turned, squared = (each[..., None] * positions.terms for each in (rate, second, rate**2))
-            turning, centrifugal = self._rotary
-            C = C + 2 * np.tensordot(first, turning, 2)
-            K = K + np.tensordot(turned, turning, 2)
-            K = K + np.tensordot(squared, centrifugal, 2)
-        if axial is not None:
-            for number, (forces, table) in enumerate(zip(axial, self._geometric, strict=True)):
-                K = K + np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
-        return M, C, K, d
+            gyroscopic, stiffness = self._of_rotation(positions, rate, second)
+            C, K = C + gyroscopic, K + stiffness
+        return M, C, K if axial is None else K + self._of_axial_forces(positions, axial), d
+
+    def speed_terms(self, phase: Array) -> Array:
+        """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC, K by rows and d, for
+        derivatives by the phase, at phases (m,); entries and powers are those of `speed_powers`."""
+        positions, (rate, second) = self._positions(phase), self.rates(phase)
+        M, K = positions.matrices()
+        d = inertia_load(positions, rate, second)
+        gyroscopic = stiffness = np.zeros_like(K)
+        if self.terms == "full":
+            gyroscopic, stiffness = self._of_rotation(positions, rate, second)
+        if self.stiffening == "on":
+            axial = self.axial_forces(positions, K, d)
+            stiffness = stiffness + self._of_axial_forces(positions, axial)
+        parts = M, self._damping(phase) + self.beams.dashpots, gyroscopic, K, stiffness, d
+        every = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+        return every[:, self._present[0]]
+
+    @property
+    def speed_powers(self) -> tuple[Array, Array]:
+        """To which entry, rising, each coefficient of `speed_terms` belongs, and the power of the speed,
+        (R,)."""
+        return self._present[1:]
+
+    @cached_property
+    def _present(self) -> tuple[Array, Array, Array]:
+        """Which of M, damping, gyroscopic, stiffness, rotational stiffness and load, one after another, are
+        not zero at all phases, as entries that rise; their entries and their powers of the speed."""
+        n, damped = self.beams.freedoms.n, self.beams.properties.damping_ratio != 0
+        mass, elastic = (np.any(each != 0, axis=(0, 1)) for each in (self.beams.mass, self.beams.stiffness))
+        turning, centrifugal = (np.any(each != 0, axis=(0, 1)) for each in self._rotary)
+        full = np.full((n, n), self.terms == "full")
+        geometric = np.any([np.any(each != 0, axis=(0, 1)) for each in self._geometric], axis=0)
+        stiffness = full & (turning | centrifugal) | (self.stiffening == "on") & geometric
+        # Modal damping couples all coordinates.
+        damping = damped & (mass | elastic | (self.damping == "modal")) | (self.beams.dashpots != 0)
+        masks = mass, damping, full & turning, elastic, stiffness, np.ones(n, dtype=bool)
+        of = [np.arange(n * n) + part * n * n for part in (0, 1, 1, 2, 2)]
+        entry = np.concatenate([*of, np.arange(n) + 3 * n * n])
+        power = np.repeat([2, 1, 2, 0, 2, 2], [n * n] * 5 + [n])
+        present = np.flatnonzero(np.concatenate([mask.ravel() for mask in masks]))
+        present = present[np.argsort(entry[present], kind="stable")]
+        return present, entry[present], power[present]
+
+    def _of_rotation(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
+        """What the rotation of the links adds to C and to K, (m, n, n) each; rate, second (m, links): first
+        and second derivative of their angles."""
+        first, turned, squared = (each[..., None] * positions.terms for each in (rate, second, rate**2))
+        turning, centrifugal = self._rotary
+        stiffness = np.tensordot(turned, turning, 2) + np.tensordot(squared, centrifugal, 2)
+        return 2 * np.tensordot(first, turning, 2), stiffness
+
+    def _of_axial_forces(self, positions: Positions, axial: list[Array]) -> Array:
+        """What axial forces (m, elements) in the links add to K, (m, n, n)."""
+        parts = zip(axial, self._geometric, strict=True)
+        return sum(
+            np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
+            for number, (forces, table) in enumerate(parts)
+        )
 
     def rates_in_time(self, phase: Array, speed: Array | float, acceleration: float) -> tuple[Array, Array]:
         """ω and ω̇ (m, links) of the links; phase, speed and acceleration as when called."""
@@ -259,10 +311,30 @@ class State:
         """q̈_r of the elements' own freedoms in the axes of their links, (k, elements, freedoms) a link."""
         return rigid_accelerations(self.positions, *self.rates)[0]
 
+    def local(self, member: Member, element: int, order: int = 0) -> Array:
+        """Values (k, freedoms) of an element's freedoms in the axes of its link, or their derivatives by time
+        of an order up to 2; kept, since several outputs use them."""
+        first = element % member.count
+        key = member.number, first, order
+        if key not in self._local:
+            q = (self.q, self.qd, self.qdd)[order]
+            self._local[key] = member.local(self.positions.angle, q, slice(first, first + 1))[:, 0]
+        return self._local[key]
+
+    @cached_property
+    def _local(self) -> dict[tuple[int, int, int], Array]:
+        return {}
+
+    @cached_property
+    def joint_forces(self) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
+        """What `joint_force` gave, by the number of the link and the end: several outputs use it."""
+        return {}
+
     def strain_energy(self) -> Array:
         """½ qᵀ K q (k,) of the links' elastic stiffness, in J."""
         energy = np.zeros(len(self.phase))
         for member in self.motion.beams.members:
-            local = member.local(self.positions.angle, self.q)
-            energy += ((local @ member.stiffness) * local).sum(axis=(1, 2)) / 2
+            for element in range(member.count):
+                local = self.local(member, element)
+                energy += ((local @ member.stiffness) * local).sum(axis=1) / 2
         return energy

@@ -29,28 +29,43 @@ class Point:
 
     def displacement(self, angle: Array, q: Array, omega: Array | None = None) -> tuple[Array, Array]:
         """Axial and transverse displacement (k,) in m."""
-        u, v = self.member.shapes(self._xi, 0, omega)
-        return self._sum(u, angle, q), self._sum(v, angle, q)
+        return self.displaced(self._local(angle, q), omega)
 
     def rotation(self, angle: Array, q: Array) -> Array:
         """Rotation v′ (k,) of the link's axis."""
-        return self._sum(self.member.shapes(self._xi, 1)[1], angle, q)
+        return _sum(self.member.shapes(self._xi, 1)[1], self._local(angle, q))
 
     def stress(self, angle: Array, q: Array, surface: str, omega: Array | None = None) -> Array:
         """E (u′ ∓ (h/2) v″) (k,) in Pa at the surface plus or minus. Raises UnknownNameError."""
+        return self.stressed(self._local(angle, q), surface, omega)
+
+    def displaced(self, local: Array, omega: Array | None = None) -> tuple[Array, Array]:
+        """`displacement` from the values (k, freedoms) of the element in the axes of the link."""
+        u, v = self.member.shapes(self._xi, 0, omega)
+        return _sum(u, local), _sum(v, local)
+
+    def stressed(self, local: Array, surface: str, omega: Array | None = None) -> Array:
+        """`stress` from the values (k, freedoms) of the element in the axes of the link."""
         require_name("surface", surface, SURFACES)
         axial, bending = self.member.stresses(self._xi, omega)
-        return self._sum(axial + SURFACES[surface] * bending, angle, q)
+        return _sum(axial + SURFACES[surface] * bending, local)
 
-    def _sum(self, shapes: Array, angle: Array, q: Array) -> Array:
-        """Of shapes (..., 1, freedoms) times the values of the element's own freedoms (k,)."""
-        first, _ = self.member.place(self.fraction)
-        local = self.member.local(angle, q, slice(first, first + 1))[:, 0]
-        return (local * shapes[..., 0, :]).sum(axis=1)
+    @property
+    def element(self) -> int:
+        """The element of the link that the point is in."""
+        return self.member.place(self.fraction)[0]
+
+    def _local(self, angle: Array, q: Array) -> Array:
+        return self.member.local(angle, q, slice(self.element, self.element + 1))[:, 0]
 
     @property
     def _xi(self) -> Array:
         return np.array([self.member.place(self.fraction)[1]])
+
+
+def _sum(shapes: Array, local: Array) -> Array:
+    """Sums (k,) of shapes (..., 1, freedoms) times the values (k, freedoms) of an element's freedoms."""
+    return (local * shapes[..., 0, :]).sum(axis=1)
 
 
 _OF_JOINTS = ("force_x", "force_y", "moment")
@@ -62,6 +77,13 @@ def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array,
     Inertia of the rigid motion and of the deflections counts; damping does not: it belongs to the modes,
     to no link.
     """
+    key = member.number, place
+    if key not in state.joint_forces:
+        state.joint_forces[key] = _joint_force(state, member, place)
+    return state.joint_forces[key]
+
+
+def _joint_force(state: State, member: Member, place: int) -> tuple[Array, Array, Array]:
     forces = _element_forces(state, member, -1 if place else 0)
     along, across, moment = (
         forces[:, member.element.freedoms.index(Freedom(direction, order, place))]
@@ -73,8 +95,8 @@ def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array,
 
 def _element_forces(state: State, member: Member, index: int) -> Array:
     """Forces (k, freedoms) on an element of a link in its axes: the left side of its equation of motion."""
-    number, angle = member.number, state.positions.angle
-    q, qd, qdd = (member.local(angle, part)[:, index] for part in (state.q, state.qd, state.qdd))
+    number = member.number
+    q, qd, qdd = (state.local(member, index, order) for order in range(3))
     accelerations = qdd + state.rigid_accelerations[number][:, index]
     forces = accelerations @ member.mass + q @ member.stiffness
     if state.motion.stiffening == "on":
@@ -93,10 +115,11 @@ def quantity(state: State, kind: str, member: Member, place: float) -> Array:
         return state.strain_energy()
     if kind in _OF_JOINTS:
         return joint_force(state, member, int(place))[_OF_JOINTS.index(kind)]
-    point, angle = Point(member, place), state.positions.angle
+    point = Point(member, place)
+    local = state.local(member, point.element)
     if kind == "deflection":
-        return point.displacement(angle, state.q)[1]
-    return point.stress(angle, state.q, kind.removeprefix("stress_"))
+        return point.displaced(local)[1]
+    return point.stressed(local, kind.removeprefix("stress_"))
 
 
 LINEAR = ("deflection", "stress_plus", "stress_minus")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
-from solve.arrays import Array, Asked, Plane
+from solve.arrays import Array, Asked, Plane, Recent
 from solve.beams.assembly import Beams, Positions, Properties
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frozen import lowest, shapes
@@ -21,6 +21,7 @@ from solve.model.options import REDUCE
 from solve.model.sampling import Sampler, symbol
 from solve.model.setup import Setup
 from solve.model.sketches import SAMPLES, stated_lines
+from solve.sizes import SMALL
 
 if TYPE_CHECKING:
     import casadi
@@ -30,6 +31,10 @@ MOST = 200
 
 _MOST_ENTRIES = 2**22
 """Entries of a matrix over the positions that are looked at together; more are taken in parts."""
+
+_MOST_KEPT = 2**26
+"""Bytes of the tables of phases that are kept for solutions at other speeds: about four grids of 384 steps of a
+structure with 9 coordinates, or one of 27."""
 
 _SPEEDS = 3
 """Speeds from which the matrices follow at all others: Ω²M, ΩC, K, d go with 1, Ω and Ω²."""
@@ -164,6 +169,18 @@ class StructureModel(Model):
         x = (speeds - low) / (high - low)
         weights = np.stack(((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)), axis=1)
         return np.tensordot(weights, super().entries_over(phase, np.linspace(low, high, _SPEEDS)), axes=1)
+
+    def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
+        """None of structures whose points are solved one by one: their tables would only take memory."""
+        if self.n > SMALL:
+            return None
+        self.require_motion()
+        entry, power = self.motion.speed_powers
+        return self._speed_terms(phase), speeds[:, None] ** power, entry
+
+    @cached_property
+    def _speed_terms(self) -> Recent:
+        return Recent(self.motion.speed_terms, _MOST_KEPT)
 
     def many_points(self, names: Sequence[str]) -> None:
         return None

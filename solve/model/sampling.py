@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Recent
 
 if TYPE_CHECKING:
     import casadi
@@ -130,7 +130,7 @@ class MatrixSampler:
         self._terms = _powers(entries, speed)
         inputs, values = ([phase, speed], entries) if self._terms is None else ([phase], self._terms.values)
         self._evaluate = Sampler(casadi.Function("matrices", inputs, [values]))
-        self._kept: dict[bytes, Array] = {}
+        self._table = Recent(self._evaluate, _MOST_KEPT)
         if self._terms is not None:
             every = np.arange(3 * self.n**2 + self.n)
             self._places = (self._terms.entry[:, None] == every).astype(float)
@@ -151,15 +151,6 @@ class MatrixSampler:
         """The coefficients (m, R) of powers of the speed, and to which entry, rising, and which power each
         belongs, (R,), of Ω²M, ΩC, K and d; None where these are no polynomials of the speed."""
         return None if self._terms is None else (self._table(phase), self._terms.entry, self._powers)
-
-    def _table(self, phase: Array) -> Array:
-        key = phase.tobytes()
-        table = self._kept.get(key)
-        if table is None:
-            if sum(each.nbytes for each in [*self._kept.values()]) > _MOST_KEPT:
-                self._kept.clear()
-            table = self._kept[key] = self._evaluate(phase)
-        return table
 
 
 class _Terms(NamedTuple):

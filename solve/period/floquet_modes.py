@@ -50,7 +50,7 @@ def floquet_modes(
         p = _evenly(grid, p)
     parts = np.fft.fft(p, axis=0)
     of_coordinates, of_rates = (
-        np.einsum("kai,ab,kbi->ki", part.conj(), mass, part).real for part in np.split(parts, 2, axis=1)
+        (part.conj() * (mass @ part)).sum(axis=1).real for part in np.split(parts, 2, axis=1)
     )
     orders = np.rint(np.fft.fftfreq(len(p), 1 / len(p))).astype(int)
     turn = 2 * math.pi / grid.period

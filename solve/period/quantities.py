@@ -31,6 +31,9 @@ _ZOOMS, _ROUGH = 6, 3
 
 _ZOOM = np.linspace(-1.0, 1.0, 33)
 
+_SIGNS = np.array([1.0, -1.0])
+"""Of maxima and of minima, which are maxima of the negative."""
+
 _TOGETHER = 16
 """Extrema of a quantity that are narrowed down at once."""
 
@@ -56,8 +59,7 @@ def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array
 
 def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
     width = period / values.shape[-1]
-    high_at, high = _extreme(values, at, width, 1.0)
-    low_at, low = _extreme(values, at, width, -1.0)
+    (high_at, high), (low_at, low) = _extremes(values, at, width)
     made = {
         "max": high,
         "min": -low,
@@ -76,19 +78,41 @@ def _known(values: Array) -> Array:
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
-def _extreme(values: Array, at: Callable[[Array], Array], width: float, sign: float) -> tuple[Array, Array]:
-    """Phases (…) and values, times the sign, of the largest maxima of sign · value: that next to the largest
-    sample, of several the first, unless one next to a lower sample is higher."""
-    values = sign * values
-    reach, largest = _reach(values), values.max(axis=-1, keepdims=True)
-    alike = np.isfinite(reach) & (values >= largest - _TIE * np.abs(largest))
-    first = alike.argmax(axis=-1)[..., None]
-    centre, highest = _highest(first * width, at, width, sign, _ZOOMS)
-    np.put_along_axis(reach, first, -np.inf, axis=-1)
+def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list[tuple[Array, Array]]:
+    """For both signs the phases (…) and values, times the sign, of the largest maxima of sign · value: that
+    next to the largest sample, of several the first, unless one next to a lower sample is higher."""
+    reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
+    firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]
+    # Both in one call: what evaluates many quantities at once costs little more for twice the phases.
+    centres, highest = _zoomed(np.stack(firsts, axis=-1) * width, at, width, _SIGNS, _ZOOMS)
+    found = []
+    for side, (sign, reach, first) in enumerate(zip(_SIGNS, reaches, firsts, strict=True)):
+        np.put_along_axis(reach, first[..., None], -np.inf, axis=-1)
+        size = np.abs(values).max(axis=-1)
+        found.append(_above(centres[..., side], highest[..., side], reach, at, width, (sign, size)))
+    return found
+
+
+def _first(values: Array, reach: Array) -> Array:
+    """Position (…) of the largest of the samples (…, k) that are no less than their neighbours."""
+    largest = values.max(axis=-1, keepdims=True)
+    return (np.isfinite(reach) & (values >= largest - _TIE * np.abs(largest))).argmax(axis=-1)
+
+
+def _above(
+    centre: Array,
+    highest: Array,
+    reach: Array,
+    at: Callable[[Array], Array],
+    width: float,
+    side: tuple[float, Array],
+) -> tuple[Array, Array]:
+    """Phases and values (…) of maxima, or of higher ones beside samples whose reach (…, k) is above these.
+    side: the sign, and the largest moduli (…)."""
+    sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
         return centre, highest
-    size = np.abs(values).max(axis=-1)
     places = np.argpartition(-reach, rivals - 1, axis=-1)[..., :rivals]
     for some in np.array_split(places, math.ceil(rivals / _TOGETHER), axis=-1):
         phase, found = _highest(some * width, at, width, sign, _ROUGH)
@@ -113,15 +137,25 @@ def _highest(
 ) -> tuple[Array, Array]:
     """Phases (…) and values, times the sign, of the highest maxima of sign · value within a width of one of
     the centres (…, r)."""
+    centres, highest = _zoomed(centres, at, width, np.array(sign), zooms)
+    best = highest.argmax(axis=-1)[..., None]
+    centres, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (centres, highest))
+    return centres, highest
+
+
+def _zoomed(
+    centres: Array, at: Callable[[Array], Array], width: float, signs: Array, zooms: int
+) -> tuple[Array, Array]:
+    """Phases (…, r) and values, times the signs (r,), or a single one, of the maxima of sign · value within a
+    width of each of the centres (…, r)."""
     highest = np.full(centres.shape, -np.inf)
     for _ in range(zooms):
         phase = centres[..., None] + width * _ZOOM
-        around = sign * at(phase.reshape(*centres.shape[:-1], -1)).reshape(phase.shape)
+        around = at(phase.reshape(*centres.shape[:-1], -1)).reshape(phase.shape)
+        around = signs[..., None] * around
         best = around.argmax(axis=-1)[..., None]
         centres, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (phase, around))
         width /= 16
-    best = highest.argmax(axis=-1)[..., None]
-    centres, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (centres, highest))
     return centres, highest
 
 
@@ -208,10 +242,10 @@ class Quantities:
 
     def figures(self) -> Array:
         """(P, q, 7): the fields of `Statistics`."""
-        found = self._compiled_figures()
+        found = self.compiled_figures()
         return figures(self.values, self.at, self.period) if found is None else found
 
-    def _compiled_figures(self) -> Array | None:
+    def compiled_figures(self) -> Array | None:
         """The same in compiled code; None where that is not to be had, or a quantity is not finite."""
         curve, known = self.curve, self.outputs is None or self.formulas is not None
         if not (self.engine == COMPILED and known and isinstance(curve, Curve) and self._uniform):

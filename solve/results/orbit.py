@@ -22,7 +22,6 @@ from solve.results.report import Facts, RenderableType, Table, stacked, table
 from solve.results.stability import Stability
 from solve.results.style import Figure
 from solve.results.turn import QuasiStatic, Turn, broken
-from solve.statistics import Statistics
 
 _RANKS = ("strongest", "second", "third")
 
@@ -62,16 +61,6 @@ class Orbit(Stability, Turn):
         """As many for every step."""
         return self.steps * samples_a_step(self.steps)
 
-    def statistics(self, name: str) -> Statistics:
-        """Extrema and mean of a coordinate or output, of the continuous curve. Raises UnknownNameError."""
-        if name in self.coordinates:
-            return Statistics(*self._figures[self.coordinates.index(name)].tolist())
-        if name in self.system.outputs and not self.system.solvable:
-            return self.output_statistics[name]
-        if name in self.system.outputs and not self.system.outputs_apart:
-            return Statistics(*self._output_figures[self.system.outputs.index(name)].tolist())
-        return super().statistics(name)
-
     def signal(self, name: str) -> Signal:
         """As of any turn. An output of an orbit that was read from a file is exact at the samples that the
         file holds, and a cubic spline between them."""
@@ -84,38 +73,24 @@ class Orbit(Stability, Turn):
         return CubicSpline(phases, values, bc_type="periodic", extrapolate="periodic")
 
     @cached_property
-    def output_statistics(self) -> Mapping[str, Statistics]:
-        """Of the outputs, by name."""
-        return {name: self.statistics(name) for name in self.system.outputs}
-
-    @cached_property
-    def output_samples(self) -> Mapping[str, Array]:
-        """Outputs at phases evenly over the turn, both ends included, that resolve it: (samples + 1,)."""
-        phase = np.arange(self.samples) * (self.system.period / self.samples)
-        sampled = self.system.output_values(phase, self.speed, *self.state(phase))
-        return {name: np.append(sampled[name], sampled[name][0]) for name in self.system.outputs}
-
-    @cached_property
     def _figures(self) -> Array:
         """Of the coordinates (n, 7)."""
         engine = self.certified.request.engine
         return Quantities(self.curve[None], np.array([self.speed]), engine=engine).figures()[0]
 
-    @cached_property
+    @property
     def _output_figures(self) -> Array:
-        """Of the outputs (o, 7)."""
-
-        def outputs(phase: Array, *state: Array) -> Array:
-            values = self.system.output_values(phase[0], self.speed, *(part[0] for part in state))
-            return np.array([[values[name] for name in self.system.outputs]])
-
-        engine, positions = self.certified.request.engine, range(len(self.system.outputs))
+        """Figures (o, 7) of the outputs: in compiled code where the model gives them as C text."""
+        engine, n = self.certified.request.engine, self.system.n
         formulas = self.system.output_formulas() if engine == COMPILED else None
         if formulas is not None:
             formulas = formulas._replace(values=formulas.values[None])
-        speeds = np.array([self.speed])
-        quantities = Quantities(self.curve[None], speeds, outputs, engine, formulas, positions)
-        return quantities.figures()[0, self.system.n :]
+            speeds, positions = np.array([self.speed]), range(len(self.system.outputs))
+            quantities = Quantities(self.curve[None], speeds, None, engine, formulas, positions)
+            found = quantities.compiled_figures()
+            if found is not None:
+                return found[0, n:]
+        return super()._output_figures
 
     @property
     def phase(self) -> Array:

@@ -1,14 +1,24 @@
 """Coordinates and outputs over one period: their curves, figures and spectra."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MatricesError, UnknownNameError
-from solve.period.quantities import LEAST_SAMPLES, Signal, harmonics, statistics
+from solve.errors import MatricesError, require_name
+from solve.period.quantities import (
+    LEAST_SAMPLES,
+    Signal,
+    enough_samples,
+    figures,
+    harmonics,
+    spectrum,
+    statistics,
+)
 from solve.results.quantities import fixed, prefixed
 from solve.results.report import Table, table
 from solve.statistics import Statistics
@@ -41,24 +51,97 @@ class Turn:
 
         Raises UnknownNameError.
         """
+        self._require(name)
         if name in self.system.coordinates:
             row = self.system.coordinates.index(name)
             return lambda phase: self.at(phase)[row]
-        if name in self.system.outputs:
-            return lambda phase: self.system.output_values(phase, self.speed, *self.state(phase))[name]
-        raise UnknownNameError("coordinate or output", name, [*self.system.coordinates, *self.system.outputs])
+        return lambda phase: self.system.output_values(phase, self.speed, *self.state(phase))[name]
 
     def statistics(self, name: str) -> Statistics:
-        """Extrema and mean of a coordinate or output, of the continuous curve."""
-        return statistics(self.signal(name), self.system.period, self.samples)
+        """Extrema and mean of a coordinate or output, of the continuous curve. Raises UnknownNameError."""
+        if name in self.system.coordinates:
+            return Statistics(*self._figures[self.system.coordinates.index(name)].tolist())
+        self._require(name)
+        if self._is_apart("output_statistics"):
+            return statistics(self.signal(name), self.system.period, self.samples)
+        return self.output_statistics[name]
 
     def harmonics(self, name: str, count: int = 60) -> tuple[Array, Array]:
-        """Amplitudes [A0 … A_count] and phase angles of A0 + Σ A_k cos(kφ + ψ_k), k counted per period."""
-        return harmonics(self.signal(name), self.system.period, count, self.samples)
+        """Amplitudes [A0 … A_count] and phase angles of A0 + Σ A_k cos(kφ + ψ_k), k counted per period.
+        Raises UnknownNameError, ValueOutOfBoundsError."""
+        self._require(name)
+        of_output = name not in self.system.coordinates
+        too_few = enough_samples(self.samples, count) > self.samples
+        if too_few or (of_output and self._is_apart("output_samples")):
+            return harmonics(self.signal(name), self.system.period, count, self.samples)
+        if of_output:
+            return spectrum(self.output_samples[name][:-1], count)
+        return spectrum(self._coordinate_samples[self.system.coordinates.index(name)], count)
+
+    def _is_apart(self, figures: str) -> bool:
+        """Whether an output is evaluated without the others, of which these figures are not known yet."""
+        return self.system.outputs_apart and figures not in self.__dict__
+
+    def _evaluate_all(self) -> None:
+        """Evaluate the figures of all outputs together, for what shows all of them."""
+        if self.system.outputs:
+            self.output_statistics  # noqa: B018 - cached from here on
+
+    def _require(self, name: str) -> None:
+        """Raise UnknownNameError unless there is a coordinate or output of that name."""
+        require_name("coordinate or output", name, [*self.system.coordinates, *self.system.outputs])
+
+    @property
+    def _sample_phases(self) -> Array:
+        """Phases (samples,) evenly over the turn that resolve the curve."""
+        return np.arange(self.samples) * (self.system.period / self.samples)
+
+    @cached_property
+    def _coordinate_samples(self) -> Array:
+        """Coordinates (n, samples) at the sample phases."""
+        return self.at(self._sample_phases)
+
+    @cached_property
+    def output_samples(self) -> Mapping[str, Array]:
+        """Outputs at phases evenly over the turn, both ends included, that resolve it: (samples + 1,)."""
+        phase = self._sample_phases
+        sampled = self.system.output_values(phase, self.speed, *self.state(phase))
+        return {name: np.append(sampled[name], sampled[name][0]) for name in self.system.outputs}
+
+    @cached_property
+    def _figures(self) -> Array:
+        """Figures (n, 7) of the coordinates, the fields of `Statistics`."""
+        return figures(self._coordinate_samples, self._coordinates_at, self.system.period)
+
+    @cached_property
+    def output_statistics(self) -> Mapping[str, Statistics]:
+        """Extrema and means of the outputs, by name."""
+        rows = self._output_figures.tolist() if self.system.outputs else []
+        return {name: Statistics(*row) for name, row in zip(self.system.outputs, rows, strict=True)}
+
+    @property
+    def _output_figures(self) -> Array:
+        """Figures (o, 7) of the outputs, the fields of `Statistics`."""
+        samples = np.array([self.output_samples[name][:-1] for name in self.system.outputs])
+        return figures(samples, self._outputs_at, self.system.period)
+
+    def _coordinates_at(self, phase: Array) -> Array:
+        """Each coordinate at phases (n, k) of its own: (n, k)."""
+        values, rows = self.at(phase.ravel()).reshape(len(phase), *phase.shape), np.arange(len(phase))
+        return values[rows, rows]
+
+    def _outputs_at(self, phase: Array) -> Array:
+        """Each output at phases (o, k) of its own: (o, k)."""
+        every = phase.ravel()
+        values = self.system.output_values(every, self.speed, *self.state(every))
+        return np.stack(
+            [values[name].reshape(phase.shape)[row] for row, name in enumerate(self.system.outputs)]
+        )
 
     def turn_record(self, count: int) -> dict[str, Any]:
         """Figures and `count` harmonics of every coordinate and output."""
         system = self.system
+        self._evaluate_all()
 
         def quantity(name: str) -> dict[str, Any]:
             amplitudes, phases = self.harmonics(name, count)
@@ -71,6 +154,7 @@ class Turn:
 
     def extrema_table(self, title: str) -> Table:
         """Largest, least and mean values, and at which phases."""
+        self._evaluate_all()
         made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
         for name in self.system.known_quantities():
             found = self.statistics(name)

@@ -46,7 +46,7 @@ def compared(ours, theirs):
 def test_curves_alone(seed, points, steps):
     curve, speeds = waves(points, 2, steps, seed), np.ones(points)
     compiled = Quantities(curve, speeds, engine=COMPILED)
-    assert compiled._compiled_figures() is not None
+    assert compiled.compiled_figures() is not None
     compared(compiled.figures(), Quantities(curve, speeds, engine=NUMPY).figures())
 
 
@@ -129,7 +129,7 @@ def quantities(points, engine):
 
 @needs_compiler
 def test_formulas_are_those_of_casadi_at_every_width(width):
-    assert quantities(11, COMPILED)._compiled_figures() is not None
+    assert quantities(11, COMPILED).compiled_figures() is not None
     compared(quantities(11, COMPILED).figures(), quantities(11, NUMPY).figures())
 
 
@@ -142,7 +142,7 @@ def test_an_operation_without_a_text_gives_none():
 @needs_compiler
 def test_a_quantity_that_is_not_finite_is_left_to_numpy():
     curve = Curve(np.linspace(0, 1, 5), np.full((1, 1, 4, 3), np.nan))
-    assert Quantities(curve, np.ones(1), engine=COMPILED)._compiled_figures() is None
+    assert Quantities(curve, np.ones(1), engine=COMPILED).compiled_figures() is None
 
 
 @needs_compiler
