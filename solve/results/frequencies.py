@@ -173,7 +173,7 @@ class Findings(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """Positions without stiffness, and values of the parameter that the model refuses."""
-        texts = []
+        texts = self._reduction
         if not np.isfinite((self.turn or self.here).values).all():
             texts.append(
                 "the static stiffness is not positive at some position: frequencies are missing there"
