@@ -146,6 +146,11 @@ class Reduction(Protocol):
     modes_a_link: int
 
     @property
+    def sentence(self) -> str:
+        """By how much natural frequencies are off."""
+        ...
+
+    @property
     def full_coordinates(self) -> int: ...
 
     @property

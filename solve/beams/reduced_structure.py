@@ -41,7 +41,7 @@ class ReducedStructure(StructureModel):
         self.reduced, self.reduction = reduced, self
         self.modes_a_link: int = setup.options[REDUCE]
         if not self.static:
-            self.equation_warnings = (*self.equation_warnings, self._sentence)
+            self.equation_warnings = (*self.equation_warnings, self.sentence)
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
@@ -86,7 +86,8 @@ class ReducedStructure(StructureModel):
         return float((np.abs(own / np.where(compared, better, 1.0) - 1) * compared).max(initial=0.0))
 
     @property
-    def _sentence(self) -> str:
+    def sentence(self) -> str:
+        """By how much natural frequencies are off."""
         given = f"reduce={self.modes_a_link}"
         if self.n == self.full_coordinates:
             return f"{given} keeps all {self.n} coordinates and changes nothing"

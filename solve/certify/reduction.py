@@ -27,8 +27,8 @@ from solve.system import PeriodicSystem
 
 MARGIN = 2.0
 """Times its estimate that an error of the reduction may be before a verdict depends on it. Measured on the
-four-bar with 3 and 5 elements and 1 to 5 modes a link at 10 to 90 rad/s: errors of multipliers are 0.35 to 1.2
-times their estimates."""
+four-bar with 3 and 5 elements and 1 to 5 modes a link at 10 to 90 rad/s: errors of multipliers are 0.35 to
+1.2 times their estimates."""
 
 _PHASES = 720
 """Phases of a period, at least, at which orbits are compared."""

@@ -84,9 +84,10 @@ class Comparison(Result):
         targets = {row.target for row in self.rows if row.target is not None}
         blurred = [f"{target:g}" for target in sorted(targets) if target < 10 * error]
         if not blurred:
-            return []
+            return self._reduction
         return [
-            f"the reference is known to {error:.0e} only; the target {', '.join(blurred)} is too close to it"
+            *self._reduction,
+            f"the reference is known to {error:.0e} only; the target {', '.join(blurred)} is too close to it",
         ]
 
     def plot(self) -> Figure:

@@ -49,7 +49,7 @@ class Fitted(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """Why the model may not belong to the data, and what these cannot tell, a sentence each."""
-        return [*self.doubts, *self.unidentifiable]
+        return [*self._reduction, *self.doubts, *self.unidentifiable]
 
     @property
     def whole(self) -> dict[str, Any]:

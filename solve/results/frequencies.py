@@ -291,7 +291,7 @@ class Findings(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """Positions without stiffness, and values of the parameter that the model refuses."""
-        texts = []
+        texts = [*self._reduction]
         texts += _growing(self.turn or self.here, "positions")
         if self.variation is not None:
             texts += _growing(self.variation, f"values of {self.variation.parameter}")

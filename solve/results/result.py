@@ -43,7 +43,13 @@ class Result(Lasting):
     @cached_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
-        return []
+        return self._reduction
+
+    @property
+    def _reduction(self) -> list[str]:
+        """What the reduction of the system changes, of results that do not estimate it themselves."""
+        reduction = self.system.reduction
+        return [] if reduction is None else [reduction.sentence]
 
     @property
     def summary(self) -> str:

@@ -56,7 +56,7 @@ class SensitivitiesOver(Result):
     @cached_property
     def warnings(self) -> list[str]:
         """Why speeds, or quantities there, have no derivatives, a sentence each."""
-        return [
+        return self._reduction + [
             f"{reason} (at {self.system.speed_unit.text(self.speeds[at])})"
             for at, reasons in self.reasons.items()
             for reason in reasons
