@@ -146,7 +146,7 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
         raise ValueOutOfBoundsError(f"speed is {speed}; allowed: {allowed}, such as '600 rpm'")
     require_size_of_number("speed", omega)
     if isinstance(speed, str):
-        name = _apart(speed).partition(" ")[2].strip()
+        name = apart(speed).partition(" ")[2].strip()
         unit = ShownUnit(name, _RAD_PER_S.get(name) or conversion(name, "rad/s"))
     return GivenSpeed(omega, unit)
 
@@ -192,7 +192,7 @@ def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> li
 
 def speeds_in_si(text: str) -> list[GivenSpeed]:
     """Speeds in rad/s from "A:B:N unit" (N points, both ends) or "600 900 1200 rpm"."""
-    *numbers, unit = _apart(text).split() or [""]
+    *numbers, unit = apart(text).split() or [""]
     usage = f"speeds are '{text}'; give 'A:B:N unit' or numbers with one unit, such as '600 900 1200 rpm'"
     if len(numbers) == 1 and ":" in numbers[0]:
         ends = numbers[0].split(":")
@@ -218,7 +218,7 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     """
     usage = f"speeds are {speeds!r}; give two, such as '0:600 rpm', not both 0"
     if isinstance(speeds, str):
-        *numbers, unit = _apart(speeds).split() or [""]
+        *numbers, unit = apart(speeds).split() or [""]
         if not numbers and all(map(is_number, unit.split(":"))):
             raise UnitError(f"speeds are {speeds!r}; they have no unit, write them like '{unit} rpm'")
         ends = numbers[0].split(":") if len(numbers) == 1 else []
@@ -250,7 +250,7 @@ def evenly(text: str, name: str) -> list[float] | list[str]:
         f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1, or with a "
         "unit behind, such as '20:40:5 mm'"
     )
-    given, _, unit = _apart(text).partition(" ")
+    given, _, unit = apart(text).partition(" ")
     try:
         first, last, number = given.split(":")
         low, high, count = float(first), float(last), int(number)
@@ -276,10 +276,10 @@ def in_unit(value: float | str, unit: str, name: str) -> float:
         raise UnitError(f"{name}: {error}") from None
 
 
-def _apart(text: str) -> str:
+def apart(text: str) -> str:
     """The text with a space between a number and its unit.
 
-    >>> _apart("30mm"), _apart("1e3 rpm"), _apart("1e3N/m^2")
+    >>> apart("30mm"), apart("1e3 rpm"), apart("1e3N/m^2")
     ('30 mm', '1e3 rpm', '1e3 N/m^2')
     """
     return re.sub(_NUMBER + r"(?=[^\W\d_]|°)", r"\g<0> ", text.strip())
@@ -291,7 +291,7 @@ def quantity(text: str) -> float | str:
     >>> quantity("1.5e3"), quantity("30mm")
     (1500.0, '30mm')
     """
-    number, _, unit = _apart(text).partition(" ")
+    number, _, unit = apart(text).partition(" ")
     return text if math.isfinite(float(number)) and unit else float(number)
 
 
@@ -313,7 +313,7 @@ def is_number(text: str) -> bool:
 
 def with_unit(text: str, unit: str) -> float:
     """A text such as "70 deg" as a number of `unit`. Raises UnitError."""
-    number, _, given = _apart(text).partition(" ")
+    number, _, given = apart(text).partition(" ")
     example = {"rad/s": "'600 rpm'", "rad": "'70 deg'"}.get(unit, f"'1 {unit}'")
     try:
         value = float(number)

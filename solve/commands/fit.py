@@ -8,6 +8,7 @@ from solve.commands.groups import Accuracy, Flag, Problem, Results, Speed
 from solve.commands.parse import assignments
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.results.files import checked
+from solve.units import apart, quantity
 
 
 def fit(
@@ -18,7 +19,7 @@ def fit(
     data: Annotated[str | None, Flag("Measured vibration (.csv, .mat, .uff), with units.", "FILE")] = None,
     free: Annotated[str | None, Flag("Parameters to fit, with commas between.", "k1,k2")] = None,
     bounds: Annotated[
-        list[str] | None, Flag("Of a parameter, in the model's own unit; repeatable.", "NAME=A:B")
+        list[str] | None, Flag("Of a parameter, in its unit or with one; repeatable.", '"NAME=A:B unit"')
     ] = None,
     robust: Annotated[bool, Flag("Outliers count by their moduli, not their squares.")] = False,
     toml: Annotated[str | None, Flag("Write the fitted model as a case file (.toml).", "FILE")] = None,
@@ -37,16 +38,17 @@ def fit(
     )
 
 
-def _bounds(texts: list[str] | None) -> dict[str, tuple[float, float]]:
-    """Low and high by name. Raises ValueOutOfBoundsError."""
+def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
+    """Low and high by name, texts where a unit follows. Raises ValueOutOfBoundsError."""
     found = {}
     for name, text in assignments("--bounds", texts or [], "NAME=A:B").items():
         try:
-            low, high = map(float, text.split(":"))
+            numbers, _, unit = apart(text).partition(" ")
+            low, high = (quantity(f"{each} {unit}".strip()) for each in numbers.split(":"))
         except ValueError:
             raise ValueOutOfBoundsError(
                 f"--bounds {name}={text}: write two numbers in the model's own unit, such as "
-                f"--bounds {name}=1e4:1e6"
+                f"--bounds {name}=1e4:1e6, or with a unit behind, such as '20:40 mm'"
             ) from None
         found[name] = low, high
     return found

@@ -36,12 +36,16 @@ _REACH = 1e6
 """Times its start, or part of it, beyond which a positive parameter is not tried."""
 
 
+Bounds = Mapping[str, tuple[float | str, float | str]]
+"""Low and high of parameters by name, numbers in their own units or texts with unit."""
+
+
 @of_model
 def fit(
     model: Model,
     data: str | Path,
     free: Sequence[str],
-    bounds: Mapping[str, tuple[float, float]] | None = None,
+    bounds: Bounds | None = None,
     speed: float | str | None = None,
     robust: bool = False,
     method: str | Rule = "auto",
@@ -51,7 +55,7 @@ def fit(
     start from those of the model. A trial whose values the model refuses shortens the step.
 
     data: a file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
-    and high by name, in the model's own units. speed: where the file has no column of speeds. robust:
+    and high by name, in the model's own units or with one. speed: where the file has no column of speeds. robust:
     outliers count by their moduli, not their squares. Positive parameters are fitted by their logarithms.
     Raises SolveError subclasses for bad input, and where the model has no orbit at the start.
     """
@@ -200,14 +204,15 @@ def _flat(values: Array) -> Array:
     return np.concatenate((np.real(values), np.imag(values))) if np.iscomplexobj(values) else values
 
 
-def _limits(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Bounds of x. Raises ValueOutOfBoundsError."""
+def _limits(problem: Problem, bounds: Bounds) -> tuple[Array, Array]:
+    """Bounds of x. Raises ValueOutOfBoundsError, UnitError."""
     low, high = np.full((2, len(problem.names)), np.inf) * np.array([[-1.0], [1.0]])
-    for name, (least, most) in bounds.items():
+    for name, ends in bounds.items():
         if name not in problem.names:
             raise ValueOutOfBoundsError(
                 f"bounds are given for {name}, which is not free; free it, or drop them"
             )
+        least, most = (problem.model.in_own_unit(name, end) for end in ends)
         at = list(problem.names).index(name)
         value = float(problem.initial[at])
         if not least < most or not least <= value <= most:

@@ -15,6 +15,7 @@ from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.results.plot import shown
 from solve.results.quantities import headed
 from solve.system import PeriodicSystem
+from solve.units import apart, is_number
 
 _MOST_CURVES = 12
 _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"
@@ -26,7 +27,8 @@ def study(
     places: Places,
     results: Results,
     over: Annotated[
-        str | None, Flag("Parameter (SI units) or option with its values, or NAME=A:B:N.", "NAME=A,B,C")
+        str | None,
+        Flag("Parameter or option with its values, or NAME=A:B:N; a unit may follow.", '"NAME=A,B,C unit"'),
     ] = None,
     of: Annotated[
         list[str] | None,
@@ -77,11 +79,16 @@ def _systems(
 
 
 def _values(over: str) -> tuple[str, Sequence[float | str]]:
-    """A name and its values, from NAME=A,B,C or NAME=A:B:N; options may be words."""
+    """A name and its values, from NAME=A,B,C or NAME=A:B:N, all in the unit that may follow; options may be
+    words."""
     ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
     if ":" in text:
         return points("--over", over)
-    values = [each.strip() for each in text.split(",")]
+    *before, last = [each.strip() for each in text.split(",")]
+    number, _, unit = apart(last).partition(" ")
+    values = [*before, last]
+    if unit and all(map(is_number, [*before, number])):
+        values = [f"{each} {unit}" for each in [*before, number]]
     if not all(values):
         raise ValueOutOfBoundsError(f"--over is '{over}'; {_USAGE}")
     return name, values
