@@ -62,6 +62,10 @@ class ManyPoints(Protocol):
         what the formulas give, where it is known; it may be overwritten."""
         ...
 
+    def exist(self, speeds: Array, values: Array) -> Array:
+        """Whether there is a motion about which the equations hold (P,)."""
+        ...
+
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
         """Phases at which the matrices jump, of each point; None of points without a system."""
         ...

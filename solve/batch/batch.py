@@ -90,13 +90,13 @@ class Batch:
         """The points in groups whose matrices jump at the same phases; returns the positions of those without
         a system, or with matrices that cannot be. Of generated code the first point alone was asked."""
         family, system, every = self.family, self.family.example, np.arange(len(points))
-        known = family.at_speeds(points)
+        sound = family.exist(points)
+        known = family.at_speeds(points[sound]) if sound.any() else None
         if known is not None:
-            yield every, known
-            return np.zeros(0, dtype=int)
-        sound = np.ones(len(points), dtype=bool)
+            yield every[sound], known
+            return every[~sound]
         if system.model_hash is None:
-            sound[:] = [not isinstance(self._alone(points, at), Failed) for at in every.tolist()]
+            sound &= [not isinstance(self._alone(points, at), Failed) for at in every.tolist()]
         left = [every[~sound]]
         for breaks, group in family.by_breaks(points):
             alike = group[sound[group]]

@@ -53,6 +53,10 @@ class Family:
                 rows[:] = system.entries(phase, speed)
         return found
 
+    def exist(self, points: Array) -> Array:
+        """Whether there is a motion about which the equations hold at points (P, v): (P,)."""
+        return np.ones(len(points), dtype=bool)
+
     @property
     def moves_breaks(self) -> bool:
         """Whether the matrices may jump at other phases at other points."""
@@ -116,6 +120,11 @@ class SystemFamily(Family):
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         speed = float(self.speeds(point[None])[0])
         return (self._varied(self._numbers(point[None])[1][0]) if self._free else self.example), speed
+
+    def exist(self, points: Array) -> Array:
+        if self._together is None:
+            return super().exist(points)
+        return self._together.exist(*self._numbers(points))
 
     @property
     def moves_breaks(self) -> bool:

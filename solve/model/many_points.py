@@ -47,9 +47,11 @@ class ModelPoints:
         entries = by_the_phase(entries.reshape(P, k, 3 * n**2 + n), speeds, n)
         if self._names:
             entries[~self._admitted(values)] = np.nan
-        if self._domain is not None:
-            entries[~self._domain.holds(speeds, values)] = np.nan
+        entries[~self.exist(speeds, values)] = np.nan
         return entries
+
+    def exist(self, speeds: Array, values: Array) -> Array:
+        return np.ones(len(speeds), dtype=bool) if self._domain is None else self._domain.holds(speeds, values)
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
         p = np.tile(self._setup.p, (len(values), 1))

@@ -1,0 +1,180 @@
+"""A desired motion that is not real and finite at a speed, or over part of the turn, is refused; elsewhere nothing
+changes."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy
+
+import solve
+from derive import Mechanism, acos, asin, cos, log, pi, rate, sin, sqrt, tan
+from solve.errors import DesiredMotionError, NoResultError
+from tests.derive.modules import module_of
+
+BEAD = {"m": 0.5, "a": 0.2, "g": 9.81, "c": 2e-3}
+LEAST = math.sqrt(9.81 / 0.2)
+"""Speed of the hoop from which on the bead leaves its bottom: cos q = g/(a Ω²)."""
+
+
+def bead():
+    """On a hoop that turns about its vertical diameter."""
+    made = Mechanism("bead", "Bead on a hoop")
+    q = made.coordinate("q", "rad", "angle from the bottom")
+    m, a, g = made.parameters(m=("kg", "bead", "> 0"), a=("m", "hoop", "> 0"), g=("m/s^2", "gravity", "> 0"))
+    c = made.parameter("c", "N m s/rad", "drag", ">= 0")
+    made.kinetic = m * a**2 * (rate(q) ** 2 + (made.speed * sin(q)) ** 2) / 2
+    made.potential = -m * g * a * cos(q)
+    made.dissipation = c * rate(q) ** 2 / 2
+    made.fundamental(q=acos(g / (a * made.speed**2)))
+    return made
+
+
+@pytest.fixture(scope="module")
+def hoop():
+    return solve.load(bead, **BEAD)
+
+
+@pytest.mark.parametrize("speed", [1.001 * LEAST, 8.0, 12.0])
+def test_the_bead_vibrates_where_its_angle_exists(hoop, speed):
+    """m a² q̈ + c q̇ + m a² Ω² sin² q₀ q = 0: multipliers in closed form."""
+    inertia = BEAD["m"] * BEAD["a"] ** 2
+    decay, stiffness = BEAD["c"] / inertia / 2, speed**2 - (9.81 / 0.2) ** 2 / speed**2
+    exponent = -decay + 1j * math.sqrt(stiffness - decay**2)
+    found = solve.floquet(hoop, speed)
+    assert found.multipliers[0] == pytest.approx(np.exp(2 * math.pi * exponent / speed), rel=1e-7) or (
+        found.multipliers[0] == pytest.approx(np.exp(2 * math.pi * exponent.conjugate() / speed), rel=1e-7)
+    )
+
+
+@pytest.mark.parametrize("work", [solve.floquet, solve.periodic, solve.nonlinear, solve.transient])
+@pytest.mark.parametrize("speed", [6.0, 0.999 * LEAST])
+def test_the_bead_is_refused_below(hoop, work, speed):
+    with pytest.raises(DesiredMotionError, match=r"desired motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs"):
+        work(hoop, speed)
+
+
+def test_a_run_up_that_leaves_the_motion_is_refused(hoop):
+    with pytest.raises(DesiredMotionError, match="desired motion of q"):
+        solve.transient(hoop, speeds=("8 rad/s", "5 rad/s"))
+
+
+def test_many_points_fail_each_for_itself(hoop):
+    sweep = solve.sweep(hoop, [6.0, 7.0, 7.1, 9.0])
+    assert [point.error is None for point in sweep.points] == [False, False, True, True]
+    assert "acos(g/(a*speed**2))" in (sweep.points[0].error or "")
+    over = solve.sweep(hoop, [8.0], over={"a": [0.1, 0.15, 0.16, 0.3]})
+    exists = [9.81 / (a * 64) <= 1 for a in (0.1, 0.15, 0.16, 0.3)]
+    assert [point.error is None for point in over.points] == exists
+    chart = solve.chart(hoop, {"speed": [6.0, 8.0]}, {"a": [0.1, 0.2]}, boundaries=False)
+    assert sum("acos" in reason for reason in chart.results.failures.values()) == 3
+    with pytest.raises(NoResultError, match="acos"):
+        solve.sweep(hoop, [5.0, 6.0]).results.require_any()
+
+
+def test_a_motion_along_which_the_matrices_are_polynomials_of_the_speed():
+    """Matrices that do not know the motion at all; the points of a sweep still do."""
+    made = Mechanism("one", "Mass on a spring that follows")
+    q = made.coordinate("q", "rad", "angle")
+    m, k, w = made.parameters(m=("kg m^2", "inertia", "> 0"), k=("N m/rad", "spring"), w=("rad/s", "w", "> 0"))
+    desired = asin(made.speed / w)
+    made.kinetic, made.potential = m * rate(q) ** 2 / 2, k * (q - desired) ** 2 / 2
+    made.fundamental(q=desired)
+    model = solve.load(made, m=1, k=2.3, w=5)
+    sweep = solve.sweep(model, [3.0, 4.9, 5.1])
+    assert [point.error is None for point in sweep.points] == [True, True, False]
+
+
+def followed(desired, **numbers):
+    """A model that is linearised about a motion of the phase."""
+    made = Mechanism("one", "One coordinate")
+    q = made.coordinate("q", "rad", "angle")
+    m, k = made.parameters(m=("kg m^2", "inertia", "> 0"), k=("N m/rad", "spring", "> 0"))
+    symbols = [made.parameter(name, "1", name) for name in numbers]
+    motion = desired(made.phase, *symbols)
+    made.kinetic, made.potential = m * rate(q) ** 2 / 2, k * (q - motion) ** 2 / 2
+    made.fundamental(q=motion)
+    return solve.load(made, m=1, k=2, **numbers)
+
+
+MOTIONS = {
+    "sqrt": (lambda p, a: sqrt(a + cos(p)), (0.9, 0.99999, -2), (1.00001, 1.1)),
+    "log": (lambda p, a: log(a + sin(p - 0.3)), (0.5, 0.9999, 1), (1.0001, 2)),
+    "quotient": (lambda p, a: 1 / (a - cos(p)), (0.3, -1, 1, 0.99999), (1.0001, -1.1)),
+    "tan": (lambda p, a: tan(a * sin(p)), (1.6, 5), (1.5, -0.3)),
+    "asin": (lambda p, a: asin(a + sin(p) / 2), (0.50001, 0.9, -1), (0.49999, 0)),
+    "parameter alone": (lambda p, a: sin(p) / a, (0,), (1e-3,)),
+    "short": (lambda p, a: sqrt(1 - a * sympy.exp(-1e3 * sin((p - 1) / 2) ** 2)), (1.01, 3), (0.99, -1)),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "a", "exists"),
+    [(name, a, exists) for name, (_, no, yes) in MOTIONS.items() for exists, each in ((0, no), (1, yes)) for a in each],
+)
+def test_domains_over_the_turn(name, a, exists):
+    """Those of the functions, known in closed form: violations between samples, and over a hundredth of the
+    turn, are seen."""
+    if exists:
+        assert followed(MOTIONS[name][0], a=a).n == 1
+    else:
+        with pytest.raises(DesiredMotionError, match="desired motion of q is not real and finite"):
+            followed(MOTIONS[name][0], a=a)
+
+
+def linkage():
+    """An offset slider-crank with an elastic shaft: its rod is as long as asin((r sin φ + e)/l) needs."""
+    made = Mechanism("linkage", "Offset slider-crank")
+    q = made.coordinate("q", "rad", "twist")
+    J, m, k = made.parameters(J=("kg m^2", "J", "> 0"), m=("kg", "slider", "> 0"), k=("N m/rad", "k", "> 0"))
+    r, l, e = made.parameters(r=("m", "crank", "> 0"), l=("m", "rod", "> 0"), e=("m", "offset"))
+    angle = made.phase + q
+    rod = asin((r * sin(angle) + e) / l)
+    made.kinetic = (J * rate(angle) ** 2 + m * rate(r * cos(angle) + l * cos(rod)) ** 2) / 2
+    made.potential = k * q**2 / 2
+    return made
+
+
+def test_a_rod_that_is_too_short_over_part_of_the_turn():
+    """It closes everywhere if r + |e| < l; at φ = π/2 it opens first."""
+    numbers = {"J": 1, "m": 1, "k": 1e3, "r": 0.1, "e": 0.05}
+    model = solve.load(linkage, l=0.16, **numbers)
+    with pytest.raises(DesiredMotionError, match=r"the kinetic energy .* at phase 1\.5"):
+        solve.load(linkage, l=0.1499, **numbers)
+    sweep = solve.sweep(model, [3.0], over={"l": [0.12, 0.1499, 0.1501, 0.2]})
+    assert [point.error is None for point in sweep.points] == [False, False, True, True]
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_loop_that_the_desired_motion_opens(sign):
+    """A loop driven by a coordinate is looked at along the desired motion of that: x² = c - b sin φ."""
+
+    def state():
+        made = Mechanism("opening", "A loop driven by a coordinate")
+        q = made.coordinate("q", "m", "drive of the loop")
+        m, k, b, c = made.parameters(
+            m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"), b=("m", "amplitude"), c=("m", "place")
+        )
+        metre = made.parameter("one", "m", "a length", "> 0")
+        (x,) = made.loop(
+            {"x": "m"}, [q], lambda given, x: [x**2 / metre - given], lambda given: [2 * metre], iterations=30
+        )
+        made.kinetic, made.potential = m * rate(q) ** 2 / 2, k * (q - x) ** 2 / 2
+        made.fundamental(q=c + b * sin(made.phase))
+        return made
+
+    given = {"m": 1, "k": 3, "c": 1.0, "one": 1}
+    assert solve.load(state, b=0.8, **given).n == 1
+    with pytest.raises(solve.SolveError, match="the loop of x does not close at every phase"):
+        solve.load(state, b=sign * 1.2, **given)
+
+
+def test_polynomials_and_sines_need_no_further_code():
+    made = Mechanism("plain", "A motion that exists everywhere")
+    q = made.coordinate("q", "rad", "angle")
+    m, k, a = made.parameters(m=("kg m^2", "m", "> 0"), k=("N m/rad", "k", "> 0"), a=("1", "a", "> 0"))
+    made.kinetic, made.potential = m * rate(q) ** 2 / 2, k * q**2 / (2 * sqrt(a))
+    made.fundamental(q=sin(made.phase) ** 3 / a + cos(2 * made.phase) + pi)
+    module = module_of(made)
+    assert not hasattr(module, "DOMAIN")
+    assert not hasattr(module, "domain")
