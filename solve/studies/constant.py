@@ -2,7 +2,7 @@
 µ²M + µC + K decide. There is no parametric resonance then, so no tongue to look for between speeds; what may
 change with the speed or a parameter are the eigenvalues themselves, which do so slowly."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,11 +10,13 @@ import numpy as np
 from solve.arrays import Array, solved
 from solve.batch.batch import Batch
 from solve.batch.family import Family
+from solve.batch.gathering import gathered
 from solve.methods.method import Method
-from solve.period.multipliers import EPS, UNIT_CIRCLE
+from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CIRCLE, UNSTABLE
 from solve.period.points import parted
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
-from solve.studies.judged import Judge, Judged, judge
+from solve.results.points import Kept, PointResults
+from solve.studies.judged import Judged, judge
 
 NOTE = (
     "M, C and K are constant over the period: their eigenvalues decide, and nothing is excited parametrically"
@@ -42,6 +44,8 @@ _CLOSE = 1e-6
 _LARGEST = 300.0
 """Growth exponent a period that is shown at most; larger ones overflow."""
 
+_TINY = float(np.finfo(float).tiny)
+
 
 class Exponents(NamedTuple):
     """growth (P, N): real parts of µ, falling, and turns (P, N): imaginary parts, by the phase; errors (P, N)
@@ -54,16 +58,21 @@ class Exponents(NamedTuple):
 
 @dataclass(frozen=True)
 class Constant:
-    """Points of a family with constant matrices. multiplicity: how many multipliers +1 belong to rigid-body
-    modes, at points like these; unit: seconds by which exponents are made angles that do not pass π."""
+    """Points like those of a batch, which solves where matrices vary after all, or eigenvalues are too
+    uncertain. multiplicity: how many multipliers +1 belong to rigid-body modes; unit: seconds by which
+    exponents are made angles that do not pass π."""
 
-    family: Family
-    fallback: Judge
+    batch: Batch
     multiplicity: int
     unit: float
 
+    @property
+    def family(self) -> Family:
+        """Of the points."""
+        return self.batch.family
+
     def judge(self, points: Array) -> Judged:
-        """Stability at points (k, v); by the fallback where matrices vary, or eigenvalues are too uncertain.
+        """Stability at points (k, v).
 
         The multipliers have the true moduli but angles Im µ Ω times a fixed time, in which no two modes meet
         unless their exponents do.
@@ -78,10 +87,31 @@ class Constant:
         known = Judged(points, stable, unstable, np.nan_to_num(multipliers))
         open_ = np.flatnonzero(known.failed)
         if len(open_):
-            others = self.fallback(points[open_])
+            others = judge(self.batch)(points[open_])
             kept = others.multipliers[:, : multipliers.shape[1]]
             known = known.replaced(open_, Judged(others.points, others.stable, others.unstable, kept))
         return known
+
+    def results(self, points: Array) -> PointResults:
+        """Multipliers and verdicts of points (k, v), without those of rigid-body modes."""
+        found, n, period = self.exponents(points), self.family.example.n, self.family.example.period
+        growth, errors = found.growth * period, found.errors.max(axis=1) * period
+        made = PointResults.blank(len(points), n, Kept(warnings=False))
+        known = np.flatnonzero(errors <= _CLOSE)
+        exponents = np.minimum(growth, _LARGEST) + 1j * found.turns * period
+        made.multipliers[known] = 0.0
+        made.multipliers[known, : growth.shape[1]] = np.exp(exponents[known])
+        made.errors[known, 1] = errors[known]
+        made.verdicts[known] = np.select(
+            [growth[known, 0] - errors[known] > UNIT_CIRCLE, growth[known, 0] + errors[known] < -UNIT_CIRCLE],
+            [UNSTABLE, ASYMPTOTICALLY_STABLE],
+            STABLE,
+        )
+        made.methods[known] = "eigenvalues"
+        failed = np.flatnonzero(made.failed)
+        if len(failed):
+            made.insert(failed, gathered(self.batch, points[failed], made.kept))
+        return made
 
     def exponents(self, points: Array) -> Exponents:
         """Of points (P, v), without those of rigid-body modes."""
@@ -118,11 +148,9 @@ def constant(batch: Batch) -> Constant | None:
     multiplicity = int(np.bincount(modes.multiplicity).argmax())
     if multiplicity == 2 * n:
         return None
-    found = Constant(family, judge(batch), multiplicity, 0.0)
+    found = Constant(batch, multiplicity, 0.0)
     turns = np.abs(found.exponents(batch.region).turns * family.speeds(batch.region)[:, None])
-    return Constant(
-        family, found.fallback, multiplicity, 1 / max(float(np.nanmax(turns, initial=0.0)), 1e-300)
-    )
+    return replace(found, unit=1 / max(float(np.nanmax(turns, initial=0.0)), _TINY))
 
 
 def still(speeds: Array) -> Array:

@@ -26,9 +26,9 @@ from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
 from solve.studies.boundaries import Search
-from solve.studies.constant import NOTE, constant, still
+from solve.studies.constant import NOTE, Constant, constant, still
 from solve.studies.explained import CLOSE, Explained, Turn, allowed_distance, of_modulus, of_real_part
-from solve.studies.judged import Judge, Judged, judge, passing
+from solve.studies.judged import Judged, judge, passing
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.maxima import peaks, sharpened
 from solve.studies.mean_frequencies import (
@@ -90,17 +90,15 @@ def critical_speeds(
     low, high = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = MeanFrequencies(system, np.array([0.0]))
-    # Where there are no matrices at rest, frequencies at a speed stand for those.
+    # Without matrices at rest, frequencies at a speed stand for those.
     first = rest if np.isfinite(rest.values).all() else MeanFrequencies(system, np.array([low]))
     stability = replace(task, request=replace(task.request, orbit=False))
     steady = constant(stability.batch(omegas[:, None]))
+    notes += [NOTE] * bool(steady)
     grid = _refined_grid(omegas, first, orders, combined=steady is None)
-    batch = task.batch(grid[:, None])
-    without = stability.batch(grid[:, None])
-    judging, turning = (
-        (steady.judge, still) if steady else (judge(without), fastest_turning(system, (low, high)))
-    )
-    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance), judging, turning)
+    batch, without = (each.batch(grid[:, None]) for each in (task, stability))
+    turning = still if steady else fastest_turning(system, (low, high))
+    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance), turning, steady)
     with steps(4) as step:
         step("all speeds")
         found = search.solved(grid)
@@ -134,19 +132,13 @@ def critical_speeds(
         frequencies.values,
         orders,
         frequencies.imaginary,
-        [
-            *notes,
-            *[NOTE] * bool(steady),
-            *shifted_by_rates(frequencies, CLOSE),
-            *_left_out(system, grid, frequencies, found, orders),
-        ],
+        [*notes, *shifted_by_rates(frequencies, CLOSE), *_left_out(system, grid, frequencies, found, orders)],
     )
 
 
 def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, combined: bool) -> Array:
-    """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and, where modes
-    may be combined, those of resonances and halfway between these, so that what is unstable at two is not
-    taken for one range."""
+    """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and of combined
+    modes those of resonances and halfway between these, so that no two unstable ranges are taken for one."""
     low, high, lowest = omegas[0], omegas[-1], float(frequencies.lowest[0])
     between = np.empty(0)
     first, last = lowest / high, min(lowest / low, orders + 1.0)
@@ -173,23 +165,24 @@ def _left_out(
 
 @dataclass
 class _Search:
-    """Solves speeds and finds maxima between them. multipliers: the batch that leaves out orbits; judging,
-    turning: its judge, and how fast its multipliers turn over the speed."""
+    """Solves speeds and finds maxima between them. multipliers: the batch that leaves out orbits; turning:
+    how fast multipliers turn over the speed; steady: where matrices are constant."""
 
     batch: Batch
     multipliers: Batch
     kept: Kept
     figure: str
     tolerance: float
-    judging: Judge
     turning: Turning
+    steady: Constant | None
 
     def solved(self, speeds: Array) -> PointResults:
         return gathered(self.batch, speeds[:, None], self.kept)
 
     def without_orbits(self, speeds: Array) -> PointResults:
         """Multipliers alone."""
-        return gathered(self.multipliers, speeds[:, None], Kept(warnings=False))
+        steady, points = self.steady, speeds[:, None]
+        return steady.results(points) if steady else gathered(self.multipliers, points, Kept(warnings=False))
 
     def response(self, found: PointResults) -> Array:
         return found.figures[:, 0, FIGURES.index(self.figure)]
@@ -210,7 +203,6 @@ class _Search:
         """Prominent local maxima of those of the values (P,), with errors, that are known, zoomed into."""
         known = np.isfinite(values)
         speeds, values = speeds[known], values[known]
-
         solved = self.solved if value == self.response else self.without_orbits
         top = peaks(values, errors[known])
         return sharpened(speeds, values, top, lambda trials: value(solved(trials)), self.tolerance)
@@ -274,12 +266,12 @@ class _Search:
         multiplier passes +1 along the real axis between these, the first or the last of those beyond: the
         response may grow beyond all bounds there, however narrow its maximum."""
         speeds, found = self._with(speeds, found, others)
+        judging = self.steady.judge if self.steady else judge(self.multipliers)
 
         def judged(points: Array) -> Judged:
-            return self.judging(points).by_plus_one
+            return judging(points).by_plus_one
 
-        constant_matrices = self.turning is still
-        first = self.judging(speeds[:, None]) if constant_matrices else Judged.of(speeds[:, None], found)
+        first = judging(speeds[:, None]) if self.steady else Judged.of(speeds[:, None], found)
         known = parted(judged, first.by_plus_one, self.turning, (1,))
         known = rising(known + hidden(judged, known, np.arange(1, len(known.points) - 1)))
         side = known.stable.astype(int) - known.unstable
