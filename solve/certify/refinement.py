@@ -40,6 +40,9 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
     Raises StepsError for `steps` that the method cannot use at any point.
     """
     solving = Solving(points, method, request)
+    if solving.free is not None and len(points) > 1 and not solving.free.modes.any.all():
+        yield from _apart(solving)
+        return
     every, failures = np.arange(len(points)), dict(singular(points, solving.modes))
     if request.steps is not None:
         refused = solving.unusable(request.steps, np.delete(every, list(failures)))
@@ -53,6 +56,18 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
         yield from Ladder(solving, partial(_unseen, solving)).refined(every)
     else:
         yield from _on_given_steps(solving, every)
+
+
+def _apart(solving: Solving) -> Iterator[Certified | Failed]:
+    """Points that are free to turn apart from the others."""
+    assert solving.free is not None
+    free = solving.free.modes.any
+    for at in (np.flatnonzero(free), np.flatnonzero(~free)):
+        for found in certified(solving.points[at], solving.method, solving.request):
+            if isinstance(found, Failed):
+                yield Failed(int(at[found.position]), found.reason)
+            else:
+                yield replace(found, positions=at[found.positions])
 
 
 def on_one_grid(
@@ -84,7 +99,7 @@ def _approximated(solving: Solving, positions: Array) -> Iterator[Certified | Fa
                 found = solving.differences(own, better.solutions, these)
                 errors = np.maximum(found, rounding(own))
                 radius = better.solutions.multipliers.spectral_radius
-                yield solving.certified(these, own, errors, errors[:, 1] * radius)
+                yield from solving.certified(these, own, errors, errors[:, 1] * radius)
 
 
 def _on_given_steps(solving: Solving, positions: Array) -> Iterator[Certified | Failed]:
@@ -113,7 +128,7 @@ def _on_given_steps(solving: Solving, positions: Array) -> Iterator[Certified | 
         with np.errstate(over="ignore", invalid="ignore"):
             absolute = np.fmax(errors[:, 1] * fine.multipliers.spectral_radius, unseen[:, 2])
         errors = raised(errors, rounding(coarse), alias, unseen[:, :2], radii)
-        yield solving.certified(part, coarse, errors, absolute)
+        yield from solving.certified(part, coarse, errors, absolute)
 
 
 def _unseen(solving: Solving, steps: Array, positions: Array, solutions: Solutions, errors: Array) -> Array:

@@ -11,6 +11,7 @@ from solve.arrays import Array
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import Burdens, at_one, differences
 from solve.errors import StepsError
+from solve.methods.free import Free, driven_freely, free, solutions_on
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, balanced, frozen
 from solve.period.grid import Grid
@@ -20,6 +21,10 @@ from solve.progress import stage
 
 _MEMORY = 2**25
 """Bytes that the points solved at once may take."""
+
+_DRIVEN, _TIMES_ERROR = 1e-9, 10.0
+"""Mean acceleration of a free machine, relative to its accelerations, that counts as none, and the times the
+error of the orbit that is added to it: round-off leaves 1e-13 of chains whose loads have no mean."""
 
 
 class Solving:
@@ -34,6 +39,11 @@ class Solving:
     def modes(self) -> Frozen:
         """Frozen ones of all points."""
         return frozen(self.points, engine=self.request.engine)
+
+    @cached_property
+    def free(self) -> Free | None:
+        """Rigid-body modes of the points; None without, or where the method looks for those of an orbit."""
+        return free(self.points, self.modes) if self.method.linear else None
 
     @cached_property
     def _equations(self) -> Points:
@@ -72,7 +82,8 @@ class Solving:
         points = self._equations[positions]
         grid = Grid.uniform(steps, points.period, points.breaks)
         with stage(f"{self.method.name} on {steps} steps"):
-            return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
+            held = None if self.free is None else self.free[positions]
+            return solutions_on(self.method, points, grid, self.request.orbit, self.request.engine, held)
 
     def parts(self, steps: int, positions: Array) -> list[Array]:
         """The positions, split so that each part fits into memory."""
@@ -102,11 +113,25 @@ class Solving:
             return np.zeros(len(fine), dtype=bool)
         return at_one(coarse, fine.multipliers, ratio, self.method.order, fine.grid.steps)
 
-    def certified(self, positions: Array, solutions: Solutions, errors: Array, absolute: Array) -> Certified:
-        """absolute (k,): errors of the multipliers, beside what the relative ones leave of these."""
+    def certified(
+        self, positions: Array, solutions: Solutions, errors: Array, absolute: Array
+    ) -> Iterator[Certified | Failed]:
+        """Points with their errors, but for those whose load drives a rigid-body mode. absolute (k,): errors
+        of the multipliers, beside what the relative ones leave of these."""
         errors[:, 0] += solutions.defect
+        if solutions.free is not None and solutions.driven is not None and self.request.orbit:
+            driven = solutions.driven > _DRIVEN + _TIMES_ERROR * errors[:, 0]
+            for at in np.flatnonzero(driven)[:, None]:
+                point, modes = self.points[positions[at]], solutions.free.modes[at]
+                yield Failed(int(positions[at[0]]), driven_freely(point, modes))
+            if driven.all():
+                return
+            kept = np.flatnonzero(~driven)
+            positions, solutions, errors, absolute = (
+                part[kept] for part in (positions, solutions, errors, absolute)
+            )
         radius = solutions.multipliers.spectral_radius
         with np.errstate(over="ignore"):
             absolute = np.maximum(absolute, np.where(radius > 0, errors[:, 1], 0.0) * radius)
         modes = self.modes[positions]
-        return Certified(positions, self.method, solutions, errors, absolute, self.request, modes)
+        yield Certified(positions, self.method, solutions, errors, absolute, self.request, modes)

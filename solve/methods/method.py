@@ -5,7 +5,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from solve.period.multipliers import Multipliers, rounding_errors
 from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
 from solve.period.points import Points, affine, matrices
 from solve.sizes import most_numbers
+
+if TYPE_CHECKING:
+    from solve.methods.free import Free
 
 MOST_STEPS = 2**40
 """More than any memory allows."""
@@ -40,7 +43,11 @@ class Solutions:
     rounding (P,): relative error that the way to Φ leaves in the multipliers, beyond that of their
     condition; 1 where the grid does not determine Φ. notes: what the method has to say, none or one a point.
     failures: why a point has no solution, by position. units (P, N): powers of 2 in which Φ is balanced,
-    where the way to it has found them. engine: what finds the eigenvalues of Φ.
+    where the way to it has found them. engine: what finds the eigenvalues of Φ. free: rigid-body modes, where
+    there are any; Φ is then of the remaining motion and zero elsewhere. secular (P, r): steady velocities of
+    modes where C e ≠ 0, accelerations of others, by the phase; driven (P,): the largest of these relative to
+    the accelerations of the motion. shift (P,): by how much log |det Φ| of the steps is less for the anchoring
+    of rigid-body modes.
     """
 
     grid: Grid
@@ -54,6 +61,10 @@ class Solutions:
     failures: Mapping[int, SolveError] = field(default_factory=dict)
     units: Array | None = None
     engine: str = NUMPY
+    free: "Free | None" = None
+    secular: Array | None = None
+    driven: Array | None = None
+    shift: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("defect", "rounding"):
@@ -88,6 +99,7 @@ class Solutions:
             failures,
             None if self.units is None else self.units[points],
             self.engine,
+            *(None if each is None else each[points] for each in (self.free, self.secular, self.driven, self.shift)),
         )
         return made.with_multipliers(self.multipliers[points])
 
@@ -148,6 +160,11 @@ class Method:
         """State facts that follow from the settings of a frozen dataclass."""
         for name, value in facts.items():
             object.__setattr__(self, name, value)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the points are solved as they are, rather than linearised along an orbit first."""
+        return True
 
     def loaded(self, points: Points) -> Points:
         """The points whose matrices and loads show what orders the solutions have to follow."""
@@ -300,7 +317,11 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
 
     curve, steps = parts[0].curve, parts[0].steps
     if curve is not None:
-        curve = type(curve)(curve.nodes, beside(lambda part: part.curve.coefficients))  # type: ignore[call-arg]
+        drift = None
+        if any(part.curve is not None and part.curve.drift is not None for part in parts):
+            drift = beside(lambda part: np.zeros((1, points.n)) if part.curve.drift is None else part.curve.drift)
+        coefficients = beside(lambda part: part.curve.coefficients)
+        curve = type(curve)(curve.nodes, coefficients, drift=drift)  # type: ignore[call-arg]
     if steps is not None:
         steps = Steps(beside(lambda part: part.steps.A), beside(lambda part: part.steps.b))
     Phi = beside(lambda part: part.Phi)

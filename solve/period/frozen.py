@@ -9,6 +9,7 @@ from solve.arrays import Array, solved, whole
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.multipliers import EPS, scaled_alike
+from solve.period.rigid_body import ROUNDING, RigidBodyModes, may_be_singular, rigid_body_modes
 from solve.period.points import Multiplied, Points, Tables, parted, rate_of
 
 PHASES = 128
@@ -57,7 +58,31 @@ class Frozen:
             some._among = self._among[0], self._among[1][points]
         if "few_eigenvalues" in self.__dict__:
             some.__dict__["few_eigenvalues"] = self.few_eigenvalues[points]
+        if "rigid_body_modes" in self.__dict__:
+            every = self.rigid_body_modes
+            some.__dict__["rigid_body_modes"] = None if every is None else every[points]
         return some
+
+    @cached_property
+    def rigid_body_modes(self) -> RigidBodyModes | None:
+        """Directions that K leaves free at these phases; None where no point has one."""
+        if self._n == 1 and not self._tables.own:
+            low, high = self._ranges
+            M, C, K = np.maximum(-low[:3], high[:3])
+            if (K > ROUNDING * (M + C)).all():
+                return None
+        elif self._n > 1:
+            M, C, K = np.moveaxis(self._matrices_at(slice(1)), (3, 4), (1, 2))
+            if not may_be_singular(K[:, 0], ROUNDING * (np.abs(M) + np.abs(C))[:, 0]).any():
+                return None
+        M, C, K = np.moveaxis(self._matrices, (3, 4), (1, 2))
+        found = rigid_body_modes(K, C, M)
+        return found if found.any.any() else None
+
+    @property
+    def mean_mass(self) -> Array:
+        """Mean of M over the period (P, n, n)."""
+        return np.moveaxis(self._matrices[0].mean(axis=-1), -1, 0)
 
     @cached_property
     def _fields(self) -> Array:

@@ -1,5 +1,5 @@
-"""Rigid-body modes: constant directions e in which a machine moves without any restoring force, K(φ)e = 0 over
-the whole period, such as the rotation of a drive train that nothing holds."""
+"""Rigid-body modes: constant directions e in which a machine moves without any restoring force, K(φ)e = 0
+over the whole period, such as the rotation of a drive train that nothing holds."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ BOUND = 4e-12
 """Largest residual |K e| that counts as none, relative to Σ|K_ij e_j| of the same equation: four times the
 relative error of the tables from which many points are solved (`solve.batch.tables`)."""
 
-_ROUNDING = 64 * EPS
+ROUNDING = 64 * EPS
 """The same relative to Σ(|M_ij| + |C_ij|)|e_j|, for entries that cancel to zero but for round-off; as in
 `solve.system`."""
 
@@ -61,7 +61,7 @@ class RigidBodyModes:
     @property
     def present(self) -> Array:
         """Which of the columns are modes (P, r)."""
-        return self.vectors.any(axis=1)
+        return np.asarray(self.vectors.any(axis=1))
 
     @property
     def measures(self) -> Array:
@@ -79,7 +79,7 @@ class RigidBodyModes:
     @property
     def any(self) -> Array:
         """Which points have one or more (P,)."""
-        return self.present.any(axis=1)
+        return np.asarray(self.present.any(axis=1))
 
     @property
     def multiplicity(self) -> Array:
@@ -88,7 +88,7 @@ class RigidBodyModes:
 
 
 def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyModes:
-    """Of K, C and M (P, k, n, n) at k phases, all for derivatives by the same variable, the phase or the time.
+    """Of K, C and M (P, k, n, n) at k phases, all for derivatives by one variable, the phase or the time.
 
     M: where given, entries of K and C that are round-off of the inertia count as zero. The result does not
     depend on units of coordinates and equations, and has r = 0 columns where no point has such a mode.
@@ -98,13 +98,12 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
     array([[1., 1.]])
     """
     count, _, n, _ = K.shape
-    inertia = np.zeros_like(K[:, :1]) if M is None else np.abs(M)
-    noise = _ROUNDING * (inertia.max(axis=1) + np.abs(C).max(axis=1))
+    inertia = 0.0 if M is None else np.abs(M).max(axis=1)
+    noise = ROUNDING * (inertia + np.abs(C).max(axis=1))
+    of_damping = ROUNDING * (inertia + np.abs(K).max(axis=1))
     found = {}
-    for at in np.flatnonzero(_may_be_singular(K[:, 0], noise)).tolist():
-        modes = _of_point(
-            K[at], C[at], noise[at], _ROUNDING * (inertia[at].max(axis=0) + np.abs(K[at]).max(axis=0))
-        )
+    for at in np.flatnonzero(may_be_singular(K[:, 0], noise)).tolist():
+        modes = _of_point(K[at], C[at], noise[at], of_damping[at])
         if modes.vectors.shape[-1]:
             found[at] = modes
     made = RigidBodyModes.none(count, n, max((one.vectors.shape[-1] for one in found.values()), default=0))
@@ -115,7 +114,14 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
     return made
 
 
-def _may_be_singular(K: Array, noise: Array) -> Array:
+def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
+    """Whether K e = 0 holds for all modes of points at further phases too (P,); K, C, M (P, k, n, n)."""
+    allowed = BOUND * np.abs(K).max(axis=1) + ROUNDING * (np.abs(M) + np.abs(C)).max(axis=1)
+    residual = np.abs(K @ modes.vectors[:, None]).max(axis=1)
+    return np.asarray((residual <= allowed @ np.abs(modes.vectors)).all(axis=(1, 2)))
+
+
+def may_be_singular(K: Array, noise: Array) -> Array:
     """Whether matrices (P, n, n) may be singular but for a change of their entries by `BOUND` of themselves
     (P,), which changes the determinant by no more than n BOUND times the product of sums of rows."""
     sums = np.abs(K).sum(axis=-1)

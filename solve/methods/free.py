@@ -1,0 +1,127 @@
+"""Machines that are free to turn: a method solves them anchored, and the motion is that of the machine itself."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solve.arrays import Array, across
+from solve.errors import UnbalancedLoadError
+from solve.methods.method import Method, Solutions
+from solve.period.anchored import Anchored
+from solve.period.curve import PeriodicCurve
+from solve.period.frozen import Frozen, frozen
+from solve.period.grid import Grid
+from solve.period.points import Points, matrices
+from solve.period.rigid_body import RigidBodyModes, rigid_body_modes, still_rigid
+
+_IN_A_PIECE = 8
+"""Further phases of each piece between two jumps at which K is looked at."""
+
+_FURTHER = 509
+"""Further phases of the period, apart by the golden section, at which K is looked at: pulses of a part of the
+period above 1/500 are not missed."""
+
+_SECTION = 0.6180339887498949
+
+_PANELS, _PLACES = 256, 4
+"""Parts of the period, and Gauss's places in each, that give the mean of a load: loads up to order 200 to 1e-9
+of their amplitude."""
+
+_SMALLEST = float(np.finfo(float).tiny)
+
+
+@dataclass(frozen=True)
+class Free:
+    """Rigid-body modes of points, and their mean mass matrices (P, n, n) in any unit."""
+
+    modes: RigidBodyModes
+    mass: Array
+
+    def __getitem__(self, points: Array) -> "Free":
+        return Free(self.modes[points], self.mass[points])
+
+
+def free(points: Points, modes: Frozen | None = None) -> Free | None:
+    """Rigid-body modes of the points, whose frozen modes may be known; None where no point has one."""
+    if modes is None:
+        M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
+        if not rigid_body_modes(K, C, M).any.any():
+            return None
+        modes = frozen(points)
+    found = modes.rigid_body_modes
+    if found is None:
+        return None
+    some = np.flatnonzero(found.any)
+    M, C, K, _ = matrices(points[some], _further(points))
+    lost = some[~still_rigid(K, C, M, found[some])]
+    if len(lost):
+        vectors = found.vectors.copy()
+        vectors[lost] = 0.0
+        found = replace(found, vectors=vectors)
+    return Free(found, modes.mean_mass) if found.any.any() else None
+
+
+def _further(points: Points) -> Array:
+    even = np.mod(np.arange(_FURTHER) * _SECTION, 1.0) * points.period
+    if not points.breaks:
+        return even
+    pieces = Grid.uniform(len(points.breaks), points.period, points.breaks)
+    return np.concatenate((even, pieces.stages((np.arange(_IN_A_PIECE) + 0.5) / _IN_A_PIECE).ravel()))
+
+
+def solutions_on(
+    method: Method, points: Points, grid: Grid, orbit: bool, engine: str, held: Free | None
+) -> Solutions:
+    """What the method gives for points, of which some are free: their monodromy matrices are those of the
+    remaining motion, see `Anchored.quotient`, and their orbits have zero mean along the rigid-body modes."""
+    if held is None:
+        return method.solutions(points, grid, orbit, engine)
+    anchored = Anchored(points, held.modes)
+    with np.errstate(all="ignore"):
+        found = method.solutions(anchored, grid, orbit, engine)
+        curve, secular, driven = found.curve, None, np.zeros(len(points))
+        if curve is not None:
+            driven = _acceleration_scale(curve, held.modes)
+            curve, secular = anchored.motion(curve, held.mass)
+            accelerations = np.where(held.modes.damped, 0.0, np.abs(secular))
+            driven = (accelerations / np.maximum(driven, _SMALLEST)).max(axis=1)
+        Phi = np.where(np.isfinite(found.Phi), anchored.quotient(found.Phi), found.Phi)
+    return replace(
+        found, Phi=Phi, curve=curve, units=None, free=held, secular=secular, driven=driven, shift=anchored.volume
+    )
+
+
+def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
+    """Largest accelerations (P, r) along each mode of any of the coordinates that it moves, by the phase."""
+    rate = 1.0 / float(curve.nodes[-1])
+    sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
+    along = np.abs(modes.vectors)
+    return across(np.maximum, np.moveaxis(np.where(along > 0, sizes[..., None] / np.where(along > 0, along, 1.0), 0.0), 1, -1))
+
+
+def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
+    """Mean over the period (r,) of the generalised force of the load along each rigid-body mode of one point:
+    of gᵀd, where g is the direction in which Kᵀ does nothing, e of symmetric equations."""
+    grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
+    places, weights = np.polynomial.legendre.leggauss(_PLACES)
+    M, C, K, d = matrices(point, grid.stages((places + 1) / 2).ravel())
+    left = rigid_body_modes(np.swapaxes(K, -1, -2), 0 * C, M)
+    vectors = modes.vectors[0]
+    if left.any[0] and np.allclose(left.vectors[0].shape, vectors.shape):
+        at = modes.references[0]
+        vectors = left.vectors[0] @ np.linalg.inv(left.vectors[0][at]) @ vectors[at]
+    mean = np.einsum("msj,m,s->j", d[0].reshape(grid.steps, _PLACES, -1), grid.h, weights) / (2 * point.period)
+    return mean @ vectors
+
+
+def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
+    """Why one point has no periodic vibration: its load drives a rigid-body mode."""
+    loads = mean_loads(point, modes)
+    loads = np.where(modes.present[0] & ~modes.damped[0], loads, 0.0)
+    at = int(np.abs(loads).argmax())
+    vector = ", ".join(f"{component:.6g}" for component in modes.vectors[0, :, at])
+    return UnbalancedLoadError(
+        f"the load drives the rigid-body mode ({vector}), which nothing holds: its mean along it is "
+        f"{loads[at]:.6g} (N m for angles, N for lengths), and the speed would grow without bound; balance it "
+        "by a constant load, or add drag or a spring to ground"
+    )
