@@ -1,6 +1,6 @@
 """One point: the periodic solution of a system, found directly, or its stability alone."""
 
-from solve.certify.all_multipliers import Spectrum, checked_maps, refined
+from solve.certify.all_multipliers import Spectrum, checked_maps, refined, rigid_multipliers
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.ladder import STEPS
 from solve.certify.refinement import certified
@@ -100,5 +100,5 @@ def _solved(
             (result,) = certified(point, settled, asked)
         if isinstance(result, Failed):
             raise result.reason
-        every_one = refined(point, settled, asked, result.steps) if every else None
+        every_one = refined(point, settled, asked, result.steps, rigid_multipliers(result)) if every else None
     return result, Spectrum(point, result, every_one), notes

@@ -11,6 +11,7 @@ from solve.period.anchored import Anchored
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import Frozen, frozen
 from solve.period.grid import Grid
+from solve.period.period_map import Steps
 from solve.period.points import Points, matrices
 from solve.period.rigid_body import RigidBodyModes, rigid_body_modes, still_rigid
 
@@ -86,8 +87,9 @@ def solutions_on(
             accelerations = np.where(held.modes.damped, 0.0, np.abs(secular))
             driven = (accelerations / np.maximum(driven, _SMALLEST)).max(axis=1)
         Phi = np.where(np.isfinite(found.Phi), anchored.quotient(found.Phi), found.Phi)
+        steps = None if found.steps is None else Steps(anchored.steps(found.steps.A), found.steps.b)
     return replace(
-        found, Phi=Phi, curve=curve, units=None, free=held, secular=secular, driven=driven, shift=anchored.volume
+        found, Phi=Phi, curve=curve, steps=steps, units=None, free=held, secular=secular, driven=driven
     )
 
 

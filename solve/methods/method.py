@@ -46,8 +46,8 @@ class Solutions:
     where the way to it has found them. engine: what finds the eigenvalues of Φ. free: rigid-body modes, where
     there are any; Φ is then of the remaining motion and zero elsewhere. secular (P, r): steady velocities of
     modes where C e ≠ 0, accelerations of others, by the phase; driven (P,): the largest of these relative to
-    the accelerations of the motion. shift (P,): by how much log |det Φ| of the steps is less for the anchoring
-    of rigid-body modes.
+    the accelerations of the motion. `steps` are then maps
+    of the remaining motion too.
     """
 
     grid: Grid
@@ -64,7 +64,6 @@ class Solutions:
     free: "Free | None" = None
     secular: Array | None = None
     driven: Array | None = None
-    shift: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("defect", "rounding"):
@@ -99,7 +98,7 @@ class Solutions:
             failures,
             None if self.units is None else self.units[points],
             self.engine,
-            *(None if each is None else each[points] for each in (self.free, self.secular, self.driven, self.shift)),
+            *(None if each is None else each[points] for each in (self.free, self.secular, self.driven)),
         )
         return made.with_multipliers(self.multipliers[points])
 

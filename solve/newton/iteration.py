@@ -178,6 +178,10 @@ class Newton(Method):
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
 
+    @property
+    def linear(self) -> bool:
+        return False
+
     def loaded(self, points: Points) -> Points:
         """The system at rest: along the last curve it has the kinks of that curve."""
         return OnePoint(self.task.system, self.task.speed)

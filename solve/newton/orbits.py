@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.argument import require_whole
-from solve.certify.all_multipliers import Spectrum, refined
+from solve.certify.all_multipliers import Spectrum, refined, rigid_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.contracts import Motion
@@ -176,7 +176,7 @@ class _Search:
         if isinstance(result, Failed):
             raise result.reason
         assert result.solutions.curve is not None
-        every_one = refined(newton.point(), newton, asked, result.steps) if self.every else None
+        every_one = refined(newton.point(), newton, asked, result.steps, rigid_multipliers(result)) if self.every else None
         linearised, result = task.system.along(result.solutions.curve[0]), replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,

@@ -80,20 +80,27 @@ class Anchored:
         first, second = (rate * shift / self.period * self.modes.present for rate in _RATES)
         return first, second
 
-    @property
-    def volume(self) -> Array:
-        """By how much less log |det Φ| is than that of the points themselves (P,)."""
-        alpha, beta = self._rates
-        return np.asarray((alpha + beta * ~self.modes.damped).sum(axis=1) * self.period)
-
     def quotient(self, Phi: Array) -> Array:
         """Monodromy matrices (P, 2n, 2n) of the remaining motion, from those of the anchored points: of the
         coordinates relative to the modes, with the rates of modes where C e ≠ 0 at their coordinates of
         reference, and zero in the others."""
+        left, right = self._projection
+        return left @ Phi @ right
+
+    def steps(self, A: Array) -> Array:
+        """The same of maps of steps (P, m, 2n, 2n), with 1 on the diagonal where these are zero: multipliers of
+        rigid-body modes are then exactly 1."""
+        left, right = self._projection
+        made = left[:, None] @ A @ right[:, None]
+        ones = 1.0 - (right != 0).any(axis=-2)
+        return made + ones[:, None, :, None] * np.eye(A.shape[-1])
+
+    @property
+    def _projection(self) -> tuple[Array, Array]:
+        """Onto states (P, 2n, 2n) of the remaining motion, and back to states of which these are."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
-        relative, kept = self._relative
-        left = np.zeros(Phi.shape)
-        right = np.zeros(Phi.shape)
+        relative, kept = modes.relative
+        left, right = np.zeros((2, len(self), 2 * n, 2 * n))
         left[:, :n, :n] = left[:, n:, n:] = kept[..., None] * relative
         right[:, range(n), range(n)] = right[:, range(n, 2 * n), range(n, 2 * n)] = kept
         damped = modes.damped & modes.present
@@ -103,15 +110,7 @@ class Anchored:
             left[point, at, n:] = measure
             left[point, at, :n] = alpha[point, mode] * measure
             right[point, n:, at] = modes.vectors[point, :, mode]
-        return left @ Phi @ right
-
-    @property
-    def _relative(self) -> tuple[Array, Array]:
-        """Projections I - Σ e l (P, n, n), and which coordinates are none of reference (P, n)."""
-        modes, kept = self.modes, np.ones((len(self), self.n))
-        at, mode = np.nonzero(modes.present)
-        kept[at, modes.references[at, mode]] = 0.0
-        return np.eye(self.n) - modes.vectors @ modes.measures, kept
+        return left, right
 
     def motion(self, curve: PeriodicCurve, mass: Array) -> tuple[PeriodicCurve, Array]:
         """The motion q of the points from curves q̃ of the anchored ones, with zero mean along the modes in

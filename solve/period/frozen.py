@@ -211,9 +211,22 @@ class Frozen:
         multipliers move freely in some direction v: C v = K v = 0 at every phase, but for rounding, and Φ,
         which sees what lies between, brings the state (v, 0) back. Then q = v t is a solution, and the
         multiplier +1 is defective."""
-        rows = self._matrices[1:, :, :, points].transpose(3, 0, 1, 4, 2).reshape(len(points), -1, self._n)
+        rows = self._remaining(points)
         each = zip(rows, Phi, self.units(points), errors, strict=True)
         return np.array([_drifts(*one) for one in each], dtype=bool)
+
+    def _remaining(self, points: Array) -> Array:
+        """C and K by rows (k, r, n) of points at positions (k,), without their rigid-body modes: of relative
+        coordinates, whose equations no acceleration along the modes enters."""
+        M, C, K = np.moveaxis(self._matrices[..., points, :], (3, 4), (1, 2))
+        modes = None if self.rigid_body_modes is None else self.rigid_body_modes[points]
+        if modes is not None and modes.any.any():
+            relative, kept = modes.relative
+            kept = kept[:, None, None]
+            C, K = (relative[:, None] @ solved(M, part) * kept for part in (C, K))
+            # Coordinates of reference are out of it.
+            K = K + (1 - kept) * np.eye(self._n)
+        return np.concatenate((C, K), axis=2).reshape(len(points), -1, self._n)
 
     def units(self, points: Array) -> Array:
         """In which the states (k, 2n) of points at positions (k,) are alike: square roots of the mean

@@ -77,6 +77,15 @@ class RigidBodyModes:
         return made
 
     @property
+    def relative(self) -> tuple[Array, Array]:
+        """Projections I - Σ e l (P, n, n) onto coordinates relative to the modes, and 1 for coordinates (P, n)
+        but those of reference, which are 0 relative to the modes."""
+        kept = np.ones(self.vectors.shape[:2])
+        at, mode = np.nonzero(self.present)
+        kept[at, self.references[at, mode]] = 0.0
+        return np.eye(kept.shape[1]) - self.vectors @ self.measures, kept
+
+    @property
     def any(self) -> Array:
         """Which points have one or more (P,)."""
         return np.asarray(self.present.any(axis=1))
