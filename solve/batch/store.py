@@ -34,6 +34,7 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "errors": ("point", "result"),
     "verdicts": ("point",),
     "steps": ("point",),
+    "rigid": ("point",),
     "method": ("point",),
 }
 

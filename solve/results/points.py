@@ -23,7 +23,7 @@ FAILED = -1
 _NUMBERS_AN_AMPLITUDE = 64
 """At the peak, while many points are analysed together."""
 
-_ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods")
+_ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods", "rigid")
 
 
 @lasting
@@ -49,7 +49,8 @@ class PointResults:
     """Arrays over P points.
 
     figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers
-    (P, N), zero where unresolved; errors (P, 2) of orbit and multipliers; verdicts (P,), positions in
+    (P, N), zero where unresolved, and behind the others for each of rigid-body modes, of which there are
+    rigid (P,); errors (P, 2) of orbit and multipliers; verdicts (P,), positions in
     VERDICTS or FAILED; steps (P,); methods (P,), their names. warnings and failures: texts by point.
     """
 
@@ -63,6 +64,7 @@ class PointResults:
     methods: Array
     warnings: dict[int, list[str]] = field(default_factory=dict)
     failures: dict[int, str] = field(default_factory=dict)
+    rigid: Array = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
 
     @classmethod
     def blank(cls, count: int, n: int, kept: Kept) -> "PointResults":
@@ -79,14 +81,24 @@ class PointResults:
             np.full(count, FAILED, dtype=np.int8),
             np.zeros(count, dtype=np.int32),
             np.full(count, "", dtype=object),
+            rigid=np.zeros(count, dtype=np.int8),
         )
 
     def __len__(self) -> int:
         return len(self.steps)
 
     @property
+    def all_multipliers(self) -> Array:
+        """Those of rigid-body modes too, +1, behind those of larger modulus (P, N)."""
+        found = self.multipliers.copy()
+        for at in np.flatnonzero(self.rigid).tolist():
+            count, others = int(self.rigid[at]), self.multipliers[at, : -int(self.rigid[at])]
+            found[at] = np.insert(others, np.full(count, np.sum(np.abs(others) >= 1)), 1.0)
+        return found
+
+    @property
     def spectral_radius(self) -> Array:
-        """Largest |ρ| (P,); NaN where the point failed."""
+        """Largest |ρ| (P,), those of rigid-body modes left out; NaN where the point failed."""
         return np.abs(self.multipliers[:, 0])
 
     @property
