@@ -6,7 +6,7 @@ this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15)
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -16,6 +16,8 @@ from solve.arrays import Array, solved
 from solve.contracts import Matrices
 from solve.derivatives.stages import closed, followed, stages
 from solve.methods.collocation import Collocated, Collocation
+from solve.methods.free import Free
+from solve.period.anchored import Anchored
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, parted, rate_of
@@ -25,11 +27,13 @@ from solve.sizes import require_size
 @dataclass(frozen=True, eq=False)
 class Motions:
     """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ by the
-    phase, at the phases of a `TurnOnGrid`; made: gives the states there."""
+    phase, at the phases of a `TurnOnGrid`; made: gives the states there; drift (n, r): steady velocities of a
+    machine that turns freely, part of the states there alone."""
 
     x: Array
     accelerations: Array
     made: Callable[[], Array]
+    drift: Array | None = None
 
     @cached_property
     def states(self) -> Array:
@@ -46,10 +50,17 @@ class TurnOnGrid:
     """
 
     def __init__(
-        self, point: OnePoint, method: Collocated, grid: Grid, engine: str, known: Curve | None = None
+        self,
+        point: OnePoint,
+        method: Collocated,
+        grid: Grid,
+        engine: str,
+        known: Curve | None = None,
+        free: Free | None = None,
     ):
-        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if it is known. Raises
-        ValueOutOfBoundsError for more than can be held."""
+        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if it is known; free: rigid-body
+        modes of the system, which is then solved anchored. Raises ValueOutOfBoundsError for more than can be
+        held."""
         self.point, self.grid, self.rule = point, grid, method.collocation
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
         n, s, m = point.n, len(self.rule.c), grid.steps
@@ -57,7 +68,8 @@ class TurnOnGrid:
         self.closed = self.rule.stiffly_accurate and grid.smooth
         self.loaded = slice(int(self.closed), None)
         self._stages = slice(int(not self.closed), int(not self.closed) + s)
-        self._tables = point.tables(self.phases[:, self.loaded].ravel())
+        self.free, self._anchored = free, None if free is None else Anchored(point, free.modes)
+        self._tables = (self._anchored or point).tables(self.phases[:, self.loaded].ravel())
         self._engine, self._known = engine, known
         self._systems = stages(self.rule, grid.h, self._tables, self._stages, engine)
         # Of stage accelerations, h² and h times, in q and q′ at the ends of the steps.
@@ -134,11 +146,15 @@ class TurnOnGrid:
     @cached_property
     def curve(self) -> Curve:
         """The continuous curve of the periodic solution."""
-        return self.curves(self.orbit)[0] if self._known is None else self._known
+        if self._known is not None:
+            return self._known
+        curve, drift = self.curves(self.orbit)[0], self.orbit.drift
+        return curve if drift is None else replace(curve, drift=drift[:, 0])
 
-    def under(self, loads: Array, jumps: Array | None = None) -> Motions:
+    def under(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
         """Periodic solutions under loads (m, l, n, r) at the phases where they act, with jumps (m, 2n, r) of
-        the states at the starts of steps, where the matrices jump. Raises ResonanceError."""
+        the states at the starts of steps, where the matrices jump. level (modes, r): means along rigid-body
+        modes, zero by default. Raises ResonanceError."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
@@ -150,7 +166,40 @@ class TurnOnGrid:
         before = np.roll(a[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
         after = [self._at_ends(-1, ends, loads)] if self._ends_apart else []
         a = np.concatenate((before, a, *after), axis=1)
-        return Motions(x, a, lambda: self._states(x, ends, a))
+        found = Motions(x, a, lambda: self._states(x, ends, a))
+        return found if self._anchored is None else self._of_machine(found, level)
+
+    def _of_machine(self, found: Motions, level: Array | None) -> Motions:
+        """Motions of the machine that is free to turn, from those of the anchored one."""
+        assert self._anchored is not None
+        assert self.free is not None
+        count, curves = found.x.shape[-1], self.curves(found)
+        every = np.zeros(count, dtype=int)
+        anchored, held = self._anchored[every], self.free[every]
+        moved, _ = replace(anchored, modes=held.modes).motion(curves, held.mass)
+        assert isinstance(moved, Curve)
+        if level is not None:
+            moved.coefficients[..., 0] += (held.modes.vectors @ level.T[..., None]).swapaxes(1, 2)[:, 0, :, None]
+        drift, bare = moved.drift, replace(moved, drift=None)
+        change = np.zeros(moved.coefficients.shape)
+        change[...] = moved.coefficients
+        change[..., : curves.coefficients.shape[-1]] -= curves.coefficients
+        added = Curve(bare.nodes, change)
+        fractions = np.array(self.rule.curve_nodes)
+        m, k = self.phases.shape
+        parts = [added.within(fractions, order).reshape(count, -1, m, k) for order in (2, 1, 0)]
+        by_state = np.stack(parts).transpose(3, 4, 0, 2, 1)
+        x = found.x.copy()
+        x[:-1] += by_state[:, 0, :0:-1].reshape(m, -1, count)
+        x[-1] = x[0]
+
+        def made() -> Array:
+            states = found.states + by_state
+            if drift is not None:
+                states[:, :, 1] += drift.T
+            return states
+
+        return Motions(x, found.accelerations + by_state[:, :, 0], made, None if drift is None else drift.T)
 
     @property
     def _ends_apart(self) -> bool:

@@ -80,6 +80,11 @@ def solutions_on(
     anchored = Anchored(points, held.modes)
     with np.errstate(all="ignore"):
         found = method.solutions(anchored, grid, orbit, engine)
+        if found.curve is not None and (held.modes.damped & held.modes.present).any():
+            # A drift may be far larger than the vibration, which would lose its digits beside it.
+            drift = anchored.motion(found.curve, held.mass)[0].drift
+            anchored = replace(anchored, drift=drift)
+            found = found if drift is None else method.solutions(anchored, grid, orbit, engine)
         curve, secular, driven = found.curve, None, np.zeros(len(points))
         if curve is not None:
             driven = _acceleration_scale(curve, held.modes)
@@ -127,3 +132,16 @@ def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
         f"{loads[at]:.6g} (N m for angles, N for lengths), and the speed would grow without bound; balance it "
         "by a constant load, or add drag or a spring to ground"
     )
+
+
+def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
+    """Weights (r, n) of the coordinates of one point in the mean along each of its rigid-body modes, with the
+    coordinates of reference of known ones."""
+    found = free(point)
+    if found is None:
+        return np.zeros((modes.references.shape[1], point.n))
+    vectors, mass = found.modes.vectors[0], found.mass[0]
+    own = vectors[modes.references[0]]
+    vectors = vectors @ np.linalg.inv(own) @ modes.vectors[0][modes.references[0]]
+    weighted = vectors.T @ mass
+    return np.linalg.solve(weighted @ vectors, weighted)

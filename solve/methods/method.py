@@ -307,6 +307,8 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
     if not each:
         nothing = np.zeros((len(points), 2 * points.n, 2 * points.n))
         return Solutions(Grid.uniform(1, points.period), nothing, None, nothing[:, 0, 0], failures=failures)
+    if len(points) == 1:
+        return each[0]
     # Points that failed take up the place of another, but for Φ.
     places = np.cumsum([at not in failures for at in range(len(points))]) - 1
     parts = [each[max(place, 0)] for place in places.tolist()]

@@ -24,10 +24,12 @@ _STEP = 0.37
 
 @dataclass(frozen=True)
 class Anchored:
-    """Points with their rigid-body modes anchored, see above; `modes` are those of the points."""
+    """Points with their rigid-body modes anchored, see above; `modes` are those of the points. drift (P, n): a
+    steady velocity w e by the phase, known already, whose drag C w e is taken off the load."""
 
     points: Points
     modes: RigidBodyModes
+    drift: Array | None = None
 
     @property
     def n(self) -> int:
@@ -53,7 +55,8 @@ class Anchored:
         return len(self.points)
 
     def __getitem__(self, positions: Array) -> "Anchored":
-        return Anchored(self.points[positions], self.modes[positions])
+        drift = None if self.drift is None else self.drift[positions]
+        return Anchored(self.points[positions], self.modes[positions], drift)
 
     def tables(self, phase: Array) -> Tables:
         """Terms of M and C once more, times α and αβ, in the entries of C and K."""
@@ -66,6 +69,8 @@ class Anchored:
         by_second = np.einsum("pjr,pr,prk->pjk", along, alpha * twice, measures)
         places = (0, n**2, by_first), (n**2, 2 * n**2, of_damping), (0, 2 * n**2, by_second)
         made = [_moved(tables, first, target, factors, n) for first, target, factors in places]
+        if self.drift is not None:
+            made.append(_moved(tables, n**2, 3 * n**2, -self.drift[..., None], n))
         terms = np.concatenate([np.arange(len(tables.entry)), *(each[0] for each in made)])
         entry = np.concatenate([tables.entry, *(each[1] for each in made)])
         parts = [tables.coefficients, *(each[2] for each in made)]
@@ -125,6 +130,9 @@ class Anchored:
         by_first, by_second = alpha + beta * undamped, alpha * beta * undamped
         raised = shares.sum(curve, modes.vectors, (first, by_first), (second, by_second))
         drift = np.einsum("pjr,pr->pj", modes.vectors, np.where(undamped, 0.0, secular))
+        if self.drift is not None:
+            drift = drift + self.drift
+            secular = secular + np.where(undamped, 0.0, np.squeeze(modes.measures @ self.drift[..., None], -1))
         weighted = np.swapaxes(modes.vectors, 1, 2) @ mass
         means = _Shares.of(raised, weighted).means
         gram = weighted @ modes.vectors
@@ -135,14 +143,14 @@ class Anchored:
 
 def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> tuple[Array, Array, Array]:
     """Terms (t,), entries (t,) and coefficients (P, t) of a matrix whose entries begin at `source`, times
-    factors (P, n, n), among the entries from `target` on."""
+    factors (P, n, c), among the entries from `target` on."""
     of_matrix = np.flatnonzero((tables.entry >= source) & (tables.entry < source + n**2))
     row, column = np.divmod(tables.entry[of_matrix] - source, n)
     terms, entry, coefficients = [], [], []
     for other in np.flatnonzero(factors.any(axis=(0, 1))).tolist():
         used = factors[:, :, other].any(axis=0)[column]
         terms.append(of_matrix[used])
-        entry.append(target + n * row[used] + other)
+        entry.append(target + factors.shape[-1] * row[used] + other)
         coefficients.append(tables.coefficients[:, of_matrix[used]] * factors[:, column[used], other])
     if not terms:
         return of_matrix[:0], of_matrix[:0], tables.coefficients[:, :0]

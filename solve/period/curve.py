@@ -117,6 +117,12 @@ class Curve:
             return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
 
     @property
+    def mean(self) -> Array:
+        """Over the period (…, n)."""
+        powers = 1 / np.arange(1, self.coefficients.shape[-1] + 1)
+        return np.asarray((self.coefficients @ powers) @ self.h / self.nodes[-1])
+
+    @property
     def last_power(self) -> Array:
         """Largest part (…) that the highest power of θ has in a step, by the largest value of its coordinate:
         where it is about 1, the steps do not follow the curve."""
@@ -166,6 +172,10 @@ class Curve:
         values = self._within(np.arange(a_step) / a_step, self.h, derivative)
         values = values.reshape(*values.shape[:-2], values.shape[-2] * a_step)
         return with_drift(values, self.drift, derivative)
+
+    def within(self, theta: Array, derivative: int = 0) -> Array:
+        """The curve's derivatives without a drift at fractions (s,) of every step, (…, n, m, s)."""
+        return self._within(theta, self.h, derivative)
 
     def _within(self, theta: Array, h: Array, derivative: int) -> Array:
         """Values (…, n, m, s) at the fractions (s,) of every step of lengths h (m,)."""

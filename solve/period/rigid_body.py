@@ -111,7 +111,8 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
     noise = ROUNDING * (inertia + np.abs(C).max(axis=1))
     of_damping = ROUNDING * (inertia + np.abs(K).max(axis=1))
     found = {}
-    for at in np.flatnonzero(may_be_singular(K[:, 0], noise)).tolist():
+    finite = np.asarray(np.isfinite(K).all(axis=(1, 2, 3)) & np.isfinite(noise).all(axis=(1, 2)))
+    for at in np.flatnonzero(finite & may_be_singular(K[:, 0], noise)).tolist():
         modes = _of_point(K[at], C[at], noise[at], of_damping[at])
         if modes.vectors.shape[-1]:
             found[at] = modes
@@ -133,11 +134,13 @@ def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
 def may_be_singular(K: Array, noise: Array) -> Array:
     """Whether matrices (P, n, n) may be singular but for a change of their entries by `BOUND` of themselves
     (P,), which changes the determinant by no more than n BOUND times the product of sums of rows."""
-    sums = np.abs(K).sum(axis=-1)
-    weak = (sums <= noise.sum(axis=-1)).any(axis=-1)
-    scale = np.where(sums > 0, sums, 1.0)
-    determinant = np.abs(np.linalg.det(K / scale[..., None]))
-    return weak | (determinant <= 2 * K.shape[-1] * (BOUND + noise.max(axis=(-2, -1)) / scale.min(axis=-1)))
+    with np.errstate(invalid="ignore", over="ignore"):
+        sums = np.abs(K).sum(axis=-1)
+        weak = (sums <= noise.sum(axis=-1)).any(axis=-1)
+        scale = np.where(sums > 0, sums, 1.0)
+        determinant = np.abs(np.linalg.det(K / scale[..., None]))
+        largest = noise.max(axis=(-2, -1)) / scale.min(axis=-1)
+        return np.asarray(weak | (determinant <= 2 * K.shape[-1] * (BOUND + largest)))
 
 
 def _of_point(K: Array, C: Array, noise: Array, noise_of_damping: Array) -> RigidBodyModes:
