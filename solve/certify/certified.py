@@ -61,7 +61,7 @@ class Certified:
     @cached_property
     def verdicts(self) -> Array:
         """Positions (k,) in VERDICTS, see `solve.period.multipliers.verdicts`."""
-        return judged(self.solutions, self.absolute, self.modes)
+        return verdicts_of(self.solutions, self.absolute, self.modes)
 
     @property
     def _nothing_else(self) -> Array:
@@ -132,7 +132,7 @@ class Certified:
         return warnings
 
 
-def judged(solutions: Solutions, errors: Array, modes: Frozen) -> Array:
+def verdicts_of(solutions: Solutions, errors: Array, modes: Frozen) -> Array:
     """Positions (P,) in VERDICTS of the motion without rigid-body modes, see `verdicts`; "stable" where there
     is no other."""
     found = verdicts(solutions.Phi, solutions.multipliers, errors, modes)

@@ -15,6 +15,7 @@ from solve.certify.ladder import Ladder
 from solve.certify.orders import aliasing
 from solve.certify.pace import judged
 from solve.certify.solving import Solving
+from solve.methods.free import Free
 from solve.methods.method import Method, Solutions
 from solve.period.multipliers import Multipliers
 from solve.period.points import Points
@@ -40,8 +41,8 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
     Raises StepsError for `steps` that the method cannot use at any point.
     """
     solving = Solving(points, method, request)
-    if solving.free is not None and len(points) > 1 and not solving.free.modes.any.all():
-        yield from _apart(solving)
+    if solving.free is not None and len(points) > 1 and len(kinds := _kinds(solving.free)) > 1:
+        yield from _apart(solving, kinds)
         return
     every, failures = np.arange(len(points)), dict(singular(points, solving.modes))
     if request.steps is not None:
@@ -58,11 +59,16 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
         yield from _on_given_steps(solving, every)
 
 
-def _apart(solving: Solving) -> Iterator[Certified | Failed]:
-    """Points that are free to turn apart from the others."""
-    assert solving.free is not None
-    free = solving.free.modes.any
-    for at in (np.flatnonzero(free), np.flatnonzero(~free)):
+def _kinds(free: Free) -> list[Array]:
+    """Positions of points that are free to turn, of those that conserve a momentum besides, and of others."""
+    found, conserving = free.modes.any, free.modes.conserving
+    kinds = (np.flatnonzero(each) for each in (found & ~conserving, conserving, ~found))
+    return [each for each in kinds if len(each)]
+
+
+def _apart(solving: Solving, kinds: list[Array]) -> Iterator[Certified | Failed]:
+    """Points of different kinds one after the other."""
+    for at in kinds:
         for found in certified(solving.points[at], solving.method, solving.request):
             if isinstance(found, Failed):
                 yield Failed(int(at[found.position]), found.reason)

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arrays import Array, across
-from solve.errors import UnbalancedLoadError
-from solve.methods.method import Method, Solutions
+from solve.errors import MatricesError, UnbalancedLoadError
+from solve.methods.method import Method, OneStep, Solutions
 from solve.period.anchored import Anchored
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import Frozen, frozen
 from solve.period.grid import Grid
-from solve.period.period_map import Steps
+from solve.period.period_map import Steps, monodromy, periodic_states
 from solve.period.points import Points, matrices
-from solve.period.rigid_body import RigidBodyModes, rigid_body_modes, still_rigid
+from solve.period.rigid_body import RigidBodyModes, conserved_momentum, rigid_body_modes, still_rigid
 
 _IN_A_PIECE = 8
 """Further phases of each piece between two jumps at which K is looked at."""
@@ -59,7 +59,12 @@ def free(points: Points, modes: Frozen | None = None) -> Free | None:
         vectors = found.vectors.copy()
         vectors[lost] = 0.0
         found = replace(found, vectors=vectors)
-    return Free(found, modes.mean_mass) if found.any.any() else None
+    if not found.any.any():
+        return None
+    if not points.breaks and (found.damped & found.present).any():
+        M, C, K = modes.matrices
+        found = replace(found, momentum=conserved_momentum(M, C, K, found, points.period))
+    return Free(found, modes.mean_mass)
 
 
 def _further(points: Points) -> Array:
@@ -78,6 +83,8 @@ def solutions_on(
     if held is None:
         return method.solutions(points, grid, orbit, engine)
     anchored = Anchored(points, held.modes)
+    if orbit and held.modes.conserving.any():
+        return _conserving(method, anchored, grid, held)
     with np.errstate(all="ignore"):
         found = method.solutions(anchored, grid, orbit, engine)
         if found.curve is not None and (held.modes.damped & held.modes.present).any():
@@ -96,6 +103,49 @@ def solutions_on(
     return replace(
         found, Phi=Phi, curve=curve, steps=steps, units=None, free=held, secular=secular, driven=driven
     )
+
+
+def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:
+    """Orbits of points that conserve a momentum μ though C e ≠ 0. Their anchored points have a multiplier +1
+    still; a jump at phase 0 takes μ away, and of the solutions for μ = 0 and 1 behind it that without drift is
+    taken."""
+    if not isinstance(method, OneStep):
+        raise MatricesError(
+            f"{method.name} finds no vibration of a free machine whose inertia varies or that gyroscopic forces "
+            "act on along its rigid-body mode; use radau or gauss"
+        )
+    rows, units = anchored.momentum()
+    with np.errstate(all="ignore"):
+        chain = method.discretise(anchored, grid)
+        A, b = chain.steps.A.copy(), chain.steps.b
+        Phi = monodromy(chain.steps)
+        loads = np.stack((b, np.zeros(b.shape)), axis=-1)
+        loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
+        kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]
+        A[:, 0] = A[:, 0] @ kept
+        states, condition = periodic_states(Steps(A, loads))
+        gained = np.einsum("pi,pi->p", rows, states[:, 0, :, 0])
+        states[:, 0] = kept @ states[:, 0]
+        states[:, 0, :, 1] += units
+        first, second = states[..., 0], states[..., 1]
+
+        def moved(x: Array) -> tuple[PeriodicCurve, Array]:
+            return anchored.motion(chain.curve(x), held.mass)
+
+        without, along = (moved(x)[1].sum(axis=1) for x in (first, first + second))
+        part = -without / (along - without)
+        curve = chain.curve(first + part[:, None, None] * second)
+        size = _acceleration_scale(curve, held.modes).max(axis=1)
+        curve, secular = anchored.motion(curve, held.mass)
+        if curve.drift is not None:
+            curve = replace(curve, drift=None)  # type: ignore[type-var]
+        # Of the momentum that a period adds, the acceleration.
+        rates = np.einsum("pi,pi->p", units[:, anchored.n :], units[:, anchored.n :]) ** 0.5
+        largest = np.abs(held.modes.vectors).max(axis=(1, 2))
+        driven = np.abs(gained) * rates / largest / grid.period / np.maximum(size, _SMALLEST)
+        quotient = np.where(np.isfinite(Phi), anchored.quotient(Phi), Phi)
+        found = method.sound(anchored, grid, quotient, curve, condition, Steps(anchored.steps(chain.steps.A), b))
+    return replace(found, free=held, secular=0 * secular, driven=driven)
 
 
 def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
@@ -124,7 +174,7 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
 def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
     """Why one point has no periodic vibration: its load drives a rigid-body mode."""
     loads = mean_loads(point, modes)
-    loads = np.where(modes.present[0] & ~modes.damped[0], loads, 0.0)
+    loads = np.where(modes.present[0] & ~modes.dragged[0], loads, 0.0)
     at = int(np.abs(loads).argmax())
     vector = ", ".join(f"{component:.6g}" for component in modes.vectors[0, :, at])
     return UnbalancedLoadError(

@@ -89,20 +89,20 @@ class Anchored:
         """Monodromy matrices (P, 2n, 2n) of the remaining motion, from those of the anchored points: of the
         coordinates relative to the modes, with the rates of modes where C e ≠ 0 at their coordinates of
         reference, and zero in the others."""
-        left, right = self._projection
+        left, right = self._projection(whole=True)
         return left @ Phi @ right
 
     def steps(self, A: Array) -> Array:
         """The same of maps of steps (P, m, 2n, 2n), with 1 on the diagonal where these are zero: multipliers of
         rigid-body modes are then exactly 1."""
-        left, right = self._projection
+        left, right = self._projection(whole=False)
         made = left[:, None] @ A @ right[:, None]
         ones = 1.0 - (right != 0).any(axis=-2)
         return made + ones[:, None, :, None] * np.eye(A.shape[-1])
 
-    @property
-    def _projection(self) -> tuple[Array, Array]:
-        """Onto states (P, 2n, 2n) of the remaining motion, and back to states of which these are."""
+    def _projection(self, whole: bool) -> tuple[Array, Array]:
+        """Onto states (P, 2n, 2n) of the remaining motion, and back to states of which these are. whole: of the
+        whole period, with the rate of a mode whose momentum is conserved left out too."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
         left, right = np.zeros((2, len(self), 2 * n, 2 * n))
@@ -115,7 +115,24 @@ class Anchored:
             left[point, at, n:] = measure
             left[point, at, :n] = alpha[point, mode] * measure
             right[point, n:, at] = modes.vectors[point, :, mode]
+            if whole and modes.momentum is not None and modes.conserving[point]:
+                along = modes.momentum[point, n:] @ modes.vectors[point, :, mode]
+                left[point, at], right[point, n:, at] = 0.0, 0.0
+                gained = modes.momentum[point] @ right[point] / along
+                right[point, n:] -= np.outer(modes.vectors[point, :, mode], gained)
         return left, right
+
+    def momentum(self) -> tuple[Array, Array]:
+        """Of points that conserve one: rows (P, 2n) that give it from states of the anchored points at phase 0,
+        and the states (P, 2n), rates of rigid-body modes, in which it is 1."""
+        n, modes, (alpha, _) = self.n, self.modes, self._rates
+        assert modes.momentum is not None
+        rates = modes.momentum[:, None, n:] @ modes.vectors
+        rows = modes.momentum.copy()
+        rows[:, :n] += np.squeeze((rates * alpha[:, None]) @ modes.measures, 1)
+        units = np.zeros(rows.shape)
+        units[:, n:] = modes.vectors.sum(axis=2) / rates.sum(axis=(1, 2))[:, None]
+        return rows, units
 
     def motion(self, curve: PeriodicCurve, mass: Array) -> tuple[PeriodicCurve, Array]:
         """The motion q of the points from curves q̃ of the anchored ones, with zero mean along the modes in

@@ -80,6 +80,12 @@ class Frozen:
         return found if found.any.any() else None
 
     @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """M, C and K (P, k, n, n), by the phase."""
+        M, C, K = np.moveaxis(self._matrices, (3, 4), (1, 2))
+        return M, C, K
+
+    @property
     def mean_mass(self) -> Array:
         """Mean of M over the period (P, n, n)."""
         return np.moveaxis(self._matrices[0].mean(axis=-1), -1, 0)

@@ -19,6 +19,10 @@ ROUNDING = 64 * EPS
 _FEW = 16
 """Phases, at least, from which directions are computed; all phases verify them."""
 
+_CONSTANT = 1e-9
+"""Part of its terms by which a momentum's rate may differ from zero: what interpolation of smooth matrices
+leaves."""
+
 _PASSES = 3
 """Alternate scalings of columns and rows; more change the factors of usual machines by less than 2."""
 
@@ -32,13 +36,16 @@ class RigidBodyModes:
 
     vectors (P, n, r): e, with component 1 at its own coordinate of reference; columns of zeros where a point
     has fewer than r. references (P, r): these coordinates. damped (P, r): whether C e ≠ 0. errors (P, r):
-    largest |K e| over the period, relative to Σ|K_ij e_j|. Modes without damping come first.
+    largest |K e| over the period, relative to Σ|K_ij e_j|. Modes without damping come first. momentum (P, 2n):
+    row ψ of a momentum ψ(q, q′) at phase 0 that stays as it is though C e ≠ 0, as where C is the rate of a varying
+    M; zero where there is none.
     """
 
     vectors: Array
     references: Array
     damped: Array
     errors: Array
+    momentum: Array | None = None
 
     @classmethod
     def none(cls, count: int, n: int, r: int = 0) -> "RigidBodyModes":
@@ -54,9 +61,20 @@ class RigidBodyModes:
         return len(self.vectors)
 
     def __getitem__(self, points: Array | slice) -> "RigidBodyModes":
-        return RigidBodyModes(
-            self.vectors[points], self.references[points], self.damped[points], self.errors[points]
-        )
+        parts = self.vectors, self.references, self.damped, self.errors, self.momentum
+        return RigidBodyModes(*(None if part is None else part[points] for part in parts))  # type: ignore[arg-type]
+
+    @property
+    def conserving(self) -> Array:
+        """Which points have such a momentum (P,)."""
+        if self.momentum is None:
+            return np.zeros(len(self), dtype=bool)
+        return np.asarray(self.momentum.any(axis=1))
+
+    @property
+    def dragged(self) -> Array:
+        """Which modes (P, r) lose their momentum by drag."""
+        return self.present & self.damped & ~self.conserving[:, None]
 
     @property
     def present(self) -> Array:
@@ -92,8 +110,8 @@ class RigidBodyModes:
 
     @property
     def multiplicity(self) -> Array:
-        """How many Floquet multipliers +1 belong to the modes (P,): two each, one where C e ≠ 0."""
-        return (self.present * (2 - self.damped)).sum(axis=1)
+        """How many Floquet multipliers +1 belong to the modes (P,): two each, one with drag."""
+        return np.asarray((self.present * (2 - self.dragged)).sum(axis=1))
 
 
 def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyModes:
@@ -122,6 +140,35 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
         made.vectors[at, :, :r], made.references[at, :r] = one.vectors[0], one.references[0]
         made.damped[at, :r], made.errors[at, :r] = one.damped[0], one.errors[0]
     return made
+
+
+def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, period: float) -> Array:
+    """`RigidBodyModes.momentum` (P, 2n) of points with M, C, K (P, k, n, n) at the middles of k equal parts of the
+    period, without jumps, all for derivatives by the phase.
+
+    Of g with gᵀK = 0 the product with the equations is a total derivative, (gᵀM q′ + bᵀq)′ = gᵀd, where
+    b = Cᵀg - (Mg)′ is constant; where bᵀe = 0 besides, a rigid-body motion changes it by its velocity alone.
+    Looked for where a point has a single mode.
+    """
+    count, phases, n, _ = M.shape
+    found = np.zeros((count, 2 * n))
+    orders = np.fft.rfftfreq(phases, 1 / phases)
+    first = np.exp(-1j * np.pi * orders / phases)
+    for at in np.flatnonzero((modes.present & modes.damped).sum(axis=1) * modes.present.sum(axis=1) == 1).tolist():
+        left = rigid_body_modes(np.swapaxes(K[at : at + 1], -1, -2), 0 * C[at : at + 1], M[at : at + 1])
+        if left.present.sum() != 1:
+            continue
+        g, e = left.vectors[0, :, 0], modes.vectors[at, :, int(modes.present[at].argmax())]
+        series = np.fft.rfft(g @ M[at], axis=0)
+        rate = np.fft.irfft(series * (2j * np.pi / period * orders)[:, None], phases, axis=0)
+        damping = g @ C[at]
+        b = damping - rate
+        size = _CONSTANT * (np.abs(damping) + np.abs(rate)).max(axis=0)
+        mean = b.mean(axis=0)
+        if (np.abs(b - mean) <= size).all() and abs(mean @ e) <= size @ np.abs(e):
+            start = np.fft.irfft(series * first[:, None], phases, axis=0)[0]
+            found[at] = np.concatenate((mean, start))
+    return found
 
 
 def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:

@@ -148,7 +148,7 @@ class Stability(Result):
             return []
         modes, found = solutions.free.modes[np.array([0])], []
         for at in np.flatnonzero(modes.present[0]).tolist():
-            damped, secular = bool(modes.damped[0, at]), solutions.secular
+            damped, secular = bool(modes.dragged[0, at]), solutions.secular
             drift = None if secular is None or not damped else self.speed * float(secular[0, at])
             vector = tuple(modes.vectors[0, :, at].tolist())
             found.append(RigidBodyMode(vector, damped, float(modes.errors[0, at]), drift))

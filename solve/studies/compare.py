@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.argument import require_whole
 from solve.arrays import Array
-from solve.certify.certified import unresolved_modes
+from solve.certify.certified import unresolved_modes, verdicts_of
 from solve.certify.estimates import differences
 from solve.certify.solving import Solving
 from solve.errors import SolveError, ValueOutOfBoundsError
@@ -137,7 +137,7 @@ class _AgainstReference:
             orbit_error=float(orbit_error) if self.judged_by == ORBIT else math.nan,
             multiplier_error=float(multiplier_error),
             time=seconds,
-            verdict=VERDICTS[judged(solution, np.zeros(1), self._modes)[0]],
+            verdict=VERDICTS[verdicts_of(solution, np.zeros(1), self._modes)[0]],
             followed=not unresolved,
             warnings=[*map(self._unnamed, self.method.warnings), *unresolved],
         )
