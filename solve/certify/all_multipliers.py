@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified, Request
 from solve.errors import StepsError
-from solve.methods.free import Free, free, solutions_on
+from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, OneStep, Solutions
 from solve.period.anchored import Anchored
 from solve.period.blocks import Blocks, balanced_blocks, joined_blocks
@@ -21,6 +21,7 @@ from solve.period.grid import Grid
 from solve.period.multipliers import matched
 from solve.period.points import OnePoint, Points, matrices
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
+from solve.period.rigid_body import Free
 from solve.progress import stage
 
 _NO_DIGIT = 0.1
@@ -49,8 +50,8 @@ _MEAN_PHASES = 32
 @dataclass(frozen=True)
 class Refined:
     """What `refined` gives: logarithms (N,) of the multipliers ρ, -inf for an exact zero; errors (N,):
-    estimated relative error of each ρ, NaN where it has no digit; steps a period; rigid (N,): which of them are
-    those of rigid-body modes."""
+    estimated relative error of each ρ, NaN where it has no digit; steps a period; rigid (N,): which of them
+    are those of rigid-body modes."""
 
     logarithms: Array
     errors: Array

@@ -81,7 +81,9 @@ class Certified:
         """Points (k,) that deserve a warning."""
         multipliers = self.solutions.multipliers
         found = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
-        found |= ((multipliers.resolved == 0) & ~self._nothing_else) | self._left_open | bool(self.method.warnings)
+        found |= (
+            ((multipliers.resolved == 0) & ~self._nothing_else) | self._left_open | bool(self.method.warnings)
+        )
         if self.request.steps is not None and not self.method.l_stable:
             found |= ~self.modes.within(self.steps * self.method.follows / self.modes.period)
         return found

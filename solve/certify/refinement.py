@@ -15,10 +15,10 @@ from solve.certify.ladder import Ladder
 from solve.certify.orders import aliasing
 from solve.certify.pace import judged
 from solve.certify.solving import Solving
-from solve.methods.free import Free
 from solve.methods.method import Method, Solutions
 from solve.period.multipliers import Multipliers
 from solve.period.points import Points
+from solve.period.rigid_body import Free
 from solve.progress import stage
 
 _FEW_STEPS = 360

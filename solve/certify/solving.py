@@ -11,12 +11,13 @@ from solve.arrays import Array
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import Burdens, at_one, differences
 from solve.errors import StepsError
-from solve.methods.free import Free, driven_freely, free, solutions_on
+from solve.methods.free import driven_freely, free, solutions_on
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, balanced, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
 from solve.period.points import Points
+from solve.period.rigid_body import Free
 from solve.progress import stage
 
 _MEMORY = 2**25
@@ -127,9 +128,8 @@ class Solving:
             if driven.all():
                 return
             kept = np.flatnonzero(~driven)
-            positions, solutions, errors, absolute = (
-                part[kept] for part in (positions, solutions, errors, absolute)
-            )
+            positions, solutions = positions[kept], solutions[kept]
+            errors, absolute = errors[kept], absolute[kept]
         radius = solutions.multipliers.spectral_radius
         with np.errstate(over="ignore"):
             absolute = np.maximum(absolute, np.where(radius > 0, errors[:, 1], 0.0) * radius)

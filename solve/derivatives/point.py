@@ -124,7 +124,9 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
             f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
         )
     free = solved.certified.solutions.free is not None
-    adjoint = dependence.parted and not free and _A_FIGURE * sum(each.of_orbit for each in asked) <= len(names)
+    adjoint = (
+        dependence.parted and not free and _A_FIGURE * sum(each.of_orbit for each in asked) <= len(names)
+    )
     on, starts = partial(OnGrid, solved, rule), {}
     grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
     with one_thread(system.n):
@@ -207,8 +209,8 @@ class OnGrid:
 
     @cached_property
     def _level(self) -> Array | None:
-        """Derivatives of the means along rigid-body modes (modes, r): the mean weighted by the inertia is zero,
-        and its weights depend on the parameters."""
+        """Derivatives of the means along rigid-body modes (modes, r): the mean weighted by the inertia is
+        zero, and its weights depend on the parameters."""
         free, mean = self.turn.free, self.turn.curve.mean
         if free is None:
             return None

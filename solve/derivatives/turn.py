@@ -16,11 +16,11 @@ from solve.arrays import Array, solved
 from solve.contracts import Matrices
 from solve.derivatives.stages import closed, followed, stages
 from solve.methods.collocation import Collocated, Collocation
-from solve.methods.free import Free
 from solve.period.anchored import Anchored
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, parted, rate_of
+from solve.period.rigid_body import Free
 from solve.sizes import require_size
 
 
@@ -58,9 +58,9 @@ class TurnOnGrid:
         known: Curve | None = None,
         free: Free | None = None,
     ):
-        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if it is known; free: rigid-body
-        modes of the system, which is then solved anchored. Raises ValueOutOfBoundsError for more than can be
-        held."""
+        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if it is known; free:
+        rigid-body modes of the system, which is then solved anchored. Raises ValueOutOfBoundsError for more
+        than can be held."""
         self.point, self.grid, self.rule = point, grid, method.collocation
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
         n, s, m = point.n, len(self.rule.c), grid.steps
@@ -179,7 +179,9 @@ class TurnOnGrid:
         moved, _ = replace(anchored, modes=held.modes).motion(curves, held.mass)
         assert isinstance(moved, Curve)
         if level is not None:
-            moved.coefficients[..., 0] += (held.modes.vectors @ level.T[..., None]).swapaxes(1, 2)[:, 0, :, None]
+            moved.coefficients[..., 0] += (held.modes.vectors @ level.T[..., None]).swapaxes(1, 2)[
+                :, 0, :, None
+            ]
         drift, bare = moved.drift, replace(moved, drift=None)
         change = np.zeros(moved.coefficients.shape)
         change[...] = moved.coefficients

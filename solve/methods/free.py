@@ -1,6 +1,6 @@
-"""Machines that are free to turn: a method solves them anchored, and the motion is that of the machine itself."""
+"""Machines that are free to turn: a method solves them anchored, and their own motion is made of that."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,33 +13,25 @@ from solve.period.frozen import Frozen, frozen
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy, periodic_states
 from solve.period.points import Points, matrices
-from solve.period.rigid_body import RigidBodyModes, conserved_momentum, rigid_body_modes, still_rigid
+from solve.period.rigid_body import Free, RigidBodyModes, conserved_momentum, rigid_body_modes, still_rigid
 
 _IN_A_PIECE = 8
 """Further phases of each piece between two jumps at which K is looked at."""
 
 _FURTHER = 509
-"""Further phases of the period, apart by the golden section, at which K is looked at: pulses of a part of the
-period above 1/500 are not missed."""
+"""Further phases of the period, apart by the golden section, at which K is looked at: with these nothing
+longer than 1/200 of the period is missed."""
 
 _SECTION = 0.6180339887498949
 
 _PANELS, _PLACES = 256, 4
-"""Parts of the period, and Gauss's places in each, that give the mean of a load: loads up to order 200 to 1e-9
-of their amplitude."""
+"""Parts of the period, and Gauss's places in each, that give the mean of a load: loads up to order 200 to
+1e-9 of their amplitude."""
+
+_MOST_SHOWN = 8
+"""Components of a rigid-body mode that a message shows."""
 
 _SMALLEST = float(np.finfo(float).tiny)
-
-
-@dataclass(frozen=True)
-class Free:
-    """Rigid-body modes of points, and their mean mass matrices (P, n, n) in any unit."""
-
-    modes: RigidBodyModes
-    mass: Array
-
-    def __getitem__(self, points: Array) -> "Free":
-        return Free(self.modes[points], self.mass[points])
 
 
 def free(points: Points, modes: Frozen | None = None) -> Free | None:
@@ -82,7 +74,8 @@ def solutions_on(
     remaining motion, see `Anchored.quotient`, and their orbits have zero mean along the rigid-body modes."""
     if held is None:
         return method.solutions(points, grid, orbit, engine)
-    anchored = Anchored(points, held.modes)
+    weights = held.modes.weighted(held.mass) if method.symmetric else None
+    anchored = Anchored(points, held.modes, weights=weights)
     if orbit and held.modes.conserving.any():
         return _conserving(method, anchored, grid, held)
     with np.errstate(all="ignore"):
@@ -107,11 +100,12 @@ def solutions_on(
 
 def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:
     """Orbits of points that conserve a momentum μ though C e ≠ 0. Their anchored points have a multiplier +1
-    still; a jump at phase 0 takes μ away, and of the solutions for μ = 0 and 1 behind it that without drift is
-    taken."""
+    still; a jump at phase 0 takes μ away, and of the solutions for μ = 0 and 1 behind it that without drift
+    is taken."""
     if not isinstance(method, OneStep):
         raise MatricesError(
-            f"{method.name} finds no vibration of a free machine whose inertia varies or that gyroscopic forces "
+            f"{method.name} finds no vibration of a free machine whose inertia varies or that gyroscopic "
+            f"forces "
             "act on along its rigid-body mode; use radau or gauss"
         )
     rows, units = anchored.momentum()
@@ -144,7 +138,9 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
         largest = np.abs(held.modes.vectors).max(axis=(1, 2))
         driven = np.abs(gained) * rates / largest / grid.period / np.maximum(size, _SMALLEST)
         quotient = np.where(np.isfinite(Phi), anchored.quotient(Phi), Phi)
-        found = method.sound(anchored, grid, quotient, curve, condition, Steps(anchored.steps(chain.steps.A), b))
+        found = method.sound(
+            anchored, grid, quotient, curve, condition, Steps(anchored.steps(chain.steps.A), b)
+        )
     return replace(found, free=held, secular=0 * secular, driven=driven)
 
 
@@ -153,7 +149,10 @@ def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
     rate = 1.0 / float(curve.nodes[-1])
     sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
     along = np.abs(modes.vectors)
-    return across(np.maximum, np.moveaxis(np.where(along > 0, sizes[..., None] / np.where(along > 0, along, 1.0), 0.0), 1, -1))
+    return across(
+        np.maximum,
+        np.moveaxis(np.where(along > 0, sizes[..., None] / np.where(along > 0, along, 1.0), 0.0), 1, -1),
+    )
 
 
 def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
@@ -167,7 +166,9 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
     if left.any[0] and np.allclose(left.vectors[0].shape, vectors.shape):
         at = modes.references[0]
         vectors = left.vectors[0] @ np.linalg.inv(left.vectors[0][at]) @ vectors[at]
-    mean = np.einsum("msj,m,s->j", d[0].reshape(grid.steps, _PLACES, -1), grid.h, weights) / (2 * point.period)
+    mean = np.einsum("msj,m,s->j", d[0].reshape(grid.steps, _PLACES, -1), grid.h, weights) / (
+        2 * point.period
+    )
     return mean @ vectors
 
 
@@ -176,11 +177,12 @@ def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
     loads = mean_loads(point, modes)
     loads = np.where(modes.present[0] & ~modes.dragged[0], loads, 0.0)
     at = int(np.abs(loads).argmax())
-    vector = ", ".join(f"{component:.6g}" for component in modes.vectors[0, :, at])
+    components = [f"{component:.6g}" for component in modes.vectors[0, :, at]]
+    more = ", …" if len(components) > _MOST_SHOWN else ""
     return UnbalancedLoadError(
-        f"the load drives the rigid-body mode ({vector}), which nothing holds: its mean along it is "
-        f"{loads[at]:.6g} (N m for angles, N for lengths), and the speed would grow without bound; balance it "
-        "by a constant load, or add drag or a spring to ground"
+        f"the load drives the rigid-body mode ({', '.join(components[:_MOST_SHOWN])}{more}), which nothing "
+        f"holds: its mean torque (or force) along it is {loads[at]:.6g} N m (N), and the speed would grow "
+        "without bound; balance it by a constant load, or add drag or a spring to ground"
     )
 
 
@@ -193,5 +195,4 @@ def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
     vectors, mass = found.modes.vectors[0], found.mass[0]
     own = vectors[modes.references[0]]
     vectors = vectors @ np.linalg.inv(own) @ modes.vectors[0][modes.references[0]]
-    weighted = vectors.T @ mass
-    return np.linalg.solve(weighted @ vectors, weighted)
+    return replace(found.modes, vectors=vectors[None]).weighted(mass[None])[0]

@@ -5,7 +5,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers, rounding_errors
 from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
 from solve.period.points import Points, affine, matrices
+from solve.period.rigid_body import Free
 from solve.sizes import most_numbers
-
-if TYPE_CHECKING:
-    from solve.methods.free import Free
 
 MOST_STEPS = 2**40
 """More than any memory allows."""
@@ -61,7 +59,7 @@ class Solutions:
     failures: Mapping[int, SolveError] = field(default_factory=dict)
     units: Array | None = None
     engine: str = NUMPY
-    free: "Free | None" = None
+    free: Free | None = None
     secular: Array | None = None
     driven: Array | None = None
 
@@ -98,7 +96,9 @@ class Solutions:
             failures,
             None if self.units is None else self.units[points],
             self.engine,
-            *(None if each is None else each[points] for each in (self.free, self.secular, self.driven)),
+            None if self.free is None else self.free[points],
+            None if self.secular is None else self.secular[points],
+            None if self.driven is None else self.driven[points],
         )
         return made.with_multipliers(self.multipliers[points])
 
@@ -136,7 +136,7 @@ class Method:
     fastest mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders
     of the matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by
     c (ω h)^(order + 1); 0 where modes are lost before that matters. warnings: those that the method's own
-    settings deserve.
+    settings deserve. symmetric: whether the method needs matrices that modes make diagonal.
     """
 
     name: str
@@ -149,6 +149,7 @@ class Method:
     samples_evenly: bool = True
     phase_constant: float = 0.0
     warnings: tuple[str, ...] = ()
+    symmetric: bool = False
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -320,7 +321,9 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
     if curve is not None:
         drift = None
         if any(part.curve is not None and part.curve.drift is not None for part in parts):
-            drift = beside(lambda part: np.zeros((1, points.n)) if part.curve.drift is None else part.curve.drift)
+            drift = beside(
+                lambda part: np.zeros((1, points.n)) if part.curve.drift is None else part.curve.drift
+            )
         coefficients = beside(lambda part: part.curve.coefficients)
         curve = type(curve)(curve.nodes, coefficients, drift=drift)  # type: ignore[call-arg]
     if steps is not None:

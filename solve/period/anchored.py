@@ -24,12 +24,14 @@ _STEP = 0.37
 
 @dataclass(frozen=True)
 class Anchored:
-    """Points with their rigid-body modes anchored, see above; `modes` are those of the points. drift (P, n): a
-    steady velocity w e by the phase, known already, whose drag C w e is taken off the load."""
+    """Points with their rigid-body modes anchored, see above; `modes` are those of the points. drift (P, n):
+    a steady velocity w e by the phase, known already, whose drag C w e is taken off the load. weights (P, r,
+    n): rows l other than those of the coordinates of reference."""
 
     points: Points
     modes: RigidBodyModes
     drift: Array | None = None
+    weights: Array | None = None
 
     @property
     def n(self) -> int:
@@ -55,15 +57,20 @@ class Anchored:
         return len(self.points)
 
     def __getitem__(self, positions: Array) -> "Anchored":
-        drift = None if self.drift is None else self.drift[positions]
-        return Anchored(self.points[positions], self.modes[positions], drift)
+        drift, weights = (None if each is None else each[positions] for each in (self.drift, self.weights))
+        return Anchored(self.points[positions], self.modes[positions], drift, weights)
+
+    @property
+    def measures(self) -> Array:
+        """Rows l (P, r, n)."""
+        return self.modes.measures if self.weights is None else self.weights
 
     def tables(self, phase: Array) -> Tables:
         """Terms of M and C once more, times α and αβ, in the entries of C and K."""
         n, tables, modes = self.n, self.points.tables(phase), self.modes
         (alpha, beta), along = self._rates, modes.vectors
         twice = beta * ~modes.damped
-        measures = modes.measures
+        measures = self.measures
         by_first = np.einsum("pjr,pr,prk->pjk", along, alpha + twice, measures)
         of_damping = np.einsum("pjr,pr,prk->pjk", along, alpha * modes.damped, measures)
         by_second = np.einsum("pjr,pr,prk->pjk", along, alpha * twice, measures)
@@ -93,23 +100,23 @@ class Anchored:
         return left @ Phi @ right
 
     def steps(self, A: Array) -> Array:
-        """The same of maps of steps (P, m, 2n, 2n), with 1 on the diagonal where these are zero: multipliers of
-        rigid-body modes are then exactly 1."""
+        """The same of maps of steps (P, m, 2n, 2n), with 1 on the diagonal where these are zero: multipliers
+        of rigid-body modes are then exactly 1."""
         left, right = self._projection(whole=False)
         made = left[:, None] @ A @ right[:, None]
         ones = 1.0 - (right != 0).any(axis=-2)
         return made + ones[:, None, :, None] * np.eye(A.shape[-1])
 
     def _projection(self, whole: bool) -> tuple[Array, Array]:
-        """Onto states (P, 2n, 2n) of the remaining motion, and back to states of which these are. whole: of the
-        whole period, with the rate of a mode whose momentum is conserved left out too."""
+        """Onto states (P, 2n, 2n) of the remaining motion, and back to states of which these are. whole: of
+        the whole period, with the rate of a mode whose momentum is conserved left out too."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
         left, right = np.zeros((2, len(self), 2 * n, 2 * n))
         left[:, :n, :n] = left[:, n:, n:] = kept[..., None] * relative
         right[:, range(n), range(n)] = right[:, range(n, 2 * n), range(n, 2 * n)] = kept
         damped = modes.damped & modes.present
-        for point, mode in zip(*np.nonzero(damped), strict=True):
+        for point, mode in np.argwhere(damped).tolist():
             at = n + modes.references[point, mode]
             measure = modes.measures[point, mode]
             left[point, at, n:] = measure
@@ -123,8 +130,8 @@ class Anchored:
         return left, right
 
     def momentum(self) -> tuple[Array, Array]:
-        """Of points that conserve one: rows (P, 2n) that give it from states of the anchored points at phase 0,
-        and the states (P, 2n), rates of rigid-body modes, in which it is 1."""
+        """Of points that conserve one: rows (P, 2n) that give it from states of the anchored points at phase
+        0, and the states (P, 2n), rates of rigid-body modes, in which it is 1."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         assert modes.momentum is not None
         rates = modes.momentum[:, None, n:] @ modes.vectors
@@ -139,7 +146,7 @@ class Anchored:
         the norm of a mass matrix (P, n, n), and the secular part (P, r) of each mode: a steady velocity where
         C e ≠ 0, included in the curve's `drift`, else an acceleration, left out; by the phase."""
         modes, (alpha, beta) = self.modes, self._rates
-        shares = _Shares.of(curve, modes.measures)
+        shares = _Shares.of(curve, self.measures)
         first = shares.integrated()
         second = first.integrated()
         undamped = ~modes.damped & modes.present
@@ -149,12 +156,8 @@ class Anchored:
         drift = np.einsum("pjr,pr->pj", modes.vectors, np.where(undamped, 0.0, secular))
         if self.drift is not None:
             drift = drift + self.drift
-            secular = secular + np.where(undamped, 0.0, np.squeeze(modes.measures @ self.drift[..., None], -1))
-        weighted = np.swapaxes(modes.vectors, 1, 2) @ mass
-        means = _Shares.of(raised, weighted).means
-        gram = weighted @ modes.vectors
-        gram = np.where((modes.present[:, :, None] & modes.present[:, None]), gram, np.eye(gram.shape[1]))
-        level = np.einsum("pjr,pr->pj", modes.vectors, np.linalg.solve(gram, means[..., None])[..., 0])
+            secular = secular + np.where(undamped, 0.0, np.squeeze(self.measures @ self.drift[..., None], -1))
+        level = np.einsum("pjr,pr->pj", modes.vectors, _Shares.of(raised, modes.weighted(mass)).means)
         return _lowered(raised, level, drift), secular
 
 
@@ -165,7 +168,7 @@ def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> 
     row, column = np.divmod(tables.entry[of_matrix] - source, n)
     terms, entry, coefficients = [], [], []
     for other in np.flatnonzero(factors.any(axis=(0, 1))).tolist():
-        used = factors[:, :, other].any(axis=0)[column]
+        used = np.asarray(factors[:, :, other].any(axis=0))[column]
         terms.append(of_matrix[used])
         entry.append(target + factors.shape[-1] * row[used] + other)
         coefficients.append(tables.coefficients[:, of_matrix[used]] * factors[:, column[used], other])

@@ -9,8 +9,8 @@ from solve.arrays import Array, solved, whole
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.multipliers import EPS, scaled_alike
-from solve.period.rigid_body import ROUNDING, RigidBodyModes, may_be_singular, rigid_body_modes
 from solve.period.points import Multiplied, Points, Tables, parted, rate_of
+from solve.period.rigid_body import ROUNDING, RigidBodyModes, may_be_singular, rigid_body_modes
 
 PHASES = 128
 """At which the coefficients are frozen unless a caller asks for fewer."""

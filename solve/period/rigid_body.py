@@ -36,9 +36,9 @@ class RigidBodyModes:
 
     vectors (P, n, r): e, with component 1 at its own coordinate of reference; columns of zeros where a point
     has fewer than r. references (P, r): these coordinates. damped (P, r): whether C e ≠ 0. errors (P, r):
-    largest |K e| over the period, relative to Σ|K_ij e_j|. Modes without damping come first. momentum (P, 2n):
-    row ψ of a momentum ψ(q, q′) at phase 0 that stays as it is though C e ≠ 0, as where C is the rate of a varying
-    M; zero where there is none.
+    largest |K e| over the period, relative to Σ|K_ij e_j|. Modes without damping come first. momentum (P,
+    2n): row ψ of a momentum ψ(q, q′) at phase 0 that is conserved though C e ≠ 0, as where C is the rate of a
+    varying M; zero where there is none.
     """
 
     vectors: Array
@@ -61,8 +61,13 @@ class RigidBodyModes:
         return len(self.vectors)
 
     def __getitem__(self, points: Array | slice) -> "RigidBodyModes":
-        parts = self.vectors, self.references, self.damped, self.errors, self.momentum
-        return RigidBodyModes(*(None if part is None else part[points] for part in parts))  # type: ignore[arg-type]
+        return RigidBodyModes(
+            self.vectors[points],
+            self.references[points],
+            self.damped[points],
+            self.errors[points],
+            None if self.momentum is None else self.momentum[points],
+        )
 
     @property
     def conserving(self) -> Array:
@@ -85,23 +90,29 @@ class RigidBodyModes:
     def measures(self) -> Array:
         """Rows l (P, r, n) that give a motion's share of each mode from the coordinates of reference alone:
         l_i e_j = 1 where i = j, else 0."""
-        at = np.arange(len(self.vectors))[:, None], self.references
-        present, each = self.present, np.arange(self.references.shape[1])
-        block = np.moveaxis(self.vectors, 1, 2)[at[0][..., None], each, self.references[:, :, None]]
-        block = np.where(present[:, :, None] & present[:, None], block, np.eye(len(each)))
-        made = np.zeros(np.moveaxis(self.vectors, 1, 2).shape)
-        inverse = np.linalg.inv(block) * (present[:, :, None] & present[:, None])
-        np.add.at(made, (at[0][..., None], each[:, None], self.references[:, None]), inverse)
+        point, mode = np.arange(len(self))[:, None, None], np.arange(self.vectors.shape[2])
+        both = self.present[:, :, None] & self.present[:, None]
+        at_references = self.vectors[point, self.references[..., None], mode]
+        inverse = np.linalg.inv(np.where(both, at_references, np.eye(len(mode)))) * both
+        made = np.zeros((len(self), len(mode), self.vectors.shape[1]))
+        np.add.at(made, (point, mode[:, None], self.references[:, None]), inverse)
         return made
+
+    def weighted(self, mass: Array) -> Array:
+        """Rows l (P, r, n) as `measures`, by which motions relative to the modes have no momentum with a mass
+        matrix (P, n, n)."""
+        rows, count = np.swapaxes(self.vectors, 1, 2) @ mass, self.vectors.shape[2]
+        both = self.present[:, :, None] & self.present[:, None]
+        return np.linalg.solve(np.where(both, rows @ self.vectors, np.eye(count)), rows)
 
     @property
     def relative(self) -> tuple[Array, Array]:
-        """Projections I - Σ e l (P, n, n) onto coordinates relative to the modes, and 1 for coordinates (P, n)
-        but those of reference, which are 0 relative to the modes."""
+        """Projections I - Σ e l (P, n, n) onto coordinates relative to the modes, and 1 for coordinates (P,
+        n) but those of reference, which are 0 relative to the modes."""
         kept = np.ones(self.vectors.shape[:2])
         at, mode = np.nonzero(self.present)
         kept[at, self.references[at, mode]] = 0.0
-        return np.eye(kept.shape[1]) - self.vectors @ self.measures, kept
+        return np.eye(self.vectors.shape[1]) - self.vectors @ self.measures, kept
 
     @property
     def any(self) -> Array:
@@ -112,6 +123,17 @@ class RigidBodyModes:
     def multiplicity(self) -> Array:
         """How many Floquet multipliers +1 belong to the modes (P,): two each, one with drag."""
         return np.asarray((self.present * (2 - self.dragged)).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class Free:
+    """Rigid-body modes of points, and their mean mass matrices (P, n, n) in any unit."""
+
+    modes: RigidBodyModes
+    mass: Array
+
+    def __getitem__(self, points: Array | slice) -> "Free":
+        return Free(self.modes[points], self.mass[points])
 
 
 def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyModes:
@@ -143,8 +165,8 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
 
 
 def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, period: float) -> Array:
-    """`RigidBodyModes.momentum` (P, 2n) of points with M, C, K (P, k, n, n) at the middles of k equal parts of the
-    period, without jumps, all for derivatives by the phase.
+    """`RigidBodyModes.momentum` (P, 2n) of points with M, C, K (P, k, n, n) at the middles of k equal parts
+    of the period, without jumps, all for derivatives by the phase.
 
     Of g with gᵀK = 0 the product with the equations is a total derivative, (gᵀM q′ + bᵀq)′ = gᵀd, where
     b = Cᵀg - (Mg)′ is constant; where bᵀe = 0 besides, a rigid-body motion changes it by its velocity alone.
@@ -154,7 +176,8 @@ def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, peri
     found = np.zeros((count, 2 * n))
     orders = np.fft.rfftfreq(phases, 1 / phases)
     first = np.exp(-1j * np.pi * orders / phases)
-    for at in np.flatnonzero((modes.present & modes.damped).sum(axis=1) * modes.present.sum(axis=1) == 1).tolist():
+    single = (modes.present.sum(axis=1) == 1) & (modes.present & modes.damped).any(axis=1)
+    for at in np.flatnonzero(single).tolist():
         left = rigid_body_modes(np.swapaxes(K[at : at + 1], -1, -2), 0 * C[at : at + 1], M[at : at + 1])
         if left.present.sum() != 1:
             continue

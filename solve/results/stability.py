@@ -55,8 +55,9 @@ class ErrorEstimate(NamedTuple):
 
 @lasting
 class RigidBodyMode(NamedTuple):
-    """vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the period, relative to
-    Σ|K_ij e_j|; drift: steady velocity w by time of a damped mode, q = w e t + p(t), None without an orbit."""
+    """vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the period, relative
+    to Σ|K_ij e_j|; drift: steady velocity w by time of a damped mode, q = w e t + p(t), None without an
+    orbit."""
 
     vector: tuple[float, ...]
     damped: bool
@@ -131,7 +132,11 @@ class Stability(Result):
     @cached_property
     def spectral_radius(self) -> float:
         """Largest |ρ|, those of rigid-body modes left out; 0 where it has no digit, or there is no other."""
-        if self._rho.resolved[0] or not len(self._others) or math.isnan(self.multiplier_errors[self._others[0]]):
+        if (
+            self._rho.resolved[0]
+            or not len(self._others)
+            or math.isnan(self.multiplier_errors[self._others[0]])
+        ):
             return float(self._rho.spectral_radius[0])
         return float(np.abs(self.multipliers[self._others[0]]))
 
@@ -214,17 +219,18 @@ class Stability(Result):
         moving = [(name, part) for name, part in zip(names, mode.vector, strict=True) if part]
         shown = moving[:_MOST_MOVING]
         more = f" and {len(moving) - len(shown)} more" if len(moving) > len(shown) else ""
-        ratio = f"{' : '.join(name for name, _ in shown)} = {' : '.join(f'{part:.4g}' for _, part in shown)}{more}"
+        parts = " : ".join(f"{part:.4g}" for _, part in shown)
+        ratio = f"{' : '.join(name for name, _ in shown)} = {parts}{more}"
         count = "its multiplier +1 is" if mode.damped else "its two multipliers +1 are"
         text = f"rigid-body mode {ratio}: {count} left out of spectral radius and verdict"
         if self.certified.solutions.curve is None:
             return text
         if not mode.damped:
-            return f"{text}; of the vibrations that differ by it, this has zero mean (weighted by the inertia)"
+            return f"{text}; the vibration has zero mean along it (weighted by the inertia)"
         at = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
         unit = units.get(names[at], "")
         drift = f"{(mode.drift or 0.0) * mode.vector[at]:.6g} {unit}/s".replace(" /s", " per second")
-        return f"{text}; beside the vibration {names[at]} drifts steadily at {drift}, part of the velocities only"
+        return f"{text}; {names[at]} also drifts at {drift}, which velocities include and coordinates do not"
 
     @cached_property
     def warnings(self) -> list[str]:

@@ -136,7 +136,7 @@ def critical_speeds(
 def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int) -> Array:
     """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and those of
     resonances and halfway between these, so that what is unstable at two is not taken for one range."""
-    low, high, lowest = omegas[0], omegas[-1], float(frequencies.values[0, 0])
+    low, high, lowest = omegas[0], omegas[-1], float(frequencies.lowest[0])
     between = np.empty(0)
     first, last = lowest / high, min(lowest / low, orders + 1.0)
     if last > first > 0:
@@ -152,7 +152,7 @@ def _left_out(
     system: PeriodicSystem, grid: Array, frequencies: MeanFrequencies, found: PointResults, orders: int
 ) -> Iterator[str]:
     """Where no maxima are looked for, and where there is no result."""
-    unit, skipped = system.speed_unit, frequencies.values[:, 0] > (orders + 0.5) * grid
+    unit, skipped = system.speed_unit, frequencies.lowest > (orders + 0.5) * grid
     if skipped.any():
         limit = unit.text(float(grid[skipped].max()), ".4g")
         yield f"below {limit} only orders above {orders} lie: no maxima are looked for"
@@ -216,7 +216,7 @@ class _Search:
         turns = system.period / (2 * np.pi)
         at = np.array([one.speed for one in maxima])
         unbounded = self._unbounded(at)
-        aside = _ASIDE / np.maximum(MeanFrequencies(system, at).values[:, 0] / at, _ASIDE / CLOSE)
+        aside = _ASIDE / np.maximum(MeanFrequencies(system, at).lowest / at, _ASIDE / CLOSE)
         near = np.full(len(at), _BESIDE * self.tolerance)
         trials = at * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
         kept = Kept((name,), (name,), math.ceil(orders * turns), warnings=False)
@@ -329,7 +329,7 @@ def _side(found: PointResults) -> Array:
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
     """Speeds (P,) at which the lowest frequency is of an order up to `orders`."""
-    return frequencies.values[:, 0] <= (orders + 0.5) * frequencies.speeds
+    return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 
 def _rows(

@@ -41,7 +41,7 @@ class MeanFrequencies:
 
     system: PeriodicSystem
     speeds: Array
-    _known: dict[float, tuple[Array, bool]] = field(default_factory=dict, repr=False, compare=False)
+    _known: dict[float, tuple[Array, bool, int]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def values(self) -> Array:
@@ -53,18 +53,28 @@ class MeanFrequencies:
         """Whether one of the frequencies is imaginary or complex at some phase (P,)."""
         return self._found[1]
 
+    @property
+    def rigid(self) -> int:
+        """How many of them are those of rigid-body modes, at most: they come first and are 0."""
+        return int(self._found[2].max(initial=0))
+
+    @property
+    def lowest(self) -> Array:
+        """The lowest of the others (P,)."""
+        return self.values[:, min(self.rigid, self.system.n - 1)]
+
     @cached_property
-    def _found(self) -> tuple[Array, Array]:
+    def _found(self) -> tuple[Array, Array, Array]:
         means = np.full((len(self.speeds), self.system.n), np.nan)
-        imaginary = np.zeros(len(self.speeds), dtype=bool)
+        imaginary, rigid = np.zeros(len(self.speeds), dtype=bool), np.zeros(len(self.speeds), dtype=int)
         for at, speed in enumerate(self.speeds.tolist()):
             # Where there are no matrices, the solution at this speed says why.
             with part("speeds"), suppress(SolveError, np.linalg.LinAlgError):
                 if speed not in self._known:
-                    mean, _, is_imaginary = mean_modes(self.system, speed)
-                    self._known[speed] = mean, is_imaginary
-                means[at], imaginary[at] = self._known[speed]
-        return means, imaginary
+                    mean, _, is_imaginary, count = mean_modes(self.system, speed)
+                    self._known[speed] = mean, is_imaginary, count
+                means[at], imaginary[at], rigid[at] = self._known[speed]
+        return means, imaginary, rigid
 
     def at(self, speed: float) -> Array:
         """The same (n,) at a speed."""
@@ -75,7 +85,7 @@ def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]
     """Every (ω̄i ± ω̄j)/k within the speeds, with k up to `orders` that the matrices may have by their period,
     falling in speed; integer divisions are none."""
     modes, found = np.eye(frequencies.values.shape[1]), []
-    for low, high in itertools.combinations_with_replacement(range(len(modes)), 2):
+    for low, high in itertools.combinations_with_replacement(range(frequencies.rigid, len(modes)), 2):
         for sign in (1, -1) if high > low else (1,):
             found_at = crossed(frequencies, modes[high] + sign * modes[low], orders)
             every = (Combination(speed, (high + 1, low + 1), sign, order) for order, speed in found_at)
@@ -131,7 +141,7 @@ def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
     system, (values,) = rest.system, rest.values
     every = [
         (np.eye(len(values))[one] + sign * np.eye(len(values))[two], order)
-        for one, two in itertools.combinations_with_replacement(range(len(values))[::-1], 2)
+        for one, two in itertools.combinations_with_replacement(range(rest.rigid, len(values))[::-1], 2)
         for sign in ((1, -1) if one != two else (1,))
         for order in range(1, _LOW + 1)
         if excited(system, order) and (one != two or order % 2)

@@ -7,6 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import matched
 from solve.period.points import rate_of
+from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
 _PHASES, _FEWER = 64, 16
@@ -25,11 +26,13 @@ _NEAR = 0.5
 class MeanModes(NamedTuple):
     """Means over the cycle of the frozen modes: frequencies in rad/s (n,), rising, and the rates in 1/s (n,)
     at which vibrations die out, to the first order in C. Where K is not positive frequencies count as 0.
-    imaginary: whether one is imaginary or complex at some phase."""
+    imaginary: whether one is imaginary or complex at some phase. rigid: how many are of rigid-body modes,
+    whose frequency is 0."""
 
     frequencies: Array
     rates: Array
     imaginary: bool
+    rigid: int = 0
 
 
 def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
@@ -43,6 +46,8 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     step = system.period / _PHASES
     M, C, K, _ = system.at((np.arange(_PHASES) + 0.5) * step, speed)
     squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
+    rigid = int(rigid_body_modes(K[None], C[None], speed * M[None]).present.sum())
+    np.put_along_axis(squares, np.argsort(np.abs(squares), axis=1)[:, :rigid], 0.0, axis=1)
     order = np.argsort(np.real(squares), axis=1)
     squares = np.take_along_axis(squares, order, axis=1)
     shapes = np.take_along_axis(shapes, order[:, None], axis=2)
@@ -60,7 +65,7 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
         if speed == 0 or faster * system.period / speed <= -kept:
             means = along
     means = means[:, np.argsort(means[0], kind="stable")]
-    return MeanModes(means[0], means[1], bool(imaginary))
+    return MeanModes(means[0], means[1], bool(imaginary), rigid)
 
 
 def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
