@@ -95,7 +95,8 @@ class Spectrum:
         """The largest multipliers (k,), of which the monodromy matrix tells that they meet none of the
         others; none where all were asked for."""
         known = 2 * self.certified.absolute[0] < _NO_DIGIT * np.abs(self._eigenvalues)
-        return self.values[self._with_rigid(known, fill=True) & (self.refined is None)]
+        every = self._with_rigid(self._eigenvalues, 1.0)
+        return every[self._with_rigid(known, fill=True)] if self.refined is None else every[:0]
 
     def logarithm(self, at: int) -> complex:
         """log ρ of one, without the others where it is among the leading."""

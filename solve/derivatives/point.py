@@ -123,10 +123,15 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
         raise ValueOutOfBoundsError(
             f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
         )
-    free = solved.certified.solutions.free is not None
-    adjoint = (
-        dependence.parted and not free and _A_FIGURE * sum(each.of_orbit for each in asked) <= len(names)
-    )
+    free = solved.certified.solutions.free
+    of_orbits = sum(each.of_orbit for each in asked)
+    if free is not None and of_orbits and free.modes.conserving.any():
+        raise NoDerivativeError(
+            "derivatives of the vibration of a free machine whose inertia varies, or that gyroscopic "
+            "forces act "
+            "on, along its rigid-body mode are not calculated; ask for those of multipliers, or add drag"
+        )
+    adjoint = dependence.parted and free is None and _A_FIGURE * of_orbits <= len(names)
     on, starts = partial(OnGrid, solved, rule), {}
     grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
     with one_thread(system.n):

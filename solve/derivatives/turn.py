@@ -19,7 +19,7 @@ from solve.methods.collocation import Collocated, Collocation
 from solve.period.anchored import Anchored
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.points import OnePoint, parted, rate_of
+from solve.period.points import OnePoint, matrices, parted, rate_of
 from solve.period.rigid_body import Free
 from solve.sizes import require_size
 
@@ -155,6 +155,19 @@ class TurnOnGrid:
         """Periodic solutions under loads (m, l, n, r) at the phases where they act, with jumps (m, 2n, r) of
         the states at the starts of steps, where the matrices jump. level (modes, r): means along rigid-body
         modes, zero by default. Raises ResonanceError."""
+        found, drift = self._under(loads, jumps), None
+        if self._anchored is None:
+            return found
+        if self._anchored.modes.dragged.any():
+            # A drift may be far larger than the vibration, which would lose its digits beside it.
+            anchored, held = self._for_each(found)
+            drift = anchored.motion(self.curves(found), held.mass)[0].drift
+        if drift is not None:
+            found = self._under(loads - self._damping @ drift.T, jumps)
+        return self._of_machine(found, drift, level)
+
+    def _under(self, loads: Array, jumps: Array | None) -> Motions:
+        """The same of the anchored system where the machine is free to turn."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
@@ -166,42 +179,49 @@ class TurnOnGrid:
         before = np.roll(a[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
         after = [self._at_ends(-1, ends, loads)] if self._ends_apart else []
         a = np.concatenate((before, a, *after), axis=1)
-        found = Motions(x, a, lambda: self._states(x, ends, a))
-        return found if self._anchored is None else self._of_machine(found, level)
+        return Motions(x, a, lambda: self._states(x, ends, a))
 
-    def _of_machine(self, found: Motions, level: Array | None) -> Motions:
-        """Motions of the machine that is free to turn, from those of the anchored one."""
-        assert self._anchored is not None
-        assert self.free is not None
-        count, curves = found.x.shape[-1], self.curves(found)
-        every = np.zeros(count, dtype=int)
-        anchored, held = self._anchored[every], self.free[every]
-        moved, _ = replace(anchored, modes=held.modes).motion(curves, held.mass)
+    def _of_machine(self, found: Motions, drift: Array | None, level: Array | None) -> Motions:
+        """Motions of the machine that is free to turn, from those of the anchored one; drift (r, n): steady
+        velocities whose drag is in the loads already."""
+        anchored, held = self._for_each(found)
+        curves = self.curves(found)
+        moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
         assert isinstance(moved, Curve)
-        if level is not None:
-            moved.coefficients[..., 0] += (held.modes.vectors @ level.T[..., None]).swapaxes(1, 2)[
-                :, 0, :, None
-            ]
-        drift, bare = moved.drift, replace(moved, drift=None)
-        change = np.zeros(moved.coefficients.shape)
-        change[...] = moved.coefficients
+        change = moved.coefficients.copy()
         change[..., : curves.coefficients.shape[-1]] -= curves.coefficients
-        added = Curve(bare.nodes, change)
-        fractions = np.array(self.rule.curve_nodes)
-        m, k = self.phases.shape
+        if level is not None:
+            change[..., 0] += held.modes.vectors @ level.T[..., None]
+        (m, k), count, fractions = self.phases.shape, len(change), np.array(self.rule.curve_nodes)
+        added = Curve(moved.nodes, change)
         parts = [added.within(fractions, order).reshape(count, -1, m, k) for order in (2, 1, 0)]
         by_state = np.stack(parts).transpose(3, 4, 0, 2, 1)
-        x = found.x.copy()
+        x, velocities = found.x.copy(), None if moved.drift is None else moved.drift.T
         x[:-1] += by_state[:, 0, :0:-1].reshape(m, -1, count)
         x[-1] = x[0]
 
         def made() -> Array:
             states = found.states + by_state
-            if drift is not None:
-                states[:, :, 1] += drift.T
+            if velocities is not None:
+                states[:, :, 1] += velocities
             return states
 
-        return Motions(x, found.accelerations + by_state[:, :, 0], made, None if drift is None else drift.T)
+        return Motions(x, found.accelerations + by_state[:, :, 0], made, velocities)
+
+    def _for_each(self, found: Motions) -> tuple[Anchored, Free]:
+        """The anchored system and its rigid-body modes, once for each of the motions."""
+        assert self._anchored is not None
+        assert self.free is not None
+        every = np.zeros(found.x.shape[-1], dtype=int)
+        held = self.free[every]
+        return replace(self._anchored, modes=held.modes), held
+
+    @cached_property
+    def _damping(self) -> Array:
+        """C (m, l, n, n) of the system itself, by the phase."""
+        phases = self.phases[:, self.loaded]
+        C = matrices(self.point, phases.ravel())[1][0]
+        return C.reshape(*phases.shape, *C.shape[1:])
 
     @property
     def _ends_apart(self) -> bool:

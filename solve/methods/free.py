@@ -8,7 +8,7 @@ from solve.arrays import Array, across
 from solve.errors import MatricesError, UnbalancedLoadError
 from solve.methods.method import Method, OneStep, Solutions
 from solve.period.anchored import Anchored
-from solve.period.curve import PeriodicCurve
+from solve.period.curve import PeriodicCurve, without_drift
 from solve.period.frozen import Frozen, frozen
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy, periodic_states
@@ -23,6 +23,7 @@ _FURTHER = 509
 longer than 1/200 of the period is missed."""
 
 _SECTION = 0.6180339887498949
+"""The golden section, whose multiples are spread most evenly."""
 
 _PANELS, _PLACES = 256, 4
 """Parts of the period, and Gauss's places in each, that give the mean of a load: loads up to order 200 to
@@ -104,44 +105,45 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
     is taken."""
     if not isinstance(method, OneStep):
         raise MatricesError(
-            f"{method.name} finds no vibration of a free machine whose inertia varies or that gyroscopic "
-            f"forces "
-            "act on along its rigid-body mode; use radau or gauss"
+            f"{method.name} finds no vibration of a free machine whose inertia varies, or that gyroscopic "
+            "forces act on, along its rigid-body mode; use radau or gauss"
         )
-    rows, units = anchored.momentum()
+    modes, mass, n = held.modes, held.mass, anchored.n
     with np.errstate(all="ignore"):
         chain = method.discretise(anchored, grid)
-        A, b = chain.steps.A.copy(), chain.steps.b
-        Phi = monodromy(chain.steps)
-        loads = np.stack((b, np.zeros(b.shape)), axis=-1)
-        loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
-        kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]
-        A[:, 0] = A[:, 0] @ kept
-        states, condition = periodic_states(Steps(A, loads))
-        gained = np.einsum("pi,pi->p", rows, states[:, 0, :, 0])
-        states[:, 0] = kept @ states[:, 0]
-        states[:, 0, :, 1] += units
+        rows, units = anchored.momentum()
+        states, condition, gained = _by_momentum(chain.steps, rows, units)
         first, second = states[..., 0], states[..., 1]
-
-        def moved(x: Array) -> tuple[PeriodicCurve, Array]:
-            return anchored.motion(chain.curve(x), held.mass)
-
-        without, along = (moved(x)[1].sum(axis=1) for x in (first, first + second))
-        part = -without / (along - without)
-        curve = chain.curve(first + part[:, None, None] * second)
-        size = _acceleration_scale(curve, held.modes).max(axis=1)
-        curve, secular = anchored.motion(curve, held.mass)
-        if curve.drift is not None:
-            curve = replace(curve, drift=None)  # type: ignore[type-var]
-        # Of the momentum that a period adds, the acceleration.
-        rates = np.einsum("pi,pi->p", units[:, anchored.n :], units[:, anchored.n :]) ** 0.5
-        largest = np.abs(held.modes.vectors).max(axis=(1, 2))
-        driven = np.abs(gained) * rates / largest / grid.period / np.maximum(size, _SMALLEST)
-        quotient = np.where(np.isfinite(Phi), anchored.quotient(Phi), Phi)
-        found = method.sound(
-            anchored, grid, quotient, curve, condition, Steps(anchored.steps(chain.steps.A), b)
+        # Velocities along the mode, of which one solution has as much as the other, taken times a factor.
+        without, along = (
+            anchored.motion(chain.curve(x), mass)[1].sum(axis=1) for x in (first, first + second)
         )
-    return replace(found, free=held, secular=0 * secular, driven=driven)
+        curve = chain.curve(first - (without / (along - without))[:, None, None] * second)
+        scale = _acceleration_scale(curve, modes).max(axis=1)
+        curve = without_drift(anchored.motion(curve, mass)[0])
+        reference = np.take_along_axis(modes.references, modes.present.argmax(axis=1)[:, None], axis=1)
+        acceleration = gained * np.take_along_axis(units, n + reference, axis=1)[:, 0] / grid.period
+        driven = np.abs(acceleration) / np.maximum(scale, _SMALLEST)
+        Phi = monodromy(chain.steps)
+        Phi = np.where(np.isfinite(Phi), anchored.quotient(Phi), Phi)
+        steps = Steps(anchored.steps(chain.steps.A), chain.steps.b)
+        found = method.sound(anchored, grid, Phi, curve, condition, steps)
+    return replace(found, free=held, secular=np.zeros(modes.references.shape), driven=driven)
+
+
+def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array, Array]:
+    """States (P, m+1, N, 2) of two solutions that a jump of the momentum at phase 0 makes periodic: behind it
+    this is 0 under the loads, and 1 without loads; the condition number (P,), and the momentum (P,) that a
+    period adds to the first. rows, units (P, N): see `Anchored.momentum`."""
+    A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
+    loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
+    kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]
+    A[:, 0] = A[:, 0] @ kept
+    states, condition = periodic_states(Steps(A, loads))
+    gained = np.einsum("pi,pi->p", rows, states[:, 0, :, 0])
+    states[:, 0] = kept @ states[:, 0]
+    states[:, 0, :, 1] += units
+    return states, condition, gained
 
 
 def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
@@ -149,10 +151,8 @@ def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
     rate = 1.0 / float(curve.nodes[-1])
     sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
     along = np.abs(modes.vectors)
-    return across(
-        np.maximum,
-        np.moveaxis(np.where(along > 0, sizes[..., None] / np.where(along > 0, along, 1.0), 0.0), 1, -1),
-    )
+    by_mode = np.where(along > 0, sizes[..., None] / np.where(along > 0, along, 1.0), 0.0)
+    return across(np.maximum, np.moveaxis(by_mode, 1, -1))
 
 
 def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
@@ -163,13 +163,11 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
     M, C, K, d = matrices(point, grid.stages((places + 1) / 2).ravel())
     left = rigid_body_modes(np.swapaxes(K, -1, -2), 0 * C, M)
     vectors = modes.vectors[0]
-    if left.any[0] and np.allclose(left.vectors[0].shape, vectors.shape):
+    if left.vectors[0].shape == vectors.shape:
         at = modes.references[0]
         vectors = left.vectors[0] @ np.linalg.inv(left.vectors[0][at]) @ vectors[at]
-    mean = np.einsum("msj,m,s->j", d[0].reshape(grid.steps, _PLACES, -1), grid.h, weights) / (
-        2 * point.period
-    )
-    return mean @ vectors
+    loads = d[0].reshape(grid.steps, _PLACES, -1)
+    return np.einsum("msj,m,s->j", loads, grid.h, weights) @ vectors / (2 * point.period)
 
 
 def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:

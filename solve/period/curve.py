@@ -5,7 +5,7 @@ Arrays may have a leading axis of points, here `…`, each with a curve of its o
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any, Protocol, Self
 
@@ -214,6 +214,11 @@ class Curve:
 def with_drift(values: Array, drift: Array | None, derivative: int) -> Array:
     """Derivatives (…, n, k) of q of some order, with a steady velocity (…, n) where there is one."""
     return values if drift is None or derivative != 1 else values + drift[..., None]
+
+
+def without_drift(curve: PeriodicCurve) -> PeriodicCurve:
+    """The curve without its steady velocity."""
+    return replace(curve, drift=None) if isinstance(curve, Curve | FourierCurve) else curve
 
 
 def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
