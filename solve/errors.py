@@ -83,6 +83,10 @@ class ResonanceError(SolveError):
     """I - Φ is singular: a multiplier at +1, so that no or no unique periodic solution exists."""
 
 
+class UnbalancedLoadError(SolveError):
+    """A load that drives a machine free to turn faster and faster: no periodic vibration exists."""
+
+
 class LinearModelError(SolveError):
     """A system without nonlinear equations, asked for what needs them."""
 

@@ -2,7 +2,7 @@
 
 import os
 
-from solve.certify.all_multipliers import Spectrum, checked_maps, refined
+from solve.certify.all_multipliers import Spectrum, checked_maps, refined, rigid_multipliers
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.ladder import STEPS
 from solve.certify.reduction import judged_by_enriched
@@ -113,5 +113,5 @@ def _solved(
         if isinstance(result, Failed):
             raise result.reason
         result = judged_by_enriched(result, lambda _: (system, omega))
-        every_one = refined(point, settled, asked, result.steps) if every else None
+        every_one = refined(point, settled, asked, result.steps, rigid_multipliers(result)) if every else None
     return result, Spectrum(point, result, every_one), notes

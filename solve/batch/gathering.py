@@ -76,6 +76,8 @@ class _Keeper:
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
         results.verdicts[at] = found.verdicts if results.kept.meetings else roughly(rho, found.absolute)
+        if solutions.free is not None:
+            results.rigid[at] = solutions.free.modes.multiplicity
         results.steps[at], results.methods[at] = found.steps, found.method.name
         if results.kept.warnings:
             self._keep_warnings(found)

@@ -35,6 +35,7 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "verdicts": ("point",),
     "steps": ("point",),
     "reductions": ("point", "result"),
+    "rigid": ("point",),
     "method": ("point",),
 }
 

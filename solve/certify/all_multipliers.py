@@ -11,7 +11,9 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified, Request
 from solve.errors import StepsError
+from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, OneStep, Solutions
+from solve.period.anchored import Anchored
 from solve.period.blocks import Blocks, balanced_blocks, joined_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
@@ -19,6 +21,7 @@ from solve.period.grid import Grid
 from solve.period.multipliers import matched
 from solve.period.points import OnePoint, Points, matrices
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
+from solve.period.rigid_body import Free
 from solve.progress import stage
 
 _NO_DIGIT = 0.1
@@ -37,6 +40,9 @@ multiplier is wanted, modes are of these steps; and up to which steps are added 
 _MEMORY = 2**29
 """Bytes that steps taken together may need."""
 
+_TURNING = FloquetMode(0.0, 0.0, 0, 1.0)
+"""A rigid-body mode: e at every phase."""
+
 _MEAN_PHASES = 32
 """Phases at which M is sampled for its mean."""
 
@@ -44,11 +50,13 @@ _MEAN_PHASES = 32
 @dataclass(frozen=True)
 class Refined:
     """What `refined` gives: logarithms (N,) of the multipliers ρ, -inf for an exact zero; errors (N,):
-    estimated relative error of each ρ, NaN where it has no digit; steps a period."""
+    estimated relative error of each ρ, NaN where it has no digit; steps a period; rigid (N,): which of them
+    are those of rigid-body modes."""
 
     logarithms: Array
     errors: Array
     steps: int
+    rigid: Array
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,7 @@ class Spectrum:
 
     Those of which the monodromy matrix holds a digit are its eigenvalues. Others come from the factors of
     the period on the same steps; their errors are the differences to those on twice the steps. refined:
-    where `rtol` holds for each; then all come from the factors.
+    where `rtol` holds for each; then all come from the factors. Those of rigid-body modes are +1, exactly.
     """
 
     point: OnePoint
@@ -67,25 +75,28 @@ class Spectrum:
     @property
     def values(self) -> Array:
         """ρ (N,), complex: 0 where it underflows or nothing is known of it."""
-        small = _exponential(self.logarithms)
-        return small if self.refined is not None else np.where(self._digits, self._eigenvalues, small)
+        if self.refined is not None:
+            return _exponential(self.logarithms)
+        small = _exponential(self._known[0])
+        return self._with_rigid(np.where(self._digits, self._eigenvalues, small), 1.0)
 
     @property
     def logarithms(self) -> Array:
         """log ρ (N,), the principal branch: -inf for an exact zero, NaN where nothing is known."""
-        return self._known[0]
+        return self._with_rigid(self._known[0], 0.0)
 
     @property
     def errors(self) -> Array:
         """Estimated relative error of each ρ (N,); NaN where it has no digit."""
-        return self._known[1]
+        return self._with_rigid(self._known[1], 0.0)
 
     @property
     def leading(self) -> Array:
         """The largest multipliers (k,), of which the monodromy matrix tells that they meet none of the
         others; none where all were asked for."""
         known = 2 * self.certified.absolute[0] < _NO_DIGIT * np.abs(self._eigenvalues)
-        return self._eigenvalues[known & (self.refined is None)]
+        every = self._with_rigid(self._eigenvalues, 1.0)
+        return every[self._with_rigid(known, fill=True)] if self.refined is None else every[:0]
 
     def logarithm(self, at: int) -> complex:
         """log ρ of one, without the others where it is among the leading."""
@@ -116,7 +127,27 @@ class Spectrum:
         modes = floquet_modes(solutions.steps.A[0], solutions.grid, mass, *self._factored, self._rotation)
         apart = np.diagonal(_apart(self.logarithms, self._factored[1].logarithms[0][order]))
         known = ~np.isnan(self.errors) & (apart < _NO_DIGIT)
-        return [modes[at] if known[i] else without[i] for i, at in enumerate(order)]
+        found = [modes[at] if known[i] else without[i] for i, at in enumerate(order)]
+        rigid = self.rigid.tolist()
+        return [_TURNING if turning else mode for turning, mode in zip(rigid, found, strict=True)]
+
+    @cached_property
+    def rigid(self) -> Array:
+        """Which of the multipliers are those of rigid-body modes (N,)."""
+        if self.refined is not None:
+            return self.refined.rigid
+        return self._with_rigid(np.zeros(len(self._eigenvalues), dtype=bool), fill=True)
+
+    @property
+    def _count(self) -> int:
+        """How many these are."""
+        return rigid_multipliers(self.certified)
+
+    def _with_rigid(self, values: Array, fill: float) -> Array:
+        """Values of the other multipliers with one for each of these, behind those of larger modulus."""
+        if self.refined is not None or not self._count:
+            return values
+        return np.insert(values, np.full(self._count, np.sum(np.abs(self._eigenvalues) >= 1)), fill)
 
     @property
     def warnings(self) -> list[str]:
@@ -136,7 +167,10 @@ class Spectrum:
     def _solutions(self) -> Solutions:
         """Those whose steps tell the modes."""
         if self.refined is None or self._work(self.refined.steps) > _WITH_MODES:
-            return self.certified.solutions
+            if not self._count:
+                return self.certified.solutions
+            certified = self.certified
+            return _solutions(self._equations, certified.method, certified.request, certified.steps)
         return _solutions(self._equations, self.certified.method, self.certified.request, self.refined.steps)
 
     @property
@@ -152,7 +186,8 @@ class Spectrum:
 
     @property
     def _eigenvalues(self) -> Array:
-        return self.certified.solutions.multipliers.values[0]
+        every = self.certified.solutions.multipliers.values[0]
+        return every[: len(every) - self._count]
 
     @cached_property
     def _digits(self) -> Array:
@@ -178,7 +213,7 @@ class Spectrum:
         certified = self.certified
         if digits.all() or not self._factors_serve or not certified.errors[0, 1] < _NO_DIGIT:
             return logarithms, errors
-        own, order = self._factored[1], self._order
+        own, order = self._factored[1], self._order[~self.rigid]
         finer = _on_steps(self._equations, certified.method, certified.request, 2 * certified.steps)
         small = _known(_errors(finer.logarithms[0], own))
         return np.where(digits, logarithms, own.logarithms[0][order]), np.where(digits, errors, small[order])
@@ -196,9 +231,12 @@ class Spectrum:
             return matched_logarithms(self.refined.logarithms, own)
         digits = np.flatnonzero(self._digits)
         matched = matched_logarithms(np.log(self._eigenvalues[digits]), own)
-        order = np.empty(len(own), dtype=int)
-        order[digits] = matched
-        order[~self._digits] = np.setdiff1d(np.arange(len(own)), matched)
+        others = np.setdiff1d(np.arange(len(own)), matched)
+        by_distance = others[np.argsort(np.abs(own[others]), kind="stable")]
+        order, rest = np.empty(len(own), dtype=int), np.empty(len(self._eigenvalues), dtype=int)
+        rest[digits] = matched
+        rest[~self._digits] = np.sort(by_distance[self._count :])
+        order[self.rigid], order[~self.rigid] = by_distance[: self._count], rest
         return order
 
 
@@ -210,25 +248,37 @@ def checked_maps(method: Method) -> None:
         )
 
 
-def refined(point: OnePoint, method: Method, request: Request, steps: int) -> Refined:
-    """Multipliers on `steps` and as many more as bring the error of each to `rtol`; fewer where twice the
-    steps gain nothing or take too long. With steps of the request's own: on twice as many."""
+def refined(point: OnePoint, method: Method, request: Request, steps: int, rigid: int = 0) -> Refined:
+    """Multipliers, of which so many are those of rigid-body modes, on `steps` and as many more as bring the
+    error of each to `rtol`; fewer where twice the steps gain nothing or take too long. With steps of the
+    request's own: on twice as many."""
     most, points = _MOST / (2 * point.n) ** 2, balanced(point, frozen(point))
-    coarse, before = _on_steps(points, method, request, steps), math.inf
+    held = free(point) if method.linear else None
+    coarse, before = _on_steps(points, method, request, steps, held), math.inf
     while True:
         steps *= 2
-        fine = _on_steps(points, method, request, steps)
-        errors = _errors(coarse.logarithms[0], fine)
+        fine = _on_steps(points, method, request, steps, held)
+        logarithms, errors = fine.logarithms[0].copy(), _errors(coarse.logarithms[0], fine)
+        turning = np.isin(np.arange(len(errors)), np.argsort(np.abs(logarithms), kind="stable")[:rigid])
+        logarithms[turning], errors[turning] = 0.0, 0.0
         largest = float(errors.max())
         done = largest <= request.rtol or request.steps is not None
         if done or 2 * steps > most or largest > _GAIN * before:
-            return Refined(fine.logarithms[0], _known(errors), steps)
+            return Refined(logarithms, _known(errors), steps, turning)
         coarse, before = fine, largest if largest < _NO_DIGIT else math.inf
 
 
-def _solutions(point: Points, method: Method, request: Request, steps: int) -> Solutions:
+def rigid_multipliers(certified: Certified) -> int:
+    """How many multipliers of one point are those of rigid-body modes."""
+    found = certified.solutions.free
+    return 0 if found is None else int(found.modes.multiplicity[0])
+
+
+def _solutions(
+    point: Points, method: Method, request: Request, steps: int, held: Free | None = None
+) -> Solutions:
     grid = Grid.uniform(steps, point.period, point.breaks)
-    solutions = method.solutions(point, grid, False, request.engine)
+    solutions = solutions_on(method, point, grid, False, request.engine, held)
     for reason in solutions.failures.values():
         raise reason
     return solutions
@@ -239,19 +289,22 @@ def _blocks(solutions: Solutions) -> Blocks:
     return balanced_blocks(solutions.steps.A)
 
 
-def _on_steps(point: Points, method: Method, request: Request, steps: int) -> ProductEigenvalues:
+def _on_steps(
+    point: Points, method: Method, request: Request, steps: int, held: Free | None = None
+) -> ProductEigenvalues:
     """Multipliers from the factors on so many steps, which are taken in parts where memory asks for it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     parts = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with stage(f"parts of {steps} steps, for every multiplier", len(parts)) as done:
         if len(parts) == 1:
-            blocks = _blocks(_solutions(point, method, request, steps))
+            blocks = _blocks(_solutions(point, method, request, steps, held))
         else:
             assert isinstance(method, OneStep)
-            taken = []
+            taken, anchored = [], None if held is None else Anchored(point, held.modes)
             for part in parts:
                 with np.errstate(all="ignore"):
-                    A = method.discretise(point, part).steps.A
+                    A = method.discretise(anchored or point, part).steps.A
+                A = A if anchored is None else anchored.steps(A)
                 taken.append(balanced_blocks(A, first=sum(each.steps for each in parts[: len(taken)])))
                 done.add()
             blocks = joined_blocks(taken)

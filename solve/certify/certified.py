@@ -13,7 +13,7 @@ from solve.certify.estimates import enough_steps
 from solve.errors import SolveError
 from solve.methods.method import Method, Solutions
 from solve.period.frozen import Frozen
-from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, verdicts
+from solve.period.multipliers import KNOWN_ON_CIRCLE, STABLE, UNDETERMINED, verdicts
 from solve.period.points import Points
 
 NEAR_ONE = 1e-3
@@ -106,8 +106,15 @@ class Certified:
     @cached_property
     def verdicts(self) -> Array:
         """Positions (k,) in VERDICTS, see `solve.period.multipliers.verdicts`."""
+        return verdicts_of(self.solutions, self.absolute, self.modes)
+
+    @property
+    def _nothing_else(self) -> Array:
+        """Points (k,) with no multipliers but those of rigid-body modes."""
         found = self.solutions
-        return verdicts(found.Phi, found.multipliers, self.absolute, self.modes)
+        if found.free is None:
+            return np.zeros(len(self), dtype=bool)
+        return np.asarray(found.free.modes.multiplicity == found.Phi.shape[-1])
 
     @cached_property
     def _left_open(self) -> Array:
@@ -119,7 +126,9 @@ class Certified:
         """Points (k,) that deserve a warning."""
         multipliers = self.solutions.multipliers
         found = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
-        found |= (multipliers.resolved == 0) | self._left_open | bool(self.method.warnings)
+        found |= (
+            ((multipliers.resolved == 0) & ~self._nothing_else) | self._left_open | bool(self.method.warnings)
+        )
         if self.request.steps is not None and not self.method.l_stable:
             found |= ~self.modes.within(self.steps * self.method.follows / self.modes.period)
         return found
@@ -134,7 +143,7 @@ class Certified:
         method, request, rho = self.method, self.request, self.solutions.multipliers
         parts = [("orbit", orbit), ("multipliers", multipliers)]
         warnings = list(method.warnings)
-        if not rho.resolved[at]:
+        if not rho.resolved[at] and not self._nothing_else[at]:
             parts.pop()
             warnings.append(
                 "no multiplier keeps a digit in the monodromy matrix: they are so small that nothing is left "
@@ -168,6 +177,15 @@ class Certified:
                 "whether the motion stays bounded or grows with time is not known"
             )
         return warnings
+
+
+def verdicts_of(solutions: Solutions, errors: Array, modes: Frozen) -> Array:
+    """Positions (P,) in VERDICTS of the motion without rigid-body modes, see `verdicts`; "stable" where there
+    is no other."""
+    found = verdicts(solutions.Phi, solutions.multipliers, errors, modes)
+    if solutions.free is None:
+        return found
+    return np.where(solutions.free.modes.multiplicity == solutions.Phi.shape[-1], STABLE, found)
 
 
 @dataclass(frozen=True)

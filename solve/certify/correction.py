@@ -6,6 +6,7 @@ from solve.arrays import Array
 from solve.certify.estimates import closing_rounding, in_sizes, moduli
 from solve.contracts import Motion
 from solve.kernel.formulas import columns_by
+from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, Solutions
 from solve.period.grid import Grid
 from solve.period.points import Multiplied, OnePoint
@@ -28,7 +29,8 @@ def corrected(
     along the motion, its equations multiplied by factors (1, n). Raises SolveError where that has no
     solution, LinearModelError for linear systems."""
     point = OnePoint(system.along(motion, columns_by(engine)), speed)
-    found = method.solutions(point if factors is None else Multiplied(point, factors), grid, True, engine)
+    scaled = point if factors is None else Multiplied(point, factors)
+    found = solutions_on(method, scaled, grid, True, engine, free(point))
     for reason in found.failures.values():
         raise reason
     return found

@@ -306,7 +306,7 @@ class Ladder:
                 found = raised(errors[good], rounding(chosen), alias[good], unseen[good, :2], radii[good])
                 if kind:
                     chosen = chosen.with_multipliers(chosen.multipliers.with_digits(found[:, 1], UNDERFLOW))
-                yield self.solving.certified(positions[good], chosen, found, unseen[good, 2])
+                yield from self.solving.certified(positions[good], chosen, found, unseen[good, 2])
         return ended
 
     def _stiff_rounding(self, positions: Array) -> Array:

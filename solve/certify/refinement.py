@@ -19,6 +19,7 @@ from solve.certify.two_orders import refinement as two_orders
 from solve.methods.method import Method, Solutions
 from solve.period.multipliers import Multipliers
 from solve.period.points import Points
+from solve.period.rigid_body import Free
 from solve.progress import stage
 
 _FEW_STEPS = 360
@@ -40,10 +41,13 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
     ResonanceError where an orbit is asked for and a multiplier is at +1 for all that the method can tell.
     Raises StepsError for `steps` that the method cannot use at any point.
     """
-    if request.two_orders and method.converges:
+    solving = Solving(points, method, request)
+    if request.two_orders and method.converges and solving.free is None:
         yield from two_orders.certified(points, method, request)
         return
-    solving = Solving(points, method, request)
+    if solving.free is not None and len(points) > 1 and len(kinds := _kinds(solving.free)) > 1:
+        yield from _apart(solving, kinds)
+        return
     every, failures = np.arange(len(points)), dict(singular(points, solving.modes))
     if request.steps is not None:
         refused = solving.unusable(request.steps, np.delete(every, list(failures)))
@@ -57,6 +61,23 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
         yield from Ladder(solving, partial(_unseen, solving)).refined(every)
     else:
         yield from _on_given_steps(solving, every)
+
+
+def _kinds(free: Free) -> list[Array]:
+    """Positions of points that are free to turn, of those that conserve a momentum besides, and of others."""
+    found, conserving = free.modes.any, free.modes.conserving
+    kinds = (np.flatnonzero(each) for each in (found & ~conserving, conserving, ~found))
+    return [each for each in kinds if len(each)]
+
+
+def _apart(solving: Solving, kinds: list[Array]) -> Iterator[Certified | Failed]:
+    """Points of different kinds one after the other."""
+    for at in kinds:
+        for found in certified(solving.points[at], solving.method, solving.request):
+            if isinstance(found, Failed):
+                yield Failed(int(at[found.position]), found.reason)
+            else:
+                yield replace(found, positions=at[found.positions])
 
 
 def on_one_grid(
@@ -88,7 +109,7 @@ def _approximated(solving: Solving, positions: Array) -> Iterator[Certified | Fa
                 found = solving.differences(own, better.solutions, these)
                 errors = np.maximum(found, rounding(own))
                 radius = better.solutions.multipliers.spectral_radius
-                yield solving.certified(these, own, errors, errors[:, 1] * radius)
+                yield from solving.certified(these, own, errors, errors[:, 1] * radius)
 
 
 def _on_given_steps(solving: Solving, positions: Array) -> Iterator[Certified | Failed]:
@@ -117,7 +138,7 @@ def _on_given_steps(solving: Solving, positions: Array) -> Iterator[Certified | 
         with np.errstate(over="ignore", invalid="ignore"):
             absolute = np.fmax(errors[:, 1] * fine.multipliers.spectral_radius, unseen[:, 2])
         errors = raised(errors, rounding(coarse), alias, unseen[:, :2], radii)
-        yield solving.certified(part, coarse, errors, absolute)
+        yield from solving.certified(part, coarse, errors, absolute)
 
 
 def _unseen(solving: Solving, steps: Array, positions: Array, solutions: Solutions, errors: Array) -> Array:

@@ -11,15 +11,21 @@ from solve.arrays import Array
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import Burdens, at_one, differences
 from solve.errors import StepsError
+from solve.methods.free import driven_freely, free, solutions_on
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import Frozen, balanced, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
 from solve.period.points import Points
+from solve.period.rigid_body import Free
 from solve.progress import stage
 
 _MEMORY = 2**25
 """Bytes that the points solved at once may take."""
+
+_DRIVEN, _TIMES_ERROR = 1e-9, 10.0
+"""Mean acceleration of a free machine, relative to its accelerations, that counts as none, and the times the
+error of the orbit that is added to it: round-off leaves 1e-13 of chains whose loads have no mean."""
 
 
 class Solving:
@@ -43,9 +49,14 @@ class Solving:
 
     def on_grid(self, points: Points, steps: int) -> Solutions:
         """Solutions of linear equations on that many steps."""
-        grid, method = Grid.uniform(steps, points.period, points.breaks), self.method.linear
+        grid, method = Grid.uniform(steps, points.period, points.breaks), self.method.corrector
         with stage(f"{self.method.name} on {steps} steps"):
             return method.solutions(points, grid, self.request.orbit, self.request.engine)
+
+    @cached_property
+    def free(self) -> Free | None:
+        """Rigid-body modes of the points; None without, or where the method looks for those of an orbit."""
+        return free(self.points, self.modes) if self.method.linear else None
 
     @cached_property
     def equations(self) -> Points:
@@ -84,7 +95,8 @@ class Solving:
         points = self.equations[positions]
         grid = Grid.uniform(steps, points.period, points.breaks)
         with stage(f"{self.method.name} on {steps} steps"):
-            return self.method.solutions(points, grid, self.request.orbit, self.request.engine)
+            held = None if self.free is None else self.free[positions]
+            return solutions_on(self.method, points, grid, self.request.orbit, self.request.engine, held)
 
     def parts(self, steps: int, positions: Array) -> list[Array]:
         """The positions, split so that each part fits into memory."""
@@ -114,11 +126,24 @@ class Solving:
             return np.zeros(len(fine), dtype=bool)
         return at_one(coarse, fine.multipliers, ratio, self.method.order, fine.grid.steps)
 
-    def certified(self, positions: Array, solutions: Solutions, errors: Array, absolute: Array) -> Certified:
-        """absolute (k,): errors of the multipliers, beside what the relative ones leave of these."""
+    def certified(
+        self, positions: Array, solutions: Solutions, errors: Array, absolute: Array
+    ) -> Iterator[Certified | Failed]:
+        """Points with their errors, but for those whose load drives a rigid-body mode. absolute (k,): errors
+        of the multipliers, beside what the relative ones leave of these."""
         errors[:, 0] += solutions.defect
+        if solutions.free is not None and solutions.driven is not None and self.request.orbit:
+            driven = solutions.driven > _DRIVEN + _TIMES_ERROR * errors[:, 0]
+            for at in np.flatnonzero(driven)[:, None]:
+                point, modes = self.points[positions[at]], solutions.free.modes[at]
+                yield Failed(int(positions[at[0]]), driven_freely(point, modes))
+            if driven.all():
+                return
+            kept = np.flatnonzero(~driven)
+            positions, solutions = positions[kept], solutions[kept]
+            errors, absolute = errors[kept], absolute[kept]
         radius = solutions.multipliers.spectral_radius
         with np.errstate(over="ignore"):
             absolute = np.maximum(absolute, np.where(radius > 0, errors[:, 1], 0.0) * radius)
         modes = self.modes[positions]
-        return Certified(positions, self.method, solutions, errors, absolute, self.request, modes)
+        yield Certified(positions, self.method, solutions, errors, absolute, self.request, modes)

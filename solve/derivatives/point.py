@@ -22,6 +22,7 @@ from solve.kernel.formulas import columns_by
 from solve.labels import SPEED
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
+from solve.methods.free import mean_weights
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.period.curve import Curve
 from solve.period.grid import Grid
@@ -43,6 +44,9 @@ _A_FIGURE = 2
 
 _JUMP = 1e-9
 """Part of an output beyond which it jumps."""
+
+_STEP = 1e-5
+"""Part of a parameter by which it is changed for differences of the inertia's weights."""
 
 _ROUNDING = 1e-13
 """Part of the terms of which a derivative is a sum that rounding leaves."""
@@ -119,7 +123,15 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
         raise ValueOutOfBoundsError(
             f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
         )
-    adjoint = dependence.parted and _A_FIGURE * sum(each.of_orbit for each in asked) <= len(names)
+    free = solved.certified.solutions.free
+    of_orbits = sum(each.of_orbit for each in asked)
+    if free is not None and of_orbits and free.modes.conserving.any():
+        raise NoDerivativeError(
+            "derivatives of the vibration of a free machine whose inertia varies, or that gyroscopic "
+            "forces act "
+            "on, along its rigid-body mode are not calculated; ask for those of multipliers, or add drag"
+        )
+    adjoint = dependence.parted and free is None and _A_FIGURE * of_orbits <= len(names)
     on, starts = partial(OnGrid, solved, rule), {}
     grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
     with one_thread(system.n):
@@ -169,7 +181,17 @@ class OnGrid:
         system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
         point = OnePoint(system, self.solved.speed)
-        return TurnOnGrid(point, self.rule, grid, engine, self._curve(grid, point, engine))
+        free = self.solved.certified.solutions.free
+        known = None if free is not None else self._curve(grid, point, engine)
+        return TurnOnGrid(point, self.rule, grid, engine, known, free)
+
+    @cached_property
+    def _as_it_is(self) -> TurnOnGrid:
+        """The same of a machine that is free to turn, not anchored: its maps are those of all multipliers."""
+        turn = self.turn
+        if turn.free is None:
+            return turn
+        return TurnOnGrid(turn.point, self.rule, turn.grid, self.solved.certified.request.engine)
 
     def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
         """The periodic solution on a grid, where it is known already, or quickly found."""
@@ -188,7 +210,31 @@ class OnGrid:
 
     @cached_property
     def forward(self) -> Forward:
-        return Forward(self.orbit, self.dependence, self.nodes)
+        return Forward(self.orbit, self.dependence, self.nodes, self._level)
+
+    @cached_property
+    def _level(self) -> Array | None:
+        """Derivatives of the means along rigid-body modes (modes, r): the mean weighted by the inertia is
+        zero, and its weights depend on the parameters."""
+        free, mean = self.turn.free, self.turn.curve.mean
+        if free is None:
+            return None
+        system, speed = self.solved.system, self.solved.speed
+
+        def weights(name: str, value: float) -> Array:
+            try:
+                at = (system, value) if name == SPEED else (system.varied({name: value}), speed)
+                return mean_weights(OnePoint(*at), free.modes)
+            except ValueOutOfBoundsError:
+                return mean_weights(OnePoint(system, speed), free.modes)
+
+        values = [speed if name == SPEED else system.parameters[name] for name in self.names]
+        found = np.zeros((free.modes.references.shape[1], len(values)))
+        for at, (name, value) in enumerate(zip(self.names, values, strict=True)):
+            step = _STEP * (abs(value) or 1.0)
+            before, after = (weights(name, value + side * step) for side in (-1, 1))
+            found[:, at] = -(after - before) @ mean / (2 * step)
+        return found
 
     @cached_property
     def nodes(self) -> Array:
@@ -202,7 +248,7 @@ class OnGrid:
 
     @cached_property
     def _multipliers(self) -> MultipliersOnGrid:
-        return MultipliersOnGrid(self.turn, self.solved.spectrum)
+        return MultipliersOnGrid(self._as_it_is, self.solved.spectrum)
 
     def logarithm(self, at: int, modulus: bool, sizes: bool = False) -> Array:
         """Derivatives (r,) of log ρ of one of the solution's multipliers, or of log |ρ|; or the sizes of the
@@ -263,7 +309,7 @@ class OnGrid:
     def _of_multiplier(self, asked: Named, sizes: bool) -> Array:
         """Derivatives (r,) of a quantity of a multiplier, or the sizes of their terms. Raises
         NoDerivativeError."""
-        at = max(asked.number, 1) - 1
+        at = _place(self.solved, asked)
         _require_alone(self.solved, at, asked)
         modulus = asked.subject == RADIUS or asked.figure == "abs"
         slopes, rho = self.logarithm(at, modulus, sizes), self.solved.spectrum.multiplier(at)
@@ -284,11 +330,20 @@ def _error_of_factor(solved: Stability, asked: Named) -> float:
     finest grid's on every grid; 0 where there is none."""
     if asked.of_orbit or asked.subject == EXPONENT:
         return 0.0
-    at = max(asked.number, 1) - 1
+    at = _place(solved, asked)
     leading = solved.spectrum.leading
     if at < len(leading):
         return float(solved.certified.absolute[0] / np.abs(leading[at]))
     return float(solved.multiplier_errors[at])
+
+
+def _place(solved: Stability, asked: Named) -> int:
+    """Which of the multipliers is asked for; the largest but those of rigid-body modes for the spectral
+    radius."""
+    if asked.number:
+        return asked.number - 1
+    others = np.flatnonzero(~solved.spectrum.rigid)
+    return int(others[0]) if len(others) else 0
 
 
 def _every(solved: Stability, at: int) -> Array:
@@ -310,6 +365,7 @@ def _require_alone(solved: Stability, at: int, asked: Named) -> None:
             f"{distance.min() / abs(rho):.1e} of itself"
         )
     rivals = np.abs(np.abs(every) - abs(rho)) <= MEET * abs(rho)
+    rivals &= ~solved.spectrum.rigid[: len(every)]
     if asked.subject == RADIUS and (rivals & (every != rho) & (every != np.conj(rho))).any():
         raise NoDerivativeError(
             f"{asked.text} has no derivative: two multipliers have the same modulus; ask for rho1.abs and "

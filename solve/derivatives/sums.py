@@ -72,11 +72,13 @@ class Sums(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Forward:
     """From the derivatives of the whole orbit by r quantities θ: for many figures. nodes (m, r): how far the
-    starts of steps move with θ; where q″ jumps by a, the derivative of q′ jumps by -a times as much."""
+    starts of steps move with θ; where q″ jumps by a, the derivative of q′ jumps by -a times as much. level:
+    derivatives of the means along rigid-body modes, see `TurnOnGrid.under`."""
 
     orbit: OrbitOnGrid
     dependence: Dependence
     nodes: Array
+    level: Array | None = None
 
     @property
     def count(self) -> int:
@@ -90,7 +92,7 @@ class Forward:
         jumps = np.zeros((turn.grid.steps, 2 * n, self.count))
         for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
             jumps[node, n:] = -turn.jump(node)[:, None] * self.nodes[node]
-        return turn.under(-found.reshape(turn.grid.steps, -1, n, self.count), jumps)
+        return turn.under(-found.reshape(turn.grid.steps, -1, n, self.count), jumps, self.level)
 
     @cached_property
     def _data(self) -> Array:
@@ -102,11 +104,14 @@ class Forward:
         if name in system.coordinates:
             return turn.at(self._data[:, :, system.coordinates.index(name)], phase).T
         moved = np.stack([turn.at(self._data, phase, order) for order in (2, 1, 0)], axis=1)
+        if self.moved.drift is not None:
+            moved[:, 1] += self.moved.drift
         return self.dependence.output_along(name, phase, self.orbit.speed, self.orbit.states(phase), moved).T
 
     def of(self, figures: Sequence[Sums], sizes: bool = False) -> list[Array]:
         """Derivatives (r,) of figures, or the sizes of the terms of which they are sums."""
-        own = [each.name in self.orbit.system.outputs and not self.dependence.parted for each in figures]
+        alone = not self.dependence.parted or self.moved.drift is not None
+        own = [each.name in self.orbit.system.outputs and alone for each in figures]
         rest = [each for each, alone in zip(figures, own, strict=True) if not alone]
         term, data = np.abs if sizes else np.asarray, self._data
         if sizes:

@@ -6,7 +6,7 @@ this grid (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15)
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -16,20 +16,24 @@ from solve.arrays import Array, solved
 from solve.contracts import Matrices
 from solve.derivatives.stages import closed, followed, stages
 from solve.methods.collocation import Collocated, Collocation
+from solve.period.anchored import Anchored
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.points import OnePoint, parted, rate_of
+from solve.period.points import OnePoint, matrices, parted, rate_of
+from solve.period.rigid_body import Free
 from solve.sizes import require_size
 
 
 @dataclass(frozen=True, eq=False)
 class Motions:
     """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ by the
-    phase, at the phases of a `TurnOnGrid`; made: gives the states there."""
+    phase, at the phases of a `TurnOnGrid`; made: gives the states there; drift (n, r): steady velocities of a
+    machine that turns freely, part of the states there alone."""
 
     x: Array
     accelerations: Array
     made: Callable[[], Array]
+    drift: Array | None = None
 
     @cached_property
     def states(self) -> Array:
@@ -46,10 +50,17 @@ class TurnOnGrid:
     """
 
     def __init__(
-        self, point: OnePoint, method: Collocated, grid: Grid, engine: str, known: Curve | None = None
+        self,
+        point: OnePoint,
+        method: Collocated,
+        grid: Grid,
+        engine: str,
+        known: Curve | None = None,
+        free: Free | None = None,
     ):
-        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if it is known. Raises
-        ValueOutOfBoundsError for more than can be held."""
+        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if it is known; free:
+        rigid-body modes of the system, which is then solved anchored. Raises ValueOutOfBoundsError for more
+        than can be held."""
         self.point, self.grid, self.rule = point, grid, method.collocation
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
         n, s, m = point.n, len(self.rule.c), grid.steps
@@ -57,7 +68,8 @@ class TurnOnGrid:
         self.closed = self.rule.stiffly_accurate and grid.smooth
         self.loaded = slice(int(self.closed), None)
         self._stages = slice(int(not self.closed), int(not self.closed) + s)
-        self._tables = point.tables(self.phases[:, self.loaded].ravel())
+        self.free, self._anchored = free, None if free is None else Anchored(point, free.modes)
+        self._tables = (self._anchored or point).tables(self.phases[:, self.loaded].ravel())
         self._engine, self._known = engine, known
         self._systems = stages(self.rule, grid.h, self._tables, self._stages, engine)
         # Of stage accelerations, h² and h times, in q and q′ at the ends of the steps.
@@ -134,11 +146,28 @@ class TurnOnGrid:
     @cached_property
     def curve(self) -> Curve:
         """The continuous curve of the periodic solution."""
-        return self.curves(self.orbit)[0] if self._known is None else self._known
+        if self._known is not None:
+            return self._known
+        curve, drift = self.curves(self.orbit)[0], self.orbit.drift
+        return curve if drift is None else replace(curve, drift=drift[:, 0])
 
-    def under(self, loads: Array, jumps: Array | None = None) -> Motions:
+    def under(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
         """Periodic solutions under loads (m, l, n, r) at the phases where they act, with jumps (m, 2n, r) of
-        the states at the starts of steps, where the matrices jump. Raises ResonanceError."""
+        the states at the starts of steps, where the matrices jump. level (modes, r): means along rigid-body
+        modes, zero by default. Raises ResonanceError."""
+        found, drift = self._under(loads, jumps), None
+        if self._anchored is None:
+            return found
+        if self._anchored.modes.dragged.any():
+            # A drift may be far larger than the vibration, which would lose its digits beside it.
+            anchored, held = self._for_each(found)
+            drift = anchored.motion(self.curves(found), held.mass)[0].drift
+        if drift is not None:
+            found = self._under(loads - self._damping @ drift.T, jumps)
+        return self._of_machine(found, drift, level)
+
+    def _under(self, loads: Array, jumps: Array | None) -> Motions:
+        """The same of the anchored system where the machine is free to turn."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
@@ -151,6 +180,48 @@ class TurnOnGrid:
         after = [self._at_ends(-1, ends, loads)] if self._ends_apart else []
         a = np.concatenate((before, a, *after), axis=1)
         return Motions(x, a, lambda: self._states(x, ends, a))
+
+    def _of_machine(self, found: Motions, drift: Array | None, level: Array | None) -> Motions:
+        """Motions of the machine that is free to turn, from those of the anchored one; drift (r, n): steady
+        velocities whose drag is in the loads already."""
+        anchored, held = self._for_each(found)
+        curves = self.curves(found)
+        moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
+        assert isinstance(moved, Curve)
+        change = moved.coefficients.copy()
+        change[..., : curves.coefficients.shape[-1]] -= curves.coefficients
+        if level is not None:
+            change[..., 0] += held.modes.vectors @ level.T[..., None]
+        (m, k), count, fractions = self.phases.shape, len(change), np.array(self.rule.curve_nodes)
+        added = Curve(moved.nodes, change)
+        parts = [added.within(fractions, order).reshape(count, -1, m, k) for order in (2, 1, 0)]
+        by_state = np.stack(parts).transpose(3, 4, 0, 2, 1)
+        x, velocities = found.x.copy(), None if moved.drift is None else moved.drift.T
+        x[:-1] += by_state[:, 0, :0:-1].reshape(m, -1, count)
+        x[-1] = x[0]
+
+        def made() -> Array:
+            states = found.states + by_state
+            if velocities is not None:
+                states[:, :, 1] += velocities
+            return states
+
+        return Motions(x, found.accelerations + by_state[:, :, 0], made, velocities)
+
+    def _for_each(self, found: Motions) -> tuple[Anchored, Free]:
+        """The anchored system and its rigid-body modes, once for each of the motions."""
+        assert self._anchored is not None
+        assert self.free is not None
+        every = np.zeros(found.x.shape[-1], dtype=int)
+        held = self.free[every]
+        return replace(self._anchored, modes=held.modes), held
+
+    @cached_property
+    def _damping(self) -> Array:
+        """C (m, l, n, n) of the system itself, by the phase."""
+        phases = self.phases[:, self.loaded]
+        C = matrices(self.point, phases.ravel())[1][0]
+        return C.reshape(*phases.shape, *C.shape[1:])
 
     @property
     def _ends_apart(self) -> bool:

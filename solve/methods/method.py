@@ -19,6 +19,7 @@ from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers, rounding_errors
 from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
 from solve.period.points import Points, affine, matrices
+from solve.period.rigid_body import Free
 from solve.sizes import most_numbers
 
 MOST_STEPS = 2**40
@@ -40,7 +41,11 @@ class Solutions:
     rounding (P,): relative error that the way to Φ leaves in the multipliers, beyond that of their
     condition; 1 where the grid does not determine Φ. notes: what the method has to say, none or one a point.
     failures: why a point has no solution, by position. units (P, N): powers of 2 in which Φ is balanced,
-    where the way to it has found them. engine: what finds the eigenvalues of Φ.
+    where the way to it has found them. engine: what finds the eigenvalues of Φ. free: rigid-body modes, where
+    there are any; Φ is then of the remaining motion and zero elsewhere. secular (P, r): steady velocities of
+    modes where C e ≠ 0, accelerations of others, by the phase; driven (P,): the largest of these relative to
+    the accelerations of the motion. `steps` are then maps
+    of the remaining motion too.
     """
 
     grid: Grid
@@ -54,6 +59,9 @@ class Solutions:
     failures: Mapping[int, SolveError] = field(default_factory=dict)
     units: Array | None = None
     engine: str = NUMPY
+    free: Free | None = None
+    secular: Array | None = None
+    driven: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("defect", "rounding"):
@@ -88,6 +96,9 @@ class Solutions:
             failures,
             None if self.units is None else self.units[points],
             self.engine,
+            None if self.free is None else self.free[points],
+            None if self.secular is None else self.secular[points],
+            None if self.driven is None else self.driven[points],
         )
         return made.with_multipliers(self.multipliers[points])
 
@@ -120,13 +131,14 @@ class Method:
 
     order: of convergence at the nodes, and of the multipliers; infinite where errors fall faster than any
     power of the steps (`spectral`). curve_order: of the continuous curve. converges: False for an
-    approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps do
-    not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the fastest
-    mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders of the
-    matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by c (ω
-    h)^(order + 1); 0 where modes are lost before that matters. stages: those of a collocation method, and
+    approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps
+    do not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the
+    fastest mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders
+    of the matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by
+    c (ω h)^(order + 1); 0 where modes are lost before that matters. stages: those of a collocation method, and
     with_another_stage: the method of its family with one stage more; None for other methods. warnings: those
-    that the method's own settings deserve.
+    that the method's own settings deserve. symmetric: whether the method needs matrices that modes make
+    diagonal.
     """
 
     name: str
@@ -141,6 +153,7 @@ class Method:
     with_another_stage: Any = None
     phase_constant: float = 0.0
     warnings: tuple[str, ...] = ()
+    symmetric: bool = False
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -152,6 +165,11 @@ class Method:
         for name, value in facts.items():
             object.__setattr__(self, name, value)
 
+    @property
+    def linear(self) -> bool:
+        """Whether the points are solved as they are, rather than linearised along an orbit first."""
+        return True
+
     def loaded(self, points: Points) -> Points:
         """The points whose matrices and loads show what orders the solutions have to follow."""
         return points
@@ -161,7 +179,7 @@ class Method:
         return points
 
     @property
-    def linear(self) -> "Method":
+    def corrector(self) -> "Method":
         """The method for these equations."""
         return self
 
@@ -303,6 +321,8 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
     if not each:
         nothing = np.zeros((len(points), 2 * points.n, 2 * points.n))
         return Solutions(Grid.uniform(1, points.period), nothing, None, nothing[:, 0, 0], failures=failures)
+    if len(points) == 1:
+        return each[0]
     # Points that failed take up the place of another, but for Φ.
     places = np.cumsum([at not in failures for at in range(len(points))]) - 1
     parts = [each[max(place, 0)] for place in places.tolist()]
@@ -312,7 +332,13 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
 
     curve, steps = parts[0].curve, parts[0].steps
     if curve is not None:
-        curve = type(curve)(curve.nodes, beside(lambda part: part.curve.coefficients))  # type: ignore[call-arg]
+        drift = None
+        if any(part.curve is not None and part.curve.drift is not None for part in parts):
+            drift = beside(
+                lambda part: np.zeros((1, points.n)) if part.curve.drift is None else part.curve.drift
+            )
+        coefficients = beside(lambda part: part.curve.coefficients)
+        curve = type(curve)(curve.nodes, coefficients, drift=drift)  # type: ignore[call-arg]
     if steps is not None:
         steps = Steps(beside(lambda part: part.steps.A), beside(lambda part: part.steps.b))
     Phi = beside(lambda part: part.Phi)

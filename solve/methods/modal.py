@@ -23,6 +23,7 @@ class Modal(OneStep):
     order = 0
     curve_order = 0
     converges = False
+    symmetric = True
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         n = points.n

@@ -139,7 +139,14 @@ def summed(one: Curve, part: float, other: Curve) -> Curve:
     made = np.zeros((*one.coefficients.shape[:-1], powers))
     made[..., : one.coefficients.shape[-1]] = one.coefficients
     made[..., : other.coefficients.shape[-1]] += part * other.coefficients
-    return Curve(one.nodes, made)
+    return Curve(one.nodes, made, drift=_drift(one, part, other))
+
+
+def _drift(one: Curve, part: float, other: Curve) -> Array | None:
+    if one.drift is None and other.drift is None:
+        return None
+    first, second = (np.zeros(curve.n) if curve.drift is None else curve.drift for curve in (one, other))
+    return first + part * second
 
 
 def on(grid: Grid, motion: Motion) -> Curve:
@@ -148,7 +155,10 @@ def on(grid: Grid, motion: Motion) -> Curve:
         return motion
     ends = grid.stages(np.array([0.0, 1.0]))
     q, v = (motion(grid.nodes, derivative).T for derivative in range(2))
-    return Curve.quintic(grid.nodes, q, v, motion(ends[:, 0], 2).T, motion(ends[:, 1], 2).T)
+    drift = getattr(motion, "drift", None)
+    v = v if drift is None else v - drift
+    curve = Curve.quintic(grid.nodes, q, v, motion(ends[:, 0], 2).T, motion(ends[:, 1], 2).T)
+    return curve if drift is None else replace(curve, drift=drift)
 
 
 def _corrected(task: Task, curve: Curve, grid: Grid) -> tuple[Solutions, float]:
@@ -167,6 +177,10 @@ class Newton(Method):
         # The curve enters the next linearisation, whose solution is no more exact than it.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
+
+    @property
+    def linear(self) -> bool:
+        return False
 
     def loaded(self, points: Points) -> Points:
         """The system at rest: along the last curve it has the kinks of that curve."""
@@ -191,7 +205,7 @@ class Newton(Method):
         return OnePoint(self.task.system.along(solutions.curve[0]), self.task.speed)
 
     @property
-    def linear(self) -> Collocated:
+    def corrector(self) -> Collocated:
         return self.task.method
 
     def least_steps(self, modes: Frozen) -> Array:

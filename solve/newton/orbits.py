@@ -8,11 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.argument import require_whole
-from solve.certify.all_multipliers import Spectrum, refined
+from solve.certify.all_multipliers import Spectrum, refined, rigid_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.contracts import Motion
-from solve.errors import NoOrbitError, ResonanceError, SolveError, ValueOutOfBoundsError
+from solve.errors import (
+    NoOrbitError,
+    ResonanceError,
+    SolveError,
+    UnbalancedLoadError,
+    ValueOutOfBoundsError,
+)
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocation import Collocated
@@ -110,6 +116,8 @@ class _Search:
                 step(f"by the {way}")
                 try:
                     orbit = self._by(way, failed)
+                except UnbalancedLoadError:
+                    raise
                 except SolveError as error:
                     failed.append(f"by the {way}: {error}")
                     continue
@@ -176,7 +184,11 @@ class _Search:
         if isinstance(result, Failed):
             raise result.reason
         assert result.solutions.curve is not None
-        every_one = refined(newton.point(), newton, asked, result.steps) if self.every else None
+        every_one = (
+            refined(newton.point(), newton, asked, result.steps, rigid_multipliers(result))
+            if self.every
+            else None
+        )
         linearised, result = task.system.along(result.solutions.curve[0]), replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,

@@ -5,7 +5,7 @@ Arrays may have a leading axis of points, here `…`, each with a curve of its o
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any, Protocol, Self
 
@@ -41,6 +41,9 @@ class PeriodicCurve(Protocol):
     def nodes(self) -> Array: ...
 
     @property
+    def drift(self) -> Array | None: ...
+
+    @property
     def n(self) -> int:
         """Number of coordinates."""
         ...
@@ -72,12 +75,14 @@ class Curve:
     """q(phase) as powers of θ = (phase - node)/h in every step.
 
     nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether they are
-    finite, where that is known.
+    finite, where that is known. drift (…, n): steady velocity by the phase of a machine that turns freely,
+    part of the first derivative and not of q.
     """
 
     nodes: Array
     coefficients: Array
     known_finite: Array | None = None
+    drift: Array | None = None
 
     @classmethod
     def quintic(cls, nodes: Array, q: Array, v: Array, a_start: Array, a_end: Array) -> "Curve":
@@ -112,6 +117,12 @@ class Curve:
             return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
 
     @property
+    def mean(self) -> Array:
+        """Over the period (…, n)."""
+        powers = 1 / np.arange(1, self.coefficients.shape[-1] + 1)
+        return np.asarray((self.coefficients @ powers) @ self.h / self.nodes[-1])
+
+    @property
     def last_power(self) -> Array:
         """Largest part (…) that the highest power of θ has in a step, by the largest value of its coordinate:
         where it is about 1, the steps do not follow the curve."""
@@ -120,7 +131,8 @@ class Curve:
         return (last / np.where(size > 0, size, 1.0)).max(axis=-1)
 
     def __getitem__(self, points: Any) -> "Curve":
-        return Curve(self.nodes, self.coefficients[points])
+        drift = None if self.drift is None else self.drift[points]
+        return Curve(self.nodes, self.coefficients[points], drift=drift)
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
         return self.states(phase, (derivative,))[0]
@@ -131,10 +143,12 @@ class Curve:
         theta = self._fractions(phase, h)
         if theta is not None:
             shape = *self.coefficients.shape[:-2], phase.size
-            return [self._within(theta, h, each).reshape(shape) for each in derivatives]
-        step, theta = self._places(phase)
-        pieces, h = np.take(self.coefficients, step, axis=-2), h[step]
-        return [_horner(pieces, theta, each) / h**each for each in derivatives]
+            found = [self._within(theta, h, each).reshape(shape) for each in derivatives]
+        else:
+            step, theta = self._places(phase)
+            pieces, h = np.take(self.coefficients, step, axis=-2), h[step]
+            found = [_horner(pieces, theta, each) / h**each for each in derivatives]
+        return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
         """The fractions (s,) of every step at which phases lie, step by step, as stages do; None where they
@@ -156,7 +170,12 @@ class Curve:
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
         values = self._within(np.arange(a_step) / a_step, self.h, derivative)
-        return values.reshape(*values.shape[:-2], values.shape[-2] * a_step)
+        values = values.reshape(*values.shape[:-2], values.shape[-2] * a_step)
+        return with_drift(values, self.drift, derivative)
+
+    def within(self, theta: Array, derivative: int = 0) -> Array:
+        """The curve's derivatives without a drift at fractions (s,) of every step, (…, n, m, s)."""
+        return self._within(theta, self.h, derivative)
 
     def _within(self, theta: Array, h: Array, derivative: int) -> Array:
         """Values (…, n, m, s) at the fractions (s,) of every step of lengths h (m,)."""
@@ -173,7 +192,7 @@ class Curve:
         curves = np.arange(math.prod(step.shape[:-1])).reshape(*step.shape[:-1], 1)
         pieces = np.take(self.coefficients.reshape(-1, D), m * curves + step, axis=0)
         value = _horner(pieces, theta, derivative)
-        return value / self.h[step] ** derivative if derivative else value
+        return with_drift(value / self.h[step] ** derivative, self.drift, derivative) if derivative else value
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
         """Step and fraction of it that phases of any turn lie in."""
@@ -190,6 +209,16 @@ class Curve:
     @cached_property
     def _uniform(self) -> bool:
         return bool(np.ptp(self.h) <= 1e-12 * self.nodes[-1])
+
+
+def with_drift(values: Array, drift: Array | None, derivative: int) -> Array:
+    """Derivatives (…, n, k) of q of some order, with a steady velocity (…, n) where there is one."""
+    return values if drift is None or derivative != 1 else values + drift[..., None]
+
+
+def without_drift(curve: PeriodicCurve) -> PeriodicCurve:
+    """The curve without its steady velocity."""
+    return replace(curve, drift=None) if isinstance(curve, Curve | FourierCurve) else curve
 
 
 def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
@@ -210,10 +239,12 @@ def _falling(powers: int, count: int) -> Array:
 
 @dataclass(frozen=True)
 class FourierCurve:
-    """q(phase) = Re Σ_k coefficients[…, k] exp(ik 2π phase/period), coefficients (…, n, N+1) complex."""
+    """q(phase) = Re Σ_k coefficients[…, k] exp(ik 2π phase/period), coefficients (…, n, N+1) complex; drift:
+    as in `Curve`."""
 
     nodes: Array
     coefficients: Array
+    drift: Array | None = None
 
     @classmethod
     def through(cls, nodes: Array, q: Array) -> "FourierCurve":
@@ -231,12 +262,13 @@ class FourierCurve:
         return np.isfinite(self.coefficients.sum(axis=(-2, -1)))
 
     def __getitem__(self, points: Any) -> "FourierCurve":
-        return FourierCurve(self.nodes, self.coefficients[points])
+        drift = None if self.drift is None else self.drift[points]
+        return FourierCurve(self.nodes, self.coefficients[points], drift)
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
         rates = self._rates
         waves = np.exp(np.outer(rates, np.asarray(phase, dtype=float))) * rates[:, None] ** derivative
-        return np.real(self.coefficients @ waves)
+        return with_drift(np.real(self.coefficients @ waves), self.drift, derivative)
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
         count = (len(self.nodes) - 1) * a_step
@@ -245,7 +277,8 @@ class FourierCurve:
     def each(self, phase: Array, derivative: int = 0) -> Array:
         rates = self._rates
         waves = np.exp(phase[..., None] * rates) * rates**derivative
-        return np.real(np.squeeze(waves @ self.coefficients[..., None], -1))
+        values = np.real(np.squeeze(waves @ self.coefficients[..., None], -1))
+        return with_drift(values, self.drift, derivative)
 
     @property
     def _rates(self) -> Array:

@@ -10,6 +10,7 @@ from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.multipliers import EPS, scaled_alike
 from solve.period.points import Multiplied, Points, Tables, parted, rate_of
+from solve.period.rigid_body import ROUNDING, RigidBodyModes, may_be_singular, rigid_body_modes
 
 PHASES = 128
 """At which the coefficients are frozen unless a caller asks for fewer."""
@@ -57,7 +58,37 @@ class Frozen:
             some._among = self._among[0], self._among[1][points]
         if "few_eigenvalues" in self.__dict__:
             some.__dict__["few_eigenvalues"] = self.few_eigenvalues[points]
+        if "rigid_body_modes" in self.__dict__:
+            every = self.rigid_body_modes
+            some.__dict__["rigid_body_modes"] = None if every is None else every[points]
         return some
+
+    @cached_property
+    def rigid_body_modes(self) -> RigidBodyModes | None:
+        """Directions that K leaves free at these phases; None where no point has one."""
+        if self._n == 1 and not self._tables.own:
+            low, high = self._ranges
+            M, C, K = np.maximum(-low[:3], high[:3])
+            if (K > ROUNDING * (M + C)).all():
+                return None
+        elif self._n > 1:
+            M, C, K = np.moveaxis(self._matrices_at(slice(1)), (3, 4), (1, 2))
+            if not may_be_singular(K[:, 0], ROUNDING * (np.abs(M) + np.abs(C))[:, 0]).any():
+                return None
+        M, C, K = np.moveaxis(self._matrices, (3, 4), (1, 2))
+        found = rigid_body_modes(K, C, M)
+        return found if found.any.any() else None
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """M, C and K (P, k, n, n), by the phase."""
+        M, C, K = np.moveaxis(self._matrices, (3, 4), (1, 2))
+        return M, C, K
+
+    @property
+    def mean_mass(self) -> Array:
+        """Mean of M over the period (P, n, n)."""
+        return np.moveaxis(self._matrices[0].mean(axis=-1), -1, 0)
 
     @cached_property
     def _fields(self) -> Array:
@@ -195,9 +226,22 @@ class Frozen:
         multipliers move freely in some direction v: C v = K v = 0 at every phase, but for rounding, and Φ,
         which sees what lies between, brings the state (v, 0) back. Then q = v t is a solution, and the
         multiplier +1 is defective."""
-        rows = self._matrices[1:, :, :, points].transpose(3, 0, 1, 4, 2).reshape(len(points), -1, self._n)
+        rows = self._remaining(points)
         each = zip(rows, Phi, self.units(points), errors, strict=True)
         return np.array([_drifts(*one) for one in each], dtype=bool)
+
+    def _remaining(self, points: Array) -> Array:
+        """C and K by rows (k, r, n) of points at positions (k,), without their rigid-body modes: of relative
+        coordinates, whose equations no acceleration along the modes enters."""
+        M, C, K = np.moveaxis(self._matrices[..., points, :], (3, 4), (1, 2))
+        modes = None if self.rigid_body_modes is None else self.rigid_body_modes[points]
+        if modes is not None and modes.any.any():
+            relative, kept = modes.relative
+            kept = kept[:, None, None]
+            C, K = (relative[:, None] @ solved(M, part) * kept for part in (C, K))
+            # Coordinates of reference are out of it.
+            K = K + (1 - kept) * np.eye(self._n)
+        return np.concatenate((C, K), axis=2).reshape(len(points), -1, self._n)
 
     def units(self, points: Array) -> Array:
         """In which the states (k, 2n) of points at positions (k,) are alike: square roots of the mean

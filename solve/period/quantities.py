@@ -250,6 +250,8 @@ class Quantities:
         curve, known = self.curve, self.outputs is None or self.formulas is not None
         if not (self.engine == COMPILED and known and isinstance(curve, Curve) and self._uniform):
             return None
+        if curve.drift is not None and self.outputs is not None:
+            return None
         n, wanted = (
             curve.n,
             np.concatenate((np.arange(curve.n), curve.n + np.array(self.positions, dtype=int))),

@@ -114,7 +114,7 @@ class Chart(Result):
     @property
     def multipliers(self) -> Array:
         """(ny, nx, 2n), falling in modulus; zero where unresolved, NaN where a point failed."""
-        return self.results.multipliers.reshape(*self.shape, -1)
+        return self.results.all_multipliers.reshape(*self.shape, -1)
 
     @property
     def error_estimate(self) -> Array:

@@ -23,7 +23,10 @@ FAILED = -1
 _NUMBERS_AN_AMPLITUDE = 64
 """At the peak, while many points are analysed together."""
 
-_ARRAYS = ("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods", "reductions")
+_ARRAYS = (
+    *("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods"),
+    *("reductions", "rigid"),
+)
 
 
 @lasting
@@ -49,8 +52,9 @@ class PointResults:
     """Arrays over P points.
 
     figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers
-    (P, N), zero where unresolved; errors (P, 2) of orbit and multipliers; reductions (P, 2): those of the
-    reduction of the system, NaN where it is not reduced or they are not kept; verdicts (P,), positions in
+    (P, N), zero where unresolved, and behind the others for each of rigid-body modes, of which there are
+    rigid (P,); errors (P, 2) of orbit and multipliers; reductions (P, 2): those of the reduction of the
+    system, NaN where it is not reduced or they are not kept; verdicts (P,), positions in
     VERDICTS or FAILED; steps (P,); methods (P,), their names. warnings and failures: texts by point.
     """
 
@@ -65,6 +69,7 @@ class PointResults:
     reductions: Array
     warnings: dict[int, list[str]] = field(default_factory=dict)
     failures: dict[int, str] = field(default_factory=dict)
+    rigid: Array = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
 
     @classmethod
     def blank(cls, count: int, n: int, kept: Kept) -> "PointResults":
@@ -82,14 +87,25 @@ class PointResults:
             np.zeros(count, dtype=np.int32),
             np.full(count, "", dtype=object),
             np.full((count, 2), np.nan),
+            rigid=np.zeros(count, dtype=np.int8),
         )
 
     def __len__(self) -> int:
         return len(self.steps)
 
     @property
+    def all_multipliers(self) -> Array:
+        """Those of rigid-body modes too, +1, behind those of larger modulus (P, N)."""
+        found = self.multipliers.copy()
+        for at in np.flatnonzero(self.rigid).tolist():
+            count, others = int(self.rigid[at]), self.multipliers[at, : -int(self.rigid[at])]
+            found[at] = np.insert(others, np.full(count, np.sum(np.abs(others) >= 1)), 1.0)
+        return found
+
+    @property
     def spectral_radius(self) -> Array:
-        """Largest |ρ| (P,); NaN where the point failed, or nothing vibrates."""
+        """Largest |ρ| (P,), those of rigid-body modes left out; NaN where the point failed, or nothing
+        vibrates."""
         none = self.multipliers.shape[1] == 0
         return np.full(len(self), np.nan) if none else np.abs(self.multipliers[:, 0])
 

@@ -25,8 +25,11 @@ _MOST_MULTIPLIERS = 8
 _RECORDED = (
     *("speed", "period", "method", "steps", "multipliers", "multiplier_errors", "unresolved", "exponents"),
     *("modes", "spectral_radius", "verdict", "stable", "error_estimate", "distance_from_one", "liouville"),
-    *("condition", "notes"),
+    *("condition", "rigid_body_modes", "notes"),
 )
+_MOST_MOVING = 6
+"""Coordinates of a rigid-body mode that a note names."""
+
 _MEANS = (
     "disturbances die out, and in the long run each period leaves {radius:.3g} of them",
     "disturbances neither die out nor grow",
@@ -53,9 +56,22 @@ class ErrorEstimate(NamedTuple):
 lasting(ReductionError)
 
 
+@lasting
+class RigidBodyMode(NamedTuple):
+    """vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the period, relative
+    to Σ|K_ij e_j|; drift: steady velocity w by time of a damped mode, q = w e t + p(t), None without an
+    orbit."""
+
+    vector: tuple[float, ...]
+    damped: bool
+    error: float
+    drift: float | None = None
+
+
 @dataclass(frozen=True)
 class Stability(Result):
-    """Whether disturbances of the periodic motion die out, and how certain that is."""
+    """Whether disturbances of the periodic motion die out, and how certain that is. Multipliers and exponents
+    are all 2n; spectral radius and verdict leave out those of rigid-body modes."""
 
     system: PeriodicSystem
     speed: float
@@ -67,7 +83,7 @@ class Stability(Result):
     _calculated: ClassVar[tuple[str, ...]] = (
         *("method", "described", "steps", "multipliers", "exponents", "multiplier_errors", "modes"),
         *("spectral_radius", "distance_from_one", "condition", "liouville", "error_estimate", "verdict"),
-        *("notes", "warnings", "reduction_error"),
+        *("rigid_body_modes", "notes", "warnings", "reduction_error"),
     )
 
     @property
@@ -118,10 +134,33 @@ class Stability(Result):
 
     @cached_property
     def spectral_radius(self) -> float:
-        """Largest |ρ|; 0 where it has no digit."""
-        if self._rho.resolved[0] or math.isnan(self.multiplier_errors[0]):
+        """Largest |ρ|, those of rigid-body modes left out; 0 where it has no digit, or there is no other."""
+        if (
+            self._rho.resolved[0]
+            or not len(self._others)
+            or math.isnan(self.multiplier_errors[self._others[0]])
+        ):
             return float(self._rho.spectral_radius[0])
-        return float(np.abs(self.multipliers[0]))
+        return float(np.abs(self.multipliers[self._others[0]]))
+
+    @property
+    def _others(self) -> Array:
+        """Positions of the multipliers that are not those of rigid-body modes."""
+        return np.flatnonzero(~self.spectrum.rigid)
+
+    @cached_property
+    def rigid_body_modes(self) -> Sequence[RigidBodyMode]:
+        """Directions in which the machine moves freely, those without damping first."""
+        solutions = self.certified.solutions
+        if solutions.free is None:
+            return []
+        modes, found = solutions.free.modes[np.array([0])], []
+        for at in np.flatnonzero(modes.present[0]).tolist():
+            damped, secular = bool(modes.dragged[0, at]), solutions.secular
+            drift = None if secular is None or not damped else self.speed * float(secular[0, at])
+            vector = tuple(modes.vectors[0, :, at].tolist())
+            found.append(RigidBodyMode(vector, damped, float(modes.errors[0, at]), drift))
+        return found
 
     @cached_property
     def distance_from_one(self) -> float:
@@ -157,7 +196,7 @@ class Stability(Result):
         digit."""
         orbit, multipliers = map(float, self.certified.errors[0])
         if not self._rho.resolved[0]:
-            own = float(self.multiplier_errors[0])
+            own = float(self.multiplier_errors[self._others[0]]) if len(self._others) else 0.0
             multipliers = math.inf if math.isnan(own) else max(multipliers, own)
         return ErrorEstimate(math.nan if self.certified.solutions.curve is None else orbit, multipliers)
 
@@ -181,7 +220,27 @@ class Stability(Result):
     @cached_property
     def notes(self) -> list[str]:
         """How this result was made: what the method and the engine have to say."""
-        return [*self.engine_notes, *filter(None, self.certified.solutions.notes)]
+        of_modes = (self._turning(mode) for mode in self.rigid_body_modes)
+        return [*self.engine_notes, *filter(None, self.certified.solutions.notes), *of_modes]
+
+    def _turning(self, mode: RigidBodyMode) -> str:
+        """What follows from a rigid-body mode, in words."""
+        names, units = self.system.coordinates, self.system.units
+        moving = [(name, part) for name, part in zip(names, mode.vector, strict=True) if part]
+        shown = moving[:_MOST_MOVING]
+        more = f" and {len(moving) - len(shown)} more" if len(moving) > len(shown) else ""
+        parts = " : ".join(f"{part:.4g}" for _, part in shown)
+        ratio = f"{' : '.join(name for name, _ in shown)} = {parts}{more}"
+        count = "its multiplier +1 is" if mode.damped else "its two multipliers +1 are"
+        text = f"rigid-body mode {ratio}: {count} left out of spectral radius and verdict"
+        if self.certified.solutions.curve is None:
+            return text
+        if not mode.damped:
+            return f"{text}; the vibration has zero mean along it (weighted by the inertia)"
+        at = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
+        unit = units.get(names[at], "")
+        drift = f"{(mode.drift or 0.0) * mode.vector[at]:.6g} {unit}/s".replace(" /s", " per second")
+        return f"{text}; {names[at]} also drifts at {drift}, which velocities include and coordinates do not"
 
     @cached_property
     def warnings(self) -> list[str]:

@@ -115,6 +115,7 @@ class Sweep(Result):
         if results.verdicts[at] == FAILED:
             return SweepPoint(speed, error=results.failures[at], parameters=parameters)
         figures = (Statistics(*row.tolist()) for row in results.figures[at])
+        every = self.multipliers
         return SweepPoint(
             speed,
             dict(zip(results.kept.names, figures, strict=True)),
@@ -124,7 +125,7 @@ class Sweep(Result):
             int(results.steps[at]),
             ErrorEstimate(*results.errors[at].tolist()),
             results.warnings.get(at, ()),
-            multipliers=results.multipliers[at].tolist(),
+            multipliers=every[at].tolist(),
             parameters=parameters,
             reduction_error=ErrorEstimate(*self.reductions[at]) if "reduce" in self.system.options else None,
         )
@@ -144,7 +145,11 @@ class Sweep(Result):
     @property
     def multipliers(self) -> Array:
         """(P, 2n), falling in modulus; zero where unresolved, NaN where the point failed."""
-        return self.results.multipliers
+        return self._every_multiplier
+
+    @cached_property
+    def _every_multiplier(self) -> Array:
+        return self.results.all_multipliers
 
     def figures(self, name: str, figure: str = "max_abs") -> Array:
         """max, min, max_abs, mean or rms of a coordinate or output a speed; NaN where the point failed.

@@ -164,7 +164,8 @@ class _Asked:
             return results.figures[:, 0, FIGURES.index(named.figure)]
         if named.subject == RADIUS:
             return results.spectral_radius
-        rho = np.where(results.multipliers == 0, np.nan, results.multipliers)[:, named.number - 1]
+        every = results.all_multipliers
+        rho = np.where(every == 0, np.nan, every)[:, named.number - 1]
         return named.part(np.log(rho) * speeds / period if named.subject == EXPONENT else rho)
 
 

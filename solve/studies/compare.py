@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.argument import require_whole
 from solve.arrays import Array
-from solve.certify.certified import unresolved_modes
+from solve.certify.certified import unresolved_modes, verdicts_of
 from solve.certify.estimates import differences
 from solve.certify.solving import Solving
 from solve.errors import SolveError, ValueOutOfBoundsError
@@ -17,7 +17,7 @@ from solve.kernel.engines import NUMPY
 from solve.methods.choice import METHODS, Rule, chosen, chosen_for
 from solve.methods.method import Method, Solutions
 from solve.period.frozen import frozen
-from solve.period.multipliers import VERDICTS, verdicts
+from solve.period.multipliers import VERDICTS
 from solve.period.points import OnePoint
 from solve.progress import part, stage
 from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row
@@ -137,7 +137,7 @@ class _AgainstReference:
             orbit_error=float(orbit_error) if self.judged_by == ORBIT else math.nan,
             multiplier_error=float(multiplier_error),
             time=seconds,
-            verdict=VERDICTS[verdicts(solution.Phi, solution.multipliers, np.zeros(1), self._modes)[0]],
+            verdict=VERDICTS[verdicts_of(solution, np.zeros(1), self._modes)[0]],
             followed=not unresolved,
             warnings=[*map(self._unnamed, self.method.warnings), *unresolved],
         )

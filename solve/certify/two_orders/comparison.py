@@ -63,7 +63,7 @@ class TwoOrders(Comparison):
 
     def solved(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
         points, method = self.solving.equations[positions], self.solving.method
-        if method.linear is not method or points.n > SMALL:
+        if not method.linear or points.n > SMALL:
             return super().solved(steps, positions)
         shared = SharedSamples(points, self._phases(points, steps))
         return self.solving.on_grid(shared, steps), self.better.on_grid(shared, steps)

@@ -38,7 +38,8 @@ def test_a_free_chain_has_one_and_an_anchored_chain_none():
     K = np.stack([chain(CHAIN), chain(CHAIN) + np.diag([0.1, 0, 0, 0, 0]), np.diag([1.0, 2, 3, 4, 5])])
     modes = rigid_body_modes(over_the_period(K[:, None]), np.zeros((3, 32, 5, 5)))
     assert modes.any.tolist() == [True, False, False]
-    assert (modes.vectors[0, :, 0] == 1).all() and not modes.damped[0, 0]
+    assert (modes.vectors[0, :, 0] == 1).all()
+    assert not modes.damped[0, 0]
     assert modes.errors[0, 0] < 1e-15
     assert modes.multiplicity.tolist() == [2, 0, 0]
 
@@ -53,7 +54,8 @@ def test_units_of_coordinates_and_equations_do_not_matter(seed):
     found = rigid_body_modes(over_the_period(K[None, None]), over_the_period(C[None, None]))
     expected = ratios / units
     np.testing.assert_allclose(found.vectors[0, :, 0], expected / np.abs(expected).max(), rtol=1e-12)
-    assert found.damped.all() and found.errors.max() < 1e-14
+    assert found.damped.all()
+    assert found.errors.max() < 1e-14
 
 
 def test_of_several_modes_those_without_damping_come_first():
@@ -66,7 +68,8 @@ def test_of_several_modes_those_without_damping_come_first():
     apart = np.array([1.0, 0, 0, -1, 0])
     found = rigid_body_modes(K, np.outer(apart, apart)[None, None])
     assert found.vectors[0, :, 0].tolist() == [1, 1, 1, 1, 1]
-    assert found.damped[0].tolist() == [False, True] and found.multiplicity.tolist() == [3]
+    assert found.damped[0].tolist() == [False, True]
+    assert found.multiplicity.tolist() == [3]
     np.testing.assert_allclose(found.measures @ found.vectors, np.eye(2)[None], atol=1e-15)
 
 
@@ -81,7 +84,7 @@ def test_a_direction_that_is_free_at_some_phases_only_is_none():
     assert rigid_body_modes(0 * pulse, 0 * pulse).vectors[0].tolist() == [[1.0]]
 
 
-@pytest.mark.parametrize("part, free", [(0.1 * BOUND, True), (30 * BOUND, False)])
+@pytest.mark.parametrize(("part", "free"), [(0.1 * BOUND, True), (30 * BOUND, False)])
 def test_the_bound_separates_round_off_from_soft_springs(part, free):
     K = chain([1e4])
     K[0, 0] += part * 1e4

@@ -1,0 +1,196 @@
+"""Machines that are free to turn: a method solves them anchored, and their own motion is made of that."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from solve.arrays import Array, across
+from solve.errors import MatricesError, UnbalancedLoadError
+from solve.methods.method import Method, OneStep, Solutions
+from solve.period.anchored import Anchored
+from solve.period.curve import PeriodicCurve, without_drift
+from solve.period.frozen import Frozen, frozen
+from solve.period.grid import Grid
+from solve.period.period_map import Steps, monodromy, periodic_states
+from solve.period.points import Points, matrices
+from solve.period.rigid_body import Free, RigidBodyModes, conserved_momentum, rigid_body_modes, still_rigid
+
+_IN_A_PIECE = 8
+"""Further phases of each piece between two jumps at which K is looked at."""
+
+_FURTHER = 509
+"""Further phases of the period, apart by the golden section, at which K is looked at: with these nothing
+longer than 1/200 of the period is missed."""
+
+_SECTION = 0.6180339887498949
+"""The golden section, whose multiples are spread most evenly."""
+
+_PANELS, _PLACES = 256, 4
+"""Parts of the period, and Gauss's places in each, that give the mean of a load: loads up to order 200 to
+1e-9 of their amplitude."""
+
+_MOST_SHOWN = 8
+"""Components of a rigid-body mode that a message shows."""
+
+_SMALLEST = float(np.finfo(float).tiny)
+
+
+def free(points: Points, modes: Frozen | None = None) -> Free | None:
+    """Rigid-body modes of the points, whose frozen modes may be known; None where no point has one."""
+    if modes is None:
+        M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
+        if not rigid_body_modes(K, C, M).any.any():
+            return None
+        modes = frozen(points)
+    found = modes.rigid_body_modes
+    if found is None:
+        return None
+    some = np.flatnonzero(found.any)
+    M, C, K, _ = matrices(points[some], _further(points))
+    lost = some[~still_rigid(K, C, M, found[some])]
+    if len(lost):
+        vectors = found.vectors.copy()
+        vectors[lost] = 0.0
+        found = replace(found, vectors=vectors)
+    if not found.any.any():
+        return None
+    if not points.breaks and (found.damped & found.present).any():
+        M, C, K = modes.matrices
+        found = replace(found, momentum=conserved_momentum(M, C, K, found, points.period))
+    return Free(found, modes.mean_mass)
+
+
+def _further(points: Points) -> Array:
+    even = np.mod(np.arange(_FURTHER) * _SECTION, 1.0) * points.period
+    if not points.breaks:
+        return even
+    pieces = Grid.uniform(len(points.breaks), points.period, points.breaks)
+    return np.concatenate((even, pieces.stages((np.arange(_IN_A_PIECE) + 0.5) / _IN_A_PIECE).ravel()))
+
+
+def solutions_on(
+    method: Method, points: Points, grid: Grid, orbit: bool, engine: str, held: Free | None
+) -> Solutions:
+    """What the method gives for points, of which some are free: their monodromy matrices are those of the
+    remaining motion, see `Anchored.quotient`, and their orbits have zero mean along the rigid-body modes."""
+    if held is None:
+        return method.solutions(points, grid, orbit, engine)
+    weights = held.modes.weighted(held.mass) if method.symmetric else None
+    anchored = Anchored(points, held.modes, weights=weights)
+    if orbit and held.modes.conserving.any():
+        return _conserving(method, anchored, grid, held)
+    with np.errstate(all="ignore"):
+        found = method.solutions(anchored, grid, orbit, engine)
+        if found.curve is not None and (held.modes.damped & held.modes.present).any():
+            # A drift may be far larger than the vibration, which would lose its digits beside it.
+            drift = anchored.motion(found.curve, held.mass)[0].drift
+            anchored = replace(anchored, drift=drift)
+            found = found if drift is None else method.solutions(anchored, grid, orbit, engine)
+        curve, secular, driven = found.curve, None, np.zeros(len(points))
+        if curve is not None:
+            driven = _acceleration_scale(curve, held.modes)
+            curve, secular = anchored.motion(curve, held.mass)
+            accelerations = np.where(held.modes.damped, 0.0, np.abs(secular))
+            driven = (accelerations / np.maximum(driven, _SMALLEST)).max(axis=1)
+        Phi = np.where(np.isfinite(found.Phi), anchored.quotient(found.Phi), found.Phi)
+        steps = None if found.steps is None else Steps(anchored.steps(found.steps.A), found.steps.b)
+    return replace(
+        found, Phi=Phi, curve=curve, steps=steps, units=None, free=held, secular=secular, driven=driven
+    )
+
+
+def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:
+    """Orbits of points that conserve a momentum μ though C e ≠ 0. Their anchored points have a multiplier +1
+    still; a jump at phase 0 takes μ away, and of the solutions for μ = 0 and 1 behind it that without drift
+    is taken."""
+    if not isinstance(method, OneStep):
+        raise MatricesError(
+            f"{method.name} finds no vibration of a free machine whose inertia varies, or that gyroscopic "
+            "forces act on, along its rigid-body mode; use radau or gauss"
+        )
+    modes, mass, n = held.modes, held.mass, anchored.n
+    with np.errstate(all="ignore"):
+        chain = method.discretise(anchored, grid)
+        rows, units = anchored.momentum()
+        states, condition, gained = _by_momentum(chain.steps, rows, units)
+        first, second = states[..., 0], states[..., 1]
+        # Velocities along the mode, of which one solution has as much as the other, taken times a factor.
+        without, along = (
+            anchored.motion(chain.curve(x), mass)[1].sum(axis=1) for x in (first, first + second)
+        )
+        curve = chain.curve(first - (without / (along - without))[:, None, None] * second)
+        scale = _acceleration_scale(curve, modes).max(axis=1)
+        curve = without_drift(anchored.motion(curve, mass)[0])
+        reference = np.take_along_axis(modes.references, modes.present.argmax(axis=1)[:, None], axis=1)
+        acceleration = gained * np.take_along_axis(units, n + reference, axis=1)[:, 0] / grid.period
+        driven = np.abs(acceleration) / np.maximum(scale, _SMALLEST)
+        Phi = monodromy(chain.steps)
+        Phi = np.where(np.isfinite(Phi), anchored.quotient(Phi), Phi)
+        steps = Steps(anchored.steps(chain.steps.A), chain.steps.b)
+        found = method.sound(anchored, grid, Phi, curve, condition, steps)
+    return replace(found, free=held, secular=np.zeros(modes.references.shape), driven=driven)
+
+
+def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array, Array]:
+    """States (P, m+1, N, 2) of two solutions that a jump of the momentum at phase 0 makes periodic: behind it
+    this is 0 under the loads, and 1 without loads; the condition number (P,), and the momentum (P,) that a
+    period adds to the first. rows, units (P, N): see `Anchored.momentum`."""
+    A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
+    loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
+    kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]
+    A[:, 0] = A[:, 0] @ kept
+    states, condition = periodic_states(Steps(A, loads))
+    gained = np.einsum("pi,pi->p", rows, states[:, 0, :, 0])
+    states[:, 0] = kept @ states[:, 0]
+    states[:, 0, :, 1] += units
+    return states, condition, gained
+
+
+def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
+    """Largest accelerations (P, r) along each mode of any of the coordinates that it moves, by the phase."""
+    rate = 1.0 / float(curve.nodes[-1])
+    sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
+    along = np.abs(modes.vectors)
+    by_mode = np.where(along > 0, sizes[..., None] / np.where(along > 0, along, 1.0), 0.0)
+    return across(np.maximum, np.moveaxis(by_mode, 1, -1))
+
+
+def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
+    """Mean over the period (r,) of the generalised force of the load along each rigid-body mode of one point:
+    of gᵀd, where g is the direction in which Kᵀ does nothing, e of symmetric equations."""
+    grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
+    places, weights = np.polynomial.legendre.leggauss(_PLACES)
+    M, C, K, d = matrices(point, grid.stages((places + 1) / 2).ravel())
+    left = rigid_body_modes(np.swapaxes(K, -1, -2), 0 * C, M)
+    vectors = modes.vectors[0]
+    if left.vectors[0].shape == vectors.shape:
+        at = modes.references[0]
+        vectors = left.vectors[0] @ np.linalg.inv(left.vectors[0][at]) @ vectors[at]
+    loads = d[0].reshape(grid.steps, _PLACES, -1)
+    return np.einsum("msj,m,s->j", loads, grid.h, weights) @ vectors / (2 * point.period)
+
+
+def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
+    """Why one point has no periodic vibration: its load drives a rigid-body mode."""
+    loads = mean_loads(point, modes)
+    loads = np.where(modes.present[0] & ~modes.dragged[0], loads, 0.0)
+    at = int(np.abs(loads).argmax())
+    components = [f"{component:.6g}" for component in modes.vectors[0, :, at]]
+    more = ", …" if len(components) > _MOST_SHOWN else ""
+    return UnbalancedLoadError(
+        f"the load drives the rigid-body mode ({', '.join(components[:_MOST_SHOWN])}{more}), which nothing "
+        f"holds: its mean torque (or force) along it is {loads[at]:.6g} N m (N), and the speed would grow "
+        "without bound; balance it by a constant load, or add drag or a spring to ground"
+    )
+
+
+def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
+    """Weights (r, n) of the coordinates of one point in the mean along each of its rigid-body modes, with the
+    coordinates of reference of known ones."""
+    found = free(point)
+    if found is None:
+        return np.zeros((modes.references.shape[1], point.n))
+    vectors, mass = found.modes.vectors[0], found.mass[0]
+    own = vectors[modes.references[0]]
+    vectors = vectors @ np.linalg.inv(own) @ modes.vectors[0][modes.references[0]]
+    return replace(found.modes, vectors=vectors[None]).weighted(mass[None])[0]

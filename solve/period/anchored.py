@@ -1,0 +1,263 @@
+"""Free machines as systems with a unique periodic solution.
+
+With s = l q the share of a rigid-body mode e (K e = 0) in the motion, the coordinate σ with s′ = σ′ + α σ in
+place of s satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d, q̃ = q - e (s - σ). The multiplier +1 of
+the mode becomes exp(-α T), whatever T-periodic M, C and K are, and all others remain. Where C e = 0 the new
+system has a multiplier +1 in the direction e again, and the same with β in place of α removes it too.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.curve import Curve, FourierCurve, PeriodicCurve
+from solve.period.points import Points, Tables
+from solve.period.rigid_body import RigidBodyModes
+
+_RATES = 1.0, 3.0
+"""α T and β T: exp(-α T) is far from 1 and the rates are far below those of the first order, 2π."""
+
+_STEP = 0.37
+"""By which α T and β T differ between modes, so that no exponents are alike."""
+
+
+@dataclass(frozen=True)
+class Anchored:
+    """Points with their rigid-body modes anchored, see above; `modes` are those of the points. drift (P, n):
+    a steady velocity w e by the phase, known already, whose drag C w e is taken off the load. weights (P, r,
+    n): rows l other than those of the coordinates of reference."""
+
+    points: Points
+    modes: RigidBodyModes
+    drift: Array | None = None
+    weights: Array | None = None
+
+    @property
+    def n(self) -> int:
+        return self.points.n
+
+    @property
+    def period(self) -> float:
+        return self.points.period
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.points.breaks
+
+    @property
+    def bytes_a_phase(self) -> int:
+        return self.points.bytes_a_phase
+
+    @property
+    def alone(self) -> bool:
+        return self.points.alone
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, positions: Array) -> "Anchored":
+        drift, weights = (None if each is None else each[positions] for each in (self.drift, self.weights))
+        return Anchored(self.points[positions], self.modes[positions], drift, weights)
+
+    @property
+    def measures(self) -> Array:
+        """Rows l (P, r, n)."""
+        return self.modes.measures if self.weights is None else self.weights
+
+    def tables(self, phase: Array) -> Tables:
+        """Terms of M and C once more, times α and αβ, in the entries of C and K."""
+        n, tables, modes = self.n, self.points.tables(phase), self.modes
+        (alpha, beta), along = self._rates, modes.vectors
+        twice = beta * ~modes.damped
+        measures = self.measures
+        by_first = np.einsum("pjr,pr,prk->pjk", along, alpha + twice, measures)
+        of_damping = np.einsum("pjr,pr,prk->pjk", along, alpha * modes.damped, measures)
+        by_second = np.einsum("pjr,pr,prk->pjk", along, alpha * twice, measures)
+        places = (0, n**2, by_first), (n**2, 2 * n**2, of_damping), (0, 2 * n**2, by_second)
+        made = [_moved(tables, first, target, factors, n) for first, target, factors in places]
+        if self.drift is not None:
+            made.append(_moved(tables, n**2, 3 * n**2, -self.drift[..., None], n))
+        terms = np.concatenate([np.arange(len(tables.entry)), *(each[0] for each in made)])
+        entry = np.concatenate([tables.entry, *(each[1] for each in made)])
+        parts = [tables.coefficients, *(each[2] for each in made)]
+        order = np.argsort(entry, kind="stable")
+        coefficients = np.concatenate(parts, axis=1)[:, order]
+        return Tables(tables.table[..., terms[order]], coefficients, entry[order], n)
+
+    @property
+    def _rates(self) -> tuple[Array, Array]:
+        """α and β (P, r), zero where there is no mode."""
+        shift = 1 + _STEP * np.arange(self.modes.references.shape[1])
+        first, second = (rate * shift / self.period * self.modes.present for rate in _RATES)
+        return first, second
+
+    def quotient(self, Phi: Array) -> Array:
+        """Monodromy matrices (P, 2n, 2n) of the remaining motion, from those of the anchored points: of the
+        coordinates relative to the modes, with the rates of modes where C e ≠ 0 at their coordinates of
+        reference, and zero in the others."""
+        left, right = self._projection(whole=True)
+        return left @ Phi @ right
+
+    def steps(self, A: Array) -> Array:
+        """The same of maps of steps (P, m, 2n, 2n), with 1 on the diagonal where these are zero: multipliers
+        of rigid-body modes are then exactly 1."""
+        left, right = self._projection(whole=False)
+        made = left[:, None] @ A @ right[:, None]
+        ones = 1.0 - (right != 0).any(axis=-2)
+        return made + ones[:, None, :, None] * np.eye(A.shape[-1])
+
+    def _projection(self, whole: bool) -> tuple[Array, Array]:
+        """Onto states (P, 2n, 2n) of the remaining motion, and back to states of which these are. whole: of
+        the whole period, with the rate of a mode whose momentum is conserved left out too."""
+        n, modes, (alpha, _) = self.n, self.modes, self._rates
+        relative, kept = modes.relative
+        left, right = np.zeros((2, len(self), 2 * n, 2 * n))
+        left[:, :n, :n] = left[:, n:, n:] = kept[..., None] * relative
+        right[:, range(n), range(n)] = right[:, range(n, 2 * n), range(n, 2 * n)] = kept
+        damped = modes.damped & modes.present
+        for point, mode in np.argwhere(damped).tolist():
+            at = n + modes.references[point, mode]
+            measure = modes.measures[point, mode]
+            left[point, at, n:] = measure
+            left[point, at, :n] = alpha[point, mode] * measure
+            right[point, n:, at] = modes.vectors[point, :, mode]
+            if whole and modes.momentum is not None and modes.conserving[point]:
+                along = modes.momentum[point, n:] @ modes.vectors[point, :, mode]
+                left[point, at], right[point, n:, at] = 0.0, 0.0
+                gained = modes.momentum[point] @ right[point] / along
+                right[point, n:] -= np.outer(modes.vectors[point, :, mode], gained)
+        return left, right
+
+    def momentum(self) -> tuple[Array, Array]:
+        """Of points that conserve one: rows (P, 2n) that give it from states of the anchored points at phase
+        0, and the states (P, 2n), rates of rigid-body modes, in which it is 1."""
+        n, modes, (alpha, _) = self.n, self.modes, self._rates
+        assert modes.momentum is not None
+        rates = modes.momentum[:, None, n:] @ modes.vectors
+        rows = modes.momentum.copy()
+        rows[:, :n] += np.squeeze((rates * alpha[:, None]) @ modes.measures, 1)
+        units = np.zeros(rows.shape)
+        units[:, n:] = modes.vectors.sum(axis=2) / rates.sum(axis=(1, 2))[:, None]
+        return rows, units
+
+    def motion(self, curve: PeriodicCurve, mass: Array) -> tuple[PeriodicCurve, Array]:
+        """The motion q of the points from curves q̃ of the anchored ones, with zero mean along the modes in
+        the norm of a mass matrix (P, n, n), and the secular part (P, r) of each mode: a steady velocity where
+        C e ≠ 0, included in the curve's `drift`, else an acceleration, left out; by the phase."""
+        modes, (alpha, beta) = self.modes, self._rates
+        shares = _Shares.of(curve, self.measures)
+        first = shares.integrated()
+        second = first.integrated()
+        undamped = ~modes.damped & modes.present
+        secular = np.where(undamped, alpha * beta, alpha) * shares.means
+        by_first, by_second = alpha + beta * undamped, alpha * beta * undamped
+        raised = shares.sum(curve, modes.vectors, (first, by_first), (second, by_second))
+        drift = np.einsum("pjr,pr->pj", modes.vectors, np.where(undamped, 0.0, secular))
+        if self.drift is not None:
+            drift = drift + self.drift
+            secular = secular + np.where(undamped, 0.0, np.squeeze(self.measures @ self.drift[..., None], -1))
+        level = np.einsum("pjr,pr->pj", modes.vectors, _Shares.of(raised, modes.weighted(mass)).means)
+        return _lowered(raised, level, drift), secular
+
+
+def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> tuple[Array, Array, Array]:
+    """Terms (t,), entries (t,) and coefficients (P, t) of a matrix whose entries begin at `source`, times
+    factors (P, n, c), among the entries from `target` on."""
+    of_matrix = np.flatnonzero((tables.entry >= source) & (tables.entry < source + n**2))
+    row, column = np.divmod(tables.entry[of_matrix] - source, n)
+    terms, entry, coefficients = [], [], []
+    for other in np.flatnonzero(factors.any(axis=(0, 1))).tolist():
+        used = np.asarray(factors[:, :, other].any(axis=0))[column]
+        terms.append(of_matrix[used])
+        entry.append(target + factors.shape[-1] * row[used] + other)
+        coefficients.append(tables.coefficients[:, of_matrix[used]] * factors[:, column[used], other])
+    if not terms:
+        return of_matrix[:0], of_matrix[:0], tables.coefficients[:, :0]
+    return np.concatenate(terms), np.concatenate(entry), np.concatenate(coefficients, axis=1)
+
+
+@dataclass(frozen=True)
+class _Shares:
+    """Functions (P, r) of the phase in the form of a curve, and their means (P, r)."""
+
+    nodes: Array
+    coefficients: Array
+
+    @classmethod
+    def of(cls, curve: PeriodicCurve, rows: Array) -> "_Shares":
+        """Rows (P, r, n) times the curves (P, n, …)."""
+        assert isinstance(curve, Curve | FourierCurve)
+        parts = curve.coefficients
+        made = rows @ parts.reshape(*parts.shape[:2], -1)
+        shares = made.reshape(*made.shape[:2], *parts.shape[2:])
+        return (_Pieces if isinstance(curve, Curve) else _Series)(curve.nodes, shares)
+
+    @property
+    def means(self) -> Array:
+        raise NotImplementedError
+
+    def integrated(self) -> "_Shares":
+        """The integral with zero mean of what is left without the mean."""
+        raise NotImplementedError
+
+    def sum(self, curve: PeriodicCurve, vectors: Array, *parts: "tuple[_Shares, Array]") -> PeriodicCurve:
+        """The curve and vectors (P, n, r) times these functions, by factors (P, r)."""
+        assert isinstance(curve, Curve | FourierCurve)
+        degrees = max(curve.coefficients.shape[-1], *(each.coefficients.shape[-1] for each, _ in parts))
+        made = np.zeros((*curve.coefficients.shape[:-1], degrees), dtype=curve.coefficients.dtype)
+        made[..., : curve.coefficients.shape[-1]] = curve.coefficients
+        for each, factors in parts:
+            added = np.einsum("pjr,pr,pr...->pj...", vectors, factors, each.coefficients)
+            made[..., : added.shape[-1]] += added
+        return type(curve)(curve.nodes, made)
+
+
+class _Pieces(_Shares):
+    """Polynomials by steps, (P, r, m, D)."""
+
+    @property
+    def means(self) -> Array:
+        return np.asarray(self._of_steps.sum(axis=-1) / self.nodes[-1])
+
+    @property
+    def _of_steps(self) -> Array:
+        """Integrals over the steps (P, r, m)."""
+        count = self.coefficients.shape[-1]
+        return (self.coefficients @ (1 / np.arange(1, count + 1))) * np.diff(self.nodes)
+
+    def integrated(self) -> "_Shares":
+        h, count = np.diff(self.nodes), self.coefficients.shape[-1]
+        left = self.coefficients.copy()
+        left[..., 0] -= self.means[..., None]
+        made = np.zeros((*left.shape[:-1], count + 1))
+        made[..., 1:] = left * h[:, None] / np.arange(1, count + 1)
+        gained = made.sum(axis=-1)
+        made[..., 0] = np.cumsum(gained, axis=-1) - gained
+        found = _Pieces(self.nodes, made)
+        made[..., 0] -= found.means[..., None]
+        return found
+
+
+class _Series(_Shares):
+    """Fourier series (P, r, N+1)."""
+
+    @property
+    def means(self) -> Array:
+        return np.real(self.coefficients[..., 0])
+
+    def integrated(self) -> "_Shares":
+        rates = 2j * np.pi / self.nodes[-1] * np.arange(self.coefficients.shape[-1])
+        rates[0] = np.inf
+        return _Series(self.nodes, self.coefficients / rates)
+
+
+def _lowered(curve: PeriodicCurve, level: Array, drift: Array) -> PeriodicCurve:
+    """Curves less constants (P, n), with a drift (P, n) where there is one."""
+    assert isinstance(curve, Curve | FourierCurve)
+    made = curve.coefficients
+    if isinstance(curve, Curve):
+        made[..., 0] -= level[..., None]
+    else:
+        made[..., 0] -= level
+    return type(curve)(curve.nodes, made, drift=drift if drift.any() else None)
