@@ -103,6 +103,16 @@ class PointResults:
         return found
 
     @property
+    def notes(self) -> list[str]:
+        """At how many points the machine is free to turn, a sentence if at any."""
+        count = int(np.count_nonzero(self.rigid))
+        if not count:
+            return []
+        where = "all points" if count == len(self) else f"{count} of {len(self)} points"
+        left_out = "their multipliers +1 are left out of spectral radius and verdict"
+        return [f"rigid-body modes at {where}: {left_out}"]
+
+    @property
     def spectral_radius(self) -> Array:
         """Largest |ρ| (P,), those of rigid-body modes left out; NaN where the point failed, or nothing
         vibrates."""

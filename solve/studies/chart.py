@@ -34,7 +34,7 @@ from solve.studies.tongues import hidden
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
 
-_OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods"
+_OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
 """Arrays of results that tell of it."""
 
 _PREDICTED = 0.3
@@ -97,7 +97,7 @@ def chart(
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
         system = family.example.shown_in(across[0]).shown_in(upwards[0])
         at = partial(_at, batch, system.speed_unit)
-        solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, notes)
+        solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, [*notes, *results.notes])
         if asked is not None:
             values = asked.over(found, family.speeds(points), system.period)
             beyond = _beyond(system, found, results) if of_orbit else []

@@ -132,7 +132,12 @@ def critical_speeds(
         frequencies.values,
         orders,
         frequencies.imaginary,
-        [*notes, *shifted_by_rates(frequencies, CLOSE), *_left_out(system, grid, frequencies, found, orders)],
+        [
+            *notes,
+            *found.notes,
+            *shifted_by_rates(frequencies, CLOSE),
+            *_left_out(system, grid, frequencies, found, orders),
+        ],
     )
 
 

@@ -78,7 +78,7 @@ def sweep(
     else:
         raise ValueOutOfBoundsError(f"{system.name} is rigid, and its sweep quick; leave out the store")
     parameters = dict(zip(values, points.T, strict=False))
-    return Sweep(system, points[:, -1], results, task.request.engine, notes, parameters)
+    return Sweep(system, points[:, -1], results, task.request.engine, [*notes, *results.notes], parameters)
 
 
 def _over(given: Over | None, system: PeriodicSystem) -> dict[str, Array]:

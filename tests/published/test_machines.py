@@ -149,3 +149,21 @@ def test_a_flapping_blade_in_hover_and_in_forward_flight():
     expected = np.linalg.eigvals(end.reshape(2, 2))
     np.testing.assert_allclose(np.sort_complex(flight.multipliers), np.sort_complex(expected), rtol=1e-7)
     assert abs(np.prod(flight.multipliers)) == pytest.approx(np.exp(-2 * np.pi * gamma / 8), rel=1e-7)
+
+
+TRAIN = dict(zip([f"J{i}" for i in range(1, 6)], (3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05), strict=True))
+TRAIN |= dict(zip([f"k{i}" for i in range(1, 5)], (12e3, 12e3, 14e3, 10e3), strict=True))
+
+
+def test_the_free_drive_train_vibrates_as_the_page_says():
+    """(K − 4Ω²J)⁻¹T, and by the drag of disc 3 the drift T0/b."""
+    orbit = solve.periodic(solve.load(stated("drive_train"), c=0, b=0, T=10, T0=0, **TRAIN), "1000 rpm")
+    found = [1e3 * orbit.harmonics(name)[0][2] for name in orbit.coordinates]
+    np.testing.assert_allclose(found, [1.3488, 0.4982, 0.3588, 1.0894, 1.3954], atol=5e-5)
+    assert orbit.verdict == "stable"
+    machine = solve.load(stated("drive_train"), c=1e-5, b=0, T=10, T0=3, **TRAIN)
+    assert solve.floquet(machine, "1000 rpm").verdict == "asymptotically stable"
+    with pytest.raises(solve.errors.UnbalancedLoadError, match="is 3 N m"):
+        solve.periodic(machine, "1000 rpm")
+    dragged = solve.periodic(machine.varied({"b": 0.07}), "1000 rpm")
+    assert dragged.rigid_body_modes[0].drift == pytest.approx(3 / 0.07, rel=1e-9)
