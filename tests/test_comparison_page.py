@@ -1,5 +1,5 @@
-"""The page that sets this software beside others: no cell of it is left empty, and what it says of this software
-is what docs/abilities.toml says, each entry of which is tried."""
+"""The page beside other software: no cell is left empty, and what it says of this software is what
+docs/abilities.toml says, each entry of which is tried."""
 
 import re
 import tomllib
