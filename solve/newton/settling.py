@@ -28,8 +28,10 @@ _PUSH = 1e-3
 
 def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     """From near rest, in time, until period and period differ little, or Newton's iteration converges from
-    one of them; whether it has settled. Raises NoOrbitError, which says how far it came."""
-    change, tried = np.inf, _TRIED
+    one of them to an orbit that is not unstable; whether it has settled. An unstable orbit, to which it
+    converges while the motion leaves it, is given where the motion settles on no other. Raises NoOrbitError,
+    which says how far it came."""
+    change, tried, unstable = np.inf, _TRIED, None
     with stage("turns at most", _TURNS) as count:
         for turns, motion, change in marched(task, grid):
             count.add(turns - count.done)
@@ -38,9 +40,14 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
                 continue
             tried = 2 * turns
             try:
-                return iterated(task, motion, grid), settled
+                found = iterated(task, motion, grid)
             except NoOrbitError:
                 continue
+            if settled or found.solutions.multipliers.spectral_radius[0] <= 1:
+                return found, settled
+            unstable = unstable or found
+    if unstable is not None:
+        return unstable, False
     raise NoOrbitError(
         f"after {_TURNS} turns from rest the motion still changes by {change:.0%} from period to period"
     )
