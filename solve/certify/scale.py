@@ -1,8 +1,9 @@
 """The scale of a coordinate, by which changes and errors of a nonlinear orbit are measured.
 
-A coordinate may be small because the forces on it cancel: at an antiresonance, at an equilibrium, by symmetry.
-Its largest modulus is then no measure. Its load scale is one: the vibration that the largest single force on
-it, a load or the force of another coordinate, would cause against its own stiffness, damping and inertia,
+A coordinate may be small because the forces on it cancel: at an antiresonance, at an equilibrium, by
+symmetry. Its largest modulus is then no measure. Its load scale is one: the vibration that the largest single
+force on it, a load or the force of another coordinate, would cause against its own stiffness, damping and
+inertia,
 
     B_i = max_f Σ_k |f_ik| / (|M_ii| (kΩ)² + |C_ii| kΩ + |K_ii|),    k: harmonics of the force f on row i,
 
@@ -57,6 +58,10 @@ class CoordinateScale:
     def roundoff(self) -> Array:
         """Moduli (n,) of coordinates, and of corrections, that are zero within the round-off of the loads."""
         return _AT_REST * EPS * self._terms
+
+    def rests(self, largest: Array) -> bool:
+        """Whether some coordinate is zero within the round-off of the loads."""
+        return bool((largest <= self.roundoff).any())
 
     @cached_property
     def load_scale(self) -> Array:

@@ -3,6 +3,7 @@ problem along the last curve (U. Ascher, R. Mattheij, R. Russell, Numerical Solu
 Problems, 2.3.4), damped until corrections fall (P. Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -187,6 +188,13 @@ def summed(one: Curve, part: float, other: Curve) -> Curve:
     made[..., : one.coefficients.shape[-1]] = one.coefficients
     made[..., : other.coefficients.shape[-1]] += part * other.coefficients
     return Curve(one.nodes, made)
+
+
+def joined(turns: Sequence[Array], period: float) -> Curve:
+    """Motions (3, n, k) over one turn after another as one curve over their whole period."""
+    q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
+    nodes = np.linspace(0.0, period, q.shape[-1])
+    return Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:])
 
 
 def on(grid: Grid, motion: Motion) -> Curve:

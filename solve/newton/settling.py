@@ -7,7 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.iteration import Converged, Task, iterated, without_zeros
+from solve.newton.iteration import Converged, Task, iterated, joined, without_zeros
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.progress import stage
@@ -66,7 +66,7 @@ def marched(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
         if len(kept) == task.periods and (turn + 1) % task.periods == 0:
             largest = np.maximum(np.max([np.abs(part[0]).max(axis=1) for part in kept], axis=0), 1e-3 * sizes)
             change = float((np.abs(kept[-1][0, :, -1] - kept[0][0, :, 0]) / largest).max())
-            yield turn + 1, _joined(kept, task.period), change
+            yield turn + 1, joined(kept, task.period), change
 
 
 def sizes_of(task: Task, grid: Grid) -> Array:
@@ -77,10 +77,3 @@ def sizes_of(task: Task, grid: Grid) -> Array:
         return np.ones(task.system.n)
     assert found.curve is not None
     return without_zeros(np.abs(found.curve(found.grid.nodes)[0]).max(axis=1))
-
-
-def _joined(turns: list[Array], period: float) -> Curve:
-    """Motions (3, n, k) over one turn after another as one curve."""
-    q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
-    nodes = np.linspace(0.0, period, q.shape[-1])
-    return Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:])

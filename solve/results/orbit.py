@@ -12,10 +12,10 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected, relative_correction
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
-from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
-from solve.period.quantities import Quantities, Signal, samples_a_step
+from solve.period.quantities import Signal, samples_a_step
 from solve.results.contents import Column, Contents, curves_of, plain, require_different_names
+from solve.results.figures import coordinate_figures, output_figures
 from solve.results.plot import MOST_SHOWN, SCALES, Motion, orbit_figure, shown
 from solve.results.quantities import fixed, greek, measured, prefixed
 from solve.results.report import Facts, RenderableType, Table, stacked, table
@@ -102,24 +102,12 @@ class Orbit(Stability, Turn):
     @cached_property
     def _figures(self) -> Array:
         """Of the coordinates (n, 7)."""
-        engine = self.certified.request.engine
-        return Quantities(self.curve[None], np.array([self.speed]), engine=engine).figures()[0]
+        return coordinate_figures(self.curve, self.certified.request.engine)
 
     @cached_property
     def _output_figures(self) -> Array:
         """Of the outputs (o, 7)."""
-
-        def outputs(phase: Array, *state: Array) -> Array:
-            values = self.system.output_values(phase[0], self.speed, *(part[0] for part in state))
-            return np.array([[values[name] for name in self.system.outputs]])
-
-        engine, positions = self.certified.request.engine, range(len(self.system.outputs))
-        formulas = self.system.output_formulas() if engine == COMPILED else None
-        if formulas is not None:
-            formulas = formulas._replace(values=formulas.values[None])
-        speeds = np.array([self.speed])
-        quantities = Quantities(self.curve[None], speeds, outputs, engine, formulas, positions)
-        return quantities.figures()[0, self.system.n :]
+        return output_figures(self.system, self.curve, self.speed, self.certified.request.engine)
 
     @property
     def phase(self) -> Array:
