@@ -251,6 +251,12 @@ class PeriodicSystem(Labels):
             "nonlinear equations"
         )
 
+    def roundoff(self, phase: Array, speed: float) -> Array:
+        """Bounds (k, n) of the round-off in the load d of equations linearised along a motion, at phases
+        (k,), in units of the machine precision: the load is a sum of terms that may cancel. Zero where these
+        are not known."""
+        return np.zeros((len(phase), self.n))
+
     @property
     def smooth_parameters(self) -> tuple[str, ...]:
         """Names of the parameters by which the equations have derivatives."""

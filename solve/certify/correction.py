@@ -3,7 +3,8 @@
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.estimates import closing_rounding, in_sizes, moduli
+from solve.certify.estimates import moduli
+from solve.certify.scale import CoordinateScale
 from solve.contracts import Motion
 from solve.kernel.formulas import columns_by
 from solve.methods.free import free, solutions_on
@@ -14,6 +15,9 @@ from solve.system import PeriodicSystem
 
 _COMPARED = 4
 """Phases a step at which a correction is measured."""
+
+DOUBTFUL = 1e-2
+"""Relative correction above which it may be one of round-off: of noise it is about 1."""
 
 
 def corrected(
@@ -36,15 +40,21 @@ def corrected(
     return found
 
 
-def correction(motion: Motion, found: Solutions) -> Array:
-    """Size (n,) of a correction, per coordinate max|change|/max|q|; one that rests but for rounding is
-    measured by the largest."""
+def correction(motion: Motion, found: Solutions) -> tuple[Array, Array]:
+    """Largest moduli (n,) of a correction to a motion, and of the corrected motion."""
     assert found.curve is not None
     steps = found.grid.h[:, None] * ((np.arange(_COMPARED) + 0.5) / _COMPARED)
     phase = (found.grid.nodes[:-1, None] + steps).ravel()
-    apart, largest = moduli(motion(phase), found.curve(phase))
-    return in_sizes(apart, largest, closing_rounding(found), _by_the_largest)[0]
+    change, largest = moduli(motion(phase), found.curve(phase))
+    return change[0], largest[0]
 
 
-def _by_the_largest(_: Array, sizes: Array) -> Array:
-    return np.broadcast_to(sizes.max(axis=1, keepdims=True), sizes.shape)
+def relative_correction(
+    system: PeriodicSystem, motion: Motion, speed: float, found: Solutions, engine: str
+) -> Array:
+    """The correction (n,) relative to the scale of each coordinate."""
+    change, largest = correction(motion, found)
+    along = system.along(motion, columns_by(engine))
+    scale = CoordinateScale(along, motion, speed, found.grid.steps)
+    sizes = change / scale.of(largest)
+    return change / scale.of(largest, roundoff=True) if sizes.max() > DOUBTFUL else sizes

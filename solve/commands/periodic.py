@@ -30,6 +30,9 @@ def periodic(
     periods: Annotated[
         int | None, Flag("With --nonlinear: an orbit of K periods; 1 by default.", "K")
     ] = None,
+    start: Annotated[
+        str | None, Flag("With --nonlinear: a saved orbit or transient to begin with.", "FILE")
+    ] = None,
     quasi_static: Annotated[bool, Flag("The kinetostatic solution beside the full one.")] = False,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     data: Annotated[str | None, Flag("Measured vibration of this speed, drawn beside.", "FILE")] = None,
@@ -56,7 +59,11 @@ def periodic(
         )
     if periods is not None and not nonlinear:
         raise ValueOutOfBoundsError(f"--periods {periods} is of nonlinear orbits; add --nonlinear")
-    find = partial(_nonlinear, periods=1 if periods is None else periods) if nonlinear else linear_orbit
+    if start is not None and not nonlinear:
+        raise ValueOutOfBoundsError(f"--start {start} is of nonlinear orbits; add --nonlinear")
+    find = linear_orbit
+    if nonlinear:
+        find = partial(_nonlinear, start=start, periods=1 if periods is None else periods)
     orbit = accuracy.solved(find, model, speed.omega(model))
     figure = partial(orbit.plot, show, quasi_static, scale, harmonics) if picture is None else lambda: picture
     record = partial(orbit.record, orders, quasi_static)
@@ -66,11 +73,13 @@ def periodic(
     deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure)
 
 
-def _nonlinear(model: Model, omega: float, *given: Any, periods: int, all_multipliers: bool) -> Orbit:
+def _nonlinear(
+    model: Model, omega: float, *given: Any, start: str | None, periods: int, all_multipliers: bool
+) -> Orbit:
     from solve.newton.orbits import nonlinear
 
     rule, steps, rtol = given
-    return nonlinear(model, omega, None, periods, rule, steps, rtol, all_multipliers=all_multipliers)
+    return nonlinear(model, omega, start, periods, rule, steps, rtol, all_multipliers=all_multipliers)
 
 
 def _with_measured(

@@ -367,15 +367,23 @@ class ModelAlong(Model):
     def _tangent(self, phase: Array, speed: float) -> Array:
         """M, C, K by rows and d (3n² + n, k) at phases (k,), but for the damping of ratios."""
         self.model.require_desired_motion(np.array([speed]))
-        speeds, of = np.full(len(phase), speed), getattr(self.motion, "states", None)
-        motions = of(phase) if of else [self.motion(phase, derivative) for derivative in range(3)]
-        states = [speed**derivative * part for derivative, part in enumerate(motions)]
+        speeds, states = np.full(len(phase), speed), self._motion_states(phase, speed)
         formulas, found = self.model.tangent_formulas if self._compiled else None, None
         if self._compiled and formulas:
             found = self._compiled(formulas, (phase[None], speeds[None], *states))
         if found is None:
             found = self.model.tangent(phase, speeds, *(state.T for state in states)).T
         return found
+
+    def _motion_states(self, phase: Array, speed: float) -> list[Array]:
+        """q, q̇ and q̈ (n, k) of the motion."""
+        of = getattr(self.motion, "states", None)
+        motions = of(phase) if of else [self.motion(phase, derivative) for derivative in range(3)]
+        return [speed**derivative * part for derivative, part in enumerate(motions)]
+
+    def roundoff(self, phase: Array, speed: float) -> Array:
+        states = (state.T for state in self._motion_states(phase, speed))
+        return self.model.setup.residual_roundoff(phase, np.full(len(phase), speed), *states, self.setup.p)
 
     def entries(self, phase: Array, speed: float) -> Array:
         if self.model.assembled:

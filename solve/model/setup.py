@@ -16,6 +16,7 @@ from solve.model.cases import Case
 from solve.model.domain import Domain
 from solve.model.formulas import c_text
 from solve.model.options import checked_options
+from solve.model.roundoff import roundoff_bound
 from solve.model.sampling import Sampler, folded
 
 if TYPE_CHECKING:
@@ -97,6 +98,12 @@ class Setup:
         """A generated function at many phases, each with values of its own for the free parameters."""
         order = list(self.case.parameters)
         return Sampler(folded(self.function(name), self.p, [order.index(each) for each in free]))
+
+    @cached_property
+    def residual_roundoff(self) -> Sampler:
+        """Bounds (k, n) of the round-off in the nonlinear residual, in units of the machine precision, at
+        phases, speeds and states q, qd, qdd (k, n), and the parameters (p,)."""
+        return Sampler(roundoff_bound(self.function("residual"), ("speed", "p")), shared=1)
 
     def formulas(
         self,

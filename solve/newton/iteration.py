@@ -3,14 +3,17 @@ problem along the last curve (U. Ascher, R. Mattheij, R. Russell, Numerical Solu
 Problems, 2.3.4), damped until corrections fall (P. Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import corrected, correction
+from solve.certify.scale import CoordinateScale
 from solve.contracts import Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
+from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.period.curve import Curve
@@ -102,30 +105,75 @@ def iterated(task: Task, start: Motion, grid: Grid, most: int = _MOST) -> Conver
 
 
 def _iterated(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
-    curve: Curve = on(grid, start)
-    found, size = _corrected(task, curve, grid)
-    part, smallest, count = 1.0, size, 0
+    measure, curve = _Measure(task, grid), on(grid, start)
+    found = _corrected(task, curve, grid)
+    size, part, smallest, count = measure(curve, found), 1.0, math.inf, 0
     while count < most:
         count += 1
         smallest = min(smallest, size)
         if size <= _PART_OF_RTOL * task.rtol:
-            return Converged(found, count, size)
+            return measure.converged(curve, found, count)
         trial = between(curve, Converged(found, count, size).curve, part)
         try:
-            after, then = _corrected(task, trial, grid)
+            after = _corrected(task, trial, grid)
         except LinearModelError:
             raise
         except SolveError:
-            after, then = found, math.inf
+            after = None
+        then = math.inf if after is None else measure(trial, after)
+        if not then <= (1 - part / 4) * size and measure.refined(curve, found):
+            size = measure(curve, found)
+            then = math.inf if after is None else measure(trial, after)
         if size < _STALLED and then > size / 2:
-            return Converged(found, count, size)
-        if then <= (1 - part / 4) * size:
+            return measure.converged(curve, found, count)
+        if after is not None and then <= (1 - part / 4) * size:
             curve, found, size, part = trial, after, then, min(1.0, 2 * part)
         elif part <= _LEAST_PART:
             break
         else:
             part /= 2
     raise NoOrbitError(f"after {count} corrections the least was {smallest:.1e} of the orbit")
+
+
+class _Measure:
+    """The sizes of corrections: relative to max|q| of each coordinate, or, once these fall no more, to scales
+    that do not vanish with the coordinates; 0 for corrections within round-off."""
+
+    def __init__(self, task: Task, grid: Grid):
+        self._task, self._grid = task, grid
+        self._floor, self._roundoff = np.zeros((2, task.system.n))
+        self._curve: Curve | None = None
+
+    def __call__(self, curve: Curve, found: Solutions) -> float:
+        """Of the correction to a curve: the largest over the coordinates."""
+        change, largest = correction(curve, found)
+        return self._relative(np.where(change > self._roundoff, change, 0.0), largest)
+
+    def _relative(self, change: Array, largest: Array) -> float:
+        scale = np.maximum(largest, self._floor)
+        return float((change / np.where(scale > 0, scale, 1.0)).max())
+
+    def refined(self, curve: Curve, found: Solutions) -> bool:
+        """Calculate the scales along a curve; False if they are known already."""
+        if curve is self._curve:
+            return False
+        task, self._curve = self._task, curve
+        along = task.system.along(curve, columns_by(task.engine))
+        scale = CoordinateScale(along, curve, task.speed, self._grid.steps)
+        change, largest = correction(curve, found)
+        self._floor, self._roundoff = scale.of(largest), np.zeros_like(largest)
+        if self._relative(change, largest) > _STALLED:
+            self._floor, self._roundoff = scale.of(largest, roundoff=True), scale.roundoff
+        return True
+
+    def converged(self, curve: Curve, found: Solutions, count: int) -> Converged:
+        """The result; coordinates that are zero within round-off are zero."""
+        size, reached = self._relative(*correction(curve, found)), Converged(found, count, 0.0).curve
+        zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
+        if zero.any():
+            moving = np.where(zero[:, None, None], 0.0, reached.coefficients)[None]
+            found = replace(found, curve=Curve(reached.nodes, moving))
+        return Converged(found, count, size)
 
 
 def between(one: Curve, other: Curve, part: float) -> Curve:
@@ -149,6 +197,13 @@ def _drift(one: Curve, part: float, other: Curve) -> Array | None:
     return first + part * second
 
 
+def joined(turns: Sequence[Array], period: float) -> Curve:
+    """Motions (3, n, k) over one turn after another as one curve over their whole period."""
+    q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
+    nodes = np.linspace(0.0, period, q.shape[-1])
+    return Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:])
+
+
 def on(grid: Grid, motion: Motion) -> Curve:
     """A motion on the nodes of a grid."""
     if isinstance(motion, Curve) and np.array_equal(motion.nodes, grid.nodes):
@@ -161,9 +216,8 @@ def on(grid: Grid, motion: Motion) -> Curve:
     return curve if drift is None else replace(curve, drift=drift)
 
 
-def _corrected(task: Task, curve: Curve, grid: Grid) -> tuple[Solutions, float]:
-    found = corrected(task.system, curve, task.speed, task.method, grid, task.engine, task.factors)
-    return found, float(correction(curve, found).max())
+def _corrected(task: Task, curve: Curve, grid: Grid) -> Solutions:
+    return corrected(task.system, curve, task.speed, task.method, grid, task.engine, task.factors)
 
 
 class Newton(Method):

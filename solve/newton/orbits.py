@@ -1,11 +1,8 @@
 """The periodic solution of nonlinear equations of motion, certified as the linear one is."""
 
 import math
-import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from solve.argument import require_whole
 from solve.certify.all_multipliers import Spectrum, refined, rigid_multipliers
@@ -26,11 +23,11 @@ from solve.methods.radau import Radau
 from solve.newton.continuation import by_load, by_speed
 from solve.newton.iteration import Converged, Newton, Task, at_rest, iterated
 from solve.newton.settling import by_transient
+from solve.newton.starts import Start, motion_of
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
 from solve.progress import steps
 from solve.results.nonlinear import NonlinearOrbit
-from solve.results.orbit import Orbit
 from solve.single import request
 from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
@@ -47,7 +44,7 @@ _WAYS = ("linear orbit", "load", "speed", _TRANSIENT)
 def nonlinear(
     system: PeriodicSystem,
     speed: float | str,
-    start: Orbit | Motion | None = None,
+    start: Start | None = None,
     periods: int = 1,
     method: str | Rule = "auto",
     steps: int | None = None,
@@ -55,17 +52,54 @@ def nonlinear(
     engine: str = "auto",
     all_multipliers: bool = False,
 ) -> NonlinearOrbit:
-    """The periodic solution of a model's nonlinear equations at a speed (rad/s, or a text with unit).
+    """Find the periodic solution of a model's nonlinear equations at a speed.
 
-    Each correction of Newton's iteration is a linear periodic problem; errors are estimated from two grids
-    on which the iteration has converged, multipliers are those of the converged linearisation. periods: how
-    many of the model's make one of the orbit. start: an orbit, or a motion with `nodes` from 0 to the end of
-    its period and q (n, k) at phases (k,) when called, as `PeriodicSystem.along` takes it. Without, the
-    iteration starts from the linear orbit; where that does not converge, the orbit is followed in the load
-    or in the speed, or a transient from rest leads to it. all_multipliers: `rtol` holds for each multiplier,
-    however small, on grids on which the iteration has converged too. Raises LinearModelError for systems
-    without nonlinear equations, NoOrbitError, which says how far each way came, and other SolveError
-    subclasses for bad input.
+    Parameters
+    ----------
+    speed : float or str
+        In rad/s, or a text with unit.
+    start : optional
+        Where Newton's iteration begins; all are motions over the orbit's period, or a whole part of it:
+
+        - an orbit, linear or nonlinear, also of other parameters, speeds or steps;
+        - a transient, of which the last periods count;
+        - the path of a file .nc or .npz of either;
+        - q and q̇ (n,) at phase 0, derivatives by time, from which the motion is followed over the period;
+        - a function of phases (k,) that returns q (n, k), or a motion with `nodes` as
+          `PeriodicSystem.along` takes it.
+
+        Without a start the iteration begins with the linear orbit; where that does not converge, the orbit
+        is followed in the load or in the speed, or a transient from rest leads to it.
+    periods : int
+        Number of the model's periods in one of the orbit.
+    method : str or Method
+        "auto", "radau" or "gauss".
+    steps : int, optional
+        Steps of the orbit's period.
+    rtol : float
+        Tolerance of the orbit and of the multipliers.
+    engine : str
+        "auto", "compiled" or "numpy".
+    all_multipliers : bool
+        Whether `rtol` holds for each multiplier, however small.
+
+    Returns
+    -------
+    NonlinearOrbit
+
+    Raises
+    ------
+    LinearModelError
+        For systems without nonlinear equations.
+    NoOrbitError
+        Where no orbit is found; it says how far each way came.
+    ValueOutOfBoundsError, FileError
+        For bad input.
+
+    Notes
+    -----
+    Each correction of the iteration is a linear periodic problem. Errors are estimated from two grids on
+    which it has converged; multipliers are those of the converged linearisation.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_whole("periods", periods)
@@ -143,19 +177,9 @@ class _Search:
             reached = (by_load if way == "load" else by_speed)(self.task, finest)
         return self.certified(reached, way, failed, settled)
 
-    def iterated(self, start: Orbit | Motion | None) -> Converged:
+    def iterated(self, start: Start | None) -> Converged:
         """From a motion, by default rest, on the first of the grids on which the iteration converges."""
-        motion = start.motion if isinstance(start, Orbit) else start
-        if motion is not None and not hasattr(motion, "nodes"):
-            raise ValueOutOfBoundsError(
-                f"start is {reprlib.repr(start)}; allowed: an orbit or the motion of one; leave it out "
-                "to begin with the linear orbit"
-            )
-        given = self.task.system.n if motion is None else len(motion(np.zeros(1)))
-        if given != self.task.system.n:
-            raise ValueOutOfBoundsError(
-                f"start has {given} coordinates; {self.task.system.name} has {self.task.system.n}"
-            )
+        motion = None if start is None else motion_of(start, self.task)
         self._check_period(motion)
         for grid in self.grids[:-1]:
             try:

@@ -7,7 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.iteration import Converged, Task, iterated, without_zeros
+from solve.newton.iteration import Converged, Task, iterated, joined, without_zeros
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.progress import stage
@@ -28,8 +28,10 @@ _PUSH = 1e-3
 
 def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     """From near rest, in time, until period and period differ little, or Newton's iteration converges from
-    one of them; whether it has settled. Raises NoOrbitError, which says how far it came."""
-    change, tried = np.inf, _TRIED
+    one of them to an orbit that is not unstable; whether it has settled. An unstable orbit, to which it
+    converges while the motion leaves it, is given where the motion settles on no other. Raises NoOrbitError,
+    which says how far it came."""
+    change, tried, unstable = np.inf, _TRIED, None
     with stage("turns at most", _TURNS) as count:
         for turns, motion, change in marched(task, grid):
             count.add(turns - count.done)
@@ -38,9 +40,14 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
                 continue
             tried = 2 * turns
             try:
-                return iterated(task, motion, grid), settled
+                found = iterated(task, motion, grid)
             except NoOrbitError:
                 continue
+            if settled or found.solutions.multipliers.spectral_radius[0] <= 1:
+                return found, settled
+            unstable = unstable or found
+    if unstable is not None:
+        return unstable, False
     raise NoOrbitError(
         f"after {_TURNS} turns from rest the motion still changes by {change:.0%} from period to period"
     )
@@ -59,7 +66,7 @@ def marched(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
         if len(kept) == task.periods and (turn + 1) % task.periods == 0:
             largest = np.maximum(np.max([np.abs(part[0]).max(axis=1) for part in kept], axis=0), 1e-3 * sizes)
             change = float((np.abs(kept[-1][0, :, -1] - kept[0][0, :, 0]) / largest).max())
-            yield turn + 1, _joined(kept, task.period), change
+            yield turn + 1, joined(kept, task.period), change
 
 
 def sizes_of(task: Task, grid: Grid) -> Array:
@@ -70,10 +77,3 @@ def sizes_of(task: Task, grid: Grid) -> Array:
         return np.ones(task.system.n)
     assert found.curve is not None
     return without_zeros(np.abs(found.curve(found.grid.nodes)[0]).max(axis=1))
-
-
-def _joined(turns: list[Array], period: float) -> Curve:
-    """Motions (3, n, k) over one turn after another as one curve."""
-    q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
-    nodes = np.linspace(0.0, period, q.shape[-1])
-    return Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:])

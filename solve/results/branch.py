@@ -1,7 +1,7 @@
-"""A branch of nonlinear orbits over the speed."""
+"""A branch of nonlinear orbits over the speed, or over a parameter."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby, pairwise
 from typing import Any, ClassVar
@@ -9,20 +9,26 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.labels import SPEED
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
-from solve.results.contents import Column, Columns
+from solve.period.quantities import FIGURES
+from solve.results.contents import Column, Columns, require_different_names
 from solve.results.plot import MOST_SHOWN, label_quantity, label_speeds, title_of
 from solve.results.quantities import headed, prefixed
 from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
 from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
+from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _MOST_ROWS = 40
 """Of the table; of more points every k-th is shown."""
 
 _NARROW = 1e-3
-"""Range of the speeds, by the largest, below which seven digits hardly tell them apart."""
+"""Range of the values, relative to the largest, below which seven digits hardly tell them apart."""
+
+_SHOWN = "max", "min", "max_abs", "mean", "rms"
+_MAX_ABS = FIGURES.index("max_abs")
 
 STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
@@ -32,30 +38,79 @@ _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY,
 
 @dataclass(frozen=True)
 class Branch(Result):
-    """Points (P,) along a branch.
+    """Orbits (P,) along a branch.
 
-    speeds: in rad/s. peaks (P, n): largest moduli of the coordinates. radius: spectral radii. errors (P, 2):
-    relative ones of the orbits, and those of the radii. turns: whether the branch turns back there. rtol:
-    what was asked of the orbits. ended: why the branch ends within the range of speeds, or an empty text.
-    notes: what the engine has to say.
+    Attributes
+    ----------
+    system : PeriodicSystem
+    speeds : (P,) array
+        In rad/s.
+    figures : (P, q, 7) array
+        Of each coordinate and, behind these, each output: the fields of `solve.statistics.Statistics`, of the
+        continuous curve.
+    figure_errors : (P, q) array
+        Estimated errors of the extrema, relative to the largest modulus, or to the scale of a coordinate
+        where the forces on it cancel.
+    radius : (P,) array
+        Spectral radii.
+    errors : (P, 2) array
+        Estimated errors: of the orbits, relative, and of the spectral radii, absolute.
+    turns : (P,) array
+        Whether the branch turns back at the orbit.
+    repeats : (P,) array
+        Whether the orbit is one of a single period, where several were given.
+    rtol : float
+        Tolerance of the orbits.
+    ended : str
+        Why the branch ends within its range; otherwise empty.
+    notes : sequence of str
+        Notes of the engine.
+    periods : int
+        Number of the model's periods in a period of the orbits.
+    parameters : mapping
+        Values (P,) of the parameter that varies instead of the speed, by its name.
     """
 
     _rows: ClassVar[str] = "points"
 
     system: PeriodicSystem
     speeds: Array
-    peaks: Array
+    figures: Array
+    figure_errors: Array
     radius: Array
     errors: Array
     turns: Array
+    repeats: Array
     rtol: float
     ended: str
     notes: Sequence[str] = ()
+    periods: int = 1
+    parameters: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Names (q,) of the coordinates and outputs."""
+        return *self.system.coordinates, *self.system.outputs
+
+    @property
+    def peaks(self) -> Array:
+        """Largest moduli (P, n) of the coordinates."""
+        return self.figures[:, : self.system.n, _MAX_ABS]
+
+    @property
+    def over(self) -> str:
+        """The name of what varies: "speed", or a parameter."""
+        return next(iter(self.parameters), SPEED)
+
+    @property
+    def values(self) -> Array:
+        """Values (P,) of what varies: speeds in rad/s, or those of the parameter."""
+        return self.parameters.get(self.over, self.speeds)
 
     @property
     def turning(self) -> Array:
-        """Speeds in rad/s at which the branch turns back, in its order."""
-        return self.speeds[self.turns.astype(bool)]
+        """Values at which the branch turns back, in its order."""
+        return self.values[self.turns.astype(bool)]
 
     @property
     def verdicts(self) -> list[str]:
@@ -74,41 +129,80 @@ class Branch(Result):
             found.append(
                 f"orbits are off by up to {worst:.1e} of themselves, beyond the {self.rtol:g} asked for"
             )
+        if self.repeats.any():
+            found.append(
+                f"orbits repeat after each of their {self.periods} periods{self._where(self.repeats)}: "
+                "they are of one period; others need another start"
+            )
+        return found + self._beyond_limits
+
+    @property
+    def _beyond_limits(self) -> list[str]:
+        """Limits of the model that orbits leave, a sentence each, with the first of these."""
+        found = []
+        for limit in self.system.limits(self.quantities, linear=False):
+            figures = self.figures[:, self.quantities.index(limit.quantity)]
+            left = np.asarray(limit.left(Statistics(*figures.T)))
+            if left.any():
+                first = Statistics(*figures[int(left.argmax())].tolist())
+                found.append(f"{limit.says(first)}{self._where(left)}")
         return found
+
+    def _where(self, which: Array) -> str:
+        """In words, at which points (P,)."""
+        first = self.system.unit_of(self.over).text(float(self.values[int(which.argmax())]), self._digits)
+        return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
     @property
     def whole(self) -> dict[str, Any]:
-        return {"turning": self.turning, "rtol": self.rtol}
+        return {"turning": self.turning, "rtol": self.rtol, "periods": self.periods}
 
     @property
     def _digits(self) -> str:
-        """Of speeds that lie close together, enough to tell them apart."""
-        return ".7g" if np.ptp(self.speeds) > _NARROW * self.speeds.max() else ".10g"
+        """Of values that lie close together, enough to tell them apart."""
+        return ".7g" if np.ptp(self.values) > _NARROW * np.abs(self.values).max() else ".10g"
 
     @property
     def columns(self) -> Columns:
         """A row a point."""
-        found = {"speed": speeds_of(self.system, self.speeds, heading="{}", form=self._digits)}
-        for at, (name, values) in enumerate(zip(self.system.coordinates, self.peaks.T, strict=True)):
-            unit, meaning = self.system.units.get(name, ""), f"largest modulus of {name}"
-            factor, shown = prefixed(unit, float(values.max()))
-            title = headed(f"max|{name}|", shown) if at < MOST_SHOWN - 1 else ""
-            found[f"{name}_max_abs"] = Column(values, unit, meaning, title, digits(".5g", factor))
-        meaning, back = "error of the orbit, relative, estimated", self.turns.astype(bool)
-        return {
-            **found,
-            "spectral_radius": Column(self.radius, "1", "spectral radius", "radius", digits(".5g")),
-            "verdict": Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__),
-            "turns": Column(back, "", "whether the branch turns back", "turns", _YES.__getitem__),
-            "error": Column(self.errors[:, 0], "1", meaning),
-            "radius_error": Column(self.errors[:, 1], "1", "error of the spectral radius, estimated"),
-        }
+        system, back = self.system, self.turns.astype(bool)
+        found = [("speed", speeds_of(system, self.speeds, heading="{}", form=self._digits))]
+        found += [
+            (name, Column(values, *system.parameter_labels[name], name, digits(".7g")))
+            for name, values in self.parameters.items()
+        ]
+        for at, name in enumerate(self.quantities):
+            found += self._columns_of(name, at)
+        meaning = "error of the spectral radius, estimated"
+        found += [
+            ("spectral_radius", Column(self.radius, "1", "spectral radius", "radius", digits(".5g"))),
+            ("verdict", Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__)),
+            ("turns", Column(back, "", "whether the branch turns back", "turns", _YES.__getitem__)),
+            ("error", Column(self.errors[:, 0], "1", "error of the orbit, relative, estimated")),
+            ("radius_error", Column(self.errors[:, 1], "1", meaning)),
+        ]
+        require_different_names(found)
+        return dict(found)
+
+    def _columns_of(self, name: str, at: int) -> list[tuple[str, Column]]:
+        """Figures of a quantity; largest moduli of the first coordinates are in the table."""
+        unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
+        values = {figure: self.figures[:, at, FIGURES.index(figure)] for figure in _SHOWN}
+        factor, shown = prefixed(unit, float(np.nanmax(np.append(values["max_abs"], 0.0))))
+        title = headed(f"max|{name}|", shown) if at < min(self.system.n, MOST_SHOWN - 1) else ""
+        found = []
+        for figure, numbers in values.items():
+            heading = title if figure == "max_abs" else ""
+            column = Column(numbers, unit, f"{figure} of {meaning}", heading, digits(".5g", factor))
+            found.append((f"{name}_{figure}", column))
+        error = f"error of the extrema of {meaning}, relative, estimated"
+        return [*found, (f"{name}_error", Column(self.figure_errors[:, at], "1", error))]
 
     @property
     def summary(self) -> str:
         """Where it goes and turns back."""
-        unit = self.system.speed_unit
-        ends = unit.span(self.speeds[0], self.speeds[-1])
+        unit = self.system.unit_of(self.over)
+        ends = unit.span(self.values[0], self.values[-1])
         back = ", ".join(unit.text(each, ".6g") for each in self.turning)
         return f"The branch goes from {ends}" + (f" and turns back at {back}." if back else ".")
 
@@ -117,8 +211,8 @@ class Branch(Result):
         return [made, text("\n" + self.summary)]
 
     def plot(self) -> Figure:
-        """Largest moduli and the spectral radius over speed, where the branch is unstable dashed (matplotlib
-        Figure)."""
+        """Largest moduli and the spectral radius over what varies, dashed where the branch is unstable
+        (matplotlib Figure)."""
         names = self.system.coordinates[: MOST_SHOWN - 1]
         title = f"{title_of(self.system)}: branch of nonlinear orbits"
         with page(1.4 + 1.5 * (len(names) + 1), title) as figure:
@@ -129,26 +223,26 @@ class Branch(Result):
             axes[-1].set_yscale("log")
             axes[-1].set_ylabel("spectral\nradius |ρ|")
             self._draw(axes[-1], self.radius)
-            label_speeds(axes[-1], self.system, np.sort(self.speeds))
+            label_speeds(axes[-1], self.system, np.sort(self.values), self.over)
             axes[0].legend(loc="best")
             figure.align_ylabels(axes)
         return figure
 
     def _draw(self, axes: Axes, values: Array) -> None:
         """Pieces of one verdict after another, and the turning points."""
-        speeds, back, first = self.system.speed_unit.of(self.speeds), self.turns.astype(bool), 0
+        places, back, first = self.system.unit_of(self.over).of(self.values), self.turns.astype(bool), 0
         named: set[str] = set()
         for verdict, pieces in groupby(self._between):
             last = first + len([*pieces])
             color, line = _LINES[verdict]
             style = {"color": color, "linestyle": line, "marker": ".", "markersize": 4}
             style["label"] = None if verdict in named else verdict
-            axes.plot(speeds[first : last + 1], values[first : last + 1], **style)
+            axes.plot(places[first : last + 1], values[first : last + 1], **style)
             named.add(verdict)
             first = last
         if back.any():
             axes.plot(
-                speeds[back],
+                places[back],
                 values[back],
                 "o",
                 color=BLACK,

@@ -11,13 +11,9 @@ from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
+from solve.results.figures import repeats_early
 from solve.results.orbit import Orbit, QuasiStatic
 from solve.results.report import Facts
-
-_REPEATS = 1e-6
-"""Relative difference between the periods of an orbit of several below which it is one of a single period."""
-
-_SAMPLES = 512
 
 
 @dataclass(frozen=True)
@@ -76,7 +72,7 @@ class NonlinearOrbit(Orbit):
     def doubts(self) -> list[str]:
         """Whether this is the orbit that was asked for, a sentence each where it may not be."""
         found = []
-        if self.periods > 1 and self._repeats:
+        if self.periods > 1 and repeats_early(self.curve, self.periods):
             found.append(
                 f"the orbit repeats after each of its {self.periods} periods: it is one of period T; another "
                 "needs another start"
@@ -90,12 +86,6 @@ class NonlinearOrbit(Orbit):
     @property
     def summary(self) -> str:
         return f"By the nonlinear equations: {super().summary.replace('At', 'at', 1)}"
-
-    @property
-    def _repeats(self) -> bool:
-        phase = np.arange(_SAMPLES) * (self.system.period / _SAMPLES)
-        q, later = self.at(phase), self.at(phase + self.system.period / self.periods)
-        return bool((np.abs(later - q).max(axis=1) <= _REPEATS * np.abs(q).max(axis=1)).all())
 
     @property
     def whole(self) -> dict[str, Any]:

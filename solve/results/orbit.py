@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import corrected, correction
+from solve.certify.correction import corrected, relative_correction
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
-from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
-from solve.period.quantities import Quantities, Signal, samples_a_step
+from solve.period.quantities import Signal, samples_a_step
 from solve.results.contents import Column, Contents, curves_of, plain, require_different_names
+from solve.results.figures import coordinate_figures, output_figures
 from solve.results.plot import MOST_SHOWN, SCALES, Motion, orbit_figure, shown
 from solve.results.quantities import fixed, greek, measured, prefixed
 from solve.results.report import Facts, RenderableType, Table, stacked, table
@@ -27,6 +27,10 @@ _RANKS = ("strongest", "second", "third")
 
 _ALIKE = 1e-6
 """Relative difference of what a period changes that counts as none."""
+
+
+_DOUBTFUL = 1e-2
+"""Relative residual above which it may be one of round-off: of noise it is about 1."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +79,7 @@ class Orbit(Stability, Turn):
     @cached_property
     def _figures(self) -> Array:
         """Of the coordinates (n, 7)."""
-        engine = self.certified.request.engine
-        return Quantities(self.curve[None], np.array([self.speed]), engine=engine).figures()[0]
+        return coordinate_figures(self.curve, self.certified.request.engine)
 
     @property
     def _output_figures(self) -> Array:
@@ -147,12 +150,16 @@ class Orbit(Stability, Turn):
         terms = [np.einsum("kij,jk->ki", A, x) for A, x in ((M, qdd), (C, qd), (K, q))]
         scale = np.max([np.abs(term).max(axis=0) for term in (*terms, d)], axis=0)
         residual = np.abs(sum(terms) - d).max(axis=0)
+        if (residual > _DOUBTFUL * scale).any():
+            # Where all terms are round-off, by what the load is a sum of.
+            scale = np.maximum(scale, self.system.roundoff(phase, self.speed).max(axis=0))
         return float(np.max(residual / np.where(scale > 0, scale, 1.0)))
 
     @cached_property
     def linearisation_error(self) -> Mapping[str, float] | None:
         """How far the orbit of the nonlinear equations is from this linear one, per coordinate
-        max|difference|/max|q|. It is the size of one correction of Newton's method on the same grid, which is
+        max|difference| relative to its scale, see `solve.certify.scale`: max|q|, unless the forces on it
+        cancel. It is the size of one correction of Newton's method on the same grid, which is
         near the truth as long as it is small. NaN where that has no solution, None for linear systems."""
         if not self.system.nonlinear:
             return None
@@ -160,7 +167,7 @@ class Orbit(Stability, Turn):
         grid, engine = certified.solutions.grid, certified.request.engine
         with suppress(SolveError):
             further = corrected(self.system, self.motion, self.speed, certified.method, grid, engine)
-            sizes = correction(self.motion, further)
+            sizes = relative_correction(self.system, self.motion, self.speed, further, engine)
         return dict(zip(self.coordinates, sizes.tolist(), strict=True))
 
     @property

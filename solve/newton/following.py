@@ -1,0 +1,348 @@
+"""Nonlinear orbits followed over a parameter, such as the speed, through the values where the branch turns
+back: continuation by arclength (H. B. Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory,
+Academic Press, 1977)."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.scale import CoordinateScale
+from solve.errors import NoOrbitError, SolveError
+from solve.kernel.formulas import columns_by
+from solve.methods.method import Solutions
+from solve.newton.iteration import on, summed
+from solve.newton.parameter import ContinuationParameter
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.multipliers import EPS
+from solve.period.points import OnePoint
+from solve.progress import stage
+from solve.results.figures import orbit_figures, output_changes, repeats_early
+from solve.results.orbit import Orbit
+from solve.system import PeriodicSystem
+from solve.threads import one_thread
+
+_FIRST, _LARGEST, _LEAST = 0.05, 0.2, 1e-5
+"""Lengths of steps, in sizes of the coordinates and parts of the range of the parameter: the first, the
+largest, and that below which the branch is given up."""
+
+_FEW, _MANY, _MOST = 4, 6, 8
+"""Corrections of a step: after few the next is longer, after many shorter; beyond most it is halved."""
+
+_CONVERGED, _LOST = 1e-7, 3.0
+"""Sizes of a correction: of the last at most, and of one that leads away."""
+
+_PART_OF_RTOL, _LEAST_CORRECTION = 0.01, 1e-10
+"""Part of rtol that the last correction may be, if that is less, and the size below which corrections are
+not required to fall: on a fold the condition of 1e5 leaves them 1e-11."""
+
+_ROUNDOFF = 4 * EPS
+"""Relative error of the parameter that is always there."""
+
+_LEAST_ERROR = 64 * EPS
+"""Relative error of an orbit that round-off leaves, as for single orbits."""
+
+_SAMPLES = 8
+"""Phases a step at which orbits are compared."""
+
+_FINEST = 2**12
+"""Steps of a period beyond which grids are not refined."""
+
+_ROUNDS = 3
+"""Steps to a value where the branch turns back."""
+
+_STRAIGHT = 0.85
+"""Cosine of the angles between a step and the directions at its ends below which it is too long."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A curve and a value of the parameter, or differences of both."""
+
+    curve: Curve
+    value: float
+
+    def plus(self, part: float, other: "Place") -> "Place":
+        return Place(summed(self.curve, part, other.curve), self.value + part * other.value)
+
+    def on(self, grid: Grid) -> "Place":
+        return Place(on(grid, self.curve), self.value)
+
+    def times(self, factor: float) -> "Place":
+        return Place(Curve(self.curve.nodes, factor * self.curve.coefficients), factor * self.value)
+
+    @property
+    def largest(self) -> Array:
+        """Largest moduli (n,) of the coordinates at the samples."""
+        return np.abs(self.curve.sampled(_SAMPLES)).max(axis=1)
+
+
+@dataclass(frozen=True)
+class FollowedOrbit:
+    """An orbit of a branch: the value of the parameter; figures (q, 7) of coordinates and outputs, the fields
+    of `Statistics`, and their relative errors (q,); spectral radius; distance of the multiplier nearest to +1
+    from it; errors (2,) of the orbit, relative, and of the spectral radius; whether it is an orbit of fewer
+    periods."""
+
+    value: float
+    figures: Array
+    figure_errors: Array
+    radius: float
+    nearest: float
+    errors: Array
+    repeats: bool
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a branch: its place, converged on a grid; sizes (n,) of the coordinates there, by which
+    steps are measured; direction of the branch, of length 1; the orbit, on a grid twice as fine; whether the
+    branch turns back here."""
+
+    place: Place
+    sizes: Array
+    direction: Place
+    grid: Grid
+    orbit: FollowedOrbit
+    turns: bool = False
+
+    @property
+    def value(self) -> float:
+        return self.orbit.value
+
+
+def followed(
+    parameter: ContinuationParameter, ends: tuple[float, float], orbit: Orbit, points: int
+) -> tuple[list[Point], str]:
+    """At most so many points of the branch of an orbit at the first of two values of a parameter towards the
+    second, and in words why they end between these values, if they do."""
+    task = parameter.task
+    with one_thread(task.system.n), stage("points", points) as count:
+        follower = _Follower(parameter, ends)
+        found, ended = follower.followed(orbit, points, count.add)
+        return follower.with_radius_errors(found), ended
+
+
+class _Follower:
+    """Steps along a branch from the first value of a parameter to the last."""
+
+    def __init__(self, parameter: ContinuationParameter, ends: tuple[float, float]):
+        self.parameter, self.task = parameter, parameter.task
+        self.first, self.last = ends
+        self.ends, self.span = sorted(ends), abs(self.last - self.first)
+        self._tolerance = max(_LEAST_CORRECTION, min(_CONVERGED, _PART_OF_RTOL * self.task.rtol))
+        # Whether some coordinate may be zero within round-off.
+        self._resting = False
+
+    def followed(self, orbit: Orbit, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
+        """See the function of this name."""
+        grid = self.task.grid(orbit.steps)
+        place, alone = Place(on(grid, orbit.motion), self.first), self._value_alone(grid)
+        found, length = [self._point(place, alone, grid, alone)], _FIRST
+        while len(found) < most:
+            count()
+            before = found[-1]
+            try:
+                after, length, corrections = self._step(before, length)
+                if not self.ends[0] <= after.value <= self.ends[1]:
+                    return [*found, self._at_the_end(before, after)], ""
+            except NoOrbitError as reason:
+                return found, str(reason)
+            if before.direction.value * after.direction.value < 0:
+                found += self._turning(before, after)
+            found.append(after)
+            growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
+            length = min(growth * length, _LARGEST)
+        return found[:most], f"the branch goes on beyond the {most} points asked for; ask for more"
+
+    def with_radius_errors(self, points: list[Point]) -> list[Point]:
+        """The points with errors of the spectral radius that include how errors of the parameter move the
+        orbit along the branch; where it turns back, also the distance from +1 of the multiplier that is +1
+        there.
+
+        With derivatives by the arclength s, an error e of the parameter p moves the orbit by e/|p'|, but at
+        a turn, where p' = 0, by √(2e/|p''|)."""
+        none = np.zeros(2)
+        rates = [none]
+        for before, after in pairwise(points):
+            chord = after.place.on(before.grid).plus(-1.0, before.place)
+            length = math.sqrt(self._inner(chord, chord, before.sizes))
+            changes = after.orbit.radius - before.orbit.radius, after.direction.value - before.direction.value
+            rates.append(np.abs(changes) / length if length > 0 else none)
+        made = []
+        for point, beside in zip(points, pairwise([*rates, none]), strict=True):
+            orbit, (slope, bend) = point.orbit, np.max(beside, axis=0)
+            error, off = orbit.errors
+            moved = abs(orbit.value - point.place.value) + _ROUNDOFF * max(abs(orbit.value), self.span)
+            with np.errstate(divide="ignore"):
+                along = min(moved / np.abs(point.direction.value), np.sqrt(2 * moved / bend))
+            off = max(off, slope * along, orbit.nearest if point.turns else 0.0)
+            made.append(replace(point, orbit=replace(orbit, errors=np.array([error, off]))))
+        return made
+
+    def _step(self, before: Point, length: float) -> tuple[Point, float, int]:
+        """The next point, the length of the step that led to it, and its corrections."""
+        while length > _LEAST:
+            try:
+                after, corrections = self._reached(before, before.direction, length)
+                self._require_the_same_branch(before, after)
+                return after, length, corrections
+            except SolveError:
+                length /= 2
+        at = self.parameter.in_words(before.value)
+        raise NoOrbitError(f"the branch cannot be followed beyond the orbit at {at}")
+
+    def _require_the_same_branch(self, before: Point, after: Point) -> None:
+        """Raise NoOrbitError where a step bends so much that it may have left the branch, or passed over two
+        places where it turns back."""
+        chord = after.place.on(before.grid).plus(-1.0, before.place)
+        ends = before.direction, after.direction.on(before.grid)
+        long = math.sqrt(self._inner(chord, chord, before.sizes))
+        for end in ends:
+            along = self._inner(chord, end, before.sizes)
+            if along < _STRAIGHT * long * math.sqrt(self._inner(end, end, before.sizes)):
+                raise NoOrbitError("the step bends too much")
+        if max(end.value * chord.value for end in ends) < 0:
+            raise NoOrbitError("the step passes over two places where the branch turns back")
+
+    def _reached(self, before: Point, way: Place, length: float) -> tuple[Point, int]:
+        """The point at a length from another along a way, and its corrections; length 0: where the other is,
+        at the same value. Raises SolveError subclasses where the iteration does not lead there."""
+        square = self._inner(way, way, before.sizes)
+        place, grid = before.place.plus(length / square, way), before.grid
+        for corrections in range(1, _MOST + 1):
+            after, _, _ = self._corrected(place, before.place, way, length, before.sizes, grid)
+            change = after.plus(-1.0, place)
+            size, place = math.sqrt(self._inner(change, change, before.sizes)), after
+            if size < self._tolerance:
+                return self._point(place, before.direction, grid, None if length else way), corrections
+            if not size < _LOST:
+                break
+        raise NoOrbitError("the step is too long")
+
+    def _at_the_end(self, before: Point, after: Point) -> Point:
+        """The point at the value at which the branch leaves the range."""
+        edge = self.ends[int(after.value > self.ends[1])]
+        grid = before.grid
+        chord = after.place.on(grid).plus(-1.0, before.place)
+        part = (edge - before.place.value) / chord.value
+        near = replace(before, place=replace(before.place.plus(part, chord), value=edge))
+        return self._reached(near, self._value_alone(grid), 0.0)[0]
+
+    def _turning(self, before: Point, after: Point) -> list[Point]:
+        """The point between two others where the branch turns back; none where no step leads to it."""
+        found: list[Point] = []
+        for _ in range(_ROUNDS):
+            direction = before.direction
+            way = after.place.on(before.grid).plus(-1.0, before.place)
+            length = self._inner(way, direction, before.sizes)
+            slope = self._inner(after.direction.on(before.grid), direction, before.sizes)
+            if not (length > 0 and slope > 0):
+                break
+            slopes = before.direction.value, after.direction.value / slope
+            try:
+                middle, _ = self._reached(before, direction, _flat(length, way.value, *slopes))
+            except SolveError:
+                break
+            found = [replace(middle, turns=True)]
+            if middle.direction.value * direction.value > 0:
+                before = middle
+            else:
+                after = middle
+        return found
+
+    def _value_alone(self, grid: Grid) -> Place:
+        """The direction of the parameter towards the last value."""
+        return Place(self.task.rest(grid), self.last - self.first)
+
+    def _inner(self, one: Place, other: Place, sizes: Array) -> float:
+        """The product of two places, in sizes (n,) of the coordinates and parts of the parameter's range."""
+        first, second = (each.curve.sampled(_SAMPLES) / sizes[:, None] for each in (one, other))
+        return float((first * second).mean(axis=1).sum() + one.value * other.value / self.span**2)
+
+    def _along(self, place: Place) -> tuple[PeriodicSystem, float]:
+        """The equations linearised along a place, and the speed."""
+        task = self.parameter.task_at(place.value)
+        return task.system.along(place.curve, columns_by(task.engine)), task.speed
+
+    def _corrected(
+        self, place: Place, before: Place, way: Place, length: float, sizes: Array, grid: Grid
+    ) -> tuple[Place, Place, Solutions]:
+        """The next iterate after a place at a length from another along a way, the derivative of both curve
+        and value by the value, and the solutions that gave the iterate. Raises SolveError."""
+        along, speed = self._along(place)
+        next_one, by_value = (
+            self._solved(OnePoint(each, speed), grid)
+            for each in (along, self.parameter.slope(along, place.curve))
+        )
+        assert isinstance(next_one.curve, Curve)
+        assert isinstance(by_value.curve, Curve)
+        same, slope = Place(next_one.curve[0], place.value), Place(by_value.curve[0], 1.0)
+        gone = self._inner(same.plus(-1.0, before), way, sizes)
+        return same.plus((length - gone) / self._inner(slope, way, sizes), slope), slope, next_one
+
+    def _solved(self, point: OnePoint, grid: Grid, orbit: bool = True) -> Solutions:
+        found = self.task.method.solutions(point, grid, orbit, self.task.engine)
+        for reason in found.failures.values():
+            raise reason
+        return found
+
+    def _point(self, place: Place, towards: Place, grid: Grid, held: Place | None = None) -> Point:
+        """The point of a place that solves the equations on a grid, its direction towards another's side.
+        held: the direction in which corrections do not go, by default that of the branch."""
+        while True:
+            sizes = self._scale(place, grid).of(place.largest, 1.0, self._resting)
+            _, slope, solutions = self._corrected(place, place, self._value_alone(grid), 0.0, sizes, grid)
+            side = math.copysign(1.0, self._inner(slope, towards.on(grid), sizes))
+            direction = slope.times(side / math.sqrt(self._inner(slope, slope, sizes)))
+            fine = self.task.grid(2 * grid.steps)
+            there, way = place.on(fine), (held or direction).on(fine)
+            better, _, _ = self._corrected(there, there, way, 0.0, sizes, fine)
+            scale = self._scale(better, fine).of(better.largest, roundoff=self._resting)
+            off = better.plus(-1.0, there).largest / scale + _LEAST_ERROR
+            moved = abs(better.value - place.value) / max(abs(place.value), self.span)
+            error = max(float(off.max()), moved)
+            if (
+                error > self.task.rtol
+                and not self._resting
+                and self._scale(better, fine).rests(better.largest)
+            ):
+                self._resting = True
+            elif error <= self.task.rtol or 2 * fine.steps > _FINEST:
+                break
+            else:
+                place, grid = better, fine
+        found = self._orbit(there, better, fine, off)
+        off = abs(found.radius - float(solutions.multipliers.spectral_radius[0]))
+        off = max(off, float(solutions.multiplier_rounding[0]) * found.radius)
+        return Point(place, sizes, direction, grid, replace(found, errors=np.array([error, off])))
+
+    def _orbit(self, there: Place, better: Place, grid: Grid, off: Array) -> FollowedOrbit:
+        """The better of two places, without the errors of orbit and radius; off: relative differences (n,) of
+        the coordinates."""
+        (along, speed), curve = self._along(better), better.curve
+        rho = self._solved(OnePoint(along, speed), grid, False).multipliers
+        system = self.parameter.task_at(better.value).system
+        figures = orbit_figures(system, curve, speed, self.task.engine)
+        errors = np.concatenate((off, output_changes(system, speed, there.curve, curve)))
+        nearest = abs(complex(rho.nearest_one[0]) - 1)
+        early = self.task.periods > 1 and repeats_early(curve, self.task.periods)
+        radius = float(rho.spectral_radius[0])
+        return FollowedOrbit(better.value, figures, errors, radius, nearest, np.zeros(2), early)
+
+    def _scale(self, place: Place, grid: Grid) -> CoordinateScale:
+        along, speed = self._along(place)
+        return CoordinateScale(along, place.curve, speed, grid.steps)
+
+
+def _flat(length: float, change: float, first: float, last: float) -> float:
+    """Where Hermite's cubic over a length, from 0 to a change and with these slopes at its ends, is flat."""
+    mean = change / length
+    a, b = 3 * (first + last - 2 * mean), 2 * (3 * mean - 2 * first - last)
+    # Of the two zeros of a u² + b u + first the one between 0 and 1, where the slopes have different signs.
+    root = math.sqrt(max(b * b - 4 * a * first, 0.0))
+    return length * 2 * first / (-b + math.copysign(root, first))

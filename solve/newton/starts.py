@@ -1,0 +1,125 @@
+"""Starts of Newton's iteration: orbits, transients, states, functions and files as motions over a period."""
+
+import reprlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.contracts import Motion
+from solve.errors import FileError, ValueOutOfBoundsError
+from solve.newton.iteration import Task, joined
+from solve.newton.settling import sizes_of
+from solve.period.curve import Curve
+from solve.results.orbit import Orbit
+from solve.results.save import opened
+from solve.results.transient import Transient
+
+Start = Orbit | Transient | Motion | tuple[Array, Array] | Callable[[Array], Array] | str | Path
+
+FILES = ".nc", ".npz"
+
+_SAMPLES = 256
+"""Phases of a period of the model at which a function is evaluated: between them it is a cubic spline."""
+
+_STATES, _RTOL = 128, 1e-6
+"""States a period, and tolerance, of the motion from a given state: Newton's iteration mends the rest."""
+
+
+def motion_of(start: Start, task: Task) -> Motion:
+    """A start of `solve.nonlinear` as a motion. Raises ValueOutOfBoundsError for what is none, FileError,
+    TransientError for states from which the motion cannot be followed."""
+    given = _opened(start, task) if isinstance(start, str | Path) else start
+    if isinstance(given, Orbit | Transient):
+        _require_coordinates(given.system.coordinates, task)
+        return given.motion if isinstance(given, Orbit) else _end_of(given, task)
+    if callable(given):
+        return _checked(given, task) if hasattr(given, "nodes") else _through(given, task)
+    return _from_state(given, task)
+
+
+def _refused(start: object, task: Task) -> ValueOutOfBoundsError:
+    n = task.system.n
+    return ValueOutOfBoundsError(
+        f"start is {reprlib.repr(start)}; allowed: an orbit, a transient, a file {' or '.join(FILES)} of "
+        f"either, q and q̇ ({n},) at phase 0, or a function of phases (k,) that returns q ({n}, k); leave it "
+        "out to begin with the linear orbit"
+    )
+
+
+def _opened(path: str | Path, task: Task) -> Orbit | Transient:
+    if Path(path).suffix.lower() not in FILES:
+        raise _refused(path, task)
+    found = opened(path)
+    if not isinstance(found, Orbit | Transient):
+        raise FileError(
+            f"start '{path}' is a {type(found).__name__}; give a file of an orbit or of a transient"
+        )
+    return found
+
+
+def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
+    system = task.system
+    if names != system.coordinates:
+        raise ValueOutOfBoundsError(
+            f"the start has coordinates {', '.join(names)}; {system.name} has {', '.join(system.coordinates)}"
+        )
+
+
+def _checked(motion: Any, task: Task) -> Motion:
+    """A motion with nodes, if it has the right number of coordinates."""
+    count = len(motion(np.zeros(1)))
+    if count != task.system.n:
+        raise ValueOutOfBoundsError(f"start has {count} coordinates; {task.system.name} has {task.system.n}")
+    return motion
+
+
+def _end_of(transient: Transient, task: Task) -> Curve:
+    """The last periods of a transient, as many as the orbit has, or the last one where it has fewer."""
+    count = task.periods if transient.turns >= task.periods else 1
+    return joined([*transient.motions[-count:]], count * task.system.period)
+
+
+def _through(function: Callable[[Array], Array], task: Task) -> Curve:
+    """A periodic cubic spline through the values of a function of the phase."""
+    from scipy.interpolate import CubicSpline
+
+    phase = np.linspace(0.0, task.period, _SAMPLES * task.periods + 1)
+    shape = task.system.n, len(phase) - 1
+    try:
+        values = np.asarray(function(phase[:-1]), dtype=float)
+    except Exception as reason:  # A function of the user may raise anything.
+        raise ValueOutOfBoundsError(
+            f"start raises {type(reason).__name__} for {shape[1]} phases ({reason}); it must return q {shape}"
+        ) from None
+    if values.shape != shape or not np.isfinite(values).all():
+        raise ValueOutOfBoundsError(
+            f"start returns shape {values.shape} for {shape[1]} phases; it must return finite q {shape}"
+        )
+    spline = CubicSpline(phase, np.column_stack((values, values[:, 0])), axis=1, bc_type="periodic")
+    q, v, a = (spline(phase, order).T for order in range(3))
+    return Curve.quintic(phase, q, v, a[:-1], a[1:])
+
+
+def _from_state(given: Any, task: Task) -> Curve:
+    """The motion over the orbit's period from q and q̇ (n,) at phase 0, by the equations of motion."""
+    n = task.system.n
+    try:
+        q, qd = (np.asarray(part, dtype=float) for part in given)
+    except (TypeError, ValueError):
+        raise _refused(given, task) from None
+    if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():
+        raise ValueOutOfBoundsError(
+            f"the start has shapes {q.shape} and {qd.shape}; give finite q and q̇ of shape ({n},) each"
+        )
+    state = np.concatenate((q, qd / task.speed))
+    sizes = np.maximum(
+        sizes_of(task, task.grid(_STATES * task.periods)), np.abs(state.reshape(2, n)).max(axis=0)
+    )
+    march, turns = task.system.marcher(sizes, _STATES, _RTOL), []
+    for turn in range(task.periods):
+        turns.append(march(state, turn * task.system.period, task.speed))
+        state = turns[-1][:2, :, -1].ravel()
+    return joined(turns, task.period)

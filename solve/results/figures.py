@@ -1,0 +1,68 @@
+"""Figures of the coordinates and outputs of one orbit: extrema, means."""
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.kernel.engines import COMPILED
+from solve.period.curve import Curve, PeriodicCurve
+from solve.period.quantities import Quantities
+from solve.system import PeriodicSystem
+
+_REPEATS, _SAMPLES = 1e-6, 512
+"""Relative difference between the periods of an orbit of several, at so many phases, below which it is an
+orbit of a single period."""
+
+_A_STEP = 4
+"""Phases a step at which outputs of two curves are compared."""
+
+
+def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
+    """The fields of `Statistics` of each coordinate (n, 7), of the continuous curve."""
+    return Quantities(curve[None], np.ones(1), engine=engine).figures()[0]
+
+
+def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
+    """The same (o, 7) of each output of the system, at a speed in rad/s."""
+
+    def outputs(phase: Array, *state: Array) -> Array:
+        values = system.output_values(phase[0], speed, *(part[0] for part in state))
+        return np.array([[values[name] for name in system.outputs]])
+
+    positions = range(len(system.outputs))
+    formulas = system.output_formulas() if engine == COMPILED else None
+    if formulas is not None:
+        formulas = formulas._replace(values=formulas.values[None])
+    quantities = Quantities(curve[None], np.array([speed]), outputs, engine, formulas, positions)
+    return quantities.figures()[0, system.n :]
+
+
+def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
+    """The same of the coordinates, and behind them the outputs (n + o, 7)."""
+    of_coordinates = coordinate_figures(curve, engine)
+    if not system.outputs:
+        return of_coordinates
+    return np.concatenate((of_coordinates, output_figures(system, curve, speed, engine)))
+
+
+def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curve) -> Array:
+    """Largest differences (o,) of the outputs between two curves on the same nodes, relative to the largest
+    moduli on the other."""
+    if not system.outputs:
+        return np.zeros(0)
+    phase = (other.nodes[:-1, None] + other.h[:, None] * (np.arange(_A_STEP) / _A_STEP)).ravel()
+    before, after = (
+        system.output_values(
+            phase, speed, *(speed**order * curve.sampled(_A_STEP, order) for order in range(3))
+        )
+        for curve in (one, other)
+    )
+    changes = ((np.abs(after[name] - before[name]).max(), np.abs(after[name]).max()) for name in after)
+    return np.array([change / (largest or 1.0) for change, largest in changes])
+
+
+def repeats_early(curve: PeriodicCurve, periods: int) -> bool:
+    """Whether a curve over so many periods repeats after each of them."""
+    last = float(curve.nodes[-1])
+    phase = np.arange(_SAMPLES) * (last / _SAMPLES)
+    q, later = curve(phase), curve(phase + last / periods)
+    return bool((np.abs(later - q).max(axis=1) <= _REPEATS * np.abs(q).max(axis=1)).all())
