@@ -21,18 +21,32 @@ def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
     return Quantities(curve[None], np.ones(1), engine=engine).figures()[0]
 
 
+def compiled_output_figures(
+    system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str
+) -> Array | None:
+    """The same (o, 7) of each output of the system, at a speed in rad/s, by compiled code; None without."""
+    formulas = system.output_formulas() if engine == COMPILED else None
+    if formulas is None:
+        return None
+    formulas = formulas._replace(values=formulas.values[None])
+    positions = range(len(system.outputs))
+    quantities = Quantities(curve[None], np.array([speed]), None, engine, formulas, positions)
+    found = quantities.compiled_figures()
+    return None if found is None else found[0, system.n :]
+
+
 def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """The same (o, 7) of each output of the system, at a speed in rad/s."""
+    """The same (o, 7) of each output, by compiled code where there is one."""
+    compiled = compiled_output_figures(system, curve, speed, engine)
+    if compiled is not None:
+        return compiled
 
     def outputs(phase: Array, *state: Array) -> Array:
         values = system.output_values(phase[0], speed, *(part[0] for part in state))
         return np.array([[values[name] for name in system.outputs]])
 
     positions = range(len(system.outputs))
-    formulas = system.output_formulas() if engine == COMPILED else None
-    if formulas is not None:
-        formulas = formulas._replace(values=formulas.values[None])
-    quantities = Quantities(curve[None], np.array([speed]), outputs, engine, formulas, positions)
+    quantities = Quantities(curve[None], np.array([speed]), outputs, engine, None, positions)
     return quantities.figures()[0, system.n :]
 
 

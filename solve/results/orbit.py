@@ -15,7 +15,7 @@ from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import Signal, samples_a_step
 from solve.results.contents import Column, Contents, curves_of, plain, require_different_names
-from solve.results.figures import coordinate_figures, output_figures
+from solve.results.figures import compiled_output_figures, coordinate_figures
 from solve.results.plot import MOST_SHOWN, SCALES, Motion, orbit_figure, shown
 from solve.results.quantities import fixed, greek, measured, prefixed
 from solve.results.report import Facts, RenderableType, Table, stacked, table
@@ -84,16 +84,9 @@ class Orbit(Stability, Turn):
     @property
     def _output_figures(self) -> Array:
         """Figures (o, 7) of the outputs: in compiled code where the model gives them as C text."""
-        engine, n = self.certified.request.engine, self.system.n
-        formulas = self.system.output_formulas() if engine == COMPILED else None
-        if formulas is not None:
-            formulas = formulas._replace(values=formulas.values[None])
-            speeds, positions = np.array([self.speed]), range(len(self.system.outputs))
-            quantities = Quantities(self.curve[None], speeds, None, engine, formulas, positions)
-            found = quantities.compiled_figures()
-            if found is not None:
-                return found[0, n:]
-        return super()._output_figures
+        engine = self.certified.request.engine
+        found = compiled_output_figures(self.system, self.curve, self.speed, engine)
+        return super()._output_figures if found is None else found
 
     @property
     def phase(self) -> Array:
