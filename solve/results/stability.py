@@ -89,7 +89,7 @@ class Stability(Result):
     @cached_property
     def multipliers(self) -> Array:
         """All 2n multipliers ρ (complex), falling in modulus, + imaginary part first; 0 where ρ underflows,
-        or where the method tells nothing of it."""
+        NaN where nothing is known of it."""
         return self.spectrum.values
 
     @cached_property
@@ -171,7 +171,8 @@ class Stability(Result):
     @cached_property
     def notes(self) -> list[str]:
         """How this result was made: what the method and the engine have to say."""
-        return [*self.engine_notes, *filter(None, self.certified.solutions.notes)]
+        of_method = filter(None, self.certified.solutions.notes)
+        return [*self.engine_notes, *of_method, *self.spectrum.notes]
 
     @cached_property
     def warnings(self) -> list[str]:
