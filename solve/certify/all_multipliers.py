@@ -11,16 +11,21 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified, Request
 from solve.errors import StepsError
+from solve.kernel import slicot
 from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, OneStep, Solutions
 from solve.period.anchored import Anchored
-from solve.period.blocks import Blocks, balanced_blocks, joined_blocks
+from solve.period.blocks import LOSS, Blocks, balanced_blocks, joined_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import matched
 from solve.period.points import OnePoint, Points, matrices
-from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
+from solve.period.product_eigenvalues import (
+    ProductEigenvalues,
+    eigenvalue_logarithms,
+    product_eigenvalues,
+)
 from solve.period.rigid_body import Free
 from solve.progress import stage
 
@@ -36,6 +41,11 @@ _EXACT_ZERO = -1e6
 _QUICK, _WITH_MODES, _MOST = 3e6, 1e7, 2e8
 """Steps times the square of the states up to which factors are asked in any case; up to which, where every
 multiplier is wanted, modes are of these steps; and up to which steps are added for them."""
+
+_DEFAULT_LOSS = 1e-9
+"""The same as `solve.period.blocks.LOSS` where errors of single multipliers are not limited. With a beam
+structure of 54 states it leaves a quarter of the 768 factors and changes no multiplier by more than 2e-11,
+none that the steps follow by more than 1e-12."""
 
 _MEMORY = 2**29
 """Bytes that steps taken together may need."""
@@ -74,7 +84,7 @@ class Spectrum:
 
     @property
     def values(self) -> Array:
-        """ρ (N,), complex: 0 where it underflows or nothing is known of it."""
+        """ρ (N,), complex: 0 where it underflows, NaN where nothing is known of it."""
         if self.refined is not None:
             return _exponential(self.logarithms)
         small = _exponential(self._known[0])
@@ -118,7 +128,7 @@ class Spectrum:
         """Of each multiplier; without an order where it has no digit, or the method no maps of steps."""
         folded = np.imag(self.logarithms) * self._rotation / (2 * math.pi)
         without = [FloquetMode(float(angle)) for angle in folded]
-        if not self._factors_serve:
+        if self._factored is None:
             return without
         solutions, order = self._solutions, self._order
         assert solutions.steps is not None
@@ -211,21 +221,46 @@ class Spectrum:
             errors = np.where(digits, self.certified.absolute[0] / np.abs(rho), np.nan)
         # Steps that do not know the largest know nothing of the others, however twice as many agree.
         certified = self.certified
-        if digits.all() or not self._factors_serve or not certified.errors[0, 1] < _NO_DIGIT:
+        if digits.all() or not certified.errors[0, 1] < _NO_DIGIT or self._factored is None:
             return logarithms, errors
         own, order = self._factored[1], self._order[~self.rigid]
-        finer = _on_steps(self._equations, certified.method, certified.request, 2 * certified.steps)
-        small = _known(_errors(finer.logarithms[0], own))
+        request, steps = certified.request, 2 * certified.steps
+        finer = _blocks_on_steps(self._equations, certified.method, request, steps, loss=_DEFAULT_LOSS)
+        try:
+            small = _known(_errors(eigenvalue_logarithms(finer.factors[0]), own))
+        except np.linalg.LinAlgError:
+            return logarithms, errors
         return np.where(digits, logarithms, own.logarithms[0][order]), np.where(digits, errors, small[order])
 
     @cached_property
-    def _factored(self) -> tuple[Blocks, ProductEigenvalues]:
-        blocks = _blocks(self._solutions)
-        return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors=True)
+    def _factored(self) -> tuple[Blocks, ProductEigenvalues] | None:
+        """None where there are no factors, or their eigenvalues are not found."""
+        if not self._factors_serve or not slicot.available():
+            return None
+        blocks = _blocks(self._solutions, _DEFAULT_LOSS if self.refined is None else LOSS)
+        try:
+            return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors=True)
+        except np.linalg.LinAlgError:
+            return None
+
+    @property
+    def notes(self) -> list[str]:
+        """A sentence where multipliers are unknown since the factors give no eigenvalues; of those that did
+        not converge once these were computed."""
+        installed = slicot.available()
+        if not self._factors_serve or (installed and "_factored" not in self.__dict__):
+            return []
+        if self._factored is not None or not self.unresolved:
+            return []
+        below = f"{self.unresolved} multipliers are below the round-off of the monodromy matrix"
+        if installed:
+            return [f"{below}; the eigenvalues of the product of the steps did not converge"]
+        return [f"{below}; finding them needs SLICOT: pip install ctrlsys, which some platforms lack"]
 
     @cached_property
     def _order(self) -> Array:
         """Which eigenvalue of the factors each multiplier is (N,)."""
+        assert self._factored is not None
         own = self._factored[1].logarithms[0]
         if self.refined is not None:
             return matched_logarithms(self.refined.logarithms, own)
@@ -248,10 +283,21 @@ def checked_maps(method: Method) -> None:
         )
 
 
-def refined(point: OnePoint, method: Method, request: Request, steps: int, rigid: int = 0) -> Refined:
-    """Multipliers, of which so many are those of rigid-body modes, on `steps` and as many more as bring the
+def refined(
+    point: OnePoint, method: Method, request: Request, steps: int, rigid: int = 0
+) -> Refined | None:
+    """Multipliers, of which `rigid` are those of rigid-body modes, on `steps` and as many more as bring the
     error of each to `rtol`; fewer where twice the steps gain nothing or take too long. With steps of the
-    request's own: on twice as many."""
+    request's own: on twice as many. None without SLICOT, or where its iteration does not converge."""
+    if not slicot.available():
+        return None
+    try:
+        return _refined(point, method, request, steps, rigid)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _refined(point: OnePoint, method: Method, request: Request, steps: int, rigid: int) -> Refined:
     most, points = _MOST / (2 * point.n) ** 2, balanced(point, frozen(point))
     held = free(point) if method.linear else None
     coarse, before = _on_steps(points, method, request, steps, held), math.inf
@@ -284,38 +330,44 @@ def _solutions(
     return solutions
 
 
-def _blocks(solutions: Solutions) -> Blocks:
+def _blocks(solutions: Solutions, loss: float = LOSS) -> Blocks:
     assert solutions.steps is not None
-    return balanced_blocks(solutions.steps.A)
+    return balanced_blocks(solutions.steps.A, loss=loss)
 
 
 def _on_steps(
     point: Points, method: Method, request: Request, steps: int, held: Free | None = None
 ) -> ProductEigenvalues:
-    """Multipliers from the factors on so many steps, which are taken in parts where memory asks for it."""
+    """Multipliers from the factors on so many steps."""
+    blocks = _blocks_on_steps(point, method, request, steps, held)
+    return product_eigenvalues(blocks.factors, blocks.rounding)
+
+
+def _blocks_on_steps(
+    point: Points, method: Method, request: Request, steps: int, held: Free | None = None, loss: float = LOSS
+) -> Blocks:
+    """The factors on so many steps, which are taken in parts where memory requires it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     parts = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with stage(f"parts of {steps} steps, for every multiplier", len(parts)) as done:
         if len(parts) == 1:
-            blocks = _blocks(_solutions(point, method, request, steps, held))
-        else:
-            assert isinstance(method, OneStep)
-            taken, anchored = [], None if held is None else Anchored(point, held.modes)
-            for part in parts:
-                with np.errstate(all="ignore"):
-                    A = method.discretise(anchored or point, part).steps.A
-                A = A if anchored is None else anchored.steps(A)
-                taken.append(balanced_blocks(A, first=sum(each.steps for each in parts[: len(taken)])))
-                done.add()
-            blocks = joined_blocks(taken)
-        return product_eigenvalues(blocks.factors, blocks.rounding)
+            return _blocks(_solutions(point, method, request, steps, held), loss)
+        assert isinstance(method, OneStep)
+        taken, anchored = [], None if held is None else Anchored(point, held.modes)
+        for part in parts:
+            with np.errstate(all="ignore"):
+                A = method.discretise(anchored or point, part).steps.A
+            A = A if anchored is None else anchored.steps(A)
+            first = sum(each.steps for each in parts[: len(taken)])
+            taken.append(balanced_blocks(A, first=first, loss=loss))
+            done.add()
+        return joined_blocks(taken, loss)
 
 
 def _exponential(logarithms: Array) -> Array:
-    """ρ (N,) of its logarithms, real where these are of a real number; 0 where nothing is known."""
-    size = np.exp(np.where(np.isnan(logarithms), -np.inf, np.real(logarithms)))
-    angle = np.nan_to_num(np.imag(logarithms))
-    return size * np.where(angle == math.pi, -1.0, np.exp(1j * angle))
+    """ρ (N,) of its logarithms, real where these are of a real number; NaN where nothing is known."""
+    angle = np.imag(logarithms)
+    return np.exp(np.real(logarithms)) * np.where(angle == math.pi, -1.0, np.exp(1j * angle))
 
 
 def _errors(others: Array, own: ProductEigenvalues) -> Array:

@@ -13,6 +13,8 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum, matched_logarithms
 from solve.derivatives.turn import TurnOnGrid
+from solve.errors import MissingLibraryError
+from solve.kernel import slicot
 from solve.period.blocks import Blocks, balanced_blocks, carried
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
 
@@ -85,6 +87,11 @@ class MultipliersOnGrid:
         return values.astype(complex), right, np.linalg.pinv(right).conj().T
 
     def _of_product(self, at: int) -> Vectors:
+        if not slicot.available():
+            raise MissingLibraryError(
+                f"the derivative of multiplier {at + 1} needs SLICOT, as its vectors are below the round-off "
+                "of Φ; install ctrlsys, or choose a larger multiplier"
+            )
         right, left = self._every
         place = int(self._places[at])
         return Vectors(right[..., place], left[..., place])

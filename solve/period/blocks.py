@@ -35,27 +35,27 @@ class Blocks:
         return np.sqrt(self.variance.sum(axis=(-2, -1)))
 
 
-def balanced_blocks(steps: Array, rounding: float = EPS / 2, first: int = 0) -> Blocks:
+def balanced_blocks(steps: Array, rounding: float = EPS / 2, first: int = 0, loss: float = LOSS) -> Blocks:
     """Blocks of the steps' maps (P, m, N, N), in order of application: balanced by common units, and
     neighbours multiplied as long as their product keeps its digits in every direction, at every point.
 
-    rounding: relative error of the maps' entries; first: of the steps, in the period.
+    rounding: relative error of the maps' entries; first: of the steps, in the period; loss: as `LOSS`.
     """
     starts = first + np.arange(steps.shape[1])
-    return _multiplied(Blocks(steps, (rounding * steps) ** 2, np.ones(steps.shape[::2]), starts))
+    return _multiplied(Blocks(steps, (rounding * steps) ** 2, np.ones(steps.shape[::2]), starts), loss)
 
 
-def joined_blocks(parts: Sequence[Blocks]) -> Blocks:
+def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
     """Blocks of the whole period from those of its parts, in order of application."""
     alike = [part.in_units(parts[0].units) for part in parts]
     factors, variance, starts = (
         np.concatenate([getattr(part, name) for part in alike], axis=axis)
         for name, axis in (("factors", 1), ("variance", 1), ("starts", 0))
     )
-    return _multiplied(Blocks(factors, variance, parts[0].units, starts))
+    return _multiplied(Blocks(factors, variance, parts[0].units, starts), loss)
 
 
-def _multiplied(blocks: Blocks) -> Blocks:
+def _multiplied(blocks: Blocks, loss: float) -> Blocks:
     """The blocks balanced anew, and neighbours multiplied where that costs no digit."""
     blocks, offset, stalled = _balanced(blocks), 0, 0
     while len(blocks.starts) > 1 and stalled < 2:
@@ -68,7 +68,7 @@ def _multiplied(blocks: Blocks) -> Blocks:
         # Bounds of the singular values, quicker than these.
         with np.errstate(all="ignore"):
             least = 1 / np.linalg.norm(solved(product, np.eye(product.shape[-1])), axis=(-2, -1))
-        joined = np.sqrt(error.sum(axis=(-2, -1))) <= LOSS * least
+        joined = np.sqrt(error.sum(axis=(-2, -1))) <= loss * least
         joined = (joined & (least > 1e-60) & (np.abs(product).max(axis=(-2, -1)) < 1e60)).all(axis=0)
         kept, gone = first[joined], first[joined] + 1
         A[:, kept], variance[:, kept] = product[:, joined], error[:, joined]

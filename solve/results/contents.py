@@ -153,7 +153,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, complex | np.complexfloating):
-        return [float(value.real), float(value.imag)] if cmath.isfinite(value) else None
+        return [float(value.real), float(value.imag)] if cmath.isfinite(value) else [None, None]
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, np.integer | np.bool_):

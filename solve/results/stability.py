@@ -108,7 +108,7 @@ class Stability(Result):
     @cached_property
     def multipliers(self) -> Array:
         """All 2n multipliers ρ (complex), falling in modulus, + imaginary part first; 0 where ρ underflows,
-        or where the method tells nothing of it."""
+        NaN where nothing is known of it."""
         return self.spectrum.values
 
     @cached_property
@@ -221,7 +221,8 @@ class Stability(Result):
     def notes(self) -> list[str]:
         """How this result was made: what the method and the engine have to say."""
         of_modes = (self._turning(mode) for mode in self.rigid_body_modes)
-        return [*self.engine_notes, *filter(None, self.certified.solutions.notes), *of_modes]
+        of_method = filter(None, self.certified.solutions.notes)
+        return [*self.engine_notes, *of_method, *of_modes, *self.spectrum.notes]
 
     def _turning(self, mode: RigidBodyMode) -> str:
         """What follows from a rigid-body mode, in words."""

@@ -1,6 +1,7 @@
 """Every multiplier of a period, with an error of its own, however small."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -157,3 +158,43 @@ def test_a_linkage_of_elastic_bars_keeps_all_its_multipliers():
     logarithms = found.exponents.real * found.period
     assert abs(logarithms.sum() - volume) <= found.multiplier_errors.sum()
     assert logarithms.min() < -480
+
+
+@pytest.fixture
+def without_slicot(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ctrlsys", None)
+
+
+def damped_pair():
+    """Two oscillators with exponents -0.1 ± 1.41i and -6 ± 2.3i, of which the latter decay to 4e-17."""
+    return constant(
+        np.eye(2), np.diag([0.2, 12.0]), np.diag([2.0, 41.29]), lambda phase: np.zeros((len(phase), 2))
+    )
+
+
+def test_multipliers_below_round_off_are_null_without_slicot(without_slicot):
+    found = solve.floquet(damped_pair(), 1.0)
+    exact = 2 * np.pi * np.array([-0.1 + 1j * np.sqrt(1.99), -0.1 - 1j * np.sqrt(1.99)])
+    assert found.multipliers[:2] == pytest.approx(np.exp(exact), rel=1e-8)
+    assert np.isnan(found.multipliers[2:]).all()
+    assert np.isnan(found.multiplier_errors[2:]).all()
+    assert found.unresolved == 2
+    assert ["ctrlsys" in note for note in found.notes] == [True]
+    record = found.record()
+    assert record["multipliers"][2:] == [[None, None], [None, None]]
+    assert record["multiplier_errors"][2:] == [None, None]
+    assert found.verdict == "asymptotically stable"
+
+
+def test_all_multipliers_fall_back_on_the_monodromy_matrix_without_slicot(without_slicot):
+    found = solve.floquet(damped_pair(), 1.0, all_multipliers=True)
+    assert found.unresolved == 2
+    assert any("ctrlsys" in note for note in found.notes)
+
+
+def test_multipliers_below_round_off_come_from_slicot():
+    found = solve.floquet(damped_pair(), 1.0)
+    apart = np.abs(found.multipliers[2] / np.exp(2 * np.pi * (-6 + 2.3j)) - 1)
+    assert apart <= 10 * found.multiplier_errors[2]
+    assert found.multiplier_errors[2] < 0.01
+    assert found.notes == []

@@ -1,0 +1,118 @@
+"""Linear systems and eigenvectors along closed chains x_{k+1} = B_k x_k of small blocks."""
+
+import numpy as np
+
+from solve.arrays import Array
+
+_FEW = 32
+"""Unknowns up to which dense solution of a cyclic system is faster than banded."""
+
+_EPS = float(np.finfo(float).eps)
+
+_PERTURBATIONS = 1, 4, 16, 64
+"""Units of round-off by which the first block of a system that is singular to all digits is changed, one
+after another; as backward errors they are of the size of those of elimination."""
+
+_START = np.array([1.0, 0.3 + 0.7j])
+"""First vector of inverse iteration: no eigenvector of a rotation, (1, ±i), nor orthogonal to one."""
+
+_INVERSE_ITERATIONS = 3
+"""Steps of inverse iteration: in 400 random chains with eigenvalues that are equal to half of their digits
+the second one leaves round-off alone."""
+
+_TRIANGULAR = 1e-12
+"""Entry below the diagonal, relative to its block, that is no round-off: that of 1000 blocks is 1e-13."""
+
+
+def cyclic(own: Array, following: Array, right: Array) -> Array:
+    """x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k, closed after m, for r systems with blocks own
+    (r, m, b, b), numbers following (r, m) and right sides (r, m, b); 0 where one is singular in spite of
+    a perturbation by round-off.
+
+    Elimination with pivots is stable whether x grows or decays along the chain.
+    """
+    x = (_dense if right[0].size <= _FEW else _banded)(own, following, right)
+    if x is not None:
+        return x
+    if len(own) > 1:
+        one_by_one = zip(own[:, None], following[:, None], right[:, None], strict=True)
+        return np.concatenate([cyclic(*system) for system in one_by_one])
+    for times in _PERTURBATIONS:
+        changed = own.copy()
+        changed[:, 0] *= 1 + times * _EPS
+        x = _banded(changed, following, right)
+        if x is not None:
+            return x
+    return np.zeros(right.shape)
+
+
+def _dense(own: Array, following: Array, right: Array) -> Array | None:
+    r, m, b = right.shape
+    k, inner = np.arange(m)[:, None], np.arange(b)
+    matrix = np.zeros((r, m, b, m, b), dtype=complex)
+    matrix[:, k[:, 0], :, k[:, 0]] = own.swapaxes(0, 1)
+    matrix[:, k, inner, (k + 1) % m, inner] += following[..., None]
+    try:
+        return np.linalg.solve(matrix.reshape(r, m * b, -1), right.reshape(r, -1, 1)).reshape(right.shape)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _banded(own: Array, following: Array, right: Array) -> Array | None:
+    """In the order 0, m-1, 1, m-2, … neighbours are at most two places apart, so that the matrix is banded;
+    the systems follow each other in one banded matrix."""
+    r, m, b = right.shape
+    k = np.arange(m)
+    place = np.where(2 * k < m, 2 * k, 2 * (m - k) - 1)
+    order, width = np.argsort(place), 3 * b - 1
+    before = (order - 1) % m
+    offset = place[before] - np.arange(m)
+    # A column of the banded matrix in Fortran order is a row here.
+    columns = np.zeros((r, m, b, 3 * width + 1), dtype=complex)
+    own, following = own[:, order], following[:, before]
+    for a in range(b):
+        for c in range(b):
+            columns[:, :, c, 2 * width + a - c] = own[:, :, a, c]
+        for distance in set(offset.tolist()):
+            some = offset == distance
+            columns[:, some, a, 2 * width + distance * b] += following[:, some]
+    bands, permuted = columns.reshape(r * m * b, -1).T, right[:, order].reshape(-1, 1)
+    # The package alone takes longer to be read than many a command.
+    from scipy.linalg.lapack import zgbsv  # pyright: ignore[reportAttributeAccessIssue]
+
+    _, _, solution, failed = zgbsv(width, width, bands, permuted, overwrite_ab=1)
+    return None if failed else solution.reshape(r, m, b)[:, place]
+
+
+def triangular_bases(blocks: Array) -> Array:
+    """Unitary matrices U (m, 2, 2) for which U_{k+1}ᴴ B_k U_k is upper triangular, of blocks B (m, 2, 2): the
+    first column is an eigenvector of the product at every node, by inverse iteration in units that make it
+    equally long at all nodes. Raises LinAlgError where that does not converge."""
+    w, x = np.empty(blocks.shape[:2], dtype=complex), _START
+    for k, block in enumerate(blocks):
+        w[k] = x / np.linalg.norm(x)
+        x = block @ w[k]
+    logarithm = _eigenvalue_logarithm(blocks)
+    for _ in range(_INVERSE_ITERATIONS):
+        growth = np.linalg.norm((blocks @ w[..., None])[..., 0], axis=-1).astype(complex)
+        growth[-1] *= np.exp(logarithm - np.log(growth).sum())
+        x = cyclic(blocks[None], -growth[None], w[None])[0]
+        size = np.linalg.norm(x, axis=-1, keepdims=True)
+        w = np.where(size > 0, x / np.where(size > 0, size, 1.0), w)
+    U = np.stack((w, np.stack((-w[:, 1].conj(), w[:, 0].conj()), axis=-1)), axis=-1)
+    below = (np.roll(U[..., 1], -1, axis=0).conj() * (blocks @ w[..., None])[..., 0]).sum(axis=-1)
+    if not (np.abs(below) <= _TRIANGULAR * np.linalg.norm(blocks, axis=(1, 2))).all():
+        raise np.linalg.LinAlgError("two nearly equal eigenvalues of a product have no vector to all digits")
+    return U
+
+
+def _eigenvalue_logarithm(blocks: Array) -> complex:
+    """log ρ of one eigenvalue of a product of blocks (m, 2, 2), to the digits that the formed product has."""
+    product, scale = np.eye(2, dtype=complex), 0.0
+    for block in blocks:
+        product = block @ product
+        size = float(np.abs(product).max())
+        product, scale = product / size, scale + np.log(size)
+    (a, b), (c, d) = product
+    half = (a - d) / 2
+    return complex(np.log(d + half + np.sqrt(half * half + b * c + 0j)) + scale)
