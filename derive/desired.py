@@ -32,7 +32,8 @@ class Demand(NamedTuple):
 
 
 def demands(mechanism: Mechanism) -> list[Demand]:
-    """Those that the signs of the parameters do not ensure. Raises DeclarationError where one is never met."""
+    """Those that the signs of the parameters do not ensure. Raises DeclarationError where one is never
+    met."""
     signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
     found: dict[tuple[Any, str], Demand] = {}
     for what, expression, motion in _stated(mechanism):

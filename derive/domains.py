@@ -1,5 +1,5 @@
-"""Where functions are real and finite: what a root, a quotient or an arccosine needs of its argument, and which
-pieces of an expression need it."""
+"""Where functions are real and finite: what a root, a quotient or an arccosine needs of its argument, and
+which pieces of an expression need it."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
@@ -90,8 +90,8 @@ def is_met(need: Need, signs: Signs) -> bool:
 
 
 def gate(factor: Any) -> Any:
-    """Where a factor of a product is other than zero, if that is a piece of the space: Heaviside(x), Max(0, x),
-    Min(0, x) and their powers. None for other factors."""
+    """Where a factor of a product is other than zero, if that is a piece of the space: Heaviside(x),
+    Max(0, x), Min(0, x) and their powers. None for other factors."""
     base = factor.base if isinstance(factor, sympy.Pow) and factor.exp.is_positive else factor
     if isinstance(base, sympy.Heaviside):
         return base.args[0] > 0

@@ -1,8 +1,8 @@
 """Pieces that are not taken contribute nothing, whatever stands in them.
 
-A contact `Heaviside(r - gap)*k*(r - gap)*x/r` is 0·(0/0) at r = 0. It is written as a selection of its value or
-0, and within the value every argument at which a function or its derivatives would not be finite is replaced
-where the piece is not taken, so that values and automatic derivatives of any order are finite.
+A contact `Heaviside(r - gap)*k*(r - gap)*x/r` is 0·(0/0) at r = 0. It is written as a selection of its value
+or 0, and within the value every argument at which a function or its derivatives would not be finite is
+replaced where the piece is not taken, so that values and automatic derivatives of any order are finite.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,8 +32,8 @@ class Selected(sympy.Function):
 
 
 def guarded(expression: Any, signs: Signs) -> Any:
-    """The expression with pieces in which a function might not be finite as selections that are finite on both
-    sides; the expression itself where there are none."""
+    """The expression with pieces in which a function might not be finite as selections that are finite on
+    both sides; the expression itself where there are none."""
     return _Selection(signs, True).of(sympy.sympify(expression))
 
 
@@ -118,7 +118,10 @@ class _Selection:
         """A sum or product in which nothing singular is left on one side of a step or kink, as in
         (|x| + x)*y; None where there is none."""
         terms = [each for each in sympy.Add.make_args(part) if self._is_singular(each)]
-        singular, others = sympy.Add(*terms), [each for each in sympy.Add.make_args(part) if each not in terms]
+        singular, others = (
+            sympy.Add(*terms),
+            [each for each in sympy.Add.make_args(part) if each not in terms],
+        )
         inner = {node.args[0] for node in singular.atoms(*STEPS)} if terms else set()
         for x in sorted(inner, key=sympy.default_sort_key):
             above, below = (

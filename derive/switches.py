@@ -162,9 +162,9 @@ def require_no_jump(expression: Any, by: Sequence[Any]) -> None:
         moving = next(symbol for symbol in by if symbol in switch.free_symbols)
         if jumps([expression], switch, moving):
             raise ImpulseError(
-                f"{short(expression)} jumps where {place_of(switch, [expression])}, and its derivative by {moving} would "
-                "be an impulse there; V and forces may jump with the phase, T and displacements have "
-                "kinks at most, and so may V with coordinates",
+                f"{short(expression)} jumps where {place_of(switch, [expression])}, and its derivative by "
+                f"{moving} would be an impulse there; V and forces may jump with the phase, T and "
+                "displacements have kinks at most, and so may V with coordinates",
                 switch,
             )
 

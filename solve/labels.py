@@ -59,6 +59,9 @@ class Labels:
     speed_unit: ShownUnit = RPM
     """In which its results show speeds, in tables, pictures and sentences."""
 
+    def require_motion(self) -> None:
+        """Raise NoMotionError or NoVibrationError where there are no equations of motion."""
+
     @property
     def n(self) -> int:
         """Number of coordinates."""
@@ -128,3 +131,9 @@ class Labels:
             where = f"case '{self.case}' of {self.name}" if self.case else f"{self.name} has no case and"
             raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
         return speed_in_si(given)
+
+
+def require_vibration(system: Labels) -> None:
+    """Raise NoVibrationError for a rigid mechanism."""
+    if not system.vibrates:
+        system.require_motion()

@@ -30,7 +30,7 @@ from solve.errors import (
     ValueOutOfBoundsError,
     require_name,
 )
-from solve.labels import Labels
+from solve.labels import Labels, require_vibration
 from solve.statistics import Limit, Statistics
 from solve.trigonometric import Trigonometric
 
@@ -74,8 +74,7 @@ class PeriodicSystem(Labels):
     ):
         self.period = _checked_period(period)
         texts = all(isinstance(name, str) for name in coordinates)
-        none = len(coordinates) == 0 and self.vibrates
-        if not texts or len(set(coordinates)) != len(coordinates) or none:
+        if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) < self.vibrates:
             raise ValueOutOfBoundsError(
                 f"coordinates are {list(coordinates)}; give each of the n coordinates a name of its own"
             )
@@ -193,15 +192,8 @@ class PeriodicSystem(Labels):
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         """Raise ValueOutOfBoundsError where a value leaves the bounds of its parameter."""
 
-    def require_vibration(self) -> None:
-        """Raise NoVibrationError where the system has no coordinates."""
-
-    def require_motion(self) -> None:
-        """Raise NoMotionError or NoVibrationError where the system has no equations of motion."""
-
     def require_desired_motion(self, speeds: Array) -> None:
-        """Raise DesiredMotionError where the motion about which the equations hold does not exist at one of
-        the speeds (P,) in rad/s."""
+        """Raise DesiredMotionError where there is no desired motion at one of the speeds (P,), rad/s."""
 
     def require_load(self, speed: float) -> None:
         """Raise NoLoadError where d is zero all over the period, and the periodic vibration with it."""
@@ -383,9 +375,7 @@ class PeriodicSystem(Labels):
 of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 """Before a public function of a system."""
 
-of_system = first_is(
-    PeriodicSystem, such_as="solve.load('cam')", demand=lambda system: system.require_vibration()
-)
+of_system = first_is(PeriodicSystem, such_as="solve.load('cam')", demand=require_vibration)
 """Before a public function of a system that vibrates."""
 
 

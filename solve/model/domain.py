@@ -1,27 +1,28 @@
 """Where the desired motion of a generated module is real and finite, at a speed or at many points at once."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import DesiredMotionError
+from solve.model.sampling import Sampler
 
 if TYPE_CHECKING:
     import casadi
 
-    from solve.model.setup import Setup
-
 _LOOKS = 128
-"""Phases of a period at which margins are sampled; between them the least value of a smooth margin is found from
-a bracket of three samples, and a change of sign by bisection."""
+"""Phases of a period at which margins are sampled; between them the least value of a smooth margin is found
+from a bracket of three samples, and a change of sign by bisection."""
 
 _ROUNDING = 1e-12
 """Of the largest margin over the period: sums of a few terms of that size round to some 1e-16 of it, and the
 square root of that moves a minimum that touches zero by no more than its square."""
 
 _HALVINGS = 40
-"""Of two samples' distance: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad; golden sections reduce as far in 1.44 times as many."""
+"""Of two samples' distance: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad; golden sections reduce as far in 1.44 times as
+many."""
 
 _JUMP = 1e-6
 """Of the largest margin: a larger one on both sides of a change of sign is a jump and no zero."""
@@ -45,13 +46,17 @@ class _Found(NamedTuple):
 
 
 class Domain:
-    """What a generated module demands of phase, speed and parameters, of which some vary from point to point."""
+    """What a generated module demands of phase, speed and parameters, of which some vary between points."""
 
-    def __init__(self, setup: "Setup", names: tuple[str, ...] = ()):
-        function = setup.function("domain")
-        self._rows = setup.module.DOMAIN
-        self._sampler = setup.sampler("domain", names)
-        self._period = float(setup.module.PERIOD)
+    def __init__(
+        self,
+        function: "casadi.Function",
+        sampler: Sampler,
+        rows: Sequence[tuple[str, str, str, str]],
+        period: float,
+    ):
+        """function: as generated; sampler: of it at phases, speeds and free parameters; rows: of DOMAIN."""
+        self._rows, self._sampler, self._period = rows, sampler, float(period)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"
         self._kept: dict[tuple[int, bytes, bytes], Array] = {}
@@ -83,8 +88,8 @@ class Domain:
         return hold[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
-        """Raise DesiredMotionError where something is not met at a speed (rad/s), which `at` names; without one,
-        where something is not met at any speed."""
+        """Raise DesiredMotionError where something is not met at a speed (rad/s), which `at` names; without
+        one, where something is not met at any speed."""
         found = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
             found = _Found(*(part[~self._by_speed[found.row]] for part in found))
@@ -165,9 +170,7 @@ class Domain:
         zero = least <= _JUMP / _ROUNDING * allowed[point, 0, row]
         return _Found(point[zero], row[zero], low[zero] % self._period, np.zeros(zero.sum()))
 
-    def _minima(
-        self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
-    ) -> _Found:
+    def _minima(self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array) -> _Found:
         """Least values between samples where neighbours differ by enough for one beyond what is allowed."""
         size = np.where(self._zero, np.abs(margins), margins)
         before, behind = np.roll(size, 1, axis=1), np.roll(size, -1, axis=1)

@@ -51,7 +51,9 @@ class ModelPoints:
         return entries
 
     def exist(self, speeds: Array, values: Array) -> Array:
-        return np.ones(len(speeds), dtype=bool) if self._domain is None else self._domain.holds(speeds, values)
+        return (
+            np.ones(len(speeds), dtype=bool) if self._domain is None else self._domain.holds(speeds, values)
+        )
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
         p = np.tile(self._setup.p, (len(values), 1))
@@ -83,7 +85,7 @@ class ModelPoints:
 
     @cached_property
     def _domain(self) -> Domain | None:
-        return Domain(self._setup, tuple(self._names)) if self._setup.domain is not None else None
+        return self._setup.domain_with(self._names)
 
     @cached_property
     def _margins(self) -> Sampler:

@@ -12,7 +12,7 @@ from solve.argument import first_is
 from solve.arrays import Array, Plane
 from solve.contracts import Columns, Dependence, Formulas, Marcher, Matrices, Motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.labels import SPEED
+from solve.labels import SPEED, require_vibration
 from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
 from solve.model.checks import require_sound, sound_at_all_speeds
@@ -105,26 +105,19 @@ class Model(PeriodicSystem):
         if found is None:
             return None
         table, entry, power = found
-        return table, self._existing(speeds[:, None] ** power, speeds), entry
+        return table, speeds[:, None] ** power, entry
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
         sampler = self._matrices
         if not isinstance(sampler, MatrixSampler):
             return super().entries_over(phase, speeds)
-        return self._existing(by_the_phase(sampler.entries(phase, speeds), speeds, self.n), speeds)
+        found = by_the_phase(sampler.entries(phase, speeds), speeds, self.n)
+        found[~self.setup.exist(speeds)] = np.nan
+        return found
 
     def require_desired_motion(self, speeds: Array) -> None:
-        domain = self.setup.domain
-        if domain is not None and domain.by_speed:
-            for speed in speeds[~domain.holds(speeds, np.zeros((len(speeds), 0)))][:1].tolist():
-                domain.require(speed, self.speed_unit.text(speed))
-
-    def _existing(self, parts: Array, speeds: Array) -> Array:
-        """Parts (P, …) at speeds (P,), NaN where there is no desired motion."""
-        domain = self.setup.domain
-        if domain is not None and domain.by_speed:
-            parts[~domain.holds(speeds, np.zeros((len(speeds), 0)))] = np.nan
-        return parts
+        if len(missing := speeds[~self.setup.exist(speeds)]) and self.setup.domain:
+            self.setup.domain.require(float(missing[0]), self.speed_unit.text(float(missing[0])))
 
     def many_points(self, names: Sequence[str]) -> ModelPoints | None:
         return ModelPoints(self.setup, self.n, names)
@@ -338,7 +331,7 @@ def _bound(name: str, meaning: str, unit: str, clause: str) -> Limit:
     return Limit(name, left, says)
 
 
-of_model = first_is(Model, such_as="solve.load('cam')", demand=lambda model: model.require_vibration())
+of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration)
 """Before a public function of a model that vibrates."""
 
 

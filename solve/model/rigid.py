@@ -30,14 +30,11 @@ class RigidModel(Model):
     def checked(self, speed: float) -> None:
         self.require_desired_motion(np.array([speed]))
 
-    def require_vibration(self) -> None:
+    def require_motion(self) -> None:
         raise NoVibrationError(
             f"{self.name} has no coordinates, and nothing vibrates; its outputs over the turn are shown by "
             "periodic, sweep and animate"
         )
-
-    def require_motion(self) -> None:
-        self.require_vibration()
 
 
 def _no_matrices(phase: Array, speed: float) -> Matrices:

@@ -123,7 +123,21 @@ class Setup:
     @cached_property
     def domain(self) -> Domain | None:
         """Where the desired motion is real and finite; None where it is so everywhere."""
-        return Domain(self) if hasattr(self.module, "DOMAIN") else None
+        return self.domain_with(())
+
+    def exist(self, speeds: Array) -> Array:
+        """Whether there is a desired motion at speeds (P,) in rad/s."""
+        domain = self.domain
+        if domain is None or not domain.by_speed:
+            return np.ones(len(speeds), dtype=bool)
+        return domain.holds(speeds, np.zeros((len(speeds), 0)))
+
+    def domain_with(self, free: Sequence[str]) -> Domain | None:
+        """The same with values of their own for the free parameters."""
+        rows = getattr(self.module, "DOMAIN", ())
+        if not rows:
+            return None
+        return Domain(self.function("domain"), self.sampler("domain", free), rows, self.module.PERIOD)
 
     @property
     def conditions(self) -> Sequence[tuple[str, str, Sequence[str]]]:

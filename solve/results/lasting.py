@@ -29,7 +29,17 @@ Kind = TypeVar("Kind", bound=type)
 _NUMBERS = "fciub"
 _LABELS = (
     *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
-    *("links", "moves", "vibrates", "outputs", "equation_warnings", "largest_of", "units", "meanings", "period"),
+    *(
+        "links",
+        "moves",
+        "vibrates",
+        "outputs",
+        "equation_warnings",
+        "largest_of",
+        "units",
+        "meanings",
+        "period",
+    ),
     *("coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit"),
 )
 

@@ -27,7 +27,8 @@ _ROUNDING = 1e-14
 
 @dataclass(frozen=True)
 class RigidOrbit(Orbit):
-    """The prescribed motion at a speed in rad/s: q, multipliers and exponents are empty, there is no verdict."""
+    """The prescribed motion at a speed in rad/s: without coordinates, multipliers and exponents, and without
+    a verdict."""
 
     _calculated: ClassVar[tuple[str, ...]] = ("outputs", "output_statistics", "output_samples", "warnings")
 
@@ -89,7 +90,9 @@ class RigidOrbit(Orbit):
     @cached_property
     def warnings(self) -> list[str]:
         system = self.system
-        figures = {name: self.statistics(name) for name in sorted({*system.judged_quantities, *system.outputs})}
+        figures = {
+            name: self.statistics(name) for name in sorted({*system.judged_quantities, *system.outputs})
+        }
         return [*system.warnings(self.speed), *system.judged(figures), *self._not_periodic]
 
     @property

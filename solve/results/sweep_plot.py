@@ -47,8 +47,8 @@ def sweep_figure(
 ) -> Figure:
     """A row a quantity: its figure over the last of the quantities that vary, values (P,) by name, a line for
     each combination of the others, one alone with its maxima marked; below them the spectral radius, unless
-    nothing vibrates. Bands are shaded; in them the response is never reached, and not drawn. Raises ValueOutOfBoundsError for more
-    lines than can be distinguished."""
+    nothing vibrates. Bands are shaded; in them the response is never reached, and not drawn. Raises
+    ValueOutOfBoundsError for more lines than can be distinguished."""
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
@@ -60,8 +60,11 @@ def sweep_figure(
             heights = values * label_quantity(place, system, name, values, figure)
             for low, high, _ in bands:
                 heights[(varied[along] >= low) & (varied[along] <= high)] = np.nan
-            for index, style in zip(lines.values(), styles, strict=True):
-                draw_through(place, x[index], heights[index], **style)
+            named = radius is None and place is axes[0]
+            for (words, index), style in zip(lines.items(), styles, strict=True):
+                draw_through(
+                    place, x[index], heights[index], label=words if named and words else None, **style
+                )
                 if not others:
                     _mark_maxima(place, x[index], heights[index])
             _shade(place, system, bands)

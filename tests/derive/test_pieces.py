@@ -65,7 +65,7 @@ def test_a_ring_that_is_not_touched_at_rest(state):
     """K is the shaft's at rest; the residual and its derivatives are those of the ring's force
     kr (1 - gap/r) (x, y) beyond the gap, and the shaft's within it, at its middle too."""
     module = module_of(state())
-    M, C, stiffness, d = values(module.linearised(), 0.0, 1.0, [1.0, K, KR, GAP])
+    _, _, stiffness, d = values(module.linearised(), 0.0, 1.0, [1.0, K, KR, GAP])
     assert np.array_equal(stiffness, K * np.eye(2))
     assert not d.any()
     assert not hasattr(module, "CONDITIONS")

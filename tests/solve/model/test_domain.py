@@ -1,5 +1,5 @@
-"""A desired motion that is not real and finite at a speed, or over part of the turn, is refused; elsewhere nothing
-changes."""
+"""A desired motion that is not real and finite at a speed, or over part of the turn, is refused; elsewhere
+nothing changes."""
 
 import math
 
@@ -76,7 +76,9 @@ def test_a_motion_along_which_the_matrices_are_polynomials_of_the_speed():
     """Matrices that do not know the motion at all; the points of a sweep still do."""
     made = Mechanism("one", "Mass on a spring that follows")
     q = made.coordinate("q", "rad", "angle")
-    m, k, w = made.parameters(m=("kg m^2", "inertia", "> 0"), k=("N m/rad", "spring"), w=("rad/s", "w", "> 0"))
+    m, k, w = made.parameters(
+        m=("kg m^2", "inertia", "> 0"), k=("N m/rad", "spring"), w=("rad/s", "w", "> 0")
+    )
     desired = asin(made.speed / w)
     made.kinetic, made.potential = m * rate(q) ** 2 / 2, k * (q - desired) ** 2 / 2
     made.fundamental(q=desired)
@@ -110,7 +112,12 @@ MOTIONS = {
 
 @pytest.mark.parametrize(
     ("name", "a", "exists"),
-    [(name, a, exists) for name, (_, no, yes) in MOTIONS.items() for exists, each in ((0, no), (1, yes)) for a in each],
+    [
+        (name, a, exists)
+        for name, (_, no, yes) in MOTIONS.items()
+        for exists, each in ((0, no), (1, yes))
+        for a in each
+    ],
 )
 def test_domains_over_the_turn(name, a, exists):
     """Those of the functions, known in closed form: violations between samples, and over a hundredth of the
@@ -127,10 +134,10 @@ def linkage():
     made = Mechanism("linkage", "Offset slider-crank")
     q = made.coordinate("q", "rad", "twist")
     J, m, k = made.parameters(J=("kg m^2", "J", "> 0"), m=("kg", "slider", "> 0"), k=("N m/rad", "k", "> 0"))
-    r, l, e = made.parameters(r=("m", "crank", "> 0"), l=("m", "rod", "> 0"), e=("m", "offset"))
+    r, L, e = made.parameters(r=("m", "crank", "> 0"), L=("m", "rod", "> 0"), e=("m", "offset"))
     angle = made.phase + q
-    rod = asin((r * sin(angle) + e) / l)
-    made.kinetic = (J * rate(angle) ** 2 + m * rate(r * cos(angle) + l * cos(rod)) ** 2) / 2
+    rod = asin((r * sin(angle) + e) / L)
+    made.kinetic = (J * rate(angle) ** 2 + m * rate(r * cos(angle) + L * cos(rod)) ** 2) / 2
     made.potential = k * q**2 / 2
     return made
 
@@ -138,10 +145,10 @@ def linkage():
 def test_a_rod_that_is_too_short_over_part_of_the_turn():
     """It closes everywhere if r + |e| < l; at φ = π/2 it opens first."""
     numbers = {"J": 1, "m": 1, "k": 1e3, "r": 0.1, "e": 0.05}
-    model = solve.load(linkage, l=0.16, **numbers)
+    model = solve.load(linkage, L=0.16, **numbers)
     with pytest.raises(DesiredMotionError, match=r"the kinetic energy .* at phase 1\.5"):
-        solve.load(linkage, l=0.1499, **numbers)
-    sweep = solve.sweep(model, [3.0], over={"l": [0.12, 0.1499, 0.1501, 0.2]})
+        solve.load(linkage, L=0.1499, **numbers)
+    sweep = solve.sweep(model, [3.0], over={"L": [0.12, 0.1499, 0.1501, 0.2]})
     assert [point.error is None for point in sweep.points] == [False, False, True, True]
 
 

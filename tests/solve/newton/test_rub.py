@@ -1,0 +1,72 @@
+"""A Jeffcott rotor that rubs in a ring it does not touch at rest: its circular orbit in closed form."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import solve
+from derive import Max, Mechanism, cos, rate, sin, sqrt
+from solve.errors import ValueOutOfBoundsError
+
+NUMBERS = {"m": 1.0, "k": 1e4, "c": 10.0, "u": 1e-4, "kr": 4e4, "gap": 2e-4}
+
+
+def jeffcott():
+    made = Mechanism("jeffcott", "Jeffcott rotor in a ring")
+    x, y = made.coordinates(x=("m", "across"), y=("m", "up"))
+    m, k, c = made.parameters(
+        m=("kg", "disc", "> 0"), k=("N/m", "shaft", "> 0"), c=("N s/m", "damper", ">= 0")
+    )
+    u, kr, gap = made.parameters(
+        u=("kg m", "unbalance"), kr=("N/m", "ring", ">= 0"), gap=("m", "clearance of the ring")
+    )
+    made.kinetic = m * (rate(x) ** 2 + rate(y) ** 2) / 2
+    made.potential = k * (x**2 + y**2) / 2 + kr * Max(0, sqrt(x**2 + y**2) - gap) ** 2 / 2
+    made.dissipation = c * (rate(x) ** 2 + rate(y) ** 2) / 2
+    made.force(u * made.speed**2 * cos(made.phase), along=x)
+    made.force(u * made.speed**2 * sin(made.phase), along=y)
+    return made
+
+
+@pytest.fixture(scope="module")
+def rotor():
+    return solve.load(jeffcott, **NUMBERS)
+
+
+def amplitude(speed, m, k, c, u, kr, gap):
+    """|k - mΩ² + kr (1 - gap/A)⁺ + i c Ω| A = u Ω², of the largest A."""
+
+    def residual(A):
+        return abs(k - m * speed**2 + kr * max(0.0, 1 - gap / A) + 1j * c * speed) * A - u * speed**2
+
+    free = u * speed**2 / abs(k - m * speed**2 + 1j * c * speed)
+    return free if free <= gap else brentq(residual, gap, free, xtol=1e-16)
+
+
+def test_at_rest_the_ring_is_not_there(rotor):
+    orbit = solve.periodic(rotor, 90.0)
+    assert orbit.statistics("x").max == pytest.approx(amplitude(90.0, **{**NUMBERS, "kr": 0.0}), rel=1e-9)
+
+
+@pytest.mark.parametrize("speed", [40.0, 75.0, 90.0])
+def test_the_rubbing_orbit(rotor, speed):
+    """209.7303 µm at 90 rad/s; at 40 rad/s the ring is not reached."""
+    orbit = solve.nonlinear(rotor, speed)
+    assert orbit.statistics("x").max == pytest.approx(amplitude(speed, **NUMBERS), rel=1e-8)
+    assert orbit.statistics("y").min == pytest.approx(-amplitude(speed, **NUMBERS), rel=1e-8)
+    if speed == 90.0:
+        assert orbit.statistics("x").max == pytest.approx(209.7303e-6, abs=5e-11)
+
+
+def test_from_rest_at_the_middle_of_the_ring(rotor):
+    """The transient begins where the ring's force is 0·(0/0), and ends on the orbit."""
+    found = solve.transient(rotor, 90.0, turns=60, nonlinear=True)
+    assert np.isfinite(found.q).all()
+    assert np.abs(found.q[0]).max() == pytest.approx(np.abs(found.q).max(), rel=0.2)
+    last = np.hypot(*found.q[:, -64:])
+    assert last == pytest.approx(np.full(64, amplitude(90.0, **NUMBERS)), rel=1e-3)
+
+
+def test_a_ring_that_presses_at_rest_is_refused():
+    with pytest.raises(ValueOutOfBoundsError, match=r"gap > 0 does not hold for gap = -0\.0002 m"):
+        solve.load(jeffcott, **{**NUMBERS, "gap": -2e-4})
