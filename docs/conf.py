@@ -5,6 +5,11 @@ import sys
 from importlib.metadata import metadata
 from pathlib import Path
 
+from jupyter_client.manager import KernelManager
+
+# Kernels of notebooks warn of TCP without encryption; the manager provides keys from jupyter_client 8.10 on.
+if hasattr(KernelManager, "transport_encryption"):
+    KernelManager.transport_encryption.default_value = "auto"
 # Notebooks draw below their cells.
 os.environ.pop("MPLBACKEND", None)
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))

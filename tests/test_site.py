@@ -110,3 +110,20 @@ def test_what_commands_print_stands_below_them(page, tmp_path):
     assert now == words
     for one, other in zip(expected, found, strict=True):
         assert other == pytest.approx(one, rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_kernels_of_the_site_start_without_a_warning(tmp_path):
+    """As the site starts them: with what its configuration sets."""
+    pytest.importorskip("myst_nb", reason="the site needs the extra `docs`")
+    code = "import runpy, sys; runpy.run_path(sys.argv[1]); " + KERNEL
+    run = [sys.executable, "-c", code, str(pages.DOCS / "conf.py")]
+    ran = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert (ran.stdout, ran.stderr) == ("3\n", "")
+
+
+KERNEL = """
+import nbformat, nbclient
+notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1 + 2")])
+print(nbclient.NotebookClient(notebook).execute().cells[0].outputs[0].data["text/plain"])
+"""

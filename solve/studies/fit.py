@@ -55,8 +55,9 @@ def fit(
     start from those of the model. A trial whose values the model refuses shortens the step.
 
     data: a file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
-    and high by name, in the model's own units or with one. speed: where the file has no column of speeds. robust:
-    outliers count by their moduli, not their squares. Positive parameters are fitted by their logarithms.
+    and high by name, in the model's own units or with one. speed: where the file has no column of speeds.
+    robust: outliers count by their moduli, not their squares. Positive parameters are fitted by their
+    logarithms.
     Raises SolveError subclasses for bad input, and where the model has no orbit at the start.
     """
     names = listed(free)

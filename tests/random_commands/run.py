@@ -26,7 +26,9 @@ _LONG, _TICK = 20, 10
 """Seconds after which a command that tells it is interrupted, and between two looks."""
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
-_LINES_OF_A_REFUSAL = 3
+_BESIDE = re.compile(r"wrote |compiling |(?!solve: |derive: )[a-z]\w*: |solve: what is finished is kept in ")
+"""How lines begin that may stand beside a refusal."""
+
 _USUAL = re.compile(r"warning: |wrote |compiling |[a-z]\w*: ")
 """How lines begin beside a result: those of derive with the name of the mechanism."""
 
@@ -55,8 +57,9 @@ def complaint(ended: Ended) -> str:
         return f"took more than {SECONDS} s"
     if ended.status not in (0, 1, 2, INTERRUPTED):
         return f"status {ended.status}: {lines[-1] if lines else ''}"
-    if ended.status == 2 and not 1 <= len(lines) <= _LINES_OF_A_REFUSAL:
-        return f"{len(lines)} lines of refusal"
+    refusals = [each for each in lines if not _BESIDE.match(each)]
+    if ended.status == 2 and len(refusals) != 1:
+        return f"{len(refusals)} lines of refusal"
     if ended.status == 0 and not all(map(_USUAL.match, lines)):
         return f"unexpected: {lines}"
     return ""
