@@ -283,9 +283,7 @@ def checked_maps(method: Method) -> None:
         )
 
 
-def refined(
-    point: OnePoint, method: Method, request: Request, steps: int, rigid: int = 0
-) -> Refined | None:
+def refined(point: OnePoint, method: Method, request: Request, steps: int, rigid: int = 0) -> Refined | None:
     """Multipliers, of which `rigid` are those of rigid-body modes, on `steps` and as many more as bring the
     error of each to `rtol`; fewer where twice the steps gain nothing or take too long. With steps of the
     request's own: on twice as many. None without SLICOT, or where its iteration does not converge."""

@@ -131,11 +131,11 @@ class Method:
 
     order: of convergence at the nodes, and of the multipliers; infinite where errors fall faster than any
     power of the steps (`spectral`). curve_order: of the continuous curve. converges: False for an
-    approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps
-    do not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the
-    fastest mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders
-    of the matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by
-    c (ω h)^(order + 1); 0 where modes are lost before that matters. stages: those of a collocation method, and
+    approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps do
+    not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the fastest
+    mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders of the
+    matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by c (ω
+    h)^(order + 1); 0 where modes are lost before that matters. stages: those of a collocation method, and
     with_another_stage: the method of its family with one stage more; None for other methods. warnings: those
     that the method's own settings deserve. symmetric: whether the method needs matrices that modes make
     diagonal.
