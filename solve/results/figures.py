@@ -1,5 +1,7 @@
 """Figures of the coordinates and outputs of one orbit: extrema, means."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from solve.arrays import Array
@@ -64,14 +66,14 @@ def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curv
     if not system.outputs:
         return np.zeros(0)
     phase = (other.nodes[:-1, None] + other.h[:, None] * (np.arange(_A_STEP) / _A_STEP)).ravel()
-    before, after = (
-        system.output_values(
-            phase, speed, *(speed**order * curve.sampled(_A_STEP, order) for order in range(3))
-        )
-        for curve in (one, other)
-    )
+    before, after = (_outputs_at(system, phase, speed, curve) for curve in (one, other))
     changes = ((np.abs(after[name] - before[name]).max(), np.abs(after[name]).max()) for name in after)
     return np.array([change / (largest or 1.0) for change, largest in changes])
+
+
+def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve) -> Mapping[str, Array]:
+    q, v, a = (curve.sampled(_A_STEP, order) for order in range(3))
+    return system.output_values(phase, speed, q, speed * v, speed**2 * a)
 
 
 def repeats_early(curve: PeriodicCurve, periods: int) -> bool:

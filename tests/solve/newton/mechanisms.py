@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from derive import Mechanism, cos, rate, sin
+from derive import Mechanism, acos, asin, cos, rate, sin
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.setup import Setup
@@ -64,6 +64,85 @@ def pendulum():
     x, y = sin(q), b * cos(made.phase) - cos(q)
     made.kinetic = (rate(x) ** 2 + rate(y) ** 2) / 2
     made.potential, made.dissipation = g * y, c * rate(q) ** 2 / 2
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
+def absorber():
+    """A mass on a cubic spring with an absorber: m ẍ + c ẋ + k x + k3 x³ + ka (x - y) = F cos φ,
+    ma ÿ + ka (y - x) = 0. At Ω² = ka/ma the mass rests, and y = -F/ka cos φ."""
+    made = Mechanism("absorber", "Mass on a cubic spring with an absorber", energy="1/s^2")
+    x, y = made.coordinates(x=("1", "mass"), y=("1", "absorber"))
+    m, ma, c, k, k3, ka, F = made.parameters(
+        m=("1", "mass"),
+        ma=("1", "mass of the absorber"),
+        c=("1/s", "damping"),
+        k=("1/s^2", "stiffness"),
+        k3=("1/s^2", "cubic stiffness"),
+        ka=("1/s^2", "stiffness of the absorber"),
+        F=("1/s^2", "load"),
+    )
+    made.kinetic, made.dissipation = (m * rate(x) ** 2 + ma * rate(y) ** 2) / 2, c * rate(x) ** 2 / 2
+    made.potential = k * x**2 / 2 + k3 * x**4 / 4 + ka * (x - y) ** 2 / 2
+    made.force(F * cos(made.phase), along=x)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
+def torsional_absorber():
+    """A slide on a cubic spring, and a disc that is coupled to it by a torsion spring and a lever r: at
+    Ω² = kt/J the slide rests, and the disc turns by -F r/kt cos φ."""
+    made = Mechanism("torsional_absorber", "Slide with a torsional absorber")
+    x, theta = made.coordinates(x=("m", "slide"), theta=("rad", "disc"))
+    m, J, c, k, k3, kt, r, F = made.parameters(
+        m=("kg", "mass"),
+        J=("kg m^2", "inertia"),
+        c=("N s/m", "damping"),
+        k=("N/m", "stiffness"),
+        k3=("N/m^3", "cubic stiffness"),
+        kt=("N m/rad", "torsional stiffness"),
+        r=("m", "lever"),
+        F=("N", "load"),
+    )
+    made.kinetic = (m * rate(x) ** 2 + J * rate(theta) ** 2) / 2
+    made.potential = k * x**2 / 2 + k3 * x**4 / 4 + kt * (theta - x / r) ** 2 / 2
+    made.dissipation = c * rate(x) ** 2 / 2
+    made.force(F * cos(made.phase), along=x)
+    made.decline_drive_torque("a test of vibration")
+    return module_of(made)
+
+
+@cache
+def bead():
+    """A bead on a hoop that turns with the speed, counted from where it is in balance, cos q0 = g/Ω²:
+    q̈ + c q̇ - Ω² sin(q0 + q) cos(q0 + q) + g sin(q0 + q) = F cos φ."""
+    made = Mechanism("bead", "Bead on a hoop", energy="1/s^2")
+    (q,) = made.coordinates(q=("rad", "angle"))
+    c, g, F = made.parameters(
+        c=("1/s", "damping"), g=("1/s^2", "gravity by radius"), F=("1/s^2", "load by mass and radius")
+    )
+    made.fundamental(q=acos(g / made.speed**2))
+    made.kinetic = (rate(q) ** 2 + (made.speed * sin(q)) ** 2) / 2
+    made.potential, made.dissipation = -g * cos(q), c * rate(q) ** 2 / 2
+    made.force(F * cos(made.phase), along=q)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
+def held_pendulum():
+    """A pendulum that a torque t holds at sin q0 = t/g: q̈ + c q̇ + g sin(q0 + q) = t + F cos φ."""
+    made = Mechanism("held_pendulum", "Pendulum held by a torque", energy="1/s^2")
+    (q,) = made.coordinates(q=("rad", "angle"))
+    c, g, t, F = made.parameters(
+        c=("1/s", "damping"), g=("1/s^2", "gravity by length"), t=("1/s^2", "torque"), F=("1/s^2", "load")
+    )
+    made.fundamental(q=asin(t / g))
+    made.kinetic, made.potential = rate(q) ** 2 / 2, -g * cos(q)
+    made.dissipation = c * rate(q) ** 2 / 2
+    made.force(t + F * cos(made.phase), along=q)
     made.decline_drive_torque("an equation without units")
     return module_of(made)
 
