@@ -13,6 +13,7 @@ from solve.arrays import Array
 from solve.certify.scale import CoordinateScale
 from solve.errors import NoOrbitError, SolveError
 from solve.kernel.formulas import columns_by
+from solve.methods.free import free, solutions_on
 from solve.methods.method import Solutions
 from solve.newton.iteration import on, summed
 from solve.newton.parameter import ContinuationParameter
@@ -20,6 +21,7 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
 from solve.period.points import OnePoint
+from solve.period.rigid_body import Free
 from solve.progress import stage
 from solve.results.figures import orbit_figures, output_changes, repeats_early
 from solve.results.orbit import Orbit
@@ -73,7 +75,9 @@ class Place:
         return Place(on(grid, self.curve), self.value)
 
     def times(self, factor: float) -> "Place":
-        return Place(Curve(self.curve.nodes, factor * self.curve.coefficients), factor * self.value)
+        curve = self.curve
+        drift = None if curve.drift is None else factor * curve.drift
+        return Place(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.value)
 
     @property
     def largest(self) -> Array:
@@ -275,8 +279,9 @@ class _Follower:
         """The next iterate after a place at a length from another along a way, the derivative of both curve
         and value by the value, and the solutions that gave the iterate. Raises SolveError."""
         along, speed = self._along(place)
+        held = free(OnePoint(along, speed))
         next_one, by_value = (
-            self._solved(OnePoint(each, speed), grid)
+            self._solved(OnePoint(each, speed), grid, held)
             for each in (along, self.parameter.slope(along, place.curve))
         )
         assert isinstance(next_one.curve, Curve)
@@ -285,8 +290,8 @@ class _Follower:
         gone = self._inner(same.plus(-1.0, before), way, sizes)
         return same.plus((length - gone) / self._inner(slope, way, sizes), slope), slope, next_one
 
-    def _solved(self, point: OnePoint, grid: Grid, orbit: bool = True) -> Solutions:
-        found = self.task.method.solutions(point, grid, orbit, self.task.engine)
+    def _solved(self, point: OnePoint, grid: Grid, held: Free | None, orbit: bool = True) -> Solutions:
+        found = solutions_on(self.task.method, point, grid, orbit, self.task.engine, held)
         for reason in found.failures.values():
             raise reason
         return found
@@ -325,7 +330,8 @@ class _Follower:
         """The better of two places, without the errors of orbit and radius; off: relative differences (n,) of
         the coordinates."""
         (along, speed), curve = self._along(better), better.curve
-        rho = self._solved(OnePoint(along, speed), grid, False).multipliers
+        point = OnePoint(along, speed)
+        rho = self._solved(point, grid, free(point), False).multipliers
         system = self.parameter.task_at(better.value).system
         figures = orbit_figures(system, curve, speed, self.task.engine)
         errors = np.concatenate((off, output_changes(system, speed, there.curve, curve)))

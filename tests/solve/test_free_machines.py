@@ -475,3 +475,14 @@ def test_points_with_and_without_a_spring_to_ground_stand_beside_each_other():
         assert found.spectrum("q1")[at, 1] == pytest.approx(truth[0], rel=1e-8)
     assert (found.multipliers == 1).sum(axis=1).tolist() == [2, 0, 0]
     assert found.results.rigid.tolist() == [2, 0, 0]
+
+
+@pytest.mark.parametrize(("T0", "b"), [(0.0, 0.0), (0.3, 0.1)])
+def test_a_branch_of_a_free_machine_is_that_of_its_orbits(T0, b):
+    system = cubic(T0, b)
+    found = solve.branch(system, "1.3:1.5 rad/s")
+    orbit = solve.nonlinear(system, 1.5)
+    largest = [orbit.statistics(name).max_abs for name in orbit.coordinates]
+    last = int(np.abs(found.speeds - 1.5).argmin())
+    assert found.speeds[last] == pytest.approx(1.5, rel=1e-9)
+    np.testing.assert_allclose(found.peaks[last], largest, rtol=1e-5)
