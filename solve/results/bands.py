@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns
 from solve.results.lasting import lasting
-from solve.results.report import RenderableType, digits, speeds_of, table_of, text
+from solve.results.report import Facts, RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
 from solve.results.style import Figure
 from solve.results.sweep import Sweep
@@ -47,7 +47,8 @@ class Band:
 class Bands(Sequence[Band], Result):
     """Bands, rising, within a range of speeds (rad/s). spacing: the largest distance in rad/s of neighbouring
     speeds that were solved; narrower bands may be missed. notes: how they were found, such as speeds without
-    a result. speeds, spectral_radius (P,): those that were solved, rising, NaN where one has no result."""
+    a result. speeds, spectral_radius (P,): those that were solved, rising, NaN where one has no result.
+    constant_matrices: whether M, C and K do not vary over the period, so that their eigenvalues decide."""
 
     found: Sequence[Band]
     system: PeriodicSystem
@@ -56,6 +57,7 @@ class Bands(Sequence[Band], Result):
     notes: Sequence[str] = ()
     speeds: Array = field(default_factory=lambda: np.empty(0))
     spectral_radius: Array = field(default_factory=lambda: np.empty(0))
+    constant_matrices: bool = False
 
     def __len__(self) -> int:
         return len(self.found)
@@ -90,7 +92,8 @@ class Bands(Sequence[Band], Result):
 
     @property
     def whole(self) -> dict[str, Any]:
-        return {"range": self.range, "spacing": self.spacing, "notes": self.notes}
+        about = {"range": self.range, "spacing": self.spacing, "notes": self.notes}
+        return {**about, "constant_matrices": self.constant_matrices}
 
     @property
     def columns(self) -> Columns:
@@ -122,10 +125,14 @@ class Bands(Sequence[Band], Result):
         more = f" and {len(self) - _MOST_NAMED} more" if len(self) > _MOST_NAMED else ""
         return f"Unstable between {unit.span(*self.range, word='and')}: from {bands}{more}."
 
+    def facts(self) -> Facts:
+        return [("M, C, K", "constant over the period")] * self.constant_matrices
+
     def tables(self) -> Sequence[RenderableType]:
         unit = self.system.speed_unit
         width = unit.text(self.spacing, ".3g")
-        limit = text(f"solved at speeds up to {width} apart: narrower bands may be missed", "dim")
+        how = "eigenvalues" if self.constant_matrices else "solved"
+        limit = text(f"{how} at speeds up to {width} apart: narrower bands may be missed", "dim")
         if not self:
             return [text(f"\nno unstable band found from {unit.span(*self.range)}", "bold green"), limit]
         return [table_of(f"Unstable between {unit.span(*self.range, 'and')}", self.columns, left=2), limit]

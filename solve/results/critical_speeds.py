@@ -45,7 +45,8 @@ _NOWHERE = Maximum(math.nan, math.nan)
 class CriticalSpeeds(Result):
     """rows: critical speeds, falling; combinations: (ω̄i ± ω̄j)/k. Behind them over speeds (P,), rising:
     response, the dominant multiplier's real part and modulus (P,), unstable (P,), mean frequencies (P, n),
-    and imaginary (P,): whether one of these is imaginary or complex at some position."""
+    and imaginary (P,): whether one of these is imaginary or complex at some position. constant_matrices:
+    whether M, C and K do not vary over the period, so that no combination is excited."""
 
     system: PeriodicSystem
     quantity: str
@@ -61,6 +62,7 @@ class CriticalSpeeds(Result):
     orders: int
     imaginary: Array
     notes: Sequence[str] = ()
+    constant_matrices: bool = False
 
     @cached_property
     def warnings(self) -> list[str]:
@@ -163,6 +165,7 @@ class CriticalSpeeds(Result):
             "combinations": self.combinations,
             "unstable": rows_of(self._unstable),
             "notes": self.notes,
+            "constant_matrices": self.constant_matrices,
         }
 
     @property
@@ -235,7 +238,8 @@ class CriticalSpeeds(Result):
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 
     def facts(self) -> Facts:
-        return [("between", self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and"))]
+        span = self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and")
+        return [("between", span), *[("M, C, K", "constant over the period")] * self.constant_matrices]
 
     def tables(self) -> Sequence[RenderableType]:
         """A row a critical speed; unstable ranges and combinations below."""

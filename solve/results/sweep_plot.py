@@ -28,6 +28,9 @@ KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 
 KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex": "complex pair"}
 
+_ALIKE = 1e-6
+"""Distance from 1 below which spectral radii are drawn as a line at 1, not as their round-off."""
+
 _FLOOR = -80.0
 """Decibels at and below which a spectrum shows nothing."""
 
@@ -173,6 +176,9 @@ def _draw_radius(axes: Axes, x: Array, radius: Array, **style: Any) -> None:
     draw_through(axes, x, positive, True, **style)
     if np.nanmin(positive, initial=1.0) <= 0.1 or np.nanmax(positive, initial=1.0) >= 10:
         axes.set_yscale("log")
+    elif np.nanmax(np.abs(positive - 1), initial=0.0) < _ALIKE:
+        # Round-off has no scale worth drawing.
+        axes.set_ylim(0.99, 1.01)
     axes.set_ylabel("spectral\nradius |ρ|")
 
 

@@ -26,7 +26,7 @@ from solve.progress import part, stage, steps
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, Kept
 from solve.studies.boundaries import Search
-from solve.studies.constant import NOTE, constant, still
+from solve.studies.constant import constant, still
 from solve.studies.judged import Judge, Judged, judge
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.tongues import LIGHTLY_DAMPED, Turning, fastest_turning, hidden, parted, rising
@@ -39,8 +39,12 @@ GROWTH = 1e-6
 _FEWEST, _MOST = 40, 2000
 """Parts of the range of speeds before the search for narrow bands."""
 
-_FINER = 10
+_FINER = 5
 """Parts of each of these where matrices are constant: an eigenvalue costs less than a solution."""
+
+_PREDICTED = 0.9
+"""Part of a gap to which a parabola must predict its minimum there: gaps that do not depend on the speed have
+minima of round-off."""
 
 _TURN = 0.25
 """Angle in rad by which the fastest multiplier may turn between two speeds."""
@@ -81,7 +85,7 @@ def bands(
     Bands narrower than their distance, the result's `spacing`, are looked for where multipliers come
     closest to each other, to +1 and to -1, and may be missed all the same, as may a stable range narrower
     than a sixteenth of the unstable one around it; a growth below 1e-6 a turn makes no band. Where M, C and K
-    do not vary over the period, eigenvalues decide at ten times 40 parts and more. Where lightly
+    do not vary over the period, eigenvalues decide at five times 40 parts and more. Where lightly
     damped modes turn too far in one turn to be followed at many speeds, `auto` looks for bands of the slower
     ones alone, and the notes say so. Edges are found to `tolerance`, relative. engine: as in `sweep`. Raises
     ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
@@ -100,7 +104,6 @@ def bands(
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
     if steady:
-        notes = [*notes, NOTE]
         turning, points = still, _divided(coarse, np.full(len(coarse) - 1, _FINER))[:, None]
     else:
         turning = fastest_turning(system, ends, _FOLLOWED if fast else np.inf)
@@ -116,7 +119,7 @@ def bands(
         middle = np.arange(1, len(known.points) - 1)
         spacing = float(np.diff(known.points[:, 0]).max())
         step("narrow bands")
-        known += hidden(asked, known, middle)
+        known += hidden(asked, known, middle, predicted=_PREDICTED if steady else 1.0)
         if known.failed.any():
             notes = [*notes, _left_out(batch, rising(known), system.speed_unit)]
         step("edges of bands")
@@ -125,7 +128,8 @@ def bands(
     known = rising(sum(runs.looked, known))
     radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
     range_ = float(omegas[0]), float(omegas[-1])
-    return Bands(found, system, range_, spacing, notes, known.points[:, 0], radius)
+    speeds = known.points[:, 0]
+    return Bands(found, system, range_, spacing, notes, speeds, radius, steady is not None)
 
 
 def _left_out(batch: Batch, known: Judged, unit: ShownUnit) -> str:

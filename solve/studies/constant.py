@@ -18,10 +18,6 @@ from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
 from solve.results.points import Kept, PointResults
 from solve.studies.judged import Judged, judge
 
-NOTE = (
-    "M, C and K are constant over the period: their eigenvalues decide, and nothing is excited parametrically"
-)
-
 _PHASES = 128
 """At which some of the points show whether matrices are constant; as many as `solve.period.frozen` takes."""
 

@@ -26,7 +26,7 @@ from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
 from solve.studies.boundaries import Search
-from solve.studies.constant import NOTE, Constant, constant, still
+from solve.studies.constant import Constant, constant, still
 from solve.studies.explained import CLOSE, Explained, Turn, allowed_distance, of_modulus, of_real_part
 from solve.studies.judged import Judged, judge, passing
 from solve.studies.known_speeds import ends_with_matrices, without_result
@@ -94,7 +94,6 @@ def critical_speeds(
     first = rest if np.isfinite(rest.values).all() else MeanFrequencies(system, np.array([low]))
     stability = replace(task, request=replace(task.request, orbit=False))
     steady = constant(stability.batch(omegas[:, None]))
-    notes += [NOTE] * bool(steady)
     grid = _refined_grid(omegas, first, orders, combined=steady is None)
     batch, without = (each.batch(grid[:, None]) for each in (task, stability))
     turning = still if steady else fastest_turning(system, (low, high))
@@ -138,6 +137,7 @@ def critical_speeds(
             *shifted_by_rates(frequencies, CLOSE),
             *_left_out(system, grid, frequencies, found, orders),
         ],
+        steady is not None,
     )
 
 
