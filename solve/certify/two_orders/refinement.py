@@ -223,7 +223,7 @@ class _Refinement:
                     chosen = chosen.with_multipliers(
                         chosen.multipliers.with_digits(errors[good, 1], UNDERFLOW)
                     )
-                yield self.solving.certified(found.positions[good], chosen, errors[good], absolute[good])
+                yield from self.solving.certified(found.positions[good], chosen, errors[good], absolute[good])
 
     def _out_of_reach(self, least: int) -> StepsError:
         return StepsError(
