@@ -12,7 +12,7 @@ from solve.certify.reduction import judged_by_enriched
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
-from solve.period.multipliers import roughly
+from solve.period.multipliers import UNDETERMINED, roughly
 from solve.period.quantities import Quantities
 from solve.progress import stage
 from solve.results.points import Kept, PointResults
@@ -36,6 +36,24 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
         for start in range(0, len(points), size):
             for solved in _Keeper(batch, points[start : start + size], results, start).kept():
                 count.add(solved)
+    return results
+
+
+def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResults:
+    """Multipliers and figures of the points (P, v) on one grid of so many steps, without errors, and with the
+    verdict "undetermined"."""
+    n = batch.family.example.n
+    results, size = PointResults.blank(len(points), n, kept), chunk_size(n)
+    with one_thread(n), stage(POINTS, len(points)) as count:
+        for start in range(0, len(points), size):
+            keeper = _Keeper(batch, points[start : start + size], results, start)
+            for _, positions, solutions in batch.solutions(keeper.points, steps):
+                at = start + positions
+                results.multipliers[at] = solutions.multipliers.values
+                results.verdicts[at], results.steps[at] = UNDETERMINED, steps
+                if solutions.curve is not None:
+                    keeper.keep_figures(positions, solutions.curve)
+                count.add(len(positions))
     return results
 
 
@@ -84,7 +102,7 @@ class _Keeper:
         if solutions.curve is None:
             results.errors[at, 0] = np.nan
         else:
-            self._keep_figures(found.positions, solutions.curve)
+            self.keep_figures(found.positions, solutions.curve)
 
     def _system_of(self, found: Certified) -> Callable[[int], tuple[PeriodicSystem, float]]:
         """System and speed (rad/s) of each of the points found."""
@@ -98,7 +116,8 @@ class _Keeper:
             if texts:
                 self.results.warnings[self.start + point] = texts
 
-    def _keep_figures(self, positions: Array, curve: PeriodicCurve) -> None:
+    def keep_figures(self, positions: Array, curve: PeriodicCurve) -> None:
+        """Figures and amplitudes of the points at the positions (k,)."""
         kept, points, family = self.results.kept, self.points[positions], self.batch.family
         if not (kept.names or kept.spectra):
             return

@@ -33,8 +33,8 @@ _MOST_ENTRIES = 2**22
 """Entries of a matrix over the positions that are looked at together; more are taken in parts."""
 
 _MOST_KEPT = 2**26
-"""Bytes of the tables of phases that are kept for solutions at other speeds: about four grids of 384 steps
-of a structure with 9 coordinates, or one of 27."""
+"""Bytes of tables that are kept for solutions at other speeds: about ten grids of 384 steps with 9
+coordinates, or two with 27."""
 
 _SPEEDS = 3
 """Speeds from which the matrices follow at all others: Ω²M, ΩC, K, d go with 1, Ω and Ω²."""

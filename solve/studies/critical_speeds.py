@@ -19,18 +19,18 @@ from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.errors import require_name
 from solve.methods.choice import Rule
-from solve.period.multipliers import UNIT_CIRCLE, UNSTABLE
+from solve.period.multipliers import UNSTABLE
 from solve.progress import stage, steps
-from solve.results.critical_rows import Combination, Critical, Maximum
+from solve.results.critical_rows import Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.sizes import require_size
 from solve.studies.boundaries import Search
 from solve.studies.constant import Constant, constant, still
-from solve.studies.explained import CLOSE, Explained, Turn, allowed_distance, of_modulus, of_real_part
-from solve.studies.judged import Judged, judge, passing
+from solve.studies.explained import CLOSE, Explained, Turn, assigned, of_modulus, of_real_part
+from solve.studies.judged import Judged, judge, met, passes_one
 from solve.studies.known_speeds import ends_with_matrices, without_result
-from solve.studies.maxima import peaks, sharpened
+from solve.studies.maxima import Brackets, Trials, peaks, settled, sharpened
 from solve.studies.mean_frequencies import (
     MeanFrequencies,
     combinations,
@@ -56,9 +56,6 @@ _BESIDE = 4.0
 
 _SHARE = 0.1
 """Part of the largest rise of an order's power from which on that order explains a maximum."""
-
-_ALIKE = 1e-3
-"""Relative difference of speeds up to which maxima of a multiplier's real part and of its modulus are one."""
 
 
 @of_system
@@ -107,16 +104,19 @@ def critical_speeds(
         with stage("speeds", len(grid)):
             frequencies.values  # noqa: B018 - cached from here on
         step("maxima of the dominant multiplier")
-        real_part, error = search.real_part(found), found.errors[:, 1] * found.spectral_radius
-        real_part = np.where(_resolved(frequencies, orders), np.maximum(real_part, 0.0), np.nan)
-        turned = search.maxima(grid, real_part, error, search.real_part)
+        real_part = np.maximum(search.real_part(found), 0.0)
+        real_part = np.where(_resolved(frequencies, orders), real_part, np.nan)
+        turned = search.multiplier_maxima(grid, real_part, found, search.real_part)
         step("maxima of the response")
         grid, found = search.with_edges(
             grid, found, np.array([top.speed for top in turned if top.height > 1])
         )
         frequencies = replace(frequencies, speeds=grid)
-        tops = search.tops(found, frequencies, orders)
-        rows = _rows(search, found, frequencies, rest, tops, turned, orders)
+        resolved = _resolved(frequencies, orders)
+        tops = search.response_maxima(grid, found, resolved)
+        radius = np.where(resolved, search.radius(found), np.nan)
+        raised = search.multiplier_maxima(grid, radius, found, search.radius)
+        rows = _rows(search, (tops, turned, raised), frequencies, rest, orders)
     return CriticalSpeeds(
         system,
         name,
@@ -202,69 +202,86 @@ class _Search:
         largest = np.where(found.leading, np.real(found.multipliers), -np.inf).max(axis=1)
         return np.where(found.failed, np.nan, largest)
 
-    def maxima(
-        self, speeds: Array, values: Array, errors: Array, value: Callable[[PointResults], Array]
+    def multiplier_maxima(
+        self, speeds: Array, values: Array, found: PointResults, value: Callable[[PointResults], Array]
     ) -> list[Maximum]:
-        """Prominent local maxima of those of the values (P,), with errors, that are known, zoomed into."""
-        known = np.isfinite(values)
-        speeds, values = speeds[known], values[known]
-        solved = self.solved if value == self.response else self.without_orbits
-        top = peaks(values, errors[known])
-        return sharpened(speeds, values, top, lambda trials: value(solved(trials)), self.tolerance)
+        """Maxima of a value of multipliers, `values` (P,) of what was found at the speeds (P,)."""
+        places = peaks(values, found.errors[:, 1] * found.spectral_radius)
+        trials = Trials(self.multipliers, Kept(warnings=False), found, places)
 
-    def tops(self, found: PointResults, frequencies: MeanFrequencies, orders: int) -> list[Maximum]:
-        """Maxima of the response at the speeds of the frequencies."""
-        values = np.where(_resolved(frequencies, orders), self.response(found), np.nan)
-        return self.maxima(frequencies.speeds, values, found.errors[:, 0] * np.abs(values), self.response)
+        def solved(speeds: Array, numbers: Array) -> tuple[Array, Array]:
+            here = trials.solved(speeds, numbers)
+            return value(here), self.meeting(here)
 
-    def risen(self, maxima: list[Maximum], orders: int) -> list[Explained]:
+        brackets = Brackets(speeds[places], values[places])
+        return sharpened(brackets, self.meeting(found)[places], solved, self.tolerance).maxima
+
+    def meeting(self, found: PointResults) -> Array:
+        """How far the pair of the dominant multiplier with the largest real part has met (P,), `met`."""
+        leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)
+        return np.where(found.failed, np.nan, met(found.multipliers, leads))
+
+    def response_maxima(self, speeds: Array, found: PointResults, known: Array) -> Brackets:
+        """Brackets of the maxima of the response, where it is known (P,), of what was found at the speeds
+        (P,)."""
+        values = np.where(known, self.response(found), np.nan)
+        places = peaks(values, found.errors[:, 0] * np.abs(values))
+        trials = Trials(self.batch, self.kept, found, places)
+
+        def solved(speeds: Array, numbers: Array) -> tuple[Array, Array]:
+            return self.response(trials.solved(speeds, numbers)), np.full(len(speeds), np.nan)
+
+        brackets = Brackets(speeds[places], values[places])
+        return sharpened(brackets, np.full(places.shape, np.nan), solved, self.tolerance)
+
+    def settled(self, tops: Brackets) -> list[Maximum]:
+        """Maxima of the response with heights that are certified, and known however narrow they are."""
+
+        def solved(speeds: Array, _: Array) -> tuple[Array, Array]:
+            return self.response(self.solved(speeds)), np.full(len(speeds), np.nan)
+
+        return settled(tops, solved).maxima
+
+    def risen(self, tops: Brackets, orders: int) -> list[Explained]:
         """Maxima of the response that are reached, beside an unstable range at the nearest, each with the
         orders up to `orders` whose power rises there above that on either side."""
-        if not maxima:
+        if not len(tops):
             return []
         system, (name,) = self.batch.family.example, self.kept.names
         turns = system.period / (2 * np.pi)
-        at = np.array([one.speed for one in maxima])
-        unbounded = self._unbounded(at)
+        at = tops.x[:, 1]
         aside = _ASIDE / np.maximum(MeanFrequencies(system, at).lowest / at, _ASIDE / CLOSE)
         near = np.full(len(at), _BESIDE * self.tolerance)
         trials = at * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
         kept = Kept((name,), (name,), math.ceil(orders * turns), warnings=False)
         found = gathered(self.batch, trials.reshape(-1, 1), kept)
         reached = (found.verdicts != UNSTABLE).reshape(trials.shape)[1:4].any(axis=0)
+        unbounded = self._unbounded(trials[1:4], found)
+        known = np.flatnonzero(~unbounded)
+        narrow = self.settled(tops.with_heights(self.response(found).reshape(trials.shape)[2])[known])
+        maxima = [Maximum(speed, math.inf) for speed in at.tolist()]
+        for place, maximum in zip(known.tolist(), narrow, strict=True):
+            maxima[place] = maximum
         power = np.nan_to_num(found.amplitudes[:, 0] ** 2).reshape(*trials.shape, -1)
         rises = power[2] - (power[0] + power[4]) / 2
-        whole = {
-            k: round(k * turns) for k in range(1, orders + 1) if math.isclose(k * turns, round(k * turns))
-        }
-        modes = range(1, system.n + 1)
         return [
-            Explained(
-                replace(maximum, height=math.inf) if grows else maximum,
-                {
-                    (mode, k)
-                    for mode, (k, number) in itertools.product(modes, whole.items())
-                    if rise[number] >= _SHARE * rise[1:].max() > 0
-                },
-            )
-            for maximum, rise, is_reached, grows in zip(maxima, rises, reached, unbounded, strict=True)
+            Explained(maximum, _risen(rise, orders, turns, system.n))
+            for maximum, rise, is_reached in zip(maxima, rises, reached, strict=True)
             if is_reached
         ]
 
-    def _unbounded(self, at: Array) -> Array:
-        """Whether the response grows beyond all bounds about speeds (k,), since a multiplier is +1 there: one
-        that goes along the real axis, as at the edge of an unstable range, or along the unit circle, as where
-        nothing damps a resonance, whether or not there is a narrow unstable range about it."""
-        near = 1 + _BESIDE * self.tolerance * np.array([-1, 0, 1])
-        found = self.without_orbits((at[:, None] * near).ravel())
-        off, side = np.abs(1 - found.multipliers), _side(found).reshape(-1, 3)
-        least = off.argmin(axis=1)[:, None]
-        size, modulus = (
-            np.take_along_axis(each, least, 1).reshape(-1, 3) for each in (off, np.abs(found.multipliers))
+    def _unbounded(self, trials: Array, found: PointResults) -> Array:
+        """Whether the response grows beyond all bounds (k,), since a multiplier is +1 there, about the maxima
+        between speeds `trials` (3, k). found: at these speeds, those outside of them first and last."""
+        rho, errors = (
+            each.reshape(5, trials.shape[1], -1)[1:4].copy() for each in (found.multipliers, found.errors)
         )
-        error = (found.errors[:, 1] * found.spectral_radius).reshape(-1, 3)
-        turned = (np.abs(modulus - 1) <= error + UNIT_CIRCLE)[:, ::2].all(axis=1)
-        return (side[:, 0] * side[:, 2] < 0) | turned & (size[:, 1] < size[:, ::2].min(axis=1))
+        failed = found.failed.reshape(5, -1)[1:4]
+        if failed.any():
+            # Where there is no orbit there are multipliers all the same.
+            others = self.without_orbits(trials[failed])
+            rho[failed], errors[failed] = others.multipliers, others.errors
+        return passes_one(rho, errors[..., 1] * np.abs(rho[..., 0]))
 
     def with_edges(self, speeds: Array, found: PointResults, others: Array) -> tuple[Array, PointResults]:
         """The speeds (P,) and what was found there, with others (k,), and those at and beside which a
@@ -296,46 +313,60 @@ class _Search:
         return every, results
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
-        """Maxima of the dominant multiplier's real part, each with what explains it; but for edges of
-        unstable ranges, at which another multiplier takes the lead."""
-        at = np.array([one.speed for one in maxima])
-        near = 1 + _BESIDE * self.tolerance * np.array([-1, 1])
-        sides = self.without_orbits((at[:, None] * near).ravel()).verdicts.reshape(-1, 2) == UNSTABLE
-        found = self.without_orbits(at)
-        leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)
+        """Maxima of the dominant multiplier's real part, each with what explains it; except edges of unstable
+        ranges, at which another multiplier takes the lead."""
+        at, count = np.array([one.speed for one in maxima]), len(maxima)
+        near = 1 + _BESIDE * self.tolerance * np.array([0, -1, 1])
+        every = self.without_orbits((near[:, None] * at).ravel())
+        unstable, rho = (every.verdicts == UNSTABLE).reshape(3, count), every.multipliers[:count]
+        leads = np.where(every.leading[:count], np.real(rho), -np.inf).argmax(axis=1)
+        maxima = _certified(maxima, self.real_part(every)[:count])
         return [
             explained
-            for one, lead, (turn, grows), (below, above) in zip(
-                maxima, leads, self._turns(maxima, found), sides, strict=True
+            for one, lead, (turn, grows), is_edge in zip(
+                maxima, leads, self._turns(maxima, rho, unstable[0]), unstable[1] != unstable[2], strict=True
             )
             if any((explained := of_real_part(turn, one, int(lead), orders, unstable=grows))[1:])
-            or below == above
+            or not is_edge
         ]
 
     def raised(self, maxima: list[Maximum], orders: int) -> list[Explained]:
-        """Maxima of the spectral radius, each with what explains it; but for those of stable motions that
+        """Maxima of the spectral radius, each with what explains it; except those of stable motions that
         nothing explains, for it falls on either side where a mode meets one that decays faster."""
         found = self.without_orbits(np.array([one.speed for one in maxima]))
+        maxima = _certified(maxima, found.spectral_radius)
         return [
             explained
-            for one, (turn, grows) in zip(maxima, self._turns(maxima, found), strict=True)
+            for one, (turn, grows) in zip(
+                maxima, self._turns(maxima, found.multipliers, found.verdicts == UNSTABLE), strict=True
+            )
             if any((explained := of_modulus(turn, one, orders))[1:]) or grows
         ]
 
-    def _turns(self, maxima: list[Maximum], found: PointResults) -> Iterator[tuple[Turn, bool]]:
-        """What a period does to the modes at each, and whether the motion is unstable."""
-        system, unstable = self.batch.family.example, found.verdicts == UNSTABLE
-        for one, grows, rho in zip(maxima, unstable.tolist(), found.multipliers, strict=True):
+    def _turns(
+        self, maxima: list[Maximum], multipliers: Array, unstable: Array
+    ) -> Iterator[tuple[Turn, bool]]:
+        """What a period does to the modes at each (k,), by its multipliers (k, N), and whether the motion is
+        unstable (k,)."""
+        system = self.batch.family.example
+        for one, grows, rho in zip(maxima, unstable.tolist(), multipliers, strict=True):
             ratios = MeanFrequencies(system, np.array([one.speed])).values[0] / one.speed
             yield Turn(system, one.speed, rho, ratios), grows
 
 
-def _side(found: PointResults) -> Array:
-    """Sign (P,) of det(I - Φ), of whose changes each is a multiplier that passes +1 along the real axis; 0
-    where one is +1 but for its error."""
-    off = 1 - found.multipliers
-    sure = np.abs(off).min(axis=1) > found.errors[:, 1] * found.spectral_radius
-    return np.where(sure, np.sign(passing(found.multipliers, 1)[:, 0]), 0.0)
+def _certified(maxima: list[Maximum], heights: Array) -> list[Maximum]:
+    """The maxima with the heights (k,) that were certified at their speeds, where there are such."""
+    known = zip(maxima, heights.tolist(), np.isfinite(heights).tolist(), strict=True)
+    return [replace(one, height=height) if finite else one for one, height, finite in known]
+
+
+def _risen(rise: Array, orders: int, turns: float, modes: int) -> set[tuple[int, int]]:
+    """Modes and orders of rotation up to `orders` whose power rises, of `rise` (k,) by orders of a period of
+    so many turns."""
+    whole = {k: round(k * turns) for k in range(1, orders + 1) if math.isclose(k * turns, round(k * turns))}
+    enough = _SHARE * rise[1:].max()
+    risen = [k for k, number in whole.items() if rise[number] >= enough > 0]
+    return set(itertools.product(range(1, modes + 1), risen))
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
@@ -345,61 +376,21 @@ def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
 
 def _rows(
     search: _Search,
-    found: PointResults,
+    maxima: tuple[Brackets, list[Maximum], list[Maximum]],
     frequencies: MeanFrequencies,
     rest: MeanFrequencies,
-    tops: list[Maximum],
-    turned: list[Maximum],
     orders: int,
 ) -> list[Critical]:
-    """Maxima of all kinds, each beside the integer division that it belongs to. tops: those of the response;
-    turned: of the dominant multiplier's real part."""
-    grid, resolved = frequencies.speeds, _resolved(frequencies, orders)
+    """Maxima of the response, of the dominant multiplier's real part and of the spectral radius, each beside
+    the integer division that it belongs to."""
+    tops, turned, raised = maxima
     rows = [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
         for order, speed in crossed(frequencies, weights, orders)
     ]
-    error = found.errors[:, 1] * found.spectral_radius
-    radius = np.where(resolved, search.radius(found), np.nan)
-    rows = _assigned(rows, search.risen(tops, orders), frequencies, "response")
-    rows = _assigned(rows, search.turned(turned, orders), frequencies, "multiplier")
-    tops = search.maxima(grid, radius, error, search.radius)
-    rows = _assigned(rows, search.raised(tops, orders), frequencies, "radius")
+    rows = assigned(rows, search.risen(tops, orders), frequencies, "response")
+    rows = assigned(rows, search.turned(turned, orders), frequencies, "multiplier")
+    rows = assigned(rows, search.raised(raised, orders), frequencies, "radius")
     rows = [replace(row, ratios=(frequencies.at(row.speed) / row.speed).tolist()) for row in rows]
     return sorted(rows, key=lambda row: -row.speed)
-
-
-def _assigned(
-    rows: list[Critical], explained: list[Explained], frequencies: MeanFrequencies, way: str
-) -> list[Critical]:
-    """The rows with each maximum at the division that explains it: one that does, and near; the higher first.
-    A row of its own where there is none, or where frozen frequencies mean nothing, one for a combination."""
-    rows = list(rows)
-    for one in sorted(explained, key=lambda one: -one.maximum.height):
-        here = replace(frequencies, speeds=np.array([one.maximum.speed]))
-        ratios = here.values[0] / one.maximum.speed
-        several = () if here.imaginary[0] else one.combinations
-        combination = several[0] if len(several) == 1 else None
-        places = [
-            (abs(ratios[(row.mode or 0) - 1] - (row.order or 0)), place)
-            for place, row in enumerate(rows)
-            if (row.mode, row.order) in one.divisions and getattr(row, way) is None and not here.imaginary[0]
-        ]
-        distance, place = min(places, default=(np.inf, 0))
-        if not places or distance >= allowed_distance(rows[place].order or 0):
-            place = next((at for at, row in enumerate(rows) if _tells(row, one, combination, way)), len(rows))
-            candidates = several if len(several) > 1 else ()
-            rows += [Critical(combination=combination, candidates=candidates)] * (place == len(rows))
-        rows[place] = replace(rows[place], **{way: one.maximum})
-    return rows
-
-
-def _tells(row: Critical, one: Explained, combination: Combination | None, way: str) -> bool:
-    """Whether a row stands for this maximum of that way already."""
-    if getattr(row, way) is not None:
-        return False
-    apart = abs(row.speed - one.maximum.speed) / one.maximum.speed
-    if combination is not None and row.combination is not None:
-        return combination.same(row.combination) and apart < CLOSE
-    return way == "radius" and row.multiplier is not None and apart < _ALIKE

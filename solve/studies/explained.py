@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.multipliers import matched
-from solve.results.critical_rows import Combination, Maximum
-from solve.studies.mean_frequencies import excited
+from solve.results.critical_rows import Combination, Critical, Maximum
+from solve.studies.mean_frequencies import MeanFrequencies, excited
 from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem
 
@@ -37,6 +37,9 @@ last of these is ruled out."""
 
 _WEAKER = 0.1
 """Added to the sum for each order above the first: higher orders are weaker."""
+
+_ALIKE = 1e-3
+"""Relative difference of speeds up to which maxima of a multiplier's real part and of its modulus are one."""
 
 
 class Explained(NamedTuple):
@@ -207,6 +210,41 @@ def of_modulus(turn: Turn, maximum: Maximum, orders: int) -> Explained:
     """What explains a maximum of the spectral radius: modes whose multipliers meet, or one that has turned to
     +1 or -1."""
     return _explained(maximum, [one for one in turn.combined(turn.pair_of(0), orders) if one[0] <= _SURELY])
+
+
+def assigned(
+    rows: list[Critical], explained: list[Explained], frequencies: MeanFrequencies, way: str
+) -> list[Critical]:
+    """The rows with each maximum at the division that explains it: one that does, and near; the higher first.
+    A row of its own where there is none, or where frozen frequencies mean nothing, one for a combination."""
+    rows = list(rows)
+    for one in sorted(explained, key=lambda one: -one.maximum.height):
+        here = replace(frequencies, speeds=np.array([one.maximum.speed]))
+        ratios = here.values[0] / one.maximum.speed
+        several = () if here.imaginary[0] else one.combinations
+        combination = several[0] if len(several) == 1 else None
+        places = [
+            (abs(ratios[(row.mode or 0) - 1] - (row.order or 0)), place)
+            for place, row in enumerate(rows)
+            if (row.mode, row.order) in one.divisions and getattr(row, way) is None and not here.imaginary[0]
+        ]
+        distance, place = min(places, default=(np.inf, 0))
+        if not places or distance >= allowed_distance(rows[place].order or 0):
+            place = next((at for at, row in enumerate(rows) if _tells(row, one, combination, way)), len(rows))
+            candidates = several if len(several) > 1 else ()
+            rows += [Critical(combination=combination, candidates=candidates)] * (place == len(rows))
+        rows[place] = replace(rows[place], **{way: one.maximum})
+    return rows
+
+
+def _tells(row: Critical, one: Explained, combination: Combination | None, way: str) -> bool:
+    """Whether a row stands for this maximum of that way already."""
+    if getattr(row, way) is not None:
+        return False
+    apart = abs(row.speed - one.maximum.speed) / one.maximum.speed
+    if combination is not None and row.combination is not None:
+        return combination.same(row.combination) and apart < CLOSE
+    return way == "radius" and row.multiplier is not None and apart < _ALIKE
 
 
 def _explained(maximum: Maximum, found: list[tuple[float, Combination]]) -> Explained:

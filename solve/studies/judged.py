@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered
+from solve.period.multipliers import UNIT_CIRCLE
 from solve.progress import part
 from solve.results.points import Kept, PointResults, kinds_of
 
@@ -126,6 +127,39 @@ def passing(multipliers: Array, sign: int) -> Array:
     met = np.where(order < every, (1 - sorted_) * (1 - other), np.nan)
     turning = np.where(real, np.nan, np.square(np.abs(1 - rho)))
     return np.sort(np.concatenate((met, turning), axis=1), axis=1)[:, : len(order) : 2]
+
+
+def met(multipliers: Array, leads: Array) -> Array:
+    """How far multipliers (k, N) at positions `leads` (k,) have met their partners (k,): the square of half
+    their difference over their product. It is negative for conjugate ones, positive for real ones, and goes
+    smoothly through zero where they meet on the real axis."""
+    every = np.arange(len(leads))
+    rho = multipliers[every, leads]
+    apart = np.where(np.imag(multipliers) == 0, np.abs(multipliers - rho[:, None]), np.inf)
+    apart[every, leads] = np.inf
+    partner = multipliers[every, apart.argmin(axis=1)]
+    partner = np.where(
+        np.imag(rho) != 0, np.conj(rho), np.where(np.isfinite(apart.min(axis=1)), partner, rho)
+    )
+    product = np.abs(rho * partner)
+    return np.real(np.square(rho - partner)) / (4 * np.where(product > 0, product, 1.0))
+
+
+def passes_one(multipliers: Array, error: Array) -> Array:
+    """Whether a multiplier passes +1 (k,) at the second of three neighbouring points.
+
+    multipliers (3, k, N) with absolute errors (3, k). It goes along the real axis, as at the edge of an
+    unstable range, or along the unit circle, as where nothing damps a resonance, whether or not there is a
+    narrow unstable range about it."""
+    off, modulus = np.abs(1 - multipliers), np.abs(multipliers)
+    least = off.argmin(axis=2)[..., None]
+    size, modulus = (np.take_along_axis(each, least, 2)[..., 0] for each in (off, modulus))
+    on_circle = (np.abs(modulus - 1) <= error + UNIT_CIRCLE)[::2].all(axis=0)
+    # A change of the sign of det(I - Φ) is a multiplier that passes +1 along the real axis; the sign is not
+    # known where one is +1 within its error.
+    signs = np.sign([passing(each, 1)[:, 0] for each in multipliers])
+    side = np.where(size > error, signs, 0.0)
+    return (side[0] * side[2] < 0) | on_circle & (size[1] < size[::2].min(axis=0))
 
 
 Judge = Callable[[Array], Judged]

@@ -1,14 +1,17 @@
-"""Local maxima over speed of figures that are solved for, several at once."""
+"""Local maxima over speed of figures that are solved for, all brackets at once."""
 
-import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array
-from solve.batch.batch import POINTS
+from solve.arrays import Array, different
+from solve.batch.batch import POINTS, Batch
+from solve.batch.gathering import gathered, unjudged
+from solve.period.multipliers import EPS
 from solve.progress import part, stage
 from solve.results.critical_rows import Maximum
+from solve.results.points import Kept, PointResults
 
 _PROMINENT = 1e-2
 """Part of its own height by which a maximum must rise above the ground on either side."""
@@ -16,82 +19,213 @@ _PROMINENT = 1e-2
 _SURE = 2.0
 """Times its error by which it must rise besides."""
 
-_BESIDE = 0.05
-"""Part of a bracket at which a parabola's vertex is verified on both of its sides."""
+_PARTS = 3
+"""Into which each side of a bracket is divided first, so that of several maxima the highest is met."""
 
-_FIRST, _A_ROUND, _SHRINKS = 9, 5, 8.0
-"""Speeds solved for a maximum in each of the first two rounds and in a further one, and how much shorter its
-bracket is after one, as measured."""
+_EVALUATIONS = 14
+"""Speeds that a bracket takes after that, as measured, for the time that is left."""
+
+_OF_STEPS = ("radau", "gauss")
+"""Methods of which the finer of two grids that agree gives the solution."""
+
+_MOST = 100
+"""Iterations at most: golden sections alone shorten a bracket to 1e-16 of itself in 77."""
+
+_SETTLED, _FLAT = 1e-5, 1e-6
+"""Part of its height by which a maximum may rise above the ends of its bracket to be known; to which it is
+flattened where it rises by more."""
+
+Value = Callable[[Array, Array], tuple[Array, Array]]
+"""Heights (m,) at speeds (m,) within brackets of the numbers (m,), NaN where there is none; and guides (m,),
+of whose maxima each may hide a narrow one of the heights, NaN where nothing guides."""
+
+
+@dataclass(frozen=True)
+class Brackets:
+    """Maxima between neighbours: speeds x (k, 3), rising, and heights y (k, 3), the highest in the middle."""
+
+    x: Array
+    y: Array
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def __getitem__(self, some: Array | slice) -> "Brackets":
+        return Brackets(self.x[some], self.y[some])
+
+    def with_heights(self, heights: Array) -> "Brackets":
+        """The same with other heights (k,) in the middle, where these are finite."""
+        y = self.y.copy()
+        y[:, 1] = np.where(np.isfinite(heights), heights, y[:, 1])
+        return Brackets(self.x, y)
+
+    @property
+    def maxima(self) -> list[Maximum]:
+        """The highest points known."""
+        return [
+            Maximum(speed, height)
+            for speed, height in zip(self.x[:, 1].tolist(), self.y[:, 1].tolist(), strict=True)
+        ]
+
+
+class Trials:
+    """Solutions at speeds in brackets: on one grid of as many steps as serve the speeds of the bracket, since
+    a second, which gives errors, would change nothing but the time."""
+
+    def __init__(self, batch: Batch, kept: Kept, found: PointResults, places: Array):
+        """found: at speeds of which those at `places` (k, 3) are the brackets."""
+        self._batch, self._kept = batch, kept
+        self._steps, self._errors = found.steps[places].max(axis=1), found.errors[places].max(axis=1)
+        self._on_one_grid = bool(np.isin(found.methods[places], _OF_STEPS).all())
+
+    def solved(self, speeds: Array, numbers: Array) -> PointResults:
+        """At speeds (m,) in the brackets of the numbers (m,), with the errors of these."""
+        if not self._on_one_grid:
+            return gathered(self._batch, speeds[:, None], self._kept)
+        found = PointResults.blank(len(speeds), self._batch.family.example.n, self._kept)
+        steps = self._steps[numbers]
+        for count in different(steps):
+            at = np.flatnonzero(steps == count)
+            found.insert(at, unjudged(self._batch, speeds[at, None], count, self._kept))
+        found.errors[:] = self._errors[numbers]
+        return found
 
 
 def peaks(values: Array, errors: Array) -> Array:
-    """Positions (k,) of local maxima of finite values (P,) that rise above the ground on either side by more
-    than a hundredth of their height and more than twice their errors (P,)."""
-    from scipy.signal import find_peaks
+    """Positions (k, 3) of prominent local maxima of values (P,), NaN where unknown, and of the known values
+    beside them: those that rise above the ground on either side by more than a hundredth of their height and
+    more than twice their errors (P,)."""
+    known = np.flatnonzero(np.isfinite(values))
+    top, prominences = prominent(values[known])
+    height, doubt = np.abs(values[known[top]]), _SURE * np.nan_to_num(errors[known[top]], nan=0.0)
+    top = top[prominences > np.maximum(_PROMINENT * height, doubt)]
+    return known[top[:, None] + np.array([-1, 0, 1])]
 
-    top, found = find_peaks(values, prominence=0.0)
-    doubt = _SURE * np.nan_to_num(errors[top], nan=0.0)
-    return top[found["prominences"] > np.maximum(_PROMINENT * np.abs(values[top]), doubt)]
+
+def prominent(values: Array) -> tuple[Array, Array]:
+    """Positions (k,) of local maxima of finite values (P,), of equal neighbours the middle one, and by how
+    much (k,) each rises above the higher of the lowest values between it and a higher one on either side, as
+    `scipy.signal.find_peaks` has it; importing that takes a second."""
+    starts = np.flatnonzero(np.append(True, np.diff(values) != 0)) if len(values) else np.zeros(0, dtype=int)
+    levels, ends = values[starts], np.append(starts[1:], len(values)) - 1
+    tops = 1 + np.flatnonzero((levels[1:-1] > levels[:-2]) & (levels[1:-1] > levels[2:]))
+    rises = np.empty(len(tops))
+    for number, top in enumerate(tops.tolist()):
+        higher = np.flatnonzero(levels > levels[top])
+        before, after = higher[higher < top].max(initial=-1), higher[higher > top].min(initial=len(levels))
+        rises[number] = levels[top] - max(levels[before + 1 : top].min(), levels[top + 1 : after].min())
+    return (starts[tops] + ends[tops]) // 2, rises
 
 
-def sharpened(
-    speeds: Array, values: Array, top: Array, value: Callable[[Array], Array], tolerance: float
-) -> list[Maximum]:
-    """The maxima at positions `top` (k,) of finite values (P,) over rising speeds (P,), each to a tolerance
-    relative to its speed. value: of speeds (m,), NaN where there is none.
+def sharpened(brackets: Brackets, guides: Array, value: Value, tolerance: float) -> Brackets:
+    """Narrower brackets of the highest maxima, each to a tolerance relative to its speed. guides (k, 3): at
+    the speeds of the brackets.
 
-    The highest point known is kept between its neighbours, which bracket the maximum. The first two rounds
-    divide a bracket evenly: it may hold several maxima, such as one where a pair of multipliers has met on
-    the real axis. Each further round tries the vertex of the parabola through the three points, points beside
-    it, and the middles of both sides: these halve the bracket where no parabola fits, as beside a jump.
+    The highest of speeds that divide a bracket evenly is followed to its maximum, and the guide to its own;
+    then the highest speed of all.
     """
-    if len(top) == 0:
-        return []
-    around = top[:, None] + np.array([-1, 0, 1])
-    x, y = speeds[around], values[around]
-    rounds = np.log(((x[:, 2] - x[:, 0]) / (2 * tolerance * x[:, 1])).max()) / np.log(_SHRINKS)
-    with stage(POINTS, len(top) * (2 * _FIRST + _A_ROUND * np.ceil(max(0.0, rounds - 2)))):
-        for trying in itertools.chain([_even, _even], itertools.repeat(_trials)):
-            open_ = np.flatnonzero(x[:, 2] - x[:, 0] > 2 * tolerance * x[:, 1])
-            if len(open_) == 0:
-                break
-            trials = trying(x[open_], y[open_])
-            with part(POINTS, trials.size):
-                found = value(trials.ravel()).reshape(trials.shape)
-            every = np.concatenate((x[open_], trials), axis=1)
-            heights = np.concatenate((y[open_], np.where(np.isfinite(found), found, -np.inf)), axis=1)
-            x[open_], y[open_] = _narrowed(every, heights)
-    return [Maximum(float(speed), float(height)) for speed, height in zip(x[:, 1], y[:, 1], strict=True)]
+    if len(brackets) == 0:
+        return brackets
+    with stage(POINTS, len(brackets) * (2 * (_PARTS - 1) + _EVALUATIONS)):
+        solved = _Remembered(brackets, guides, value)
+        x, guided = solved.divided(brackets.x)
+        numbers = np.arange(len(x))
+        along = np.flatnonzero(~np.isnan(guided[:, 1]))
+        which = np.repeat([0, 1], [len(x), len(along)])
+        lanes = np.concatenate((numbers, along)), which
+        tolerances = {"xrtol": tolerance / 2, "frtol": 0.0}
+        _narrowed(solved, np.concatenate((x, guided[along])), lanes, tolerances)
+        return _narrowed(solved, solved.about_highest(), (numbers, np.zeros_like(numbers)), tolerances)
 
 
-def _even(x: Array, y: Array) -> Array:
-    """Speeds (k, 9) that divide brackets x (k, 3) evenly, none of them the one that is known."""
-    low, best, high = x.T
-    at, apart = np.linspace(low, high, _FIRST + 2, axis=1)[:, 1:-1], (high - low)[:, None] / (4 * _FIRST)
-    # A bracket's middle is often the point that is known, and would tell nothing.
-    return np.where(np.abs(at - best[:, None]) < apart, best[:, None] + apart, at)
+def settled(brackets: Brackets, value: Value) -> Brackets:
+    """The same with those narrowed further in which the height is not known: of a resonance that is narrower
+    than the tolerance of its speed."""
+    rise = brackets.y[:, 1] - brackets.y.min(axis=1)
+    steep = np.flatnonzero(rise > _SETTLED * np.abs(brackets.y[:, 1]))
+    if len(steep) == 0:
+        return brackets
+    x, y = brackets.x.copy(), brackets.y.copy()
+    lanes = np.arange(len(steep)), np.zeros(len(steep), dtype=int)
+    with stage(POINTS, len(steep) * _EVALUATIONS):
+        solved = _Remembered(Brackets(x[steep], y[steep]), np.full((len(steep), 3), np.nan), value)
+        found = _narrowed(solved, x[steep], lanes, {"xrtol": EPS, "frtol": _FLAT})
+    x[steep], y[steep] = found.x, found.y
+    return Brackets(x, y)
 
 
-def _trials(x: Array, y: Array) -> Array:
-    """Speeds (k, 5) within brackets x (k, 3) with heights y (k, 3), the highest in the middle."""
-    (low, best, high), beside = x.T, _BESIDE * (x[:, 2] - x[:, 0])
-    left, right = best - low, high - best
-    with np.errstate(invalid="ignore", divide="ignore"):
-        before, after = (y[:, 1] - y[:, 0]) * right, (y[:, 1] - y[:, 2]) * left
-        moved = (before * right - after * left) / (2 * (before + after))
-    moved = np.where(np.isfinite(moved), moved, 0.0)
-    # A speed that is known already would tell nothing.
-    moved = np.where(np.abs(moved) < beside / 4, np.copysign(beside / 4, moved), moved)
-    vertex = np.clip(best + moved, low + 1.5 * beside, high - 1.5 * beside)
-    return np.stack((best - left / 2, vertex - beside, vertex, vertex + beside, best + right / 2), axis=1)
+def _narrowed(
+    solved: "_Remembered", x: Array, lanes: tuple[Array, Array], tolerances: dict[str, float]
+) -> Brackets:
+    """By Chandrupatla's method, until one of the tolerances is reached; an iteration solves a speed of every
+    bracket x (k, 3) in one batch. lanes: the numbers (k,) of the brackets, and 0 (k,) for their heights, 1
+    for their guides."""
+    from scipy.optimize.elementwise import find_minimum
+
+    every = {"xatol": 0.0, "fatol": 0.0, **tolerances}
+    found = find_minimum(solved, tuple(x.T), args=lanes, tolerances=every, maxiter=_MOST)
+    return Brackets(np.stack(found.bracket, axis=1), -np.stack(found.f_bracket, axis=1))
 
 
-def _narrowed(x: Array, y: Array) -> tuple[Array, Array]:
-    """Of points (k, m) the highest, but for the lowest and the highest speed, between its neighbours."""
-    order = np.argsort(x, axis=1)
-    x, y = (np.take_along_axis(each, order, axis=1) for each in (x, y))
-    at = y[:, 1:-1].argmax(axis=1)[:, None] + 1
-    best = np.take_along_axis(x, at, axis=1)
-    below, above = (x < best).sum(axis=1)[:, None] - 1, (x <= best).sum(axis=1)[:, None]
-    chosen = np.concatenate((below, at, above), axis=1)
-    return np.take_along_axis(x, chosen, axis=1), np.take_along_axis(y, chosen, axis=1)
+class _Remembered:
+    """Heights and guides with the sign turned, of speeds within brackets; those that are known are not solved
+    again."""
+
+    def __init__(self, brackets: Brackets, guides: Array, value: Value):
+        self._value = value
+        # No height counts as one below both ends: SciPy gives a bracket up that meets one.
+        self._floor = np.column_stack(
+            (brackets.y.min(axis=1), np.where(np.isnan(guides), 0, guides).min(axis=1))
+        )
+        self._known: list[dict[float, Array]] = [{} for _ in brackets.x]
+        numbers = np.repeat(np.arange(len(brackets)), 3)
+        self._keep(numbers, brackets.x.ravel(), (brackets.y.ravel(), guides.ravel()))
+
+    def __call__(self, speeds: Array, numbers: Array, which: Array) -> Array:
+        self._solve(speeds, numbers)
+        return -np.array(
+            [
+                self._known[number][speed][kind]
+                for number, speed, kind in zip(numbers.tolist(), speeds.tolist(), which.tolist(), strict=True)
+            ]
+        )
+
+    def _solve(self, speeds: Array, numbers: Array) -> None:
+        pairs = zip(numbers.tolist(), speeds.tolist(), strict=True)
+        new = np.array([speed not in self._known[number] for number, speed in pairs], dtype=bool)
+        if new.any():
+            with part(POINTS, int(new.sum())):
+                self._keep(numbers[new], speeds[new], self._value(speeds[new], numbers[new]))
+
+    def _keep(self, numbers: Array, speeds: Array, found: tuple[Array, Array]) -> None:
+        values = np.column_stack(found)
+        values = np.where(np.isfinite(values), values, self._floor[numbers])
+        for number, speed, each in zip(numbers.tolist(), speeds.tolist(), values, strict=True):
+            self._known[number][speed] = each
+
+    def divided(self, x: Array) -> tuple[Array, Array]:
+        """Brackets (k, 3) within brackets x (k, 3), of heights and of guides: the highest of the speeds that
+        divide both sides evenly, and its neighbours. NaN where a guide is highest at an end."""
+        low, best, high = x.T
+        sides = [np.linspace(*ends, _PARTS + 1, axis=1) for ends in ((low, best), (best, high))]
+        every = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)
+        numbers = np.broadcast_to(np.arange(len(every))[:, None], every.shape)
+        self._solve(every.ravel(), numbers.ravel())
+        return self._about(every, 0), self._about(every, 1)
+
+    def _about(self, x: Array, kind: int) -> Array:
+        """Brackets (k, 3) about the highest of speeds x (k, m), rising; NaN where it is at an end."""
+        y = np.array([[self._known[n][speed][kind] for speed in row] for n, row in enumerate(x.tolist())])
+        top = y[:, 1:-1].argmax(axis=1)[:, None] + 1
+        three = np.take_along_axis(x, top + np.array([-1, 0, 1]), axis=1)
+        inside = np.take_along_axis(y, top, axis=1)[:, 0] > y[:, [0, -1]].max(axis=1)
+        return three if kind == 0 else np.where(inside[:, None], three, np.nan)
+
+    def about_highest(self) -> Array:
+        """Brackets (k, 3) about the highest of all known speeds."""
+        found = []
+        for known in self._known:
+            speeds = sorted(known)
+            top = max(range(1, len(speeds) - 1), key=lambda at: known[speeds[at]][0])
+            found.append(speeds[top - 1 : top + 2])
+        return np.array(found)
