@@ -86,7 +86,7 @@ class RigidOrbit(Orbit):
 
     @property
     def _output_figures(self) -> Array:
-        return Turn._output_figures.fget(self)
+        return super(Orbit, self)._output_figures
 
     @property
     def quasi_static(self) -> QuasiStatic:
