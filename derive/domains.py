@@ -32,7 +32,7 @@ def need(node: Any) -> Need | None:
         return _power(*node.args)
     if not isinstance(node, sympy.Function):
         return None
-    x = node.args[0]
+    x: Any = node.args[0]
     if isinstance(node, sympy.log):
         return Need(x, POSITIVE, 1)
     if isinstance(node, sympy.asin | sympy.acos):
@@ -93,10 +93,11 @@ def gate(factor: Any) -> Any:
     """Where a factor of a product is other than zero, if that is a piece of the space: Heaviside(x),
     Max(0, x), Min(0, x) and their powers. None for other factors."""
     base = factor.base if isinstance(factor, sympy.Pow) and factor.exp.is_positive else factor
+    arguments: Any = base.args
     if isinstance(base, sympy.Heaviside):
-        return base.args[0] > 0
-    if isinstance(base, sympy.Max | sympy.Min) and sympy.S.Zero in base.args:
-        others = [each for each in base.args if each != 0]
+        return arguments[0] > 0
+    if isinstance(base, sympy.Max | sympy.Min) and sympy.S.Zero in arguments:
+        others = [each for each in arguments if each != 0]
         return sympy.Or(*(each > 0 if isinstance(base, sympy.Max) else each < 0 for each in others))
     return None
 

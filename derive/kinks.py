@@ -41,7 +41,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
         if vanishes(at_rest):
             parts, where = [*residual, *jacobian], f"{short(switch)} is 0 all along it"
         elif PHASE in at_rest.free_symbols:
-            parts, where = [*residual], f"it passes {place_of(switch, residual)}"
+            parts, where = [*residual], f"it passes {place_of(switch, [*residual])}"
         else:
             continue
         if _apart(parts, at_rest, moving):

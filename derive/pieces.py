@@ -88,25 +88,26 @@ class _Selection:
     def of(self, part: Any) -> Any:
         if not part.has(*PIECEWISE):
             return part
+        arguments: Any = part.args
         if isinstance(part, sympy.Piecewise):
-            return self._pieces(part.args, part)
+            return self._pieces(arguments, part)
         if isinstance(part, sympy.Max | sympy.Min):
             return self._extreme(part)
         if isinstance(part, sympy.Mul):
-            gates = {each: condition for each in part.args if (condition := gate(each)) is not None}
-            if any(map(self._is_singular, part.args)):
+            gates = {each: condition for each in arguments if (condition := gate(each)) is not None}
+            if any(map(self._is_singular, arguments)):
                 if gates:
                     return self._product(part, gates)
-                whole = next((each for each in part.args if isinstance(each, sympy.Piecewise)), None)
+                whole: Any = next((each for each in arguments if isinstance(each, sympy.Piecewise)), None)
                 if whole is not None:
-                    rest = sympy.Mul(*(each for each in part.args if each is not whole))
+                    rest = sympy.Mul(*(each for each in arguments if each is not whole))
                     return self._pieces([(value * rest, condition) for value, condition in whole.args], part)
         if isinstance(part, sympy.Mul | sympy.Add) and part.has(*STEPS):
             split = self._split(part)
             if split is not None:
                 return split
-        args = [self.of(each) for each in part.args]
-        return part if args == list(part.args) else part.func(*args)
+        args = [self.of(each) for each in arguments]
+        return part if args == list(arguments) else part.func(*args)
 
     def _product(self, product: sympy.Mul, gates: Mapping[Any, Any]) -> Any:
         # Where its gate is open Max(0, x) is x.
@@ -122,7 +123,7 @@ class _Selection:
             sympy.Add(*terms),
             [each for each in sympy.Add.make_args(part) if each not in terms],
         )
-        inner = {node.args[0] for node in singular.atoms(*STEPS)} if terms else set()
+        inner: set[Any] = {node.args[0] for node in singular.atoms(*STEPS)} if terms else set()
         for x in sorted(inner, key=sympy.default_sort_key):
             above, below = (
                 singular.xreplace({sympy.Abs(x): s * x, sympy.sign(x): s, sympy.Heaviside(x): (1 + s) / 2})
@@ -132,7 +133,8 @@ class _Selection:
                 left = sympy.expand(other)
                 if not self._is_singular(left):
                     value = self._finite(self.of(value), condition)
-                    return sympy.Add(Selected(condition, value, left), *map(self.of, others))
+                    chosen: Any = Selected(condition, value, left)
+                    return sympy.Add(chosen, *map(self.of, others))
         return None
 
     def _extreme(self, extreme: Any) -> Any:

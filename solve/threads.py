@@ -28,7 +28,7 @@ def one_thread(coordinates: int) -> Iterator[None]:
         yield
         return
     with _lock:
-        libraries = _libraries("scipy.linalg" in sys.modules)
+        libraries = _libraries(tuple(name in sys.modules for name in ("scipy.linalg", "ctrlsys")))
         limited = bool(_within) or any(each.num_threads != 1 for each in libraries.lib_controllers)
         if limited:
             _within.append(None if _within else libraries.limit(limits=1))
@@ -46,8 +46,8 @@ def one_thread(coordinates: int) -> Iterator[None]:
 
 
 @cache
-def _libraries(with_scipy: bool) -> Any:
-    """Those of BLAS that this process has loaded: NumPy's, and SciPy's own once it is there."""
+def _libraries(loaded: tuple[bool, ...]) -> Any:
+    """Those of BLAS that this process has loaded: NumPy's, and those of SciPy and ctrlsys once these are."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")

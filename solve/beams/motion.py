@@ -199,10 +199,11 @@ class Motion:
     def _of_axial_forces(self, positions: Positions, axial: list[Array]) -> Array:
         """What axial forces (m, elements) in the links add to K, (m, n, n)."""
         parts = zip(axial, self._geometric, strict=True)
-        return sum(
+        added = [
             np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
             for number, (forces, table) in enumerate(parts)
-        )
+        ]
+        return np.sum(added, axis=0)
 
     def rates_in_time(self, phase: Array, speed: Array | float, acceleration: float) -> tuple[Array, Array]:
         """ω and ω̇ (m, links) of the links; phase, speed and acceleration as when called."""

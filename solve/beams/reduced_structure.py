@@ -116,6 +116,10 @@ class ReducedStructure(StructureModel):
         self.require_motion()
         return self.reduced(phase, speed[:, None], acceleration)
 
+    def terms(self, phase: Array, speeds: Array) -> None:
+        """None: those of the motion are of all freedoms."""
+        return
+
     @property
     def freedoms(self) -> int:
         return self.n

@@ -336,7 +336,7 @@ def _blocks(solutions: Solutions, loss: float = LOSS) -> Blocks:
 def _on_steps(
     point: Points, method: Method, request: Request, steps: int, held: Free | None = None
 ) -> ProductEigenvalues:
-    """Multipliers from the factors on so many steps."""
+    """Multipliers from the factors on this number of steps."""
     blocks = _blocks_on_steps(point, method, request, steps, held)
     return product_eigenvalues(blocks.factors, blocks.rounding)
 
@@ -344,7 +344,7 @@ def _on_steps(
 def _blocks_on_steps(
     point: Points, method: Method, request: Request, steps: int, held: Free | None = None, loss: float = LOSS
 ) -> Blocks:
-    """The factors on so many steps, which are taken in parts where memory requires it."""
+    """The factors on this number of steps, which are taken in parts where memory requires it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     parts = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with stage(f"parts of {steps} steps, for every multiplier", len(parts)) as done:

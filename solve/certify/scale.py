@@ -37,7 +37,7 @@ _LEAST_PHASES = 64
 
 @dataclass(frozen=True)
 class CoordinateScale:
-    """Of a system linearised along a motion, at a speed in rad/s, on a grid of so many steps."""
+    """Of a system linearised along a motion, at a speed in rad/s, on a grid of this number of steps."""
 
     along: PeriodicSystem
     motion: Motion

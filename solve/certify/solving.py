@@ -80,7 +80,7 @@ class Solving:
         return self.method.least_steps(self.modes)
 
     def unusable(self, steps: Any, positions: Array) -> Iterator[Failed]:
-        """The points at which the method is unstable with so many steps. Raises StepsError for a number that
+        """The points at which the method is unstable with these steps. Raises StepsError for a number that
         it can use nowhere."""
         self.method.require_steps(steps, self.points)
         for position in positions[steps < self.least[positions]].tolist():
@@ -129,7 +129,7 @@ class Solving:
     def certified(
         self, positions: Array, solutions: Solutions, errors: Array, absolute: Array
     ) -> Iterator[Certified | Failed]:
-        """Points with their errors, but for those whose load drives a rigid-body mode. absolute (k,): errors
+        """Points with their errors; those whose load drives a rigid-body mode fail. absolute (k,): errors
         of the multipliers, beside what the relative ones leave of these."""
         errors[:, 0] += solutions.defect
         if solutions.free is not None and solutions.driven is not None and self.request.orbit:

@@ -90,7 +90,7 @@ class Numbers(CaseNumbers):
 
     def of(self, name: str, still: bool = False, rigid: bool = False) -> Model:
         """The model of that name. Raises NoMotionError for one without equations of motion and
-        NoVibrationError for a rigid one, unless what is asked of it needs none."""
+        NoVibrationError for a rigid one, unless the study needs none."""
         model = model_of(self.setup(name))
         if not still and (model.vibrates or not rigid):
             model.require_motion()

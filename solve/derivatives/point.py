@@ -72,7 +72,7 @@ def sensitivities(
     "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius. by: names of
     parameters, "speed" among them; by default all by which there are derivatives. method (radau or gauss),
     steps, rtol, engine: as in `periodic`. nonlinear: of the orbit of the nonlinear equations, as
-    `solve.nonlinear` finds it, over so many periods, and of its multipliers. A quantity without a derivative,
+    `solve.nonlinear` finds it, over several periods, and of its multipliers. A quantity without a derivative,
     such as a multiplier that meets another, is NaN with the reason. Raises UnknownNameError,
     NoDerivativeError for systems without generated equations and for whole numbers, and what `periodic`
     raises.
@@ -165,7 +165,7 @@ def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> 
 
 @dataclass(frozen=True, eq=False)
 class OnGrid:
-    """Derivatives on so many steps. adjoint: whether those of orbits come from adjoint problems; starts: see
+    """Derivatives on one grid. adjoint: whether those of orbits come from adjoint problems; starts: see
     `Figures`."""
 
     solved: Stability
@@ -338,7 +338,7 @@ def _error_of_factor(solved: Stability, asked: Named) -> float:
 
 
 def _place(solved: Stability, asked: Named) -> int:
-    """Which of the multipliers is asked for; the largest but those of rigid-body modes for the spectral
+    """Which of the multipliers is meant; the largest, without those of rigid-body modes for the spectral
     radius."""
     if asked.number:
         return asked.number - 1

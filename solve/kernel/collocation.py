@@ -22,6 +22,16 @@ class Samples(NamedTuple):
     entry: Array
 
     @property
+    def summed(self) -> "Samples":
+        """Of points with tables of their own, one term an entry, with coefficients 1: lanes with such tables
+        read neither coefficients nor sums."""
+        first = np.flatnonzero(np.diff(self.entry, prepend=-1))
+        if len(first) == len(self.entry) and (self.coefficients == 1).all():
+            return self
+        table = np.add.reduceat(self.table * self.coefficients[:, None], first, axis=-1)
+        return Samples(table, np.ones((len(table), len(first))), self.entry[first])
+
+    @property
     def own(self) -> bool:
         return self.table.ndim == 3
 
@@ -63,6 +73,8 @@ def solved(
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
     groups, steps = -(-points // width), m // width if segments else m
+    if stages.own and not segments:
+        stages, nodes = stages.summed, nodes and nodes.summed
     n, N, D = size.n, 2 * size.n, len(weights["powers"])
     Phi, condition = np.empty((groups * width, N, N)), np.empty(groups * width)
     curves = np.empty((groups * width if size.orbit else 0, n, steps, D))

@@ -150,7 +150,7 @@ def _parameters(
             found = fit.parameters
         else:
             found = _numbers(name, entry, units, path)
-            given |= dict.fromkeys(found, entry["unit"])
+            given |= dict.fromkeys(found, str(entry["unit"]))
         for member in found:
             if member in values:
                 raise CaseFileError(f"{member} in {path.name} is given twice, the second time by {name}")

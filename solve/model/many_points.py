@@ -40,10 +40,10 @@ class ModelPoints:
         phases, given = np.tile(phase, P), np.repeat(values, k, axis=0)
         if by_time is None:
             by_time = self._matrices(phases, np.repeat(speeds, k), given)
-        entries = by_time.reshape(P * k, -1)
+        entries = by_time.reshape(P * k, 3 * n**2 + n)
         if self._setup.ratios is not None:
             still = self._matrices(phases, np.zeros(P * k), given)
-            entries[:, n**2 : 2 * n**2] += damped(still, n, self._ratios(given)).reshape(P * k, -1)
+            entries[:, n**2 : 2 * n**2] += damped(still, n, self._ratios(given)).reshape(P * k, n**2)
         entries = by_the_phase(entries.reshape(P, k, 3 * n**2 + n), speeds, n)
         if self._names:
             entries[~self._admitted(values)] = np.nan

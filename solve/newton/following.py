@@ -122,8 +122,8 @@ class Point:
 def followed(
     parameter: ContinuationParameter, ends: tuple[float, float], orbit: Orbit, points: int
 ) -> tuple[list[Point], str]:
-    """At most so many points of the branch of an orbit at the first of two values of a parameter towards the
-    second, and in words why they end between these values, if they do."""
+    """At most the given number of points of the branch of an orbit at the first of two values of a parameter
+    towards the second, and in words why they end between these values, if they do."""
     task = parameter.task
     with one_thread(task.system.n), stage("points", points) as count:
         follower = _Follower(parameter, ends)

@@ -158,7 +158,7 @@ def _reduced(A: Array, B: Array) -> Array:
 
 
 def _of_general(rate: Array) -> Array:
-    """Eigenvalues (n,) of a matrix, complex; real ones but for round-off are real."""
+    """Eigenvalues (n,) of a matrix, complex; those that are real within round-off are real."""
     from scipy.linalg import matrix_balance
 
     balanced = np.asarray(matrix_balance(rate)[0])

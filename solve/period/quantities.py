@@ -250,7 +250,7 @@ class Quantities:
         curve, known = self.curve, self.outputs is None or self.formulas is not None
         if not (self.engine == COMPILED and known and isinstance(curve, Curve) and self._uniform):
             return None
-        if curve.drift is not None and self.outputs is not None:
+        if curve.drift is not None and (self.outputs is not None or self.formulas is not None):
             return None
         n, wanted = (
             curve.n,

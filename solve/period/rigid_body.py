@@ -13,7 +13,7 @@ BOUND = 4e-12
 relative error of the tables from which many points are solved (`solve.batch.tables`)."""
 
 ROUNDING = 64 * EPS
-"""The same relative to Σ(|M_ij| + |C_ij|)|e_j|, for entries that cancel to zero but for round-off; as in
+"""The same relative to Σ(|M_ij| + |C_ij|)|e_j|, for entries that cancel to zero within round-off; as in
 `solve.system`."""
 
 _FEW = 16
@@ -52,7 +52,7 @@ class RigidBodyModes:
 
     @classmethod
     def none(cls, count: int, n: int, r: int = 0) -> "RigidBodyModes":
-        """Of so many points that have none."""
+        """Of points that have none."""
         return cls(
             np.zeros((count, n, r)),
             np.zeros((count, r), dtype=int),
@@ -205,7 +205,7 @@ def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
 
 
 def may_be_singular(K: Array, noise: Array) -> Array:
-    """Whether matrices (P, n, n) may be singular but for a change of their entries by `BOUND` of themselves
+    """Whether matrices (P, n, n) may be singular within a change of their entries by `BOUND` of themselves
     (P,), which changes the determinant by no more than n BOUND times the product of sums of rows."""
     with np.errstate(invalid="ignore", over="ignore"):
         sums = np.abs(K).sum(axis=-1)
@@ -282,7 +282,7 @@ def _undamped(vectors: Array, C: Array, noise: Array) -> Array:
 
 
 def _independent(vectors: Array, count: int) -> Array:
-    """So many independent columns (n, count) that span the same as columns (n, r)."""
+    """As given by the count, independent columns (n, count) that span the same as columns (n, r)."""
     if count == 0:
         return vectors[:, :0]
     units = _largest(np.abs(vectors), 1)

@@ -11,8 +11,8 @@ from solve.period.quantities import Quantities
 from solve.system import PeriodicSystem
 
 _REPEATS, _SAMPLES = 1e-6, 512
-"""Relative difference between the periods of an orbit of several, at so many phases, below which it is an
-orbit of a single period."""
+"""Relative difference between the periods of an orbit of several, at this number of phases, below which it
+is an orbit of a single period."""
 
 _A_STEP = 4
 """Phases a step at which outputs of two curves are compared."""
@@ -77,7 +77,7 @@ def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve
 
 
 def repeats_early(curve: PeriodicCurve, periods: int) -> bool:
-    """Whether a curve over so many periods repeats after each of them."""
+    """Whether a curve over several periods repeats after each of them."""
     last = float(curve.nodes[-1])
     phase = np.arange(_SAMPLES) * (last / _SAMPLES)
     q, later = curve(phase), curve(phase + last / periods)

@@ -87,7 +87,8 @@ def orbit_figure(
     """
     heights = [0.95 + _ROW_HEIGHTS[len(motions) - 1] * len(motions), _CIRCLE_ROW][: 1 + (panel is not None)]
     with page(sum(heights), titled(system, speed)) as figure:
-        upper, *lower = map(figure.add_subfigure, figure.add_gridspec(len(heights), 1, height_ratios=heights))
+        grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+        upper, *lower = (figure.add_subfigure(grid[row]) for row in range(len(heights)))
         axes = upper.subplots(len(motions), 2, sharex="col", squeeze=False, width_ratios=(1.2, 1))
         orders = _orders(motions, scale)
         for (left, right), (name, motion) in zip(axes, motions.items(), strict=True):

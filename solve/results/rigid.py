@@ -47,7 +47,8 @@ class RigidOrbit(Orbit):
     spectral_radius = distance_from_one = condition = liouville = np.nan  # type: ignore[assignment]
     error_estimate = ErrorEstimate(_ROUNDING, np.nan)  # type: ignore[assignment]
     residual = 0.0  # type: ignore[assignment]
-    linearisation_error = None  # type: ignore[assignment]
+    linearisation_error = reduction_error = None  # type: ignore[assignment]
+    rigid_body_modes = unresolved = ()  # type: ignore[assignment]
 
     @property
     def multipliers(self) -> Array:  # type: ignore[override]
@@ -82,6 +83,10 @@ class RigidOrbit(Orbit):
 
     def statistics(self, name: str) -> Statistics:
         return Turn.statistics(self, name) if self.system.solvable else self.output_statistics[name]
+
+    @property
+    def _output_figures(self) -> Array:
+        return super(Orbit, self)._output_figures
 
     @property
     def quasi_static(self) -> QuasiStatic:

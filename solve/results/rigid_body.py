@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from solve.arrays import Array
 from solve.period.rigid_body import RigidBodyModes
 from solve.results.lasting import lasting
 
@@ -13,7 +16,8 @@ _MOST_MOVING = 6
 @lasting
 class RigidBodyMode(NamedTuple):
     """vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the period, relative
-    to Σ|K_ij e_j|; drift: steady velocity w by time of a damped mode, q = w e t + p(t), or None."""
+    to Σ|K_ij e_j|; drift: steady velocity w by time of a damped mode, q = w e t + p(t), None without an
+    orbit."""
 
     vector: tuple[float, ...]
     damped: bool
@@ -33,13 +37,14 @@ class RigidBodyMode(NamedTuple):
         return f"{names} = {parts}" + (f" and {more} more" if more else "")
 
 
-def rigid_body_modes_of(modes: RigidBodyModes, point: int) -> list[RigidBodyMode]:
-    """Those of one point."""
-    return [
-        RigidBodyMode(
-            tuple(modes.vectors[point, :, at].tolist()),
-            bool(modes.damped[point, at]),
-            float(modes.errors[point, at]),
-        )
-        for at in modes.present[point].nonzero()[0].tolist()
-    ]
+def rigid_body_modes_of(
+    modes: RigidBodyModes, secular: Array | None = None, speed: float = 0.0
+) -> list[RigidBodyMode]:
+    """Those of the first point. secular (P, r): steady velocities by the phase, at a speed in rad/s."""
+    found = []
+    for at in np.flatnonzero(modes.present[0]).tolist():
+        damped = bool(modes.dragged[0, at])
+        drift = None if secular is None or not damped else speed * float(secular[0, at])
+        vector = tuple(modes.vectors[0, :, at].tolist())
+        found.append(RigidBodyMode(vector, damped, float(modes.errors[0, at]), drift))
+    return found

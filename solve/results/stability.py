@@ -18,6 +18,7 @@ from solve.results.lasting import lasting
 from solve.results.plot import StabilityPanel, stability_figure
 from solve.results.report import Facts, RenderableType, described, stacked, table
 from solve.results.result import Result
+from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
@@ -27,9 +28,6 @@ _RECORDED = (
     *("modes", "spectral_radius", "verdict", "stable", "error_estimate", "distance_from_one", "liouville"),
     *("condition", "rigid_body_modes", "notes"),
 )
-_MOST_MOVING = 6
-"""Coordinates of a rigid-body mode that a note names."""
-
 _MEANS = (
     "disturbances die out, and in the long run each period leaves {radius:.3g} of them",
     "disturbances neither die out nor grow",
@@ -54,18 +52,6 @@ class ErrorEstimate(NamedTuple):
 
 
 lasting(ReductionError)
-
-
-@lasting
-class RigidBodyMode(NamedTuple):
-    """vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the period, relative
-    to Σ|K_ij e_j|; drift: steady velocity w by time of a damped mode, q = w e t + p(t), None without an
-    orbit."""
-
-    vector: tuple[float, ...]
-    damped: bool
-    error: float
-    drift: float | None = None
 
 
 @dataclass(frozen=True)
@@ -154,13 +140,7 @@ class Stability(Result):
         solutions = self.certified.solutions
         if solutions.free is None:
             return []
-        modes, found = solutions.free.modes[np.array([0])], []
-        for at in np.flatnonzero(modes.present[0]).tolist():
-            damped, secular = bool(modes.dragged[0, at]), solutions.secular
-            drift = None if secular is None or not damped else self.speed * float(secular[0, at])
-            vector = tuple(modes.vectors[0, :, at].tolist())
-            found.append(RigidBodyMode(vector, damped, float(modes.errors[0, at]), drift))
-        return found
+        return rigid_body_modes_of(solutions.free.modes, solutions.secular, self.speed)
 
     @cached_property
     def distance_from_one(self) -> float:
@@ -227,13 +207,8 @@ class Stability(Result):
     def _turning(self, mode: RigidBodyMode) -> str:
         """What follows from a rigid-body mode, in words."""
         names, units = self.system.coordinates, self.system.units
-        moving = [(name, part) for name, part in zip(names, mode.vector, strict=True) if part]
-        shown = moving[:_MOST_MOVING]
-        more = f" and {len(moving) - len(shown)} more" if len(moving) > len(shown) else ""
-        parts = " : ".join(f"{part:.4g}" for _, part in shown)
-        ratio = f"{' : '.join(name for name, _ in shown)} = {parts}{more}"
         count = "its multiplier +1 is" if mode.damped else "its two multipliers +1 are"
-        text = f"rigid-body mode {ratio}: {count} left out of spectral radius and verdict"
+        text = f"rigid-body mode {mode.ratio(names)}: {count} left out of spectral radius and verdict"
         if self.certified.solutions.curve is None:
             return text
         if not mode.damped:

@@ -71,8 +71,9 @@ def sweep_figure(
                 if not others:
                     _mark_maxima(place, x[index], heights[index])
             _shade(place, system, bands)
-        for (words, index), style in zip(lines.items(), styles, strict=True) if radius is not None else ():
-            _draw_radius(axes[-1], x[index], radius[index], label=words or None, **style)
+        if radius is not None:
+            for (words, index), style in zip(lines.items(), styles, strict=True):
+                _draw_radius(axes[-1], x[index], radius[index], label=words or None, **style)
         label_speeds(axes[-1], system, np.sort(varied[along]), along)
         _name_bands(axes[-1], system, bands)
         if others:

@@ -89,7 +89,7 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
     if system.links:
         return []
     _, C, K, _ = system.at(position, 0.0)
-    return rigid_body_modes_of(rigid_body_modes(K[None], C[None]), 0)
+    return rigid_body_modes_of(rigid_body_modes(K[None], C[None]))
 
 
 def require_position(system: PeriodicSystem, position: object) -> None:

@@ -86,7 +86,7 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
 
 
 def _without_least(values: Array, count: int) -> Array:
-    """Values (k, n) without so many of the least modulus."""
+    """Values (k, n) without a number of those of least modulus."""
     return np.take_along_axis(values, np.argsort(np.abs(values), axis=1)[:, count:], axis=1)
 
 

@@ -46,7 +46,8 @@ def _figures(system: PeriodicSystem, speed: float) -> Array:
     """Of the outputs (o, 7)."""
 
     def values(phase: Array) -> Array:
-        found = system.output_values(phase, speed, *np.zeros((3, 0, len(phase))))
+        none = np.zeros((0, len(phase)))
+        found = system.output_values(phase, speed, none, none, none)
         return np.array([found[name] for name in system.outputs])
 
     def each(phase: Array) -> Array:

@@ -272,6 +272,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--points": _COUNT,
     "--position": ("70 deg", "1e300 rad", "1 m"),
     "--positions": _COUNT,
+    "--reduce": ("2", "0", "1.5", "-1"),
     "--rtol": ("1e-3", "1e-2", "1e-15", "0.5"),
     "--samples": ("12", "0", "1.5", "100000000"),
     "--save": DATA,

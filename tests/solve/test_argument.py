@@ -73,7 +73,7 @@ REFUSED = {
     ).waterfall("q1"),
     "a phase is NaN": lambda: solve.periodic(plane(), 2.0).at(np.array([0.0, np.nan])),
     "a phase is NaN or infinite; give": lambda: solve.periodic(plane(), 2.0).state(np.array([np.inf])),
-    "start has 2 coordinates; cam has 3": lambda: solve.nonlinear(
+    "the start has coordinates q1, q2; cam has q1, q2, q3": lambda: solve.nonlinear(
         solve.load("cam"), "100 rpm", solve.periodic(plane(), 2.0)
     ),
 }

@@ -159,9 +159,8 @@ def oscillator(damping, stiffness):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
-    ("damping", "stiffness"), [(0.0, 1.0), (0.0, 4.0), (0.0, 0.0), (0.1, 0.0)],
-    ids=["resonance", "second harmonic", "free", "free and damped"],
-)  # fmt: skip
+    ("damping", "stiffness"), [(0.0, 1.0), (0.0, 4.0)], ids=["resonance", "second harmonic"]
+)
 def test_a_multiplier_at_one_is_refused_for_orbits_and_named_for_floquet(method, damping, stiffness):
     given = oscillator(damping, stiffness)
     with pytest.raises(ResonanceError, match=r"a Floquet multiplier is at \+1"):
@@ -172,7 +171,7 @@ def test_a_multiplier_at_one_is_refused_for_orbits_and_named_for_floquet(method,
 
 
 @pytest.mark.parametrize("method", ["fourier", "hill", "bahgat-willmert"])
-@pytest.mark.parametrize("stiffness", [0.0, 1.0])
+@pytest.mark.parametrize("stiffness", [1.0, 4.0])
 def test_balances_of_harmonics_refuse_resonance_too(method, stiffness):
     with pytest.raises(ResonanceError, match="change the speed"):
         periodic(oscillator(0.0, stiffness), 1.0, method)

@@ -11,6 +11,7 @@ from derive import Mechanism, cos, rate
 from solve import PeriodicSystem
 from solve.errors import MatricesError, NoDerivativeError, UnbalancedLoadError
 from solve.results.orbit import Orbit
+from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.period.test_rigid_body import CHAIN, block, chain
 
 J = np.diag([3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05])
@@ -486,3 +487,25 @@ def test_a_branch_of_a_free_machine_is_that_of_its_orbits(T0, b):
     last = int(np.abs(found.speeds - 1.5).argmin())
     assert found.speeds[last] == pytest.approx(1.5, rel=1e-9)
     np.testing.assert_allclose(found.peaks[last], largest, rtol=1e-5)
+
+
+@pytest.mark.parametrize("engine", ["numpy", pytest.param("compiled", marks=needs_compiler)])
+@pytest.mark.parametrize("breaks", [(), (0.0, 2.0)])
+def test_drag_that_jumps_leaves_what_its_mean_leaves(breaks, engine):
+    """q̈ + c(φ) q̇ = cos φ: a period leaves exp(-∫c dφ/Ω) of the velocity; points with tables of their own
+    side by side, and one alone."""
+
+    def at(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        c = np.where(np.mod(phase, 2 * np.pi) < 2.0, 0.3, 0.1) if breaks else 0.2 + 0.1 * np.cos(phase)
+        return one, c[:, None, None] * one, 0 * one, np.cos(phase)[:, None]
+
+    machine = PeriodicSystem(at, ["q"], breaks=breaks)
+    whole = 0.3 * 2 + 0.1 * (2 * np.pi - 2) if breaks else 0.4 * np.pi
+    speeds = np.array([0.7, 1.0, 1.9, 3.1, 4.2])
+    found = solve.sweep(machine, speeds, engine=engine)
+    expected = np.exp(-whole / speeds)
+    np.testing.assert_allclose(np.abs(found.multipliers - 1).min(axis=1), 0.0)
+    np.testing.assert_allclose(found.spectral_radius, expected, rtol=1e-9)
+    for speed, radius in zip(speeds, expected, strict=True):
+        assert solve.floquet(machine, speed, engine=engine).spectral_radius == pytest.approx(radius, rel=1e-9)

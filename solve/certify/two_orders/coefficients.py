@@ -31,7 +31,7 @@ class _OfTable:
 
     def __init__(self, compute: Callable[..., Any]):
         self._compute = compute
-        self._known: dict[tuple[int, Any], tuple[weakref.ref[Array], Any]] = {}
+        self._known: dict[tuple[int, ...], tuple[weakref.ref[Array], Any]] = {}
 
     def __call__(self, table: Array, *others: Any) -> Any:
         key = id(table), *map(id, others)
@@ -61,7 +61,8 @@ def harmonics(points: Points) -> Array:
     if not tables.own:
         amplitudes = (amplitudes * np.abs(tables.coefficients).max(axis=0))[None]
     largest = np.zeros((len(amplitudes), int(tables.entry.max()) + 1))
-    np.maximum.at(largest, (slice(None), tables.entry), amplitudes.max(axis=-2))
+    of_entries: Any = (slice(None), tables.entry)
+    np.maximum.at(largest, of_entries, amplitudes.max(axis=-2))
     largest = np.where(largest > 0, largest, 1.0)
     found = (amplitudes / largest[:, None, tables.entry]).max(axis=(0, 2))
     return np.where(found > _ROUND_OFF, found, 0.0)
@@ -112,8 +113,8 @@ class Phases:
         order = np.lexsort((theta, step))
         compared, step, theta = compared[order], step[order], theta[order]
         weights = lagrange(c, theta) * (_trapezoidal(step, theta, nodes)[:, None] / lower.b)
-        at = (np.searchsorted(nodes, each.c) for each in (lower, higher))
-        return cls(grid.stages(nodes), *at, compared, step, lagrange(nodes, theta), weights)
+        first, second = (np.searchsorted(nodes, each.c) for each in (lower, higher))
+        return cls(grid.stages(nodes), first, second, compared, step, lagrange(nodes, theta), weights)
 
     def __len__(self) -> int:
         return len(self.sampled)
@@ -121,8 +122,9 @@ class Phases:
     def of_steps(self, first: int, end: int) -> "Phases":
         """Those of neighbouring steps."""
         some = slice(*np.searchsorted(self.step, (first, end)).tolist())
-        own = self.compared[some], self.step[some] - first, self.basis[some], self.weights[some]
-        return Phases(self.sampled[first:end], self.lower, self.higher, *own)
+        inside = self.compared[some], self.step[some] - first
+        sampled = self.sampled[first:end]
+        return Phases(sampled, self.lower, self.higher, *inside, self.basis[some], self.weights[some])
 
     def relative_difference(self, points: Points) -> Array:
         """Largest difference (P,) of coefficients at the compared phases to their interpolation, relative to
@@ -147,7 +149,8 @@ class Phases:
         m, s = len(self), len(self.lower)
         made = np.zeros((*differences.shape[:-2], m, s, differences.shape[-1]))
         parts = self.weights[:, :, None] * differences[..., :, None, :]
-        np.add.at(made, (..., self.step, slice(None), slice(None)), parts)
+        of_steps: Any = (..., self.step, slice(None), slice(None))
+        np.add.at(made, of_steps, parts)
         return made.reshape(*made.shape[:-3], m * s, -1)
 
 

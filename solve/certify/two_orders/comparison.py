@@ -42,13 +42,13 @@ class Comparison(ABC):
         return min(self.solving.most, self.better.most // self.times)
 
     def solved(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
-        """Both solutions of points at positions (k,), on so many steps and on those of the better one."""
+        """Both solutions of points at positions (k,), on the given steps and on those of the better one."""
         return self.solving.solved(steps, positions), self.better.solved(steps * self.times, positions)
 
     @abstractmethod
     def unresolved(self, steps: int, positions: Array, solutions: Solutions) -> Array:
         """Errors (k, 2) by variations of the coefficients that neither grid resolves, of points at positions
-        (k,) with these solutions on so many steps."""
+        (k,) with these solutions on this number of steps."""
 
 
 class TwoOrders(Comparison):

@@ -4,6 +4,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.two_orders.coefficients import harmonics
+from solve.methods.collocation import Collocated
 from solve.methods.method import Method
 from solve.period.frozen import Frozen
 from solve.period.points import Points
@@ -32,7 +33,7 @@ def first_steps(method: Method, points: Points, modes: Frozen, rtol: float) -> A
     one, and the harmonics of the coefficients, weighted by their amplitudes and beyond the fastest mode by
     its (ω/k)², the response of inertia. Methods without such a constant begin with few steps.
     """
-    if method.stages is None:
+    if not isinstance(method, Collocated):
         return np.full(len(modes), 2 * LEAST)
     c, p, T = method.error_constant, method.order, modes.period
     bound = modes.rate_bound

@@ -56,7 +56,7 @@ def unfollowed(method: Method, modes: Frozen, steps: int, allowed: Array) -> Arr
 
 
 def _followed(method: Method, steps: int) -> float:
-    """Largest h|λ| up to which all modes that do not grow are followed over so many steps."""
+    """Largest h|λ| up to which all modes that do not grow are followed over this number of steps."""
     if method.stages is not None:
         return _followed_by(method.stages, steps)
     return min(method.follows, float(method.in_phase(np.array(steps), _LOST)) / steps)

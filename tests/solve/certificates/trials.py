@@ -199,9 +199,10 @@ def contradicted(verdict: str, truth: Truth) -> bool:
 
 
 def matched_error(values: np.ndarray, truth: np.ndarray) -> float:
-    """Largest distance between matched multipliers, missing ones counted as 0, over the true radius."""
+    """Largest distance between matched multipliers, missing and unknown ones counted as 0, over the true
+    radius."""
     count = max(len(values), len(truth))
-    ours, theirs = (np.pad(each, (0, count - len(each))) for each in (values, truth))
+    ours, theirs = (np.pad(each, (0, count - len(each))) for each in (np.nan_to_num(values), truth))
     distance = np.abs(ours[:, None] - theirs)
     largest = float(distance[linear_sum_assignment(distance)].max())
     radius = float(np.abs(truth).max())

@@ -5,7 +5,7 @@ import pytest
 
 import solve
 from derive import Mechanism, cos, rate, sqrt
-from solve.errors import MatricesError, NoResultError, ResonanceError
+from solve.errors import MatricesError, NoResultError
 from solve.studies.least_squares import minimise
 
 T = np.linspace(1.0, 2.0, 7)
@@ -115,7 +115,8 @@ def test_a_fit_passes_values_that_the_model_has_no_matrices_for(data, start):
 def test_a_fit_that_starts_without_matrices_names_the_values(data):
     with pytest.raises(MatricesError, match=r"the fit starts from a = 1.2, k = 20 N/m, where . has NaN"):
         solve.fit(solve.load(softening(), **NUMBERS, a=1.2), data, ["a", "k"])
-    with pytest.raises(ResonanceError, match="the fit starts from a = 1, where I - Φ is singular"):
+    # Without the spring the mass is free and vibrates all the same, but nothing follows from the slope of √0.
+    with pytest.raises(NoResultError, match="the fit starts from a = 1, where derivatives"):
         solve.fit(solve.load(softening(), **{**NUMBERS, "m": 0.5}, a=1.0), data, ["a"])
 
 
