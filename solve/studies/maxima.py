@@ -163,7 +163,9 @@ def _narrowed(
     from scipy.optimize.elementwise import find_minimum
 
     every = {"xatol": 0.0, "fatol": 0.0, **tolerances}
-    found = find_minimum(solved, tuple(x.T), args=lanes, tolerances=every, maxiter=_MOST)
+    # Where three heights are equal SciPy divides 0 by 0, and goes on by a golden section.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = find_minimum(solved, tuple(x.T), args=lanes, tolerances=every, maxiter=_MOST)
     return Brackets(np.stack(found.bracket, axis=1), -np.stack(found.f_bracket, axis=1))
 
 
