@@ -38,38 +38,15 @@ _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY,
 
 @dataclass(frozen=True)
 class Branch(Result):
-    """Orbits (P,) along a branch.
-
-    Attributes
-    ----------
-    system : PeriodicSystem
-    speeds : (P,) array
-        In rad/s.
-    figures : (P, q, 7) array
-        Of each coordinate and, behind these, each output: the fields of `solve.statistics.Statistics`, of the
-        continuous curve.
-    figure_errors : (P, q) array
-        Estimated errors of the extrema, relative to the largest modulus, or to the scale of a coordinate
-        where the forces on it cancel.
-    radius : (P,) array
-        Spectral radii.
-    errors : (P, 2) array
-        Estimated errors: of the orbits, relative, and of the spectral radii, absolute.
-    turns : (P,) array
-        Whether the branch turns back at the orbit.
-    repeats : (P,) array
-        Whether the orbit is one of a single period, where several were given.
-    rtol : float
-        Tolerance of the orbits.
-    ended : str
-        Why the branch ends within its range; otherwise empty.
-    notes : sequence of str
-        Notes of the engine.
-    periods : int
-        Number of the model's periods in a period of the orbits.
-    parameters : mapping
-        Values (P,) of the parameter that varies instead of the speed, by its name.
-    """
+    """Orbits (P,) along a branch. speeds (P,) in rad/s. figures (P, q, 7): of each coordinate and, behind
+    these, each output, the fields of `solve.statistics.Statistics` of the continuous curve; figure_errors
+    (P, q): estimated errors of the extrema, relative to the largest modulus, or to the scale of a coordinate
+    where the forces on it cancel. radius (P,): spectral radii. errors (P, 2): estimated errors of the orbits,
+    relative, and of the spectral radii, absolute. turns (P,): whether the branch turns back at the orbit;
+    repeats (P,): whether the orbit is one of a single period, where several were given. rtol: tolerance of
+    the orbits. ended: why the branch ends within its range, otherwise empty. notes: of the engine. periods:
+    number of the model's periods in a period of the orbits. parameters: values (P,) of the parameter that
+    varies instead of the speed, by its name."""
 
     _rows: ClassVar[str] = "points"
 

@@ -208,13 +208,34 @@ class Transient(Result):
 
     @cached_property
     def distances(self) -> Array:
-        """max|difference|/max|q| of each turn (turns, n) to the orbit, at the nodes; NaN without one."""
+        """max|difference|/max|q| of each turn (turns, n) to the orbit, at the nodes, without a steady motion
+        along rigid-body modes; NaN without an orbit."""
         if self.orbit is None:
             return np.full_like(self.peaks, np.nan)
         q = self.orbit.at(self.nodes)
         scale = np.abs(q).max(axis=1)
         scale = np.where(scale > 0, scale, scale.max() or 1.0)
-        return np.abs(self.motions[:, 0] - q).max(axis=-1) / scale
+        apart = self.motions[:, 0] - q
+        return np.abs(apart - self._steady(apart)).max(axis=-1) / scale
+
+    def _steady(self, apart: Array) -> Array:
+        """The part of differences (turns, n, k) from the orbit that is a steady motion along its rigid-body
+        modes: a shift and the drift, or where nothing damps the mode a shift and any velocity."""
+        modes = [] if self.orbit is None else self.orbit.rigid_body_modes
+        found = np.zeros_like(apart)
+        if not modes:
+            return found
+        vectors = np.array([mode.vector for mode in modes]).T
+        shares = np.linalg.pinv(vectors) @ apart
+        for at, mode in enumerate(modes):
+            share = shares[:, at]
+            slope, _ = np.polyfit(self.nodes, share.T, 1)
+            if mode.damped:
+                slope = np.full(len(share), (mode.drift or 0.0) / self.speed)
+            moved = slope[:, None] * self.nodes
+            level = (share - moved).mean(axis=1, keepdims=True)
+            found += vectors[:, at, None] * (level + moved)[:, None]
+        return found
 
     @property
     def reached(self) -> int | None:

@@ -130,7 +130,7 @@ def critical_speeds(
         found.verdicts == UNSTABLE,
         frequencies.values,
         orders,
-        frequencies.imaginary,
+        frequencies.imaginary & ~found.failed,
         [
             *notes,
             *found.notes,

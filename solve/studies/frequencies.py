@@ -73,6 +73,7 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     except (MatricesError, ZeroDivisionError) as error:
         running = speed_in_si(system.case_speed) if system.case_speed else _RUNNING
         try:
+            system.checked(running)
             system.at(positions, running)
         except (SolveError, ZeroDivisionError):
             raise error from None

@@ -162,7 +162,7 @@ def _frequencies(
     if not (columns[FREQUENCY] > 0).all():
         raise ValueOutOfBoundsError(
             f"data: {read.path.name} has a natural frequency of {columns[FREQUENCY].min() / (2 * np.pi):g} "
-            "Hz; allowed: above 0"
+            "Hz; allowed: above 0; leave rigid-body modes out"
         )
     positions = columns.get(_POSITION, np.zeros(len(modes)))
     found = []

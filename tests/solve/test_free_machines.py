@@ -509,3 +509,16 @@ def test_drag_that_jumps_leaves_what_its_mean_leaves(breaks, engine):
     np.testing.assert_allclose(found.spectral_radius, expected, rtol=1e-9)
     for speed, radius in zip(speeds, expected, strict=True):
         assert solve.floquet(machine, speed, engine=engine).spectral_radius == pytest.approx(radius, rel=1e-9)
+
+
+@pytest.mark.parametrize(("T0", "drag"), [(0.0, 0.0), (1.0, 0.4)])
+def test_a_transient_reaches_the_orbit_of_a_free_machine(T0, drag):
+    """A steady motion along the rigid-body mode does not count: the drift, or what the start leaves."""
+    shaft = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    C = 0.8 * shaft + np.diag([0.0, drag])
+    machine = train(C, T0, np.diag([1.0, 2.0]), 5.0 * shaft, np.array([1.0, 0.0]), 1)
+    found = solve.transient(machine, 1.3, 60)
+    assert found.reached is not None
+    assert found.reached < 60
+    assert found.distances[0].max() > 1e-2
+    assert not [text for text in found.warnings if "not reached" in text]
