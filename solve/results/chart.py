@@ -218,9 +218,7 @@ class Chart(Result):
         if self.of is not None and self.values is not None:
             low, high = np.nanmin(self.values), np.nanmax(self.values)
             facts.append((self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1")))
-        facts.append(
-            ("stable", f"{share:.4g} % of {known.size} points; largest |ρ| {np.nanmax(radius):.6g}")
-        )
+        facts.append(("stable", f"{share:.4g} % of {known.size} points; largest |ρ| {np.nanmax(radius):.6g}"))
         if open_:
             facts.append(("undetermined", f"{open_} points, within their error of the unit circle"))
         return facts
