@@ -40,7 +40,7 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
 
 
 def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResults:
-    """Multipliers and figures of the points (P, v) on one grid of so many steps, without errors, and with the
+    """Multipliers and figures of the points (P, v) on one grid, without errors, and with the
     verdict "undetermined"."""
     n = batch.family.example.n
     results, size = PointResults.blank(len(points), n, kept), chunk_size(n)

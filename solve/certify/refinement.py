@@ -10,7 +10,6 @@ from solve.arrays import Array
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import radius_changes, raised, rounding
 from solve.certify.hidden import hidden
-from solve.certify.inertia import singular
 from solve.certify.ladder import Ladder
 from solve.certify.orders import aliasing
 from solve.certify.pace import judged
@@ -48,13 +47,9 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
     if solving.free is not None and len(points) > 1 and len(kinds := _kinds(solving.free)) > 1:
         yield from _apart(solving, kinds)
         return
-    every, failures = np.arange(len(points)), dict(singular(points, solving.modes))
-    if request.steps is not None:
-        refused = solving.unusable(request.steps, np.delete(every, list(failures)))
-        failures |= {failure.position: failure.reason for failure in refused}
-    if failures:
-        yield from (Failed(*failure) for failure in failures.items())
-        every = np.delete(every, list(failures))
+    refused = solving.refused()
+    yield from refused
+    every = np.delete(np.arange(len(points)), [failure.position for failure in refused])
     if not method.converges:
         yield from _approximated(solving, every)
     elif request.steps is None:

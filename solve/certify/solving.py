@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import Burdens, at_one, differences
+from solve.certify.inertia import singular
 from solve.errors import StepsError
 from solve.methods.free import driven_freely, free, solutions_on
 from solve.methods.method import Method, Solutions, no_orbit
@@ -78,6 +79,15 @@ class Solving:
         if type(self.method).least_steps is Method.least_steps:
             return np.ones(len(self.points), dtype=int)
         return self.method.least_steps(self.modes)
+
+    def refused(self) -> list[Failed]:
+        """Points whose M is singular somewhere, and those at which the method is unstable with the steps that
+        are given. Raises StepsError for a number of steps that it can use nowhere."""
+        found = [Failed(*each) for each in singular(self.points, self.modes)]
+        if self.request.steps is None:
+            return found
+        others = np.delete(np.arange(len(self.points)), [failure.position for failure in found])
+        return [*found, *self.unusable(self.request.steps, others)]
 
     def unusable(self, steps: Any, positions: Array) -> Iterator[Failed]:
         """The points at which the method is unstable with these steps. Raises StepsError for a number that

@@ -25,7 +25,7 @@ _MOST_ROWS = 40
 """Of the table; of more points every k-th is shown."""
 
 _NARROW = 1e-3
-"""Range of the values, relative to the largest, below which seven digits hardly tell them apart."""
+"""Range of the values, relative to the largest, below which seven digits hardly distinguish them."""
 
 _SHOWN = "max", "min", "max_abs", "mean", "rms"
 _MAX_ABS = FIGURES.index("max_abs")
@@ -136,7 +136,7 @@ class Branch(Result):
 
     @property
     def _digits(self) -> str:
-        """Of values that lie close together, enough to tell them apart."""
+        """Of values that lie close together, enough to distinguish them."""
         return ".7g" if np.ptp(self.values) > _NARROW * np.abs(self.values).max() else ".10g"
 
     @property

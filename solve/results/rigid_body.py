@@ -48,3 +48,23 @@ def rigid_body_modes_of(
         vector = tuple(modes.vectors[0, :, at].tolist())
         found.append(RigidBodyMode(vector, damped, float(modes.errors[0, at]), drift))
     return found
+
+
+def steady_part(apart: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
+    """The part of differences (turns, n, k) from an orbit at phases (k,), and a speed in rad/s, that is a
+    steady motion along its rigid-body modes: a shift and the drift, or where nothing damps the mode a shift
+    and any velocity."""
+    found = np.zeros_like(apart)
+    if not modes:
+        return found
+    vectors = np.array([mode.vector for mode in modes]).T
+    shares = np.linalg.pinv(vectors) @ apart
+    for at, mode in enumerate(modes):
+        share = shares[:, at]
+        velocity = np.full(len(share), (mode.drift or 0.0) / speed)
+        if not mode.damped:
+            velocity, _ = np.polyfit(nodes, share.T, 1)
+        moved = velocity[:, None] * nodes
+        level = (share - moved).mean(axis=1, keepdims=True)
+        found += vectors[:, at, None] * (level + moved)[:, None]
+    return found

@@ -18,6 +18,7 @@ from solve.results.plot import MOST_SHOWN, axis_label, label_quantity, shown, ti
 from solve.results.quantities import measured
 from solve.results.report import Facts, RenderableType, digits, sized, speeds_of, table, table_of, text
 from solve.results.result import Result
+from solve.results.rigid_body import steady_part
 from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
@@ -216,26 +217,8 @@ class Transient(Result):
         scale = np.abs(q).max(axis=1)
         scale = np.where(scale > 0, scale, scale.max() or 1.0)
         apart = self.motions[:, 0] - q
-        return np.abs(apart - self._steady(apart)).max(axis=-1) / scale
-
-    def _steady(self, apart: Array) -> Array:
-        """The part of differences (turns, n, k) from the orbit that is a steady motion along its rigid-body
-        modes: a shift and the drift, or where nothing damps the mode a shift and any velocity."""
-        modes = [] if self.orbit is None else self.orbit.rigid_body_modes
-        found = np.zeros_like(apart)
-        if not modes:
-            return found
-        vectors = np.array([mode.vector for mode in modes]).T
-        shares = np.linalg.pinv(vectors) @ apart
-        for at, mode in enumerate(modes):
-            share = shares[:, at]
-            slope, _ = np.polyfit(self.nodes, share.T, 1)
-            if mode.damped:
-                slope = np.full(len(share), (mode.drift or 0.0) / self.speed)
-            moved = slope[:, None] * self.nodes
-            level = (share - moved).mean(axis=1, keepdims=True)
-            found += vectors[:, at, None] * (level + moved)[:, None]
-        return found
+        apart -= steady_part(apart, self.nodes, self.orbit.rigid_body_modes, self.speed)
+        return np.abs(apart).max(axis=-1) / scale
 
     @property
     def reached(self) -> int | None:

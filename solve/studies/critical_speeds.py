@@ -362,7 +362,7 @@ def _certified(maxima: list[Maximum], heights: Array) -> list[Maximum]:
 
 def _risen(rise: Array, orders: int, turns: float, modes: int) -> set[tuple[int, int]]:
     """Modes and orders of rotation up to `orders` whose power rises, of `rise` (k,) by orders of a period of
-    so many turns."""
+    that many turns."""
     whole = {k: round(k * turns) for k in range(1, orders + 1) if math.isclose(k * turns, round(k * turns))}
     enough = _SHARE * rise[1:].max()
     risen = [k for k, number in whole.items() if rise[number] >= enough > 0]

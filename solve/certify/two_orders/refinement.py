@@ -9,7 +9,6 @@ import numpy as np
 from solve.arrays import Array, across, different
 from solve.certify.certified import Certified, Failed, Request
 from solve.certify.estimates import radius_changes, raised, rounding, within_reach
-from solve.certify.inertia import singular
 from solve.certify.ladder import STEPS, UNDERFLOW
 from solve.certify.two_orders.comparison import Comparison, compared
 from solve.certify.two_orders.first_grid import AIM, LEAST, first_steps
@@ -45,13 +44,9 @@ def certified(points: Points, method: Method, request: Request) -> Iterator[Cert
     """
     comparison = compared(points, method, request)
     solving, refinement = comparison.solving, _Refinement(comparison)
-    every, failures = np.arange(len(points)), dict(singular(points, solving.modes))
-    if request.steps is not None:
-        refused = solving.unusable(request.steps, np.delete(every, list(failures)))
-        failures |= {failure.position: failure.reason for failure in refused}
-    if failures:
-        yield from (Failed(*failure) for failure in failures.items())
-        every = np.delete(every, list(failures))
+    refused = solving.refused()
+    yield from refused
+    every = np.delete(np.arange(len(points)), [failure.position for failure in refused])
     if request.steps is None:
         yield from refinement.refined(every)
     else:
