@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "862f8bfa2af5df760805b8f14ea5efceaaab8b45b82c5f6ed56945f81e60951b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d3c5d4b2b5021eb4b3fdefa140c16bdb1d038588a49fba91436d6a47ea4f9d92"
+FILE_SHA256 = "d0bdf92450222e6afbd98e73596b6966bfa6548db4283055734f4e972375b665"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

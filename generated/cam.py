@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "862f8bfa2af5df760805b8f14ea5efceaaab8b45b82c5f6ed56945f81e60951b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "51addf1d210ec3b085cc1d54dd36bb79e3f862ecea9b75bcf7e7731c78099844"
+FILE_SHA256 = "e89cefa48fae0be8420da6ea2ba44dd7cc2c15d086813e5b4136be8be56f6c6d"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

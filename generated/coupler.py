@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "862f8bfa2af5df760805b8f14ea5efceaaab8b45b82c5f6ed56945f81e60951b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a1dff0b085977e9cf25f6d2c5278ee9df7682c7827de1e1424e513f3d00178a7"
+FILE_SHA256 = "4169bdc29a0ac42c7e3e8ca002ce6d2ad43391b0b826d73bf4ed37ec234885d5"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

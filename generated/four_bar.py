@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "862f8bfa2af5df760805b8f14ea5efceaaab8b45b82c5f6ed56945f81e60951b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f25d50c22f2533e0c7c124e94995fdb19a9bd74c2cf7c306762f72d40f010fce"
+FILE_SHA256 = "d135820381ae6b1cd47b26b8ce6e8c2454c96c87900b6581d8985759e7a0d0ca"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

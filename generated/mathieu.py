@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "862f8bfa2af5df760805b8f14ea5efceaaab8b45b82c5f6ed56945f81e60951b"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4ac8efe99cb8932c143deff6b79c8c38fa71ff9c8e8c576644816e0594bb92b5"
+FILE_SHA256 = "53b0d20ff92cd519f7aff21077cd763a6f2a49b2966bdfa3b5bafcfe4750957c"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (

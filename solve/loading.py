@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any, Protocol
 
 from solve.errors import ModelFileError, ValueOutOfBoundsError
@@ -57,10 +57,11 @@ def setup_of(
     cases: str | None,
     options: Mapping[str, Any],
     parameters: Mapping[str, float | str],
+    otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Setup:
     """What the model is made from: its generated module, the case and the options; `cases` is another case
-    file to use. Raises as `load` does."""
-    module, chosen = _chosen(model, case, cases, parameters)
+    file to use, `otherwise` has numbers for parameters that are given nowhere else. Raises as `load` does."""
+    module, chosen = _chosen(model, case, cases, parameters, otherwise)
     return Setup.checked(module, chosen, options)
 
 
@@ -106,10 +107,14 @@ def case_numbers(
 
 
 def _chosen(
-    model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
+    model: str,
+    case: str | None,
+    cases: str | None,
+    parameters: Mapping[str, float | str],
+    otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> tuple[ModuleType, Case]:
     """The generated module of a model, and the case with its numbers."""
     module, file = _found(model)
     if cases:
         file = Path(cases)
-    return module, chosen_case(module, file, case, parameters, required=cases is not None)
+    return module, chosen_case(module, file, case, parameters, cases is not None, otherwise)

@@ -32,7 +32,7 @@ def chart(
 ) -> None:
     """Stability over two quantities, with named boundaries."""
     across, upwards = _axis("--x", x), _axis("--y", y)
-    model = problem.loaded()
+    model = problem.loaded(varied={**across, **upwards})
     lines = [_held(text, model) for text in cut or []]
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
     asked = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of}

@@ -31,8 +31,9 @@ _NOT_INSTALLED = (
 _AGAIN = 0.3
 """Seconds after which an interruption comes again."""
 
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-"""Control characters, tab and line feed excepted: a terminal executes them (ECMA-48)."""
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+"""Control characters, tab and line feed excepted: a terminal executes them (ECMA-48); and those that set
+the direction of text or end lines, which change what is read (Unicode Standard Annex 9)."""
 
 _STYLE = r"\x1b\[[0-9;]*m"
 _OUTPUT = re.compile(rf"({_STYLE})|{_CONTROL.pattern}")

@@ -29,7 +29,7 @@ def frequencies(
     if over and len(over) > 1:
         raise ValueOutOfBoundsError(f"--over is given {len(over)} times; vary one parameter a run")
     varied = points("--over", over[0]) if over else None
-    model = problem.loaded(still=True)
+    model = problem.loaded(still=True, varied={} if varied is None else dict([varied]))
     study.require_position(model, position)
     here = study.frequencies(model, position or 0.0, count)
     whole_turn = None if turn is None else study.frequencies(model, study.turn(model, turn), count)

@@ -6,16 +6,18 @@ command's own flags, so that a new command is a short file.
 
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import typer
 
 from solve.commands.parse import assignments, number, quantities, whole
 from solve.errors import MatricesError, MissingValueError, ValueOutOfBoundsError
+from solve.labels import SPEED
 from solve.loading import case_numbers, model_of, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.bounds import measured
@@ -57,6 +59,12 @@ def _holds(kind: Any, wanted: type) -> bool:
     return kind is wanted or any(_holds(part, wanted) for part in get_args(kind))
 
 
+Varied = Mapping[str, Sequence[float | str]]
+"""Values of parameters, or of the speed, by name."""
+
+_NONE: Varied = MappingProxyType({})
+
+
 @dataclass(frozen=True)
 class CaseNumbers:
     """The numbers of a model that the command itself names."""
@@ -88,22 +96,24 @@ class Numbers(CaseNumbers):
         int | None, Flag("Structures of beams: keep K modes of each link; the error is estimated.", "K")
     ] = None
 
-    def of(self, name: str, still: bool = False, rigid: bool = False) -> Model:
+    def of(self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
         """The model of that name. Raises NoMotionError for one without equations of motion and
         NoVibrationError for a rigid one, unless the study needs none."""
-        model = model_of(self.setup(name))
+        model = model_of(self.setup(name, varied))
         if not still and (model.vibrates or not rigid):
             model.require_motion()
         return model
 
-    def setup(self, name: str) -> Setup:
-        """What the model of that name is made from. Raises SolveError subclasses for bad input."""
+    def setup(self, name: str, varied: Varied = _NONE) -> Setup:
+        """What the model of that name is made from; a parameter that varies has its first value where neither
+        the case nor --set gives one. Raises SolveError subclasses for bad input."""
         options: dict[str, Any] = assignments("--option", self.option or [])
         if self.reduce is not None:
             if REDUCE in options:
                 raise ValueOutOfBoundsError("--reduce and --option reduce are both given; give one of them")
             options[REDUCE] = self.reduce
-        return setup_of(name, self.case, self.cases, options, self.parameters)
+        first = {parameter: values[0] for parameter, values in varied.items() if parameter != SPEED}
+        return setup_of(name, self.case, self.cases, options, self.parameters, first)
 
     @property
     def choices(self) -> list[str]:
@@ -119,13 +129,17 @@ class Problem(Numbers):
         str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
     ]
 
-    def loaded(self, still: bool = False, rigid: bool = False) -> Model:
+    def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
         """As `of`, the model that the user names."""
-        return self.of(self.model, still, rigid)
+        return self.of(self.model, still, rigid, varied)
 
     def numbers_set(self) -> str:
-        """The numbers of --set in the model's units, and the case's units where these differ."""
-        setup, parts = self.setup(self.model), []
+        """The numbers of --set in the model's units, and the case's units where these differ; none where the
+        model needs others besides."""
+        try:
+            setup, parts = self.setup(self.model), []
+        except MissingValueError:
+            return ""
         units = {name: unit for name, unit, *_ in setup.module.PARAMETERS}
         for name, given in self.parameters.items():
             text, own = measured(setup.case.parameters[name], units[name]), setup.case.units.get(name)

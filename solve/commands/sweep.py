@@ -48,7 +48,7 @@ def sweep(
     """Periodic vibration and stability over many speeds, and values of parameters."""
     orders, varied = harmonic_count(harmonics), _varied(over)
     omegas = _omegas(speeds, speed, bool(varied))
-    model, count = problem.loaded(rigid=True), 1 if omegas is None else len(omegas)
+    model, count = problem.loaded(rigid=True, varied=varied), 1 if omegas is None else len(omegas)
     names, spectra = shown(model, show), [waterfall] if waterfall else []
     if turn is not None:
         _check_turn(model, turn, count * math.prod(map(len, varied.values())), results, waterfall)

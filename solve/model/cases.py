@@ -57,12 +57,13 @@ def chosen_case(
     case: str | None,
     replaced: Mapping[str, float | str],
     required: bool = True,
+    otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Case:
     """A case of a file, its first by default, with a value for every parameter that a generated module
     declares; some of them replaced.
 
     path: None for a model that is in no file. required: whether the file must exist; else there is a case
-    without name and numbers where it does not.
+    without name and numbers where it does not. otherwise: numbers for parameters that are given nowhere else.
     Raises UnknownNameError, CaseFileError and MissingValueError.
     """
     known = {name: unit for name, unit, *_ in module.PARAMETERS}
@@ -75,10 +76,13 @@ def chosen_case(
     if case is not None and case not in cases:
         raise UnknownNameError(f"case of {module.NAME}", case, cases)
     chosen = cases[case] if case is not None else next(iter(cases.values()))
-    for name in replaced:
+    for name in (*replaced, *otherwise):
         if name not in known:
             raise UnknownNameError(f"parameter of {module.NAME}", name, known)
-    chosen = chosen.replaced(replaced)
+    given = chosen.parameters.keys() | replaced.keys()
+    chosen = chosen.replaced(
+        {name: value for name, value in otherwise.items() if name not in given} | replaced
+    )
     missing = [name for name in known if name not in chosen.parameters]
     if missing:
         where = f"case '{chosen.name}' of {module.NAME}" if chosen.name else f"{module.NAME} has no case and"

@@ -1,10 +1,12 @@
-"""Whether the matrices of a generated module repeat after the period, and M is that of a kinetic energy."""
+"""Whether the matrices of a generated module repeat after the period and jump at its breaks alone, and M is
+that of a kinetic energy."""
 
 from contextlib import suppress
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Matrices
 from solve.errors import MatricesError
 from solve.model.sampling import MatrixSampler
 from solve.system import PERIODIC, PeriodicSystem, require_inertia
@@ -12,10 +14,24 @@ from solve.system import PERIODIC, PeriodicSystem, require_inertia
 _LOOKS = 128
 """Phases of a period at which the matrices are looked at before a solution."""
 
+_STEEP = 0.25
+"""Change between neighbouring phases, relative to the whole variation, from which a jump is looked for: that
+of a sine of order 10."""
+
+_BESIDE = 8.0
+"""The same relative to the changes before and behind; what is smooth between three phases has at most 3."""
+
+_HALVINGS = 40
+"""Of the distance of two phases, to 4e-14 of the turn; a rise over 1e-9 of the turn changes by 1e-4 of itself
+there, a jump by itself."""
+
+_JUMP = 1e-2
+"""What is left of the change, relative to the whole variation, from which it is a jump."""
+
 
 def require_sound(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError unless the matrices at a speed (rad/s) repeat at every phase, and M is positive
-    definite."""
+    """Raise MatricesError unless the matrices at a speed (rad/s) repeat at every phase and jump at the breaks
+    alone, and M is positive definite."""
     phase = _looked_at(system)
     for symbol, change in system.changes(phase, phase + system.period, speed):
         raise MatricesError(
@@ -23,7 +39,9 @@ def require_sound(system: PeriodicSystem, speed: float) -> None:
             f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
             "parameters that count (teeth, orders)"
         )
-    negative = _not_positive(system.at(phase, speed)[0])
+    parts = system.at(phase, speed)
+    _require_no_jump(system, speed, phase, parts)
+    negative = _not_positive(parts[0])
     if negative.any():
         raise MatricesError(
             f"M is not positive definite at phase {phase[np.argmax(negative)]:.4g}: some motion there "
@@ -42,13 +60,60 @@ def sound_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
     now, later, beside = np.split(table, 3)
     allowed = PERIODIC * np.abs(now).max(axis=0) + 2 * np.abs(beside - now)
     # Of what is not finite no comparison holds.
-    if (power[entry < system.n**2] != 2).any() or not (np.abs(later - now) <= allowed).all():
+    if (
+        _steep(system, phase, now)[0].size
+        or (power[entry < system.n**2] != 2).any()
+        or not (np.abs(later - now) <= allowed).all()
+    ):
         return False
     M = system.at(phase, 1.0)[0]
     with suppress(MatricesError):
         require_inertia(M)
         return not _not_positive(M).any()
     return False
+
+
+def _require_no_jump(system: PeriodicSystem, speed: float, phase: Array, parts: Matrices) -> None:
+    """Raise MatricesError where matrices, known at phases (k,), jump between two of them without a break."""
+    symbols = np.repeat(list("MCKd"), [part[0].size for part in parts])
+
+    def entries(phase: Array) -> Array:
+        return np.column_stack([part.reshape(len(phase), -1) for part in system.at(phase, speed)])
+
+    values = np.column_stack([part.reshape(len(phase), -1) for part in parts])
+    at, entry = _steep(system, phase, values)
+    if not at.size:
+        return
+    further = np.append(phase[1:], phase[0] + system.period)
+    low, high, first, last = phase[at], further[at], values[at, entry], np.roll(values, -1, axis=0)[at, entry]
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        between = entries(middle)[np.arange(len(at)), entry]
+        left = np.abs(between - first) >= np.abs(last - between)
+        low, first = np.where(left, low, middle), np.where(left, first, between)
+        high, last = np.where(left, middle, high), np.where(left, between, last)
+    change = np.abs(last - first)
+    jumps = np.flatnonzero(change >= _JUMP * np.ptp(values, axis=0)[entry])
+    if jumps.size:
+        here = jumps[0]
+        raise MatricesError(
+            f"{symbols[entry[here]]} jumps by {change[here]:.3g} at phase {low[here] % system.period:.6g}, "
+            "where the model has no break; give angles that go on beyond half a turn (atan2 jumps there by "
+            "2π), and state a jump that is meant by Heaviside, Piecewise or wrapped"
+        )
+
+
+def _steep(system: PeriodicSystem, phase: Array, values: Array) -> tuple[Array, Array]:
+    """Between which phases (j,) and the next, without a break between them, values (k, m) change so much that
+    they may jump, and the entry of each that does so most."""
+    change, variation = np.abs(np.roll(values, -1, axis=0) - values), np.ptp(values, axis=0)
+    neighbours = np.maximum(np.roll(change, 1, axis=0), np.roll(change, -1, axis=0))
+    steep = (change >= _STEEP * variation) | (change > _BESIDE * neighbours)
+    steep &= variation > PERIODIC * np.abs(values).max(axis=0)
+    steep[np.searchsorted(phase, np.mod(system.breaks, system.period)) - 1] = False
+    at = np.flatnonzero(steep.any(axis=1))
+    share = np.where(steep, change / np.where(variation > 0, variation, 1.0), 0.0)[at]
+    return at, share.argmax(axis=1) if at.size else at
 
 
 def _looked_at(system: PeriodicSystem) -> Array:

@@ -125,7 +125,7 @@ class Model(PeriodicSystem):
     def checked(self, speed: float) -> None:
         """Beyond the checks of any system: the desired motion exists, generated matrices repeat at every
         phase, and M is positive definite. Raises DesiredMotionError, MatricesError."""
-        self.require_desired_motion(np.array([speed]))
+        self.shown_in(speed).require_desired_motion(np.array([speed]))
         if not self._sound:
             super().checked(speed)
             require_sound(self, speed)

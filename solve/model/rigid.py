@@ -28,7 +28,7 @@ class RigidModel(Model):
         return None
 
     def checked(self, speed: float) -> None:
-        self.require_desired_motion(np.array([speed]))
+        self.shown_in(speed).require_desired_motion(np.array([speed]))
 
     def require_motion(self) -> None:
         raise NoVibrationError(

@@ -5,6 +5,7 @@ Problems, 2.3.4), damped until corrections fall (P. Deuflhard, Newton Methods fo
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,11 +16,13 @@ from solve.contracts import Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
+from solve.methods.free import free
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.period.curve import Curve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.points import Multiplied, OnePoint, Points
+from solve.period.rigid_body import RigidBodyModes
 from solve.progress import stage
 from solve.system import PeriodicSystem
 from solve.threads import one_thread
@@ -68,6 +71,10 @@ class Task:
         breaks = tuple(float(b) for phase in self.system.breaks for b in phase + turns)
         return Grid.uniform(steps, self.period, breaks)
 
+    @cached_property
+    def rigid(self) -> RigidBodyModes | None:
+        return rigid_at_rest(self.system, self.speed)
+
     def rest(self, grid: Grid) -> Curve:
         """The desired motion, q = 0: the iterate after it is the linear orbit."""
         return at_rest(self.system.n, grid)
@@ -91,6 +98,12 @@ class Converged:
 def at_rest(n: int, grid: Grid) -> Curve:
     """q = 0 of n coordinates on a grid."""
     return Curve(grid.nodes, np.zeros((n, grid.steps, 1)))
+
+
+def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
+    """Rigid-body modes of a system linearised about the desired motion, None where it has none."""
+    found = free(OnePoint(system.along(at_rest(system.n, Grid.uniform(1, system.period))), speed))
+    return None if found is None else found.modes
 
 
 def without_zeros(sizes: Array) -> Array:
@@ -197,11 +210,20 @@ def _drift(one: Curve, part: float, other: Curve) -> Array | None:
     return first + part * second
 
 
-def joined(turns: Sequence[Array], period: float) -> Curve:
-    """Motions (3, n, k) over one turn after another as one curve over their whole period."""
+def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) -> Curve:
+    """Motions (3, n, k) over one turn after another as one curve over their whole period, without a shift and
+    a steady velocity along rigid-body modes; where drag determines the velocity, it is the curve's drift."""
     q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
-    nodes = np.linspace(0.0, period, q.shape[-1])
-    return Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:])
+    nodes, drift = np.linspace(0.0, period, q.shape[-1]), None
+    if rigid is not None:
+        vectors = rigid.vectors[0]
+        shares = np.linalg.pinv(vectors) @ q
+        velocities = (shares[:, -1] - shares[:, 0]) / period
+        steady = vectors @ velocities
+        q = q - vectors @ shares.mean(axis=1, keepdims=True) - steady[:, None] * (nodes - period / 2)
+        v = v - steady[:, None]
+        drift = vectors @ np.where(rigid.dragged[0], velocities, 0.0)
+    return replace(Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:]), drift=drift)
 
 
 def on(grid: Grid, motion: Motion) -> Curve:

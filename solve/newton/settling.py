@@ -54,19 +54,22 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
 
 
 def marched(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
-    """Turns done, the motion over the last of the orbit's periods, and its change (relative) within that."""
+    """Turns done, the motion over the last of the orbit's periods, and its relative change within that,
+    without motions along rigid-body modes."""
     system, count = task.system, max(1, grid.steps // task.periods)
     sizes = sizes_of(task, grid)
     march = system.marcher(sizes, count, _RTOL)
     state = np.concatenate((_PUSH * sizes, 0 * sizes))
+    relative = np.eye(system.n) if task.rigid is None else task.rigid.relative[0][0]
     kept: list[Array] = []
     for turn in range(_TURNS):
         kept = [*kept, march(state, turn * system.period, task.speed)][-task.periods :]
         state = kept[-1][:2, :, -1].ravel()
         if len(kept) == task.periods and (turn + 1) % task.periods == 0:
-            largest = np.maximum(np.max([np.abs(part[0]).max(axis=1) for part in kept], axis=0), 1e-3 * sizes)
-            change = float((np.abs(kept[-1][0, :, -1] - kept[0][0, :, 0]) / largest).max())
-            yield turn + 1, joined(kept, task.period), change
+            q = relative @ np.concatenate([part[0] for part in kept], axis=1)
+            largest = np.maximum(np.abs(q).max(axis=1), 1e-3 * sizes)
+            change = float((np.abs(q[:, -1] - q[:, 0]) / largest).max())
+            yield turn + 1, joined(kept, task.period, task.rigid), change
 
 
 def sizes_of(task: Task, grid: Grid) -> Array:

@@ -79,7 +79,7 @@ def _checked(motion: Any, task: Task) -> Motion:
 def _end_of(transient: Transient, task: Task) -> Curve:
     """The last periods of a transient, as many as the orbit has, or the last one where it has fewer."""
     count = task.periods if transient.turns >= task.periods else 1
-    return joined([*transient.motions[-count:]], count * task.system.period)
+    return joined([*transient.motions[-count:]], count * task.system.period, task.rigid)
 
 
 def _through(function: Callable[[Array], Array], task: Task) -> Curve:
@@ -122,4 +122,4 @@ def _from_state(given: Any, task: Task) -> Curve:
     for turn in range(task.periods):
         turns.append(march(state, turn * task.system.period, task.speed))
         state = turns[-1][:2, :, -1].ravel()
-    return joined(turns, task.period)
+    return joined(turns, task.period, task.rigid)

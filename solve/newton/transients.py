@@ -13,10 +13,9 @@ from solve.argument import require_whole
 from solve.arrays import Array
 from solve.contracts import Marcher
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
-from solve.newton.iteration import at_rest, without_zeros
+from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.stepping import METHOD, StepMarcher
-from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.progress import stage
 from solve.results.orbit import Orbit
@@ -84,7 +83,7 @@ def transient(
     linear = _linear(system, omega, min(1e-6, finer), engine, nonlinear and given != ORBIT)
     ends, follow = np.full(turns + 1, omega), _Follow(system, linear, nonlinear, rtol)
     nodes, motion, off, notes = follow.followed(_state(given, system, linear), ends)
-    orbit = _settled(system, omega, motion[-1], nodes, engine) if nonlinear else linear
+    orbit = _settled(system, omega, motion[-1], engine) if nonlinear else linear
     notes = [] if given == ORBIT else notes
     return Transient(system, ends, nodes, motion, off, orbit, rtol, nonlinear, notes)
 
@@ -239,10 +238,9 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
     return q, qd
 
 
-def _settled(system: PeriodicSystem, speed: float, motion: Array, nodes: Array, engine: str) -> Orbit | None:
+def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -> Orbit | None:
     """The nonlinear orbit near the last turn (3, n, k); None where there is none."""
-    q, v, a = motion
-    last = Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:])
+    last = joined([motion], system.period, rigid_at_rest(system, speed))
     try:
         return nonlinear_orbit(system, speed, last, rtol=1e-6, engine=engine)
     except SolveError:

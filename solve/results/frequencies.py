@@ -351,7 +351,9 @@ class Findings(Result):
                 columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
         further = (part.tables() for part in (self.turn, self.variation) if part is not None)
         caption = "\n".join(captions) or None
-        return [table_of("Natural frequencies", columns, caption=caption), *itertools.chain(*further)]
+        listed, every = len(roots), self.system.most_frequencies
+        title = "Natural frequencies" + (f": the lowest {listed} of {every}" if listed < every else "")
+        return [table_of(title, columns, caption=caption), *itertools.chain(*further)]
 
     @property
     def _about_modes(self) -> list[str]:

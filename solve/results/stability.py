@@ -216,7 +216,10 @@ class Stability(Result):
         at = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
         unit = units.get(names[at], "")
         drift = f"{(mode.drift or 0.0) * mode.vector[at]:.6g} {unit}/s".replace(" /s", " per second")
-        return f"{text}; {names[at]} also drifts at {drift}, which velocities include and coordinates do not"
+        return (
+            f"{text}; the load balances the drag by a steady velocity along it ({names[at]}: {drift}), which "
+            "velocities include and coordinates do not"
+        )
 
     @cached_property
     def warnings(self) -> list[str]:

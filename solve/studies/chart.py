@@ -74,6 +74,8 @@ def chart(
     labels = model if isinstance(model, PeriodicSystem) else None
     (x_name, across), (y_name, upwards) = _axis("x", x, labels), _axis("y", y, labels)
     xs, ys = np.array(across), np.array(upwards)
+    if isinstance(model, PeriodicSystem):
+        model = model.shown_in(across[0]).shown_in(upwards[0])
     if x_name == y_name:
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)

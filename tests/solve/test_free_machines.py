@@ -165,7 +165,7 @@ def test_drag_balances_the_mean_load_by_a_drift():
     orbit = solve.periodic(train(DRAG, mean=3.0), SPEED)
     (mode,) = orbit.rigid_body_modes
     assert mode.drift == pytest.approx(3 / 0.07, rel=1e-10)
-    assert f"drifts at {3 / 0.07:.6g}" in orbit.notes[0]
+    assert f"a steady velocity along it (q1: {3 / 0.07:.6g} per second)" in orbit.notes[0]
     twist = np.linalg.lstsq(K, 3 * TORQUE / 10 - DRAG.sum(axis=1) * 3 / 0.07)[0]
     twist -= np.diag(J) @ twist / np.trace(J)
     np.testing.assert_allclose(orbit.curve.mean, twist, rtol=1e-8)
@@ -325,6 +325,21 @@ def test_nonlinear_orbits_of_a_free_machine(T0, b):
     assert orbit.statistics("drag").mean == pytest.approx(T0, abs=1e-10)
     if b:
         assert mode.drift == pytest.approx(drift, rel=1e-9)
+
+
+def test_motions_in_time_lead_to_the_nonlinear_orbit_of_a_machine_that_drifts():
+    """However far they have turned; the drift is T0/b."""
+    machine = cubic(T0=0.3, b=2.0)
+    run = solve.transient(machine, 1.3, turns=40, nonlinear=True)
+    assert run.reached is not None
+    assert run.warnings == []
+    end = run.q[:, -1], run.qd[:, -1]
+    found = [run.orbit, *(solve.nonlinear(machine, 1.3, start) for start in (None, run, end))]
+    found.append(solve.nonlinear(machine, 1.3, periods=2))
+    assert [orbit.found_by for orbit in found[-3:]] == ["start", "start", "transient"]
+    for orbit in found:
+        assert orbit.rigid_body_modes[0].drift == pytest.approx(0.15, rel=1e-6)
+        assert orbit.statistics("q1").max_abs == pytest.approx(found[1].statistics("q1").max_abs, rel=1e-5)
 
 
 def test_a_nonlinear_machine_that_is_driven_is_refused():

@@ -115,6 +115,11 @@ def test_tables_fit_80_columns(command):
         assert "Natural frequencies" in ran.out
 
 
+def test_a_table_says_how_many_there_are_beside_those_it_lists(command):
+    assert "Natural frequencies: the lowest 4 of 9\n" in command("frequencies", "four_bar").out
+    assert "Natural frequencies\n" in command("frequencies", "four_bar", "--count", "9").out
+
+
 def test_the_report_of_the_portal_frame(command):
     out = command("frequencies", "portal_frame", *EXACT, "--count", "4").out
     assert "56.60311" in out

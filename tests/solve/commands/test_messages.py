@@ -19,8 +19,8 @@ from tests.random_commands.run import complaint, drawn, inside
 from tests.random_commands.values import prepare
 
 ROOT = Path(__file__).resolve().parents[3]
-CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-ESCAPES = "\x1b]0;t\x07", "\x1b[2J", "\x9b31m", "\r", "\x7f", "\x08"
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+ESCAPES = "\x1b]0;t\x07", "\x1b[2J", "\x9b31m", "\r", "\x7f", "\x08", "\u202e", "\u2067", "\u2028"
 FIT = ("fit", "cam", "--free", "k1", "--speed", "100 rpm")
 
 TYPED = {

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import solve
+from derive.command import run as derive_run
 from solve.errors import UnitError, ValueOutOfBoundsError
 
 TABLE_2_MM = {
@@ -215,3 +216,49 @@ def test_over_parameters(command, tmp_path):
         ran = command("sweep", "mathieu", *flags)
         assert (ran.status, ran.out) == (2, "")
         assert words in ran.err
+
+
+WITHOUT_CASE = """
+from derive import Mechanism, cos, rate
+
+
+def mechanism():
+    made = Mechanism("spring", "Mass on a spring")
+    q = made.coordinate("q", "m", "deflection")
+    m, k = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"))
+    F, c = made.parameters(F=("N", "force"), c=("N s/m", "damper", ">= 0"))
+    made.kinetic = m * rate(q) ** 2 / 2
+    made.potential = k * q**2 / 2
+    made.dissipation = c * rate(q) ** 2 / 2
+    made.force(F * cos(made.phase), along=q)
+    return made
+"""
+NUMBERS = "--set", "m=2", "--set", "F=3", "--set", "c=0.1"
+
+
+@pytest.mark.parametrize(
+    ("study", "read"),
+    [
+        (
+            ("sweep", "--speed", "3 rad/s", "--over", "k=10:40:2"),
+            lambda found: [point["parameters"]["k"] for point in found["points"]],
+        ),
+        (("chart", "--x", "speed=3:4:2 rad/s", "--y", "k=10:40:2"), lambda found: found["y"]["values"]),
+        (("frequencies", "--over", "k=10:40:2"), lambda found: found["over"]["values"]),
+    ],
+)
+def test_what_varies_needs_no_number_besides(command, tmp_path, study, read):
+    (tmp_path / "spring.py").write_text(WITHOUT_CASE)
+    derive_run(["spring.py"])
+    name, *flags = study
+    assert read(record(command(name, "spring.py", *flags, *NUMBERS, "--json"))) == [10, 40]
+    refused = command(name, "spring.py", *flags, *NUMBERS[2:])
+    assert (refused.status, refused.err.count("\n")) == (2, 1)
+    assert "gives no value for m;" in refused.err
+
+
+def test_a_number_that_is_given_is_not_that_of_the_range(command):
+    for flags in ((), ("--set", "k1=7e4")):
+        found = record(command("frequencies", "cam", "--over", "k1=6e4:9e4:2", "--json", *flags))
+        alone = record(command("frequencies", "cam", "--json", *flags))
+        assert found["frequencies"] == alone["frequencies"]

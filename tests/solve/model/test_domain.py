@@ -8,8 +8,8 @@ import pytest
 import sympy
 
 import solve
-from derive import Mechanism, acos, asin, cos, log, pi, rate, sin, sqrt, tan
-from solve.errors import DesiredMotionError, NoResultError
+from derive import Heaviside, Mechanism, acos, asin, atan2, cos, log, pi, rate, sin, sqrt, tan, tanh
+from solve.errors import DesiredMotionError, MatricesError, NoResultError
 from tests.derive.modules import module_of
 
 BEAD = {"m": 0.5, "a": 0.2, "g": 9.81, "c": 2e-3}
@@ -52,6 +52,14 @@ def test_the_bead_vibrates_where_its_angle_exists(hoop, speed):
 def test_the_bead_is_refused_below(hoop, work, speed):
     with pytest.raises(DesiredMotionError, match=r"desired motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs"):
         work(hoop, speed)
+
+
+def test_speeds_are_named_in_the_unit_in_which_they_were_given(hoop):
+    for work in (solve.floquet, solve.nonlinear):
+        with pytest.raises(DesiredMotionError, match=r"at 6 rad/s:"):
+            work(hoop, "6 rad/s")
+    with pytest.raises(NoResultError, match=r"at 5 rad/s:"):
+        solve.chart(hoop, "speed=5:6:2 rad/s", "c=0.1:0.2:2")
 
 
 def test_a_run_up_that_leaves_the_motion_is_refused(hoop):
@@ -185,3 +193,38 @@ def test_polynomials_and_sines_need_no_further_code():
     module = module_of(made)
     assert not hasattr(module, "DOMAIN")
     assert not hasattr(module, "domain")
+
+
+def rotor(angle):
+    """Of which a spring to ground acts on an angle that the phase prescribes, and q adds to."""
+    made = Mechanism("rotor", "Rotor on a spring")
+    q, phase = made.coordinate("q", "rad", "twist"), made.phase
+    k, c = made.parameters(k=("N m/rad", "spring", "> 0"), c=("N m s/rad", "drag", ">= 0"))
+    made.kinetic = made.parameter("J", "kg m^2", "rotor", "> 0") * rate(q) ** 2 / 2
+    made.potential = k * q**2 / 2
+    made.dissipation = c * rate(q) ** 2 / 2
+    made.force(k * angle(phase), along=q)
+    return solve.load(made, J=1.0, k=4.0, c=0.1)
+
+
+@pytest.mark.parametrize(
+    ("angle", "phase", "change"),
+    [
+        (lambda phase: atan2(sin(phase - 0.7), 0.5 * cos(phase - 0.7)), 0.7 + math.pi, 4 * 2 * math.pi),
+        (lambda phase: atan2(2 * sin(phase + 1), cos(phase + 1)) / 3, math.pi - 1, 4 * 2 * math.pi / 3),
+        (lambda phase: atan2(sin(2 * phase) / 4, 0.5 + sin(phase) ** 2 / 2), None, 0.0),
+        (lambda phase: tanh(1e6 * sin(phase - 1)), None, 0.0),
+        (lambda phase: Heaviside(sin(phase - 1)), None, 0.0),
+    ],
+    ids=["ellipse", "part", "continuous", "steep", "a break"],
+)
+def test_an_angle_that_jumps_by_a_turn_is_named_with_its_phase(angle, phase, change):
+    made = rotor(angle)
+    if phase is None:
+        made.checked(3.0)
+        return
+    with pytest.raises(MatricesError) as raised:
+        solve.periodic(made, 3.0)
+    assert f"d jumps by {change:.3g} at phase {phase:.6g}, where the model has no break" in str(raised.value)
+    with pytest.raises(NoResultError, match="d jumps by"):
+        solve.sweep(made, [1.0, 2.0, 3.0]).results.require_any()
