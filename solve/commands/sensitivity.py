@@ -2,10 +2,12 @@
 
 from typing import Annotated
 
+import numpy as np
+
 import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speed, Speeds, Steps
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import NoResultError, ValueOutOfBoundsError
 
 
 def sensitivity(
@@ -35,4 +37,6 @@ def sensitivity(
         found = solve.sensitivities_over(model, speeds.omegas(), *asked, nonlinear=nonlinear, periods=periods)
         return deliver_result(results, found, problem.choices)
     result = solve.sensitivities(model, speed.omega(model), *asked, nonlinear=nonlinear, periods=periods)
+    if all(each.reason and np.isnan(each.derivatives).all() for each in result.found.values()):
+        raise NoResultError("; ".join(each.reason for each in result.found.values()))
     return deliver_result(results, result, problem.choices, result.notes)

@@ -13,6 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.derivatives.sums import OrbitOnGrid, Sums
 from solve.errors import NoDerivativeError
+from solve.period.curve import without_drift
 from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import enough_samples
 
@@ -137,7 +138,7 @@ class Figures:
         counts = [len(phases) for phases, _ in known]
         names = np.repeat([name for name, _ in pairs], counts)
         phases, signs = (np.concatenate(part) for part in zip(*known, strict=True))
-        width, curve = self.orbit.system.period / self.orbit.samples, self.orbit.turn.curve
+        width, curve = self.orbit.system.period / self.orbit.samples, without_drift(self.orbit.turn.curve)
         coordinates = list(self.orbit.system.coordinates)
         own = np.flatnonzero(np.isin(names, coordinates))
         rows = [coordinates.index(name) for name in names[own]]

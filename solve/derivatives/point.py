@@ -354,6 +354,10 @@ def _every(solved: Stability, at: int) -> Array:
 
 def _require_alone(solved: Stability, at: int, asked: Named) -> None:
     """Raise NoDerivativeError for a multiplier that is not known, or meets another."""
+    if solved.spectrum.rigid[at]:
+        raise NoDerivativeError(
+            f"{asked.text} is of a rigid-body mode: its multiplier is +1 whatever the parameters"
+        )
     every = _every(solved, at)
     rho = complex(every[at])
     if at >= len(solved.spectrum.leading) and not solved.multiplier_errors[at] < 1:

@@ -144,8 +144,14 @@ class MatrixSampler:
         P, m, E = len(speeds), len(phase), 3 * self.n**2 + self.n
         if self._terms is None:
             return self._evaluate(np.tile(phase, P), np.repeat(speeds, m)).reshape(P, m, E)
-        powers = speeds[:, None] ** self._terms.power
-        return self._table(phase) @ (powers[:, :, None] * self._places)
+        powers, table = speeds[:, None] ** self._terms.power, self._table(phase)
+        found = table @ (powers[:, :, None] * self._places)
+        if not np.isfinite(found).all():
+            # 0·∞ is in all entries of the product.
+            found = np.zeros((P, m, E))
+            for column, entry in enumerate(self._terms.entry):
+                found[..., entry] += powers[:, None, column] * table[:, column]
+        return found
 
     def terms(self, phase: Array) -> tuple[Array, Array, Array] | None:
         """The coefficients (m, R) of powers of the speed, and to which entry, rising, and which power each

@@ -152,13 +152,15 @@ class _Follower:
             before = found[-1]
             try:
                 after, length, corrections = self._step(before, length)
-                if not self.ends[0] <= after.value <= self.ends[1]:
-                    return [*found, self._at_the_end(before, after)], ""
+                further = [after]
+                if before.direction.value * after.direction.value < 0:
+                    further = [*self._turning(before, after), after]
+                for one, other in pairwise([before, *further]):
+                    if not self.ends[0] <= other.value <= self.ends[1]:
+                        return [*found, self._at_the_end(one, other)], ""
+                    found.append(other)
             except NoOrbitError as reason:
                 return found, str(reason)
-            if before.direction.value * after.direction.value < 0:
-                found += self._turning(before, after)
-            found.append(after)
             growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
             length = min(growth * length, _LARGEST)
         return found[:most], f"the branch goes on beyond the {most} points asked for; ask for more"
@@ -229,35 +231,45 @@ class _Follower:
         raise NoOrbitError("the step is too long")
 
     def _at_the_end(self, before: Point, after: Point) -> Point:
-        """The point at the value at which the branch leaves the range."""
-        edge = self.ends[int(after.value > self.ends[1])]
-        grid = before.grid
-        chord = after.place.on(grid).plus(-1.0, before.place)
-        part = (edge - before.place.value) / chord.value
-        near = replace(before, place=replace(before.place.plus(part, chord), value=edge))
-        return self._reached(near, self._value_alone(grid), 0.0)[0]
+        """The point at the value at which the branch first leaves the range, between two others."""
+        edge, near = self.ends[int(after.value > self.ends[1])], before
+        for _ in range(_ROUNDS):
+            length, change, slopes = self._between(before, after)
+            at = _crossing(length, change, slopes, edge - before.place.value)
+            near, _ = self._reached(before, before.direction, at)
+            if self.ends[0] <= near.value <= self.ends[1]:
+                before = near
+            else:
+                after = near
+        along = near.place.plus((edge - near.place.value) / near.direction.value, near.direction)
+        near = replace(near, place=replace(along, value=edge))
+        return self._reached(near, self._value_alone(near.grid), 0.0)[0]
 
     def _turning(self, before: Point, after: Point) -> list[Point]:
         """The point between two others where the branch turns back; none where no step leads to it."""
         found: list[Point] = []
         for _ in range(_ROUNDS):
-            direction = before.direction
-            way = after.place.on(before.grid).plus(-1.0, before.place)
-            length = self._inner(way, direction, before.sizes)
-            slope = self._inner(after.direction.on(before.grid), direction, before.sizes)
-            if not (length > 0 and slope > 0):
-                break
-            slopes = before.direction.value, after.direction.value / slope
             try:
-                middle, _ = self._reached(before, direction, _flat(length, way.value, *slopes))
+                length, change, slopes = self._between(before, after)
+                middle, _ = self._reached(before, before.direction, _flat(length, change, *slopes))
             except SolveError:
                 break
             found = [replace(middle, turns=True)]
-            if middle.direction.value * direction.value > 0:
+            if middle.direction.value * before.direction.value > 0:
                 before = middle
             else:
                 after = middle
         return found
+
+    def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
+        """Of two points: the length between them along the direction at the first, the change of the value,
+        and its slopes at both by that length. Raises NoOrbitError where the branch bends too much."""
+        way = after.place.on(before.grid).plus(-1.0, before.place)
+        length = self._inner(way, before.direction, before.sizes)
+        slope = self._inner(after.direction.on(before.grid), before.direction, before.sizes)
+        if not (length > 0 and slope > 0):
+            raise NoOrbitError("the step bends too much")
+        return length, way.value, (before.direction.value, after.direction.value / slope)
 
     def _value_alone(self, grid: Grid) -> Place:
         """The direction of the parameter towards the last value."""
@@ -352,3 +364,12 @@ def _flat(length: float, change: float, first: float, last: float) -> float:
     # Of the two zeros of a u² + b u + first the one between 0 and 1, where the slopes have different signs.
     root = math.sqrt(max(b * b - 4 * a * first, 0.0))
     return length * 2 * first / (-b + math.copysign(root, first))
+
+
+def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:
+    """Where the same cubic first takes a level between 0 and the change."""
+    first, last = (length * slope for slope in slopes)
+    found = np.roots([first + last - 2 * change, 3 * change - 2 * first - last, first, -level])
+    real = found.real[np.abs(found.imag) < 1e-8]
+    within = real[(real > 0) & (real <= 1)]
+    return length * float(within.min(initial=1.0))

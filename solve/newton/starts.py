@@ -89,7 +89,7 @@ def _through(function: Callable[[Array], Array], task: Task) -> Curve:
     phase = np.linspace(0.0, task.period, _SAMPLES * task.periods + 1)
     shape = task.system.n, len(phase) - 1
     try:
-        values = np.asarray(function(phase[:-1]), dtype=float)
+        values = _real(function(phase[:-1]))
     except Exception as reason:  # A function of the user may raise anything.
         raise ValueOutOfBoundsError(
             f"start raises {type(reason).__name__} for {shape[1]} phases ({reason}); it must return q {shape}"
@@ -103,11 +103,16 @@ def _through(function: Callable[[Array], Array], task: Task) -> Curve:
     return Curve.quintic(phase, q, v, a[:-1], a[1:])
 
 
+def _real(values: Any) -> Array:
+    """As floats. Raises TypeError for complex numbers, and what NumPy raises for what is no array."""
+    return np.asarray(values).astype(float, casting="same_kind")
+
+
 def _from_state(given: Any, task: Task) -> Curve:
     """The motion over the orbit's period from q and q̇ (n,) at phase 0, by the equations of motion."""
     n = task.system.n
     try:
-        q, qd = (np.asarray(part, dtype=float) for part in given)
+        q, qd = map(_real, given)
     except (TypeError, ValueError):
         raise _refused(given, task) from None
     if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():

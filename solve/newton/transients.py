@@ -201,7 +201,7 @@ def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
     if isinstance(start, str | Path):
         return np.zeros(2 * n) if orbit is None or start == REST else np.append(orbit.q[:, 0], orbit.qd[:, 0])
     try:
-        q, qd = (np.asarray(part, dtype=float) for part in start)
+        q, qd = (np.asarray(part).astype(float, casting="same_kind") for part in start)
     except (TypeError, ValueError):
         raise ValueOutOfBoundsError(
             f"start is {reprlib.repr(start)}; allowed: {REST}, {ORBIT}, a file .npz, or q and q̇ ({n},)"

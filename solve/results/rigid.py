@@ -48,7 +48,8 @@ class RigidOrbit(Orbit):
     error_estimate = ErrorEstimate(_ROUNDING, np.nan)  # type: ignore[assignment]
     residual = 0.0  # type: ignore[assignment]
     linearisation_error = reduction_error = None  # type: ignore[assignment]
-    rigid_body_modes = unresolved = ()  # type: ignore[assignment]
+    rigid_body_modes = ()  # type: ignore[assignment]
+    unresolved = 0  # type: ignore[assignment]
 
     @property
     def multipliers(self) -> Array:  # type: ignore[override]

@@ -93,6 +93,7 @@ def chart(
         found = task.solved(task.batch(points), points, executor, store)
         results = _stability(found, batch, points) if of_orbit else found
         results.require_any()
+        found.require_any()
         steady = constant(batch)
         judging = steady.judge if steady else judge(batch)
         search = Search(judging, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))

@@ -9,7 +9,7 @@ import numpy as np
 from solve.argument import listed
 from solve.arrays import Array
 from solve.derivatives.point import OnGrid, dependence_of
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.model.bounds import clauses
@@ -63,6 +63,8 @@ def fit(
     names = listed(free)
     if not names:
         raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
+    for name in names:
+        require_name(f"parameter of {model.name}", name, model.parameters)
     model.dependence(names)
     sets = measured(data, model, None if speed is None else speed_in_si(speed))
     require_elastic_modes(model, sets)

@@ -414,8 +414,9 @@ def test_all_commands_agree(command):
 @pytest.mark.parametrize("numbers", [{"T0": 0.0, "b": 0.0}, {"T0": 3.0, "b": 0.07}], ids=["free", "dragged"])
 def test_sensitivities_of_a_free_machine(numbers):
     """Against differences of orbits; static twist and drift are among the quantities."""
-    of = ["q1.harmonic2", "q5.max_abs", "q2.mean", "shaft.max", "drag.max", "spectral_radius"]
-    by, numbers = ["J1", "k2", "T", "speed"], {"c": 1e-5, **numbers}
+    of = ["q1.harmonic2", "q5.max_abs", "q2.max", "q3.min", "q2.mean", "shaft.max", "drag.max"]
+    of.append("spectral_radius")
+    by, numbers = ["J1", "k2", "c", "T", "speed"], {"c": 1e-5, **numbers}
     if numbers["b"]:
         by.append("b")
     else:
@@ -440,6 +441,13 @@ def test_sensitivities_of_a_free_machine(numbers):
         # Rounding and errors of the orbits, 1e-10 of each quantity, over the step; the mean may be zero.
         allowed = 1e-6 * np.maximum(sizes, 1e-4 * (np.array(of) == "q2.mean")) / given
         assert (np.abs(made - differences) <= 2e-6 * np.abs(differences) + allowed).all()
+
+
+def test_a_rigid_body_mode_has_no_derivatives():
+    found = solve.sensitivities(mechanism(b=0.07), SPEED, of=["rho1.abs", "rho3.abs"], by=["k1", "c"])
+    (warning,) = found.warnings
+    assert "rho1.abs is of a rigid-body mode" in warning
+    assert np.isfinite(list(found["rho3.abs"].values())).all()
 
 
 def test_sensitivities_of_a_train_that_conserves_its_momentum_are_refused():

@@ -106,6 +106,13 @@ def test_nothing_vibrates(crank):
     assert pickle.loads(pickle.dumps(crank)).outputs == crank.outputs
 
 
+def test_its_record_has_the_kinds_of_any_orbit(crank):
+    """Numbers where others have numbers, lists where they have lists."""
+    record, other = solve.periodic(crank, 30.0).record(), solve.periodic(solve.load("cam"), 30.0).record()
+    for name in ("unresolved", "multipliers", "rigid_body_modes", "outputs", "coordinates", "warnings"):
+        assert type(record[name]) is type(other[name]), name
+
+
 def test_many_points(crank):
     """Figures of each as `periodic` gives them; numbers that are refused fail alone."""
     sweep = solve.sweep(

@@ -68,3 +68,9 @@ def test_over_speed_and_of_speeds(command, tmp_path):
     assert json.loads(ran.out)["sensitivities"]["band1.to"]["delta"] > 0
     ran = command(*mathieu, "--by", "gamma")
     assert ran.status == 2
+
+
+def test_quantities_without_any_derivative_are_no_result(command):
+    ran = command(*CAM, "--of", "q1.max_phase", "--by", "k1")
+    assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1)
+    assert "derivatives of phases of extrema are not calculated" in ran.err

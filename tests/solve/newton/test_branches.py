@@ -76,6 +76,25 @@ def test_the_same_branch_the_other_way(rotor_branch):
     assert back.speeds[-1] == pytest.approx(0.8, rel=1e-9)
 
 
+@pytest.mark.parametrize("part", [1e-2, 3e-3, 1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("up", [True, False])
+def test_a_branch_that_ends_shortly_before_it_turns_back(rotor_branch, up, part):
+    """Upwards it ends with the largest of three amplitudes, downwards with the smallest."""
+    turning = rotor_branch.turning
+    end = turning.max() * (1 - part) if up else turning.min() * (1 + part)
+    found = solve.branch(model_of(cubic_rotor(), **NUMBERS), (0.8 if up else 1.6, end), rtol=1e-5)
+    c, k, alpha, f = NUMBERS.values()
+    real = k - end**2
+    squares = np.roots([alpha**2, 2 * alpha * real, real**2 + (c * end) ** 2, -(f**2)])
+    assert np.abs(squares.imag).max() == 0
+    assert len(found.turning) == 0
+    assert found.speeds[-1] == pytest.approx(end, rel=1e-9)
+    assert np.ptp(found.speeds) == pytest.approx(abs(end - found.speeds[0]), rel=1e-9)
+    exact = np.sqrt(squares.real.max() if up else squares.real.min())
+    assert found.peaks[-1, 0] == pytest.approx(exact, rel=1e-4)
+    assert set(found.verdicts) == {"asymptotically stable"}
+
+
 @pytest.mark.slow
 def test_the_branch_of_the_cam_turns_back_where_following_by_the_speed_ends():
     cam = solve.load("cam")
@@ -110,6 +129,8 @@ def test_a_branch_that_is_cut_says_so():
         ({"speeds": "2:3 rad/s", "points": 1}, "points is 1"),
         ({"speeds": "2:3 rad/s", "rtol": 2.0}, "rtol"),
         ({"speeds": "2:3 rad/s", "start": "rest"}, "start is 'rest'; allowed: an orbit"),
+        ({"speeds": "2:3 rad/s", "start": ([1j], [0])}, "allowed: an orbit"),
+        ({"speeds": "2:3 rad/s", "start": lambda phase: np.exp(1j * phase)[None]}, "it must return q"),
     ],
 )
 def test_bad_input_is_refused(given, words):

@@ -128,6 +128,7 @@ def test_a_transient_too_short_says_so():
         ({"start": "tset"}, FileError, "start 'tset' is no state"),
         ({"start": "none.npz"}, FileError, "`solve periodic` or `solve transient` wrote"),
         ({"start": (np.zeros(2), np.zeros(1))}, ValueOutOfBoundsError, "shape"),
+        ({"start": (np.array([1j]), np.zeros(1))}, ValueOutOfBoundsError, "allowed: rest, orbit"),
     ],
 )
 def test_bad_input_is_refused(given, error, words):

@@ -9,7 +9,7 @@ from scipy.special import mathieu_a, mathieu_b
 import solve
 from derive import Mechanism, cos, rate
 from solve.batch.task import Task
-from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.errors import MissingValueError, NoResultError, UnknownNameError, ValueOutOfBoundsError
 from solve.period.named import Named
 from tests.solve import systems
 
@@ -294,6 +294,8 @@ def test_a_quantity_of_the_orbit_is_solved_once_and_stability_is_known_where_the
     assert found.failures == plain.failures == {}
     (warning,) = found.warnings
     assert warning.startswith("1 of 6 points have no orbit: I - Φ is singular")
+    with pytest.raises(NoResultError, match="none of the 4 points gives a result: I - Φ is singular"):
+        solve.chart(lambda a, b: build(1, 0), {"a": [1.0, 2.0]}, {"b": [1.0, 2.0]}, 1.0, of="x.max_abs")
 
 
 def test_a_chart_is_pickled_with_what_it_solves_further():

@@ -240,7 +240,14 @@ def test_a_file_of_an_orbit_is_read_as_it_is(tmp_path):
         ("angle (rad),speed (rad/s),q (1)", ["k"], None, UnknownNameError, "first column"),
         ("phase (rad),speed (rad/s),q (kg)", ["k"], None, UnitError, "does not convert"),
         ("phase (rad),q (1),q (1)", ["k"], None, CaseFileError, "two columns of one name"),
-        ("phase (rad),speed (rad/s),q (1)", ["kk"], None, UnknownNameError, "quantity of oscillators"),
+        ("phase (rad),speed (rad/s),q (1)", ["kk"], None, UnknownNameError, "parameter of oscillators"),
+        (
+            "phase (rad),speed (rad/s),q (1)",
+            ["k", "speed"],
+            None,
+            UnknownNameError,
+            "parameter of oscillators",
+        ),
         ("phase (rad),speed (rad/s),q (1)", [], None, ValueOutOfBoundsError, "no parameter is free"),
         (
             "phase (rad),speed (rad/s),q (1)",
