@@ -18,8 +18,11 @@ from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import enough_samples
 
 _SAME, _ALIKE = 1e-9, 1e-6
-"""Relative difference of two extrema up to which either may be the largest, and of their derivatives up to
-which it does not matter which of them is."""
+"""Relative difference of two extrema up to which either may be the largest, and of their derivatives, relative
+to that of the quantity over the period, up to which it does not matter which of them is."""
+
+_OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
+"""Further phases, in periods behind an extremum, that tell how large the derivative is over the period."""
 
 _PROMISING = 1e-3
 """Part of the range of a quantity by which other maxima of samples may be lower and be the largest."""
@@ -231,12 +234,16 @@ class Figures:
         phases, signs = phases[largest], signs[largest]
         sign, carried = -1.0 if figure == "min" else 1.0, signs * self._carried(name, phases)
 
+        # Extrema may change by nothing where the quantity does elsewhere.
+        others = (phases[0] + _OTHERS * self.orbit.system.period if len(phases) > 1 else phases[:0])
+        weights = np.append(signs, np.ones(len(others)))
+
         def made(held: Array) -> Array:
-            every = held + carried
-            alike = np.ptp(every, axis=1) <= _ALIKE * np.abs(every).max(axis=1)
+            every = held[:, : len(signs)] + carried
+            alike = np.ptp(every, axis=1) <= _ALIKE * np.abs(held).max(axis=1)
             return np.where(alike, sign * every[:, 0], np.nan)
 
-        return Sums(name, phases, np.diag(signs), made)
+        return Sums(name, np.append(phases, others), np.diag(weights), made)
 
 
 def _tops(values: Array) -> Array:

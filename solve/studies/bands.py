@@ -18,6 +18,7 @@ from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.errors import NoResultError
 from solve.methods.choice import RESOLVABLE, Rule, auto
+from solve.methods.free import free
 from solve.methods.radau import Radau
 from solve.period.frozen import frozen, surviving
 from solve.period.multipliers import UNIT_CIRCLE
@@ -94,6 +95,8 @@ def bands(
     system, omegas = system.shown_in(given[0]), np.array(given)
     ends = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
+    if free(OnePoint(system, ends[0])) is not None:
+        notes = [*notes, LEFT_OUT]
     coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
     steady = constant(task.batch(coarse[:, None]))
     fast = 0 if steady else _unfollowed(system, ends[0], task.method)

@@ -14,9 +14,12 @@ from solve.differences import slope
 from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.methods.choice import Rule
+from solve.methods.free import free
 from solve.period.named import RADIUS
+from solve.period.points import OnePoint
 from solve.progress import part, stage
 from solve.results.bands import Bands
+from solve.results.critical_rows import Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.sensitivities_over import SensitivitiesOver
@@ -162,14 +165,27 @@ def _edges(found: Bands) -> list[tuple[str, str, float]]:
 
 def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
     """Name, quantity and speed of each; no quantity where the response has no height."""
-    ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "rho1.re", "radius": RADIUS}
+    ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "", "radius": RADIUS}
+
+    def quantity(of: str, maximum: Maximum) -> str:
+        if maximum.height == np.inf:
+            return ""
+        return of or _dominant(found.system, maximum)
+
     return [
-        (f"{way}{number}", "" if maximum.height == np.inf else of, maximum.speed)
+        (f"{way}{number}", quantity(of, maximum), maximum.speed)
         for way, of in ways.items()
         for number, maximum in enumerate(
             (getattr(row, way) for row in found.rows if getattr(row, way) is not None), start=1
         )
     ]
+
+
+def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
+    """The real part of the largest multiplier but those of rigid-body modes, which are +1."""
+    held = free(OnePoint(system, maximum.speed))
+    before = 0 if held is None or maximum.height > 1 else int(held.modes.multiplicity[0])
+    return f"rho{before + 1}.re"
 
 
 Derivatives = Callable[[str, float], Sensitivity]
