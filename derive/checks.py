@@ -81,7 +81,7 @@ def _require_equations(mechanism: Mechanism) -> None:
     if not (mechanism.declared_coordinates or mechanism.declared_outputs or moved):
         raise DeclarationError(
             f"{mechanism.name} has no coordinates; declare one with coordinates(...), or for a rigid "
-            "mechanism state its energies as functions of the phase, or outputs"
+            "mechanism give energies as functions of the phase, or outputs"
         )
     require_coherent("the energy", mechanism.energy)
     ratios, modes = len(mechanism.damping_ratios), len(mechanism.declared_coordinates)

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "c9b5f1bd258471db2bdd54cd61b39dd221da80650ff78ce15d7e96cef524a7a3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d3c5d4b2b5021eb4b3fdefa140c16bdb1d038588a49fba91436d6a47ea4f9d92"
+FILE_SHA256 = "55a861f2dd8fcdea7fd55fe584c35b85b76f2acaf808fb6bb970828f118133cc"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "c9b5f1bd258471db2bdd54cd61b39dd221da80650ff78ce15d7e96cef524a7a3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "51addf1d210ec3b085cc1d54dd36bb79e3f862ecea9b75bcf7e7731c78099844"
+FILE_SHA256 = "6c3077caca5c39f64ba96b63669f43607494c15da5660d5d4499828ced785c97"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "c9b5f1bd258471db2bdd54cd61b39dd221da80650ff78ce15d7e96cef524a7a3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f25d50c22f2533e0c7c124e94995fdb19a9bd74c2cf7c306762f72d40f010fce"
+FILE_SHA256 = "68fda421d9fb779822ccdd6eafc3c3064151b8ee844cd2e9d340fae354d09779"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

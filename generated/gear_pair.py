@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "b72fd1921bf1bd162a4399c0ba59896da155a09f4ca7c295530f9f1055810df0"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "c9b5f1bd258471db2bdd54cd61b39dd221da80650ff78ce15d7e96cef524a7a3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "16637ba102f2f3457a93e54ade457d28c4d548ee02d3d626dfe3b3914c6ea5ca"
+FILE_SHA256 = "993a437e4f09ddde47e9f2e7acb20be937c272f48fcd5fdb9d6da59ae90d05ac"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (

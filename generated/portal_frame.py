@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "e31a7111b6dfdcc1caa443eac22fc407e3fabcb3753582ec0076ee955126a678"
+DERIVE_SHA256 = "c9b5f1bd258471db2bdd54cd61b39dd221da80650ff78ce15d7e96cef524a7a3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "63acbbc7d8b99d8f3618d1bcff4c4d849ea5b7b2d77c5433f2b602c84255db58"
+FILE_SHA256 = "845bad35566d6e503a30b81f26b93b0325496450b10f9aaa89bcca61678fa885"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

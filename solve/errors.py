@@ -52,7 +52,7 @@ class MatricesError(SolveError):
 
 
 class DesiredMotionError(SolveError):
-    """A desired motion, or what is stated along it, that is not real and finite at some phases."""
+    """A fundamental motion, or what is stated along it, that is not real and finite at some phases."""
 
 
 class StructureError(SolveError):
@@ -124,7 +124,7 @@ class ReopenedError(SolveError):
 
 
 def cause(error: Exception) -> str:
-    """Why a file cannot be read, in words.
+    """Reason why a file cannot be read.
 
     >>> cause(FileNotFoundError(2, "No such file or directory"))
     'no such file or directory'
@@ -133,7 +133,7 @@ def cause(error: Exception) -> str:
         return (error.strerror or "no access").lower()
     if isinstance(error, UnicodeDecodeError):
         return "it is not text in UTF-8"
-    return "it is damaged, or of another kind"
+    return "it is damaged or has another format"
 
 
 def _natural(name: str) -> tuple[str, int]:

@@ -193,7 +193,7 @@ class PeriodicSystem(Labels):
         """Raise ValueOutOfBoundsError where a value leaves the bounds of its parameter."""
 
     def require_desired_motion(self, speeds: Array) -> None:
-        """Raise DesiredMotionError where there is no desired motion at one of the speeds (P,), rad/s."""
+        """Raise DesiredMotionError where there is no fundamental motion at one of the speeds (P,), rad/s."""
 
     def require_load(self, speed: float) -> None:
         """Raise NoLoadError where d is zero all over the period, and the periodic vibration with it."""

@@ -247,8 +247,8 @@ def evenly(text: str, name: str) -> list[float] | list[str]:
     ([0.2, 0.4, 0.6], ['200.0 mm', '400.0 mm', '600.0 mm'])
     """
     usage = (
-        f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1, or with a "
-        "unit behind, such as '20:40:5 mm'"
+        f"{name}={text}: write {name}=A:B:N, N > 1 numbers from A to B in the model's unit, or with a unit, "
+        "such as '20:40:5 mm'"
     )
     given, _, unit = apart(text).partition(" ")
     try:

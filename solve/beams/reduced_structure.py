@@ -45,19 +45,19 @@ class ReducedStructure(StructureModel):
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        """Raises ValueOutOfBoundsError for a structure without an estimate of what the reduction changes, or
-        another number of modes than its links have; StructureError as the whole structure does."""
+        """Raises ValueOutOfBoundsError for a structure whose reduction error cannot be estimated, or for more
+        modes than its links have; StructureError as the full structure does."""
         motion = cls._motion(setup)
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
             raise ValueOutOfBoundsError(
-                f"reduce keeps modes of finite elements, and element {EXACT} has infinitely many; leave out "
+                f"reduce requires elements with finitely many modes, and {EXACT} has infinitely many; omit "
                 "reduce, or choose another element"
             )
         if any(link.inextensible for link in freedoms.links):
             raise ValueOutOfBoundsError(
-                f"reduce keeps modes of links that stretch, and {setup.module.NAME} has inextensible ones; "
-                "leave out reduce"
+                f"reduce requires extensible links, and {setup.module.NAME} has inextensible ones; omit "
+                "reduce"
             )
         return cls(setup, ReducedMotion(motion, basis(motion.beams, setup.options[REDUCE], cls.static)))
 
@@ -87,13 +87,13 @@ class ReducedStructure(StructureModel):
 
     @property
     def sentence(self) -> str:
-        """By how much natural frequencies are off."""
+        """Sentence on the error of the natural frequencies."""
         given = f"reduce={self.modes_a_link}"
         if self.n == self.full_coordinates:
-            return f"{given} keeps all {self.n} coordinates and changes nothing"
+            return f"{given} retains all {self.n} coordinates; the result is unchanged"
         return (
             f"{given}: natural frequencies below {_TRUSTED * self.discarded:.4g} rad/s, half of the lowest "
-            f"discarded one, are off by up to {self.frequency_error:.1e} of themselves"
+            f"discarded one, have relative errors of up to {self.frequency_error:.1e}"
         )
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:

@@ -204,8 +204,8 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
     most = max(len(body.own) - len(body.interface) for body in bodies)
     if not 1 <= modes <= most:
         raise ValueOutOfBoundsError(
-            f"reduce is {modes} modes a link; allowed: 1 to {most} for these elements, where {most} leave "
-            "the structure as it is"
+            f"reduce is {modes} modes per link; allowed: 1 to {most} for these elements; {most} retains all "
+            "modes"
         )
     kept = np.flatnonzero(retained)
     links, end = [], len(kept)

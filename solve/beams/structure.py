@@ -132,7 +132,8 @@ class StructureModel(Model):
         """Raises StructureError where the links cannot be assembled all the way round."""
         if REDUCE in setup.options:
             raise ValueOutOfBoundsError(
-                f"{setup.module.NAME} is loaded with all coordinates; to reduce it, load it anew with reduce"
+                f"{setup.module.NAME} was loaded with all coordinates; to reduce it, load it again with "
+                "reduce"
             )
         return cls(setup, cls._motion(setup))
 
@@ -308,7 +309,7 @@ class StructureModel(Model):
         kind, link, place = self.require_part_of_modes(output)
         most = self.beams.freedoms.n
         if not 1 <= count <= most:
-            raise ValueOutOfBoundsError(f"{count} modes asked for; allowed: 1 to {most}")
+            raise ValueOutOfBoundsError(f"{count} modes requested; allowed: 1 to {most}")
         phase = np.linspace(0.0, self.period, samples + 1)
         state = self.expanded(phase, turn.speed, *turn.state(phase))
         member = self._member(link)

@@ -20,10 +20,13 @@ def chart(
     accuracy: Accuracy,
     places: Places,
     results: Results,
-    x: Annotated[str | None, Flag("N values from A to B, across; a speed needs its unit.", _RANGE)] = None,
+    x: Annotated[
+        str | None, Flag("N values from A to B on the x axis; a speed needs its unit.", _RANGE)
+    ] = None,
     y: Annotated[str | None, Flag("N values from A to B, upwards.", _RANGE)] = None,
     cut: Annotated[
-        list[str] | None, Flag("Also along the line where x or y is this; repeatable.", "NAME=NUMBER[unit]")
+        list[str] | None,
+        Flag("Also along the line on which x or y has this value; repeatable.", "NAME=NUMBER[unit]"),
     ] = None,
     of: Annotated[
         str | None, Flag("Draw this over them: q3.max_abs, rho1.re, exponent1.re, …", "QUANTITY")

@@ -85,7 +85,7 @@ class Numbers(CaseNumbers):
         None
     )
     reduce: Annotated[
-        int | None, Flag("Structures of beams: keep K modes of each link; the error is estimated.", "K")
+        int | None, Flag("Beam structures: retain K modes per link; the error is estimated.", "K")
     ] = None
 
     def of(self, name: str, still: bool = False, rigid: bool = False) -> Model:
@@ -124,7 +124,7 @@ class Problem(Numbers):
         return self.of(self.model, still, rigid)
 
     def numbers_set(self) -> str:
-        """The numbers of --set in the model's units, and the case's units where these differ."""
+        """Numbers of --set in the model's units, with the case's units where these differ."""
         setup, parts = self.setup(self.model), []
         units = {name: unit for name, unit, *_ in setup.module.PARAMETERS}
         for name, given in self.parameters.items():
@@ -323,12 +323,12 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _naming_what_is_set(groups: Iterable[Any]) -> Iterator[None]:
-    """Add the numbers of --set to a refusal of matrices, which names no parameter."""
+    """Add the numbers of --set to a MatricesError, which names no parameter."""
     try:
         yield
     except MatricesError as error:
         given = next((each.numbers_set() for each in groups if isinstance(each, Problem)), "")
-        raise MatricesError(f"{error}; set here: {given}" if given else str(error)) from None
+        raise MatricesError(f"{error}; values set: {given}" if given else str(error)) from None
 
 
 def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:

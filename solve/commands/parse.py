@@ -70,8 +70,8 @@ def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
             values[name] = quantity(text)
         except ValueError:
             raise ValueOutOfBoundsError(
-                f"{flag} {name}={text}: '{text}' is not a number; write numbers alone, in the "
-                f"model's own units, such as {flag} {name}=1.5e3 or with their unit, such as {flag} r=30mm"
+                f"{flag} {name}={text}: '{text}' is not a number; write a number in the "
+                f"model's unit, such as {flag} {name}=1.5e3, or with a unit, such as {flag} r=30mm"
             ) from None
     return values
 

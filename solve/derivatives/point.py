@@ -120,16 +120,13 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
     methods without stages."""
     rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
     if not isinstance(rule, Collocated):
-        raise ValueOutOfBoundsError(
-            f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
-        )
+        raise ValueOutOfBoundsError(f"method is {rule.name}; sensitivities support radau, gauss and auto")
     free = solved.certified.solutions.free
     of_orbits = sum(each.of_orbit for each in asked)
     if free is not None and of_orbits and free.modes.conserving.any():
         raise NoDerivativeError(
-            "derivatives of the vibration of a free machine whose inertia varies, or that gyroscopic "
-            "forces act "
-            "on, along its rigid-body mode are not calculated; ask for those of multipliers, or add drag"
+            "orbit sensitivities are not available for a free machine with varying inertia or gyroscopic "
+            "forces along its rigid-body mode; request sensitivities of multipliers, or add drag"
         )
     adjoint = dependence.parted and free is None and _A_FIGURE * of_orbits <= len(names)
     on, starts = partial(OnGrid, solved, rule), {}

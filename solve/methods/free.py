@@ -105,8 +105,8 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
     is taken."""
     if not isinstance(method, OneStep):
         raise MatricesError(
-            f"{method.name} finds no vibration of a free machine whose inertia varies, or that gyroscopic "
-            "forces act on, along its rigid-body mode; use radau or gauss"
+            f"{method.name} cannot solve a free machine with varying inertia or gyroscopic forces "
+            "along its rigid-body mode; use radau or gauss"
         )
     modes, mass, n = held.modes, held.mass, anchored.n
     with np.errstate(all="ignore"):
@@ -178,9 +178,9 @@ def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
     components = [f"{component:.6g}" for component in modes.vectors[0, :, at]]
     more = ", …" if len(components) > _MOST_SHOWN else ""
     return UnbalancedLoadError(
-        f"the load drives the rigid-body mode ({', '.join(components[:_MOST_SHOWN])}{more}), which nothing "
-        f"holds: its mean torque (or force) along it is {loads[at]:.6g} N m (N), and the speed would grow "
-        "without bound; balance it by a constant load, or add drag or a spring to ground"
+        f"the load drives the rigid-body mode ({', '.join(components[:_MOST_SHOWN])}{more}), which has "
+        f"no restoring force: its mean torque (or force) along the mode is {loads[at]:.6g} N m (N), so the "
+        "speed would grow without bound; balance it by a constant load, or add drag or a spring to ground"
     )
 
 

@@ -128,7 +128,9 @@ def _read(path: Path) -> dict[str, Any]:
         require_size(f"bytes in case file '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
-        raise CaseFileError(f"case file '{path}' cannot be read ({cause(error)}); give another") from None
+        raise CaseFileError(
+            f"case file '{path}' cannot be read ({cause(error)}); give a readable case file"
+        ) from None
     except RecursionError:
         raise CaseFileError(f"case file '{path}' nests too deeply; give plain tables") from None
     except ValueError as error:

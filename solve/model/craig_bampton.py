@@ -81,7 +81,7 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int] | Array, modes: i
         )
     inner = np.setdiff1d(np.arange(n), retained)
     if not 0 <= modes <= len(inner):
-        raise ValueOutOfBoundsError(f"{modes} modes of a body; allowed: 0 to {len(inner)}")
+        raise ValueOutOfBoundsError(f"modes is {modes}; allowed: 0 to {len(inner)} for this body")
     basis = np.zeros((n, len(retained) + modes))
     basis[retained, np.arange(len(retained))] = 1.0
     basis[inner, : len(retained)] = -_flexible(K, inner, K[np.ix_(inner, retained)])
@@ -151,8 +151,8 @@ def _flexible(K: Array, inner: Array, loads: Array) -> Array:
         free, factor = True, None
     if free:
         raise MatricesError(
-            "a body moves freely while its interface is fixed: K of its interior coordinates is not positive "
-            "definite; add coordinates to the interface until it is held"
+            "a body has a rigid-body mode with its interface fixed: K of its interior coordinates is not "
+            "positive definite; add coordinates to the interface"
         )
     return np.zeros(loads.shape) if factor is None else cho_solve(factor, loads)
 

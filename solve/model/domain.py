@@ -1,4 +1,4 @@
-"""Where the desired motion of a generated module is real and finite, at a speed or at many points at once."""
+"""Domain of the fundamental motion of a generated module: where it is real and finite."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple

@@ -99,6 +99,6 @@ def _of_text(text: str, origin: str) -> ModuleType:
         exec(compile(text, origin, "exec"), module.__dict__)
     except Exception as error:
         raise ModelFileError(
-            f"'{origin}' is no generated code ({error}); move it away and run derive again"
+            f"'{origin}' is not generated code ({error}); move it away and run derive again"
         ) from None
     return module

@@ -123,7 +123,7 @@ class Model(PeriodicSystem):
         return ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
-        """Beyond the checks of any system: the desired motion exists, generated matrices repeat at every
+        """Beyond the checks of any system: the fundamental motion exists, generated matrices repeat at every
         phase, and M is positive definite. Raises DesiredMotionError, MatricesError."""
         self.require_desired_motion(np.array([speed]))
         if not self._sound:
@@ -337,7 +337,7 @@ of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration
 
 class ModelAlong(Model):
     """A model linearised along a motion, see `PeriodicSystem.along`. Neither the bounds within which the
-    model linearised about its desired motion is trusted concern it, nor what that leaves out."""
+    model linearised about its fundamental motion is trusted concern it, nor what that leaves out."""
 
     @property
     def left_out(self) -> tuple[str, ...]:

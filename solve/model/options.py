@@ -36,12 +36,11 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
     """A number of modes; which ones the elements allow is known when they are assembled."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
-            f"{module.NAME} has no beams whose modes could be kept: reduce is for structures of beams; "
-            "leave it out"
+            f"{module.NAME} is not a beam structure, and reduce requires one; omit reduce"
         )
     modes = _whole(value)
     if type(modes) is not int or modes < 1:
-        raise ValueOutOfBoundsError(f"reduce is {value}; allowed: a number of modes a link, 1 or more")
+        raise ValueOutOfBoundsError(f"reduce is {value}; allowed: a number of modes per link, 1 or more")
     return modes
 
 

@@ -32,8 +32,8 @@ class RigidModel(Model):
 
     def require_motion(self) -> None:
         raise NoVibrationError(
-            f"{self.name} has no coordinates, and nothing vibrates; its outputs over the turn are shown by "
-            "periodic, sweep and animate"
+            f"{self.name} has no coordinates, so nothing vibrates; periodic, sweep and animate give its "
+            "outputs over a revolution"
         )
 
 

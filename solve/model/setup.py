@@ -122,11 +122,11 @@ class Setup:
 
     @cached_property
     def domain(self) -> Domain | None:
-        """Where the desired motion is real and finite; None where it is so everywhere."""
+        """Where the fundamental motion is real and finite; None where it is so everywhere."""
         return self.domain_with(())
 
     def exist(self, speeds: Array) -> Array:
-        """Whether there is a desired motion at speeds (P,) in rad/s."""
+        """Whether there is a fundamental motion at speeds (P,) in rad/s."""
         domain = self.domain
         if domain is None or not domain.by_speed:
             return np.ones(len(speeds), dtype=bool)

@@ -161,7 +161,7 @@ class _Follower:
             found.append(after)
             growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
             length = min(growth * length, _LARGEST)
-        return found[:most], f"the branch goes on beyond the {most} points asked for; ask for more"
+        return found[:most], f"the branch continues beyond the {most} points requested; request more"
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
         """The points with errors of the spectral radius that include how errors of the parameter move the
@@ -198,7 +198,7 @@ class _Follower:
             except SolveError:
                 length /= 2
         at = self.parameter.in_words(before.value)
-        raise NoOrbitError(f"the branch cannot be followed beyond the orbit at {at}")
+        raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
 
     def _require_the_same_branch(self, before: Point, after: Point) -> None:
         """Raise NoOrbitError where a step bends so much that it may have left the branch, or passed over two
@@ -209,9 +209,9 @@ class _Follower:
         for end in ends:
             along = self._inner(chord, end, before.sizes)
             if along < _STRAIGHT * long * math.sqrt(self._inner(end, end, before.sizes)):
-                raise NoOrbitError("the step bends too much")
+                raise NoOrbitError("the branch curves too much within the step")
         if max(end.value * chord.value for end in ends) < 0:
-            raise NoOrbitError("the step passes over two places where the branch turns back")
+            raise NoOrbitError("the step passes over two folds")
 
     def _reached(self, before: Point, way: Place, length: float) -> tuple[Point, int]:
         """The point at a length from another along a way, and its corrections; length 0: where the other is,

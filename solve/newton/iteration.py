@@ -69,7 +69,7 @@ class Task:
         return Grid.uniform(steps, self.period, breaks)
 
     def rest(self, grid: Grid) -> Curve:
-        """The desired motion, q = 0: the iterate after it is the linear orbit."""
+        """The fundamental motion, q = 0: the iterate after it is the linear orbit."""
         return at_rest(self.system.n, grid)
 
 

@@ -26,7 +26,7 @@ class ContinuationParameter:
         if self.name != SPEED:
             return replace(self.task, system=self.task.system.varied({self.name: value}))
         if not value > 0:
-            raise NoOrbitError("the branch leads to speed 0")
+            raise NoOrbitError("the branch reaches speed 0")
         return replace(self.task, speed=value)
 
     def in_words(self, value: float) -> str:

@@ -44,8 +44,8 @@ def _refused(start: object, task: Task) -> ValueOutOfBoundsError:
     n = task.system.n
     return ValueOutOfBoundsError(
         f"start is {reprlib.repr(start)}; allowed: an orbit, a transient, a file {' or '.join(FILES)} of "
-        f"either, q and q̇ ({n},) at phase 0, or a function of phases (k,) that returns q ({n}, k); leave it "
-        "out to begin with the linear orbit"
+        f"either, q and q̇ ({n},) at phase 0, or a function of phases (k,) that returns q ({n}, k); omit "
+        "it to start from the linear orbit"
     )
 
 
@@ -54,9 +54,7 @@ def _opened(path: str | Path, task: Task) -> Orbit | Transient:
         raise _refused(path, task)
     found = opened(path)
     if not isinstance(found, Orbit | Transient):
-        raise FileError(
-            f"start '{path}' is a {type(found).__name__}; give a file of an orbit or of a transient"
-        )
+        raise FileError(f"start '{path}' is a {type(found).__name__}; give a file of an orbit or transient")
     return found
 
 

@@ -132,7 +132,7 @@ class Bands(Sequence[Band], Result):
         unit = self.system.speed_unit
         width = unit.text(self.spacing, ".3g")
         how = "eigenvalues" if self.constant_matrices else "solved"
-        limit = text(f"{how} at speeds up to {width} apart: narrower bands may be missed", "dim")
+        limit = text(f"{how} at speed intervals of up to {width}: narrower bands may be missed", "dim")
         if not self:
             return [text(f"\nno unstable band found from {unit.span(*self.range)}", "bold green"), limit]
         return [table_of(f"Unstable between {unit.span(*self.range, 'and')}", self.columns, left=2), limit]

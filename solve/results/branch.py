@@ -108,8 +108,8 @@ class Branch(Result):
             )
         if self.repeats.any():
             found.append(
-                f"orbits repeat after each of their {self.periods} periods{self._where(self.repeats)}: "
-                "they are of one period; others need another start"
+                f"orbits of {self.periods} periods repeat after one period{self._where(self.repeats)}; "
+                "use another start to find orbits of longer period"
             )
         return found + self._beyond_limits
 
@@ -150,12 +150,12 @@ class Branch(Result):
         ]
         for at, name in enumerate(self.quantities):
             found += self._columns_of(name, at)
-        meaning = "error of the spectral radius, estimated"
+        meaning = "estimated error of the spectral radius"
         found += [
             ("spectral_radius", Column(self.radius, "1", "spectral radius", "radius", digits(".5g"))),
             ("verdict", Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__)),
             ("turns", Column(back, "", "whether the branch turns back", "turns", _YES.__getitem__)),
-            ("error", Column(self.errors[:, 0], "1", "error of the orbit, relative, estimated")),
+            ("error", Column(self.errors[:, 0], "1", "estimated relative error of the orbit")),
             ("radius_error", Column(self.errors[:, 1], "1", meaning)),
         ]
         require_different_names(found)
@@ -172,7 +172,7 @@ class Branch(Result):
             heading = title if figure == "max_abs" else ""
             column = Column(numbers, unit, f"{figure} of {meaning}", heading, digits(".5g", factor))
             found.append((f"{name}_{figure}", column))
-        error = f"error of the extrema of {meaning}, relative, estimated"
+        error = f"estimated relative error of the extrema of {meaning}"
         return [*found, (f"{name}_error", Column(self.figure_errors[:, at], "1", error))]
 
     @property

@@ -167,7 +167,7 @@ class Frequencies(Roots):
             )
             columns[f"frequency{k}"] = Column(omegas, "rad/s", f"natural frequency {k}", heading, texts)
             if np.isfinite(rates).any():
-                columns[f"growth_rate{k}"] = Column(rates, "1/s", f"at which mode {k} grows")
+                columns[f"growth_rate{k}"] = Column(rates, "1/s", f"growth rate of mode {k}")
         return columns
 
     def tables(self) -> Sequence[Table]:
@@ -345,7 +345,7 @@ class Findings(Result):
         if self.shapes:
             masses = [shape.modal_mass for shape in self.shapes]
             columns["mass"] = Column(masses, heading="modal mass (kg)", text=digits(".4g"))
-            captions = [*captions, "of each link: its largest bending, that of the mode being 1"]
+            captions = [*captions, "per link: largest deflection, relative to the largest of the mode"]
             for number, link in enumerate(self.system.links):
                 bending = [np.abs(shape.transverse[number]).max() for shape in self.shapes]
                 columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
@@ -357,7 +357,7 @@ class Findings(Result):
     def _about_modes(self) -> list[str]:
         """What a table says of modes that grow, and of rigid-body modes."""
         first = int((self.here.signed[0] < 0).sum())
-        texts = ["i: the mode grows instead of vibrating, at this rate in 1/s"] * (first > 0)
+        texts = ["i: growth rate in 1/s of a mode that grows instead of vibrating"] * (first > 0)
         names = self.here.system.coordinates
         for number, mode in enumerate(self.here.rigid_body_modes, start=first + 1):
             texts.append(f"mode {number} is a rigid-body mode, {mode.ratio(names)}")

@@ -109,7 +109,7 @@ class PointResults:
         if not count:
             return []
         where = "all points" if count == len(self) else f"{count} of {len(self)} points"
-        left_out = "their multipliers +1 are left out of spectral radius and verdict"
+        left_out = "spectral radius and verdict exclude their multipliers +1"
         return [f"rigid-body modes at {where}: {left_out}"]
 
     @property

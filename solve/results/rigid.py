@@ -90,7 +90,7 @@ class RigidOrbit(Orbit):
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        raise NoVibrationError(f"{self.system.name} has no coordinates: leave the quasi-static solution out")
+        raise NoVibrationError(f"{self.system.name} has no coordinates; omit the quasi-static solution")
 
     @cached_property
     def warnings(self) -> list[str]:

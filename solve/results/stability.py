@@ -207,16 +207,16 @@ class Stability(Result):
     def _turning(self, mode: RigidBodyMode) -> str:
         """What follows from a rigid-body mode, in words."""
         names, units = self.system.coordinates, self.system.units
-        count = "its multiplier +1 is" if mode.damped else "its two multipliers +1 are"
-        text = f"rigid-body mode {mode.ratio(names)}: {count} left out of spectral radius and verdict"
+        count = "its multiplier +1" if mode.damped else "its two multipliers +1"
+        text = f"rigid-body mode {mode.ratio(names)}: spectral radius and verdict exclude {count}"
         if self.certified.solutions.curve is None:
             return text
         if not mode.damped:
-            return f"{text}; the vibration has zero mean along it (weighted by the inertia)"
+            return f"{text}; the vibration has zero mean along it, weighted by the inertia"
         at = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
         unit = units.get(names[at], "")
         drift = f"{(mode.drift or 0.0) * mode.vector[at]:.6g} {unit}/s".replace(" /s", " per second")
-        return f"{text}; {names[at]} also drifts at {drift}, which velocities include and coordinates do not"
+        return f"{text}; {names[at]} also drifts at {drift}; velocities include the drift, coordinates do not"
 
     @cached_property
     def warnings(self) -> list[str]:

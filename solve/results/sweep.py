@@ -210,8 +210,8 @@ class Sweep(Result):
         if np.isnan(self.reductions).all():
             return []
         most = [float(np.nanmax(column, initial=0.0)) for column in self.reductions.T]
-        at = f"up to {most[0]:.1e} of the orbits and {most[1]:.1e} of the multipliers"
-        return [f"reduce={self.system.options['reduce']} changes {at} (relative)"]
+        errors = f"up to {most[0]:.1e} of the orbits and {most[1]:.1e} of the multipliers"
+        return [f"reduce={self.system.options['reduce']}: relative errors of {errors}"]
 
     def _where(self, speeds: Sequence[float]) -> str:
         """Of points with these speeds, in words."""

@@ -185,7 +185,7 @@ def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held
     known, inner = search.judge(points), np.arange(1, len(points) - 1)
     if known.failed.all():
         raise NoResultError(
-            f"no point of the cut at {names[held]} = {value:g} has a result; give a value that the model has"
+            f"no point of the cut at {names[held]} = {value:g} has a result; give another value"
         )
     every = known + hidden(search.judge, known, inner)
     (crossings,) = search.crossings(Lines(every, np.zeros(len(every.points)), along))
@@ -224,8 +224,8 @@ def _axis(
     found = np.array(numbers)
     if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
         raise ValueOutOfBoundsError(
-            f"values of {name} must be at least two finite numbers, each larger than the one before; a unit "
-            "needs a model that states one"
+            f"values of {name} must be at least two finite numbers, in increasing order; a unit requires "
+            "a model that declares one"
         )
     return name, numbers
 

@@ -48,8 +48,8 @@ def require_elastic_modes(model: Model, sets: Sequence[Measured]) -> None:
             modes = "1 rigid-body mode" if count == 1 else f"{count} rigid-body modes"
             raise ValueOutOfBoundsError(
                 f"mode {places[first] + 1} was measured at {measured[first] / (2 * math.pi):.6g} Hz, but is "
-                f"a rigid-body mode of frequency 0: {model.name} has {modes}, counted first; number elastic "
-                f"modes in the file from {count + 1} on"
+                f"a rigid-body mode of frequency 0: {model.name} has {modes}, counted first; number the "
+                f"elastic modes in the file from {count + 1} on"
             )
 
 

@@ -79,9 +79,9 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
             raise error from None
         unit = system.speed_unit
         raise MatricesError(
-            f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are taken, but at "
-            f"{unit.text(running, '.4g')} it has: a term divides by the speed; mean frequencies at running "
-            f'speeds are given by solve critical --speeds "A:B:N {unit.name}"'
+            f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are evaluated, but "
+            f"at {unit.text(running, '.4g')} they are finite: a term divides by the speed; for mean "
+            f'frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
         ) from None
 
 

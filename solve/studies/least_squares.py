@@ -137,9 +137,11 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, robust: bool) ->
         which = ", already a minimum" if minimum else f", which is not a minimum{outside}"
         return [f"the fit did not move from its start, {problem.described(start)}{which}; try other starts"]
     if found.status == 0:
-        return [f"the fit was stopped after {found.nfev} trials{outside}; go on from its result"]
+        return [f"the fit was stopped after {found.nfev} trials{outside}; continue from its result"]
     if not minimum:
-        return [f"the fit ended away from a minimum{outside}; bound what is free, or start elsewhere"]
+        return [
+            f"the fit ended away from a minimum{outside}; bound the free parameters, or use another start"
+        ]
     return []
 
 

@@ -76,7 +76,9 @@ def sweep(
     elif store is None:
         results = rigid_points(family, points, kept)
     else:
-        raise ValueOutOfBoundsError(f"{system.name} is rigid, and its sweep quick; leave out the store")
+        raise ValueOutOfBoundsError(
+            f"{system.name} has no coordinates, and its sweep uses no store; omit the store"
+        )
     parameters = dict(zip(values, points.T, strict=False))
     return Sweep(system, points[:, -1], results, task.request.engine, [*notes, *results.notes], parameters)
 
@@ -174,5 +176,5 @@ def _number(model: Model, name: str, value: float | str) -> float:
         return model.in_own_unit(name, value)
     except ValueError:
         raise ValueOutOfBoundsError(
-            f"{name} is '{value}'; give a number, with its unit or in the model's own"
+            f"{name} is '{value}'; give a number in the model's unit or with a unit"
         ) from None

@@ -130,7 +130,7 @@ def test_contact_without_clearance_has_no_linearisation(contact):
     one.potential += p["s"] * contact(q) / 2
     with pytest.raises(
         ExpansionError,
-        match=r"no linearisation at the desired motion: .* is 0 all along it, .*clearance or a preload",
+        match=r"no linearisation at the fundamental motion: .* is 0 all along it, .*clearance or a preload",
     ):
         derive_equations(one)
 
@@ -223,7 +223,7 @@ def test_a_step_lies_nowhere_on_a_branch_that_has_no_value():
 def test_a_parameter_may_be_called_like_a_function():
     one, q, p = oscillator(sign=("N", "friction"))
     one.force(-p["sign"] * sign(rate(q)), along=q)
-    with pytest.raises(ExpansionError, match="there is no linearisation at the desired motion"):
+    with pytest.raises(ExpansionError, match="there is no linearisation at the fundamental motion"):
         module_of(one)
 
 

@@ -28,7 +28,7 @@ def study(
     results: Results,
     over: Annotated[
         str | None,
-        Flag("Parameter or option with its values, or NAME=A:B:N; a unit may follow.", '"NAME=A,B,C unit"'),
+        Flag("Values of a parameter or option, or NAME=A:B:N; unit optional.", '"NAME=A,B,C unit"'),
     ] = None,
     of: Annotated[
         list[str] | None,

@@ -184,15 +184,15 @@ def test_results_keep_the_error(tmp_path):
     np.testing.assert_allclose(sweep.reductions[1], [error["orbit"], error["multipliers"]], rtol=1e-4)
     point = sweep.record()["points"][1]["reduction_error"]
     assert point["orbit"] == sweep.reductions[1, 0]
-    assert any("changes up to" in text for text in sweep.warnings)
+    assert any("relative errors of up to" in text for text in sweep.warnings)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["cam", "--reduce", "3"], "cam has no beams whose modes could be kept"),
-        (["four_bar", "--reduce", "3"], "reduce is 3 modes a link; allowed: 1 to 2"),
-        (["four_bar", "--reduce", "0"], "allowed: a number of modes a link, 1 or more"),
+        (["four_bar", "--reduce", "3"], "reduce is 3 modes per link; allowed: 1 to 2"),
+        (["four_bar", "--reduce", "0"], "allowed: a number of modes per link, 1 or more"),
         (["four_bar", "--reduce", "1", "--option", "element=dynamic"], "choose another element"),
         (["four_bar", "--reduce", "1", "--option", "reduce=1"], "give one of them"),
         (["portal_frame", "--reduce", "1"], "inextensible"),
@@ -206,7 +206,7 @@ def test_what_cannot_be_reduced_is_refused_in_a_line(arguments, words, capsys):
 
 
 def test_a_loaded_model_is_not_reduced_behind_its_back():
-    with pytest.raises(SolveError, match="load it anew with reduce"):
+    with pytest.raises(SolveError, match="load it again with reduce"):
         four_bar(2).varied(options={"reduce": 1})
 
 

@@ -168,7 +168,7 @@ def test_a_sweep_takes_one_speed(command, speed, more):
 def test_a_sweep_of_a_speed_and_of_speeds_is_refused(command):
     ran = command("sweep", "mathieu", "--speed", "3 Hz", "--speeds", "1:2:2 Hz")
     assert (ran.status, ran.err.count("\n")) == (2, 1)
-    assert "--speed and --speeds both say at which speed" in ran.err
+    assert "--speed and --speeds are both given" in ran.err
 
 
 @pytest.mark.parametrize(
@@ -267,7 +267,7 @@ def test_matrices_that_are_not_finite_name_what_was_set_in_which_unit(command, r
     capsys.readouterr()
     ran = command("floquet", rooted, "--set", "r=50", "--set", "l=20cm", "--set", "k=3")
     assert (ran.status, ran.err.count("\n")) == (2, 1)
-    set_here = "set here: 50 m for r, which the case gives in mm; 0.2 m for l; 3 N/m for k\n"
+    set_here = "values set: 50 m for r, which the case gives in mm; 0.2 m for l; 3 N/m for k\n"
     assert ran.err.endswith(set_here)
     assert "r=0.03 m" in command("floquet", rooted, "--set", "r=0.03").out
 

@@ -1,5 +1,5 @@
-"""A desired motion that is not real and finite at a speed, or over part of the turn, is refused; elsewhere
-nothing changes."""
+"""A fundamental motion that is not real and finite at a speed, or over a range of the phase, is refused;
+elsewhere nothing changes."""
 
 import math
 
@@ -50,12 +50,14 @@ def test_the_bead_vibrates_where_its_angle_exists(hoop, speed):
 @pytest.mark.parametrize("work", [solve.floquet, solve.periodic, solve.nonlinear, solve.transient])
 @pytest.mark.parametrize("speed", [6.0, 0.999 * LEAST])
 def test_the_bead_is_refused_below(hoop, work, speed):
-    with pytest.raises(DesiredMotionError, match=r"desired motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs"):
+    with pytest.raises(
+        DesiredMotionError, match=r"fundamental motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs"
+    ):
         work(hoop, speed)
 
 
 def test_a_run_up_that_leaves_the_motion_is_refused(hoop):
-    with pytest.raises(DesiredMotionError, match="desired motion of q"):
+    with pytest.raises(DesiredMotionError, match="fundamental motion of q"):
         solve.transient(hoop, speeds=("8 rad/s", "5 rad/s"))
 
 
@@ -125,7 +127,7 @@ def test_domains_over_the_turn(name, a, exists):
     if exists:
         assert followed(MOTIONS[name][0], a=a).n == 1
     else:
-        with pytest.raises(DesiredMotionError, match="desired motion of q is not real and finite"):
+        with pytest.raises(DesiredMotionError, match="fundamental motion of q is not real and finite"):
             followed(MOTIONS[name][0], a=a)
 
 
@@ -154,7 +156,7 @@ def test_a_rod_that_is_too_short_over_part_of_the_turn():
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_loop_that_the_desired_motion_opens(sign):
-    """A loop driven by a coordinate is looked at along the desired motion of that: x² = c - b sin φ."""
+    """A loop driven by a coordinate is looked at along the fundamental motion of that: x² = c - b sin φ."""
 
     def state():
         made = Mechanism("opening", "A loop driven by a coordinate")

@@ -351,7 +351,7 @@ def test_a_model_that_cannot_follow_the_data_is_said(file):
     [
         (lambda q: 1000 * q, "q is measured 1e+03 times as large as computed at the start; look at its unit"),
         (lambda q: 0 * q + 5, "q is measured as the same number everywhere"),
-        (lambda q: -q, "the model does not follow it; look at unit, sign, speed and phase 0"),
+        (lambda q: -q, "the model does not describe it; check unit, sign, speed and phase origin"),
     ],
 )
 def test_data_of_another_unit_or_sign_or_of_nothing_are_said(file, changed, words):

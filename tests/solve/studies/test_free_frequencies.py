@@ -119,7 +119,7 @@ def test_a_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
     with pytest.raises(ValueOutOfBoundsError) as refused:
         solve.fit(train(k1=9000.0), file, ["k1"])
     assert "mode 1 was measured at 81.2076 Hz, but is a rigid-body mode of frequency 0" in str(refused.value)
-    assert "counted first; number elastic modes in the file from 2 on" in str(refused.value)
+    assert "counted first; number the elastic modes in the file from 2 on" in str(refused.value)
 
 
 def test_a_fit_comes_back_from_a_start_with_a_mode_that_grows(tmp_path):
