@@ -57,7 +57,7 @@ def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
 
 
 def _held(text: str, model: Model) -> tuple[str, float]:
-    """Name and value in the unit that the model declares, from NAME=NUMBER[unit]."""
+    """Name and value, in the unit of the model, from NAME=NUMBER[unit]."""
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)

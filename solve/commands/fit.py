@@ -39,7 +39,7 @@ def fit(
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
-    """Low and high by name, texts where a unit follows. Raises ValueOutOfBoundsError."""
+    """Lower and upper bound by name, as texts if a unit follows. Raises ValueOutOfBoundsError."""
     found = {}
     for name, text in assignments("--bounds", texts or [], "NAME=A:B").items():
         try:

@@ -89,8 +89,8 @@ class Numbers(CaseNumbers):
     ] = None
 
     def of(self, name: str, still: bool = False, rigid: bool = False) -> Model:
-        """The model of that name. Raises NoMotionError for one without equations of motion and
-        NoVibrationError for a rigid one, unless the study needs none."""
+        """Model of that name. Raises NoMotionError for a model without equations of motion and
+        NoVibrationError for a rigid one, unless the study allows them."""
         model = model_of(self.setup(name))
         if not still and (model.vibrates or not rigid):
             model.require_motion()

@@ -77,7 +77,7 @@ def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
 
 
 def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
-    """A name and N numbers from A to B, both ends, from a text NAME=A:B:N; texts, where a unit follows.
+    """Name and N numbers from A to B, both included, from a text NAME=A:B:N; texts if a unit follows.
 
     >>> points("--over", "L2=0.2:0.6:3")
     ('L2', [0.2, 0.4, 0.6])

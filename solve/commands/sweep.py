@@ -71,7 +71,7 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s of --speeds or --speed, None for that of the case where parameters vary. Raises
+    """Speeds in rad/s of --speeds or --speed; None stands for the case's speed if parameters vary. Raises
     MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")

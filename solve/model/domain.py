@@ -13,31 +13,31 @@ if TYPE_CHECKING:
     import casadi
 
 _LOOKS = 128
-"""Phases of a period at which margins are sampled; between them the least value of a smooth margin is found
-from a bracket of three samples, and a change of sign by bisection."""
+"""Phases per period at which margins are sampled. Between them, three samples bracket the minimum of a smooth
+margin, and bisection locates a change of sign."""
 
 _ROUNDING = 1e-12
-"""Of the largest margin over the period: sums of a few terms of that size round to some 1e-16 of it, and the
-square root of that moves a minimum that touches zero by no more than its square."""
+"""Round-off of a margin relative to its largest value over the period: sums of a few terms have relative
+errors of some 1e-16, and a minimum that touches zero is resolved to the square of the error of its phase."""
 
 _HALVINGS = 40
-"""Of two samples' distance: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad; golden sections reduce as far in 1.44 times as
-many."""
+"""Bisections of the distance of two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44 times
+as many for the same reduction."""
 
 _JUMP = 1e-6
-"""Of the largest margin: a larger one on both sides of a change of sign is a jump and no zero."""
+"""Fraction of the largest margin: a larger margin on both sides of a change of sign is a jump, not a zero."""
 
 _TOGETHER = 2**16
-"""Phases of points that are evaluated together."""
+"""Number of phases of points that are evaluated at once."""
 
 _KEPT = 8
-"""Answers for the latest points: a solution asks for matrices of the same points on several grids."""
+"""Number of cached results: a solution requests matrices of the same points on several grids."""
 
 _GOLDEN = (5**0.5 - 1) / 2
 
 
 class _Found(NamedTuple):
-    """Margins that do not satisfy their relations: points, rows, phases and values (f,)."""
+    """Violated conditions: points, rows, phases and margins (f,)."""
 
     point: Array
     row: Array
@@ -46,7 +46,8 @@ class _Found(NamedTuple):
 
 
 class Domain:
-    """What a generated module demands of phase, speed and parameters, of which some vary between points."""
+    """Domain conditions of a generated module on phase, speed and parameters, some of which vary between
+    points."""
 
     def __init__(
         self,
@@ -55,7 +56,8 @@ class Domain:
         rows: Sequence[tuple[str, str, str, str]],
         period: float,
     ):
-        """function: as generated; sampler: of it at phases, speeds and free parameters; rows: of DOMAIN."""
+        """function: generated function of the margins; sampler: evaluates it at phases, speeds and free
+        parameters; rows: of DOMAIN."""
         self._rows, self._sampler, self._period = rows, sampler, float(period)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"
@@ -65,11 +67,11 @@ class Domain:
 
     @property
     def by_speed(self) -> bool:
-        """Whether the speed decides on some of what is demanded."""
+        """Whether a condition depends on the speed."""
         return bool(self._by_speed.any())
 
     def holds(self, speeds: Array, values: Array) -> Array:
-        """Whether all is met (P,) at speeds (P,) with the free parameters (P, v)."""
+        """Whether all conditions hold (P,) at speeds (P,) with the free parameters (P, v)."""
         key = len(values), speeds.tobytes() if self.by_speed else b"", values.tobytes()
         if key not in self._kept:
             while len(self._kept) >= _KEPT:
@@ -88,8 +90,8 @@ class Domain:
         return hold[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
-        """Raise DesiredMotionError where something is not met at a speed (rad/s), which `at` names; without
-        one, where something is not met at any speed."""
+        """Raise DesiredMotionError if a condition fails at a speed (rad/s), which `at` names; without a
+        speed, if a condition that does not depend on the speed fails."""
         found = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
             found = _Found(*(part[~self._by_speed[found.row]] for part in found))
@@ -108,11 +110,11 @@ class Domain:
     @property
     def _phases(self) -> Array:
         count = _LOOKS if self._by_phase else 1
-        # Symmetric motions have their extremes at fractions of the turn, beside which these lie.
+        # Symmetric motions have extrema at fractions of the revolution, which these phases avoid.
         return (np.arange(count) + 0.5) * (self._period / count)
 
     def _where(self, row: int, phase: Array, value: Array) -> str:
-        """The least value that fails, and where."""
+        """Text with the smallest failing margin and its phase."""
         worst = int(np.argmax(np.isnan(value))) if np.isnan(value).any() else int(np.argmin(value))
         if len(self._phases) == 1:
             return f"{value[worst]:.4g} at every phase"
@@ -123,12 +125,12 @@ class Domain:
         return f"{value[worst]:.4g} at phase {phase[worst]:.4g}{share}"
 
     def _margins(self, phase: Array, speeds: Array, values: Array) -> Array:
-        """At phases (k,) of as many points: (k, R)."""
+        """Margins (k, R) at phases (k,) of as many points."""
         with np.errstate(all="ignore"):
             return self._sampler(phase, speeds, values)
 
     def _violations(self, speeds: Array, values: Array) -> _Found:
-        """At points (P,): at sampled phases, else where one lies between these."""
+        """Violations at points (P,), at sampled phases or else between them."""
         phase, P = self._phases, len(speeds)
         k = len(phase)
         given = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)
@@ -147,7 +149,7 @@ class Domain:
         return _Found(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
     def _fails(self, margins: Array, allowed: Array) -> Array:
-        """Whether margins (…, R) do not satisfy their relations."""
+        """Whether margins (…, R) violate their relations."""
         size = np.where(self._zero, np.abs(margins), margins)
         strict = self._zero | self._positive
         return ~np.isfinite(margins) | np.where(strict, size <= allowed, size < -allowed)
@@ -155,7 +157,7 @@ class Domain:
     def _crossings(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Found:
-        """Zeros between samples of opposite sign, where zeros are not allowed."""
+        """Zeros between samples of opposite sign, for margins that must not be zero."""
         changes = (margins * np.roll(margins, -1, axis=1) < 0) & self._zero & ~failed
         point, at, row = np.nonzero(changes)
         step = self._period / margins.shape[1]
@@ -171,7 +173,8 @@ class Domain:
         return _Found(point[zero], row[zero], low[zero] % self._period, np.zeros(zero.sum()))
 
     def _minima(self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array) -> _Found:
-        """Least values between samples where neighbours differ by enough for one beyond what is allowed."""
+        """Violating minima between samples, searched where neighbouring samples differ enough to permit
+        one."""
         size = np.where(self._zero, np.abs(margins), margins)
         before, behind = np.roll(size, 1, axis=1), np.roll(size, -1, axis=1)
         reach = np.maximum(before - size, behind - size)
@@ -203,7 +206,7 @@ class Domain:
 
 
 def _depends(function: "casadi.Function", position: int) -> Array:
-    """Which outputs of a generated function depend on one of its scalar inputs."""
+    """Whether outputs of a generated function depend on one of its scalar inputs."""
     pattern = function.jac_sparsity(0, position)
     depends = np.zeros(pattern.size1(), dtype=bool)
     depends[pattern.row()] = True

@@ -45,10 +45,11 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Bands(Sequence[Band], Result):
-    """Bands, rising, within a range of speeds (rad/s). spacing: the largest distance in rad/s of neighbouring
-    speeds that were solved; narrower bands may be missed. notes: how they were found, such as speeds without
-    a result. speeds, spectral_radius (P,): those that were solved, rising, NaN where one has no result.
-    constant_matrices: whether M, C and K do not vary over the period, so that their eigenvalues decide."""
+    """Unstable bands in ascending order within a range of speeds (rad/s). spacing: largest distance in rad/s
+    of neighbouring solved speeds; narrower bands may be missed. notes: how the bands were found, such as
+    speeds without a result. speeds, spectral_radius (P,): solved speeds in ascending order and their spectral
+    radii, NaN without a result. constant_matrices: whether M, C and K are constant over the period; then
+    eigenvalues decide."""
 
     found: Sequence[Band]
     system: PeriodicSystem

@@ -30,7 +30,7 @@ _ALIKE = 1e-6
 
 
 _DOUBTFUL = 1e-2
-"""Relative residual above which it may be one of round-off: of noise it is about 1."""
+"""Relative residual above which it may consist of round-off; pure round-off gives about 1."""
 
 
 @dataclass(frozen=True)
@@ -144,16 +144,16 @@ class Orbit(Stability, Turn):
         scale = np.max([np.abs(term).max(axis=0) for term in (*terms, d)], axis=0)
         residual = np.abs(sum(terms) - d).max(axis=0)
         if (residual > _DOUBTFUL * scale).any():
-            # Where all terms are round-off, by what the load is a sum of.
+            # If all terms are round-off, relative to the summands of the load.
             scale = np.maximum(scale, self.system.roundoff(phase, self.speed).max(axis=0))
         return float(np.max(residual / np.where(scale > 0, scale, 1.0)))
 
     @cached_property
     def linearisation_error(self) -> Mapping[str, float] | None:
-        """How far the orbit of the nonlinear equations is from this linear one, per coordinate
-        max|difference| relative to its scale, see `solve.certify.scale`: max|q|, unless the forces on it
-        cancel. It is the size of one correction of Newton's method on the same grid, which is
-        near the truth as long as it is small. NaN where that has no solution, None for linear systems."""
+        """Estimated distance of the nonlinear orbit from this linear one: max|difference| per coordinate,
+        relative to its scale (see `solve.certify.scale`), which is max|q| unless the forces on it cancel. It
+        is the size of one correction of Newton's method on the same grid, and accurate while it is small. NaN
+        if this correction has no solution, None for linear systems."""
         if not self.system.nonlinear:
             return None
         certified, sizes = self.certified, np.full(self.system.n, np.nan)

@@ -23,8 +23,8 @@ _APART = 0.5
 """Difference, relative, beyond which a model explains little."""
 
 _FEW, _OF_SENSORS = 2 * _A_LAG, 0.05
-"""Values below which neighbours say nothing of noise, and the relative difference beyond which so
-few values do not fit: accelerometers and their amplifiers are specified to 5 % of amplitude."""
+"""Number of values below which autocorrelation is not meaningful, and the relative difference beyond which so
+few values count as a poor fit: accelerometers and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT = 100.0
 """Ratio of sizes from which on a unit is doubtful."""

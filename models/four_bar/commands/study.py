@@ -79,8 +79,7 @@ def _systems(
 
 
 def _values(over: str) -> tuple[str, Sequence[float | str]]:
-    """A name and its values, from NAME=A,B,C or NAME=A:B:N, all in the unit that may follow; options may be
-    words."""
+    """Name and values from NAME=A,B,C or NAME=A:B:N, with an optional common unit; options may be words."""
     ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
     if ":" in text:
         return points("--over", over)
