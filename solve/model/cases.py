@@ -20,9 +20,9 @@ _NUMBERS_A_BYTE = 64
 
 @dataclass(frozen=True)
 class Case:
-    """name, the speed that the case names (a text with unit) or None, the parameters in SI, by the names of
-    series what was fitted to tables, and by those of parameters where the file says that they come from and
-    the unit in which it gives them."""
+    """Case of a model: its name, its speed (a text with unit) or None, and its parameters in SI. By name of a
+    series: its fit to a table. By name of a parameter, if the file states them: its source and its unit in
+    the file."""
 
     name: str
     speed: str | None
@@ -38,8 +38,8 @@ class Case:
         sources: Mapping[str, str] = MappingProxyType({}),
         units: Mapping[str, str] = MappingProxyType({}),
     ) -> "Case":
-        """With further parameters, fits and sources; a series of which a parameter is given is fitted no
-        more, and a parameter that is given has no source but a new one; the file's unit stays known."""
+        """Case with further parameters, fits and sources. A series with a given parameter is no longer
+        fitted. A given parameter keeps no source except a new one; the unit in the file remains known."""
         kept = {name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)}
         known = {name: text for name, text in self.sources.items() if name not in parameters}
         return replace(

@@ -1,4 +1,4 @@
-"""A mechanism without coordinates: nothing vibrates, its outputs follow from the phase and the speed."""
+"""Mechanism without coordinates: nothing vibrates, and its outputs follow from the phase and the speed."""
 
 from typing import Any, Self
 
@@ -12,7 +12,7 @@ from solve.model.setup import Setup
 
 
 class RigidModel(Model):
-    """A model of which the whole motion is prescribed."""
+    """Model whose entire motion is prescribed."""
 
     vibrates = False
 
