@@ -11,7 +11,7 @@ from derive.symbols import SPEED
 NOT_NEGATIVE, POSITIVE, NOT_ZERO = ">= 0", "> 0", "!= 0"
 
 LARGEST_EXPONENT = 709
-"""Largest x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
+"""Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
 """Symbols with a known sign, by the symbols in the mechanism, which are only declared real."""
@@ -57,7 +57,7 @@ def _power(base: Any, exponent: Any) -> Need | None:
 
 
 class Bounded(Protocol):
-    """A parameter."""
+    """Parameter with a bound."""
 
     @property
     def symbol(self) -> Any: ...

@@ -170,7 +170,7 @@ def lower_orders(orders: Iterable[Order]) -> list[Order]:
 
 
 def at_desired_motion(expression: Any) -> Any:
-    """The expression in the fundamental motion: all that moves is zero, except the phase."""
+    """Expression in the fundamental motion: all moving symbols are zero, except the phase."""
     moving = expression.atoms(Moving) - {PHASE}
     return expression.xreplace(dict.fromkeys(moving, sympy.S.Zero))
 

@@ -52,7 +52,7 @@ class MatricesError(SolveError):
 
 
 class DesiredMotionError(SolveError):
-    """A fundamental motion, or what is stated along it, that is not real and finite at some phases."""
+    """The fundamental motion, or an expression evaluated along it, is not real and finite at some phases."""
 
 
 class StructureError(SolveError):
@@ -64,7 +64,7 @@ class NoMotionError(SolveError):
 
 
 class NoVibrationError(SolveError):
-    """A mechanism without coordinates, asked for what only a vibration has."""
+    """A vibration is requested of a mechanism without coordinates."""
 
 
 class NoLoadError(SolveError):
@@ -84,7 +84,7 @@ class ResonanceError(SolveError):
 
 
 class UnbalancedLoadError(SolveError):
-    """A load that drives a machine free to turn faster and faster: no periodic vibration exists."""
+    """The load has a nonzero mean along an undamped rigid-body mode: no periodic vibration exists."""
 
 
 class LinearModelError(SolveError):

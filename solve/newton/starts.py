@@ -22,15 +22,15 @@ Start = Orbit | Transient | Motion | tuple[Array, Array] | Callable[[Array], Arr
 FILES = ".nc", ".npz"
 
 _SAMPLES = 256
-"""Phases of a period of the model at which a function is evaluated: between them it is a cubic spline."""
+"""Phases per model period at which a function is evaluated; a cubic spline interpolates between them."""
 
 _STATES, _RTOL = 128, 1e-6
-"""States a period, and tolerance, of the motion from a given state: Newton's iteration mends the rest."""
+"""States per period and tolerance of the motion from a given state; Newton's iteration corrects the rest."""
 
 
 def motion_of(start: Start, task: Task) -> Motion:
-    """A start of `solve.nonlinear` as a motion. Raises ValueOutOfBoundsError for what is none, FileError,
-    TransientError for states from which the motion cannot be followed."""
+    """Motion of a start of `solve.nonlinear`. Raises ValueOutOfBoundsError for an invalid start, FileError,
+    and TransientError for states from which the motion cannot be integrated."""
     given = _opened(start, task) if isinstance(start, str | Path) else start
     if isinstance(given, Orbit | Transient):
         _require_coordinates(given.system.coordinates, task)
@@ -67,7 +67,7 @@ def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
 
 
 def _checked(motion: Any, task: Task) -> Motion:
-    """A motion with nodes, if it has the right number of coordinates."""
+    """Motion with nodes, if its number of coordinates is correct."""
     count = len(motion(np.zeros(1)))
     if count != task.system.n:
         raise ValueOutOfBoundsError(f"start has {count} coordinates; {task.system.name} has {task.system.n}")
@@ -75,20 +75,20 @@ def _checked(motion: Any, task: Task) -> Motion:
 
 
 def _end_of(transient: Transient, task: Task) -> Curve:
-    """The last periods of a transient, as many as the orbit has, or the last one where it has fewer."""
+    """Last periods of a transient, as many as the orbit has; the last period if the transient is shorter."""
     count = task.periods if transient.turns >= task.periods else 1
     return joined([*transient.motions[-count:]], count * task.system.period)
 
 
 def _through(function: Callable[[Array], Array], task: Task) -> Curve:
-    """A periodic cubic spline through the values of a function of the phase."""
+    """Periodic cubic spline through the values of a function of the phase."""
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, task.period, _SAMPLES * task.periods + 1)
     shape = task.system.n, len(phase) - 1
     try:
         values = np.asarray(function(phase[:-1]), dtype=float)
-    except Exception as reason:  # A function of the user may raise anything.
+    except Exception as reason:  # A user function may raise any exception.
         raise ValueOutOfBoundsError(
             f"start raises {type(reason).__name__} for {shape[1]} phases ({reason}); it must return q {shape}"
         ) from None
@@ -102,7 +102,7 @@ def _through(function: Callable[[Array], Array], task: Task) -> Curve:
 
 
 def _from_state(given: Any, task: Task) -> Curve:
-    """The motion over the orbit's period from q and q̇ (n,) at phase 0, by the equations of motion."""
+    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, by the equations of motion."""
     n = task.system.n
     try:
         q, qd = (np.asarray(part, dtype=float) for part in given)
