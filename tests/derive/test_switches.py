@@ -81,7 +81,7 @@ def test_slopes_beside_kinks(expression, expected, at):
         (Max(0, x) * Heaviside(x - y), "x - y = 0"),
     ],
 )
-def test_what_jumps_has_no_slope(expression, where):
+def test_jumps_have_no_slope(expression, where):
     with pytest.raises(
         ImpulseError, match=f"jumps where {where}, and its derivative by x would be an impulse"
     ):
