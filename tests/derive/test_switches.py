@@ -83,7 +83,7 @@ def test_slopes_beside_kinks(expression, expected, at):
 )
 def test_jumps_have_no_slope(expression, where):
     with pytest.raises(
-        ImpulseError, match=f"jumps where {where}, and its derivative by x would be an impulse"
+        ImpulseError, match=f"jumps where {where}, so its derivative with respect to x is an impulse"
     ):
         slope(expression, x)
 
@@ -317,8 +317,11 @@ def test_a_motion_that_a_coordinate_shifts_may_jump_in_its_third_derivative_alon
 
 
 REFUSED = {
-    "mass": (ImpulseError, r"jumps where sin\(phase\) = 0, and its derivative by phase would be an impulse"),
-    "stop": (ImpulseError, r"jumps where .*gap.* = 0, and its derivative by q would be an impulse"),
+    "mass": (
+        ImpulseError,
+        r"jumps where sin\(phase\) = 0, so its derivative with respect to phase is an impulse",
+    ),
+    "stop": (ImpulseError, r"jumps where .*gap.* = 0, so its derivative with respect to q is an impulse"),
     "shifted": (DeclarationError, r"holds the phase with a coordinate; .*wrapped\(phase \+ q\)"),
     "square": (UnsupportedExpressionError, "are not known; let steps and kinks depend on the phase by"),
     "open": (DeclarationError, r"has no value where no condition of .* holds; end it with a piece for all"),

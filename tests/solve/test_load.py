@@ -269,7 +269,7 @@ CODES = ["x = 1", "def broken(", "import no_such_module_at_all", "raise SystemEr
 
 
 @pytest.mark.parametrize("text", [*CODES, *(sealed("", code) for code in CODES)])
-def test_a_file_that_is_no_generated_code(folder, text):
+def test_a_file_that_is_not_generated_code(folder, text):
     folder.generate(text=text)
     with pytest.raises(ModelFileError, match=r"mine.py' is not generated code \(.*\); move it away"):
         folder.load(**VALUES)

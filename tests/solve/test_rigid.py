@@ -172,7 +172,7 @@ def test_vibration_requests_are_refused(crank, work):
 
 
 def test_a_store_is_refused(crank, tmp_path):
-    with pytest.raises(ValueOutOfBoundsError, match="leave out the store"):
+    with pytest.raises(ValueOutOfBoundsError, match="omit the store"):
         solve.sweep(crank, [OMEGA], store=tmp_path / "store")
 
 

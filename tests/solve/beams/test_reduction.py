@@ -190,7 +190,7 @@ def test_results_keep_the_error(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["cam", "--reduce", "3"], "cam has no beams whose modes could be kept"),
+        (["cam", "--reduce", "3"], "cam is not a beam structure"),
         (["four_bar", "--reduce", "3"], "reduce is 3 modes per link; allowed: 1 to 2"),
         (["four_bar", "--reduce", "0"], "allowed: a number of modes per link, 1 or more"),
         (["four_bar", "--reduce", "1", "--option", "element=dynamic"], "choose another element"),

@@ -285,7 +285,7 @@ def test_numeric_functions_in_a_mechanism_give_a_hint(tmp_path, capsys, call):
     assert door("derive", run, [str(tmp_path / "rooted.py")], DeriveError) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "takes no symbols: import functions from derive" in error
+    assert "cannot take symbols: import functions from derive" in error
 
 
 def test_unreadable_files_are_reported_without_exception_names(command, tmp_path):

@@ -350,7 +350,7 @@ def test_a_model_that_cannot_follow_the_data_is_said(file):
     ("changed", "words"),
     [
         (lambda q: 1000 * q, "q is measured 1e+03 times as large as computed at the start; look at its unit"),
-        (lambda q: 0 * q + 5, "q is measured as the same number everywhere"),
+        (lambda q: 0 * q + 5, "q has the same measured value everywhere"),
         (lambda q: -q, "the model does not describe it; check unit, sign, speed and phase origin"),
     ],
 )
