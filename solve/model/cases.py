@@ -69,7 +69,9 @@ def chosen_case(
     series = series_of(getattr(module, "SERIES", ()))
     cases = read_cases(path, known, series) if path and (required or path.is_file()) else None
     if cases is None and case is not None:
-        where = f"no case file '{path}'" if path else f"{module.NAME} is in no file and has no case file"
+        where = (
+            f"no case file '{path}'" if path else f"{module.NAME} was derived in memory and has no case file"
+        )
         raise CaseFileError(f"{where} for case '{case}'; write one, or name no case")
     cases = cases or {"": Case("", None, {})}
     if case is not None and case not in cases:

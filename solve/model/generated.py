@@ -66,7 +66,7 @@ def _sealed(text: str, path: str) -> str:
     if len(seals) != 1:
         raise ModelFileError(f"'{path}' is not generated code (no seal); move it away and run derive again")
     if sha256(re.sub(_SEAL, "", text, flags=re.MULTILINE)) != seals[0]:
-        raise ModelFileError(f"'{path}' was edited; its first lines name the command that renews it")
+        raise ModelFileError(f"'{path}' was edited; regenerate it with the command in its header")
     return text
 
 

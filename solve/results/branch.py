@@ -103,9 +103,7 @@ class Branch(Result):
         found, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
         found += self.system.warnings(float(self.speeds.max()), linear=False)
         if worst > self.rtol:
-            found.append(
-                f"orbits are off by up to {worst:.1e} of themselves, beyond the {self.rtol:g} asked for"
-            )
+            found.append(f"relative errors of the orbits are up to {worst:.1e}, above rtol {self.rtol:g}")
         if self.repeats.any():
             found.append(
                 f"orbits of {self.periods} periods repeat after one period{self._where(self.repeats)}; "

@@ -196,23 +196,23 @@ class Orbit(Stability, Turn):
 
     @property
     def summary(self) -> str:
-        """The verdict in plain words, and how far the coordinates go."""
+        """Sentence on the verdict and the largest moduli of the coordinates."""
         units, names = self.system.units, self.coordinates[:MOST_SHOWN]
         largest = ((name, abs(self.statistics(name).max_abs)) for name in names)
         reached = [f"max|{greek(name)}| = {measured(size, units.get(name, ''))}" for name, size in largest]
         more = len(self.coordinates) - len(reached)
-        others = f" and {more} coordinates more" if more > 0 else ""
+        others = f" and {more} more coordinates" if more > 0 else ""
         return f"{super().summary} Over one period {', '.join(reached)}{others}.{self._doubt}"
 
     @property
     def _doubt(self) -> str:
-        """How far a linearised answer is off, as a sentence."""
+        """Sentence on the linearisation error."""
         errors = (self.linearisation_error or {}).values()
         if not errors:
             return ""
         part = float(f"{100 * max(errors):.2g}")
-        size = "an unknown amount" if math.isnan(part) else f"{part:g} % of its size"
-        return f" So say the linearised equations; the nonlinear vibration differs by about {size}."
+        size = "unknown" if math.isnan(part) else f"{part:g} %"
+        return f" Estimated linearisation error: {size}."
 
     def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
         """Of `solve periodic --json`, with `harmonics` amplitudes above the mean for every quantity."""

@@ -29,10 +29,10 @@ _RECORDED = (
     *("condition", "rigid_body_modes", "notes"),
 )
 _MEANS = (
-    "disturbances die out, and in the long run each period leaves {radius:.3g} of them",
-    "disturbances neither die out nor grow",
-    "disturbances grow {radius:.4g} times in each period, and this vibration does not last",
-    "the accuracy that was reached does not tell whether disturbances die out or grow",
+    "disturbances decay by a factor {radius:.3g} per period",
+    "disturbances neither decay nor grow",
+    "disturbances grow by a factor {radius:.4g} per period, and this vibration is not sustained",
+    "the accuracy is insufficient to decide whether disturbances decay or grow",
 )
 _VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 

@@ -66,7 +66,7 @@ def misfits(channels: Sequence[Channel], period: float, ratios: Mapping[str, flo
                 "not hold"
             )
         if 2 * len(np.unique(np.stack((at, measured)), axis=1).T) <= len(at) and size > _EXACT:
-            found.append(f"{name}: values stand twice; the 95 % intervals count each, and are too narrow")
+            found.append(f"{name}: duplicate rows; the 95 % intervals count each and are too narrow")
     return found
 
 

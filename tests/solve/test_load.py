@@ -299,7 +299,7 @@ def test_code_that_was_edited_is_refused_and_line_endings_do_not_matter(ready):
     ready.generate(text=text.replace("\n", "\r\n"))
     assert ready.load().name == "mine"
     ready.generate(text=text.replace("casadi.cos(2 * phase)", "casadi.cos(4 * phase)"))
-    with pytest.raises(ModelFileError, match=r"was edited; its first lines name the command that renews it"):
+    with pytest.raises(ModelFileError, match=r"was edited; regenerate it with the command in its header"):
         ready.load()
 
 

@@ -359,9 +359,9 @@ def test_data_of_another_unit_or_sign_or_of_nothing_are_said(file, changed, word
     assert any(words in text for text in solve.fit(model(), file(rows), ["c"]).warnings)
 
 
-def test_values_that_stand_twice_are_said(file):
+def test_duplicate_rows_are_reported(file):
     rows = curve(0.01)
-    assert any("stand twice" in text for text in solve.fit(model(), file([*rows, *rows]), ["k"]).warnings)
+    assert any("duplicate rows" in text for text in solve.fit(model(), file([*rows, *rows]), ["k"]).warnings)
 
 
 def test_fewer_values_than_parameters_are_refused(file):
