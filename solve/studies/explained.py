@@ -216,9 +216,9 @@ def of_modulus(turn: Turn, maximum: Maximum, orders: int) -> Explained:
 def assigned(
     rows: list[Critical], explained: list[Explained], frequencies: MeanFrequencies, way: str
 ) -> list[Critical]:
-    """The rows with each maximum at the division that explains it: the nearest one that does, higher maxima
-    first. A maximum gets its own row if no division explains it; if frozen frequencies are meaningless, it
-    gets the row of a combination."""
+    """The rows with each maximum at the nearest division that explains it, higher maxima first. If no
+    division explains a maximum, or if the frozen frequencies are meaningless there, it gets its own row or
+    that of the same combination."""
     rows = list(rows)
     for one in sorted(explained, key=lambda one: -one.maximum.height):
         here = replace(frequencies, speeds=np.array([one.maximum.speed]))
