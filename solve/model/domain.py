@@ -12,7 +12,7 @@ from solve.model.sampling import Sampler
 if TYPE_CHECKING:
     import casadi
 
-_LOOKS = 128
+_SAMPLES = 128
 """Phases per period at which margins are sampled. Between them, three samples bracket the minimum of a smooth
 margin, and bisection locates a change of sign."""
 
@@ -20,23 +20,23 @@ _ROUNDING = 1e-12
 """Round-off of a margin relative to its largest value over the period: sums of a few terms have relative
 errors of some 1e-16, and a minimum that touches zero is resolved to the square of the error of its phase."""
 
-_HALVINGS = 40
+_BISECTIONS = 40
 """Bisections of the distance of two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44 times
 as many for the same reduction."""
 
-_JUMP = 1e-6
+_JUMP_SIZE = 1e-6
 """Fraction of the largest margin: a larger margin on both sides of a change of sign is a jump, not a zero."""
 
-_TOGETHER = 2**16
+_BATCH_PHASES = 2**16
 """Number of phases of points that are evaluated at once."""
 
-_KEPT = 8
+_CACHE_SIZE = 8
 """Number of cached results: a solution requests matrices of the same points on several grids."""
 
 _GOLDEN = (5**0.5 - 1) / 2
 
 
-class _Found(NamedTuple):
+class _Violations(NamedTuple):
     """Violated conditions: points, rows, phases and margins (f,)."""
 
     point: Array
@@ -61,7 +61,7 @@ class Domain:
         self._rows, self._sampler, self._period = rows, sampler, float(period)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"
-        self._kept: dict[tuple[int, bytes, bytes], Array] = {}
+        self._cache: dict[tuple[int, bytes, bytes], Array] = {}
         self._by_phase = _depends(function, 0).any()
         self._by_speed = _depends(function, 1)
 
@@ -73,34 +73,35 @@ class Domain:
     def holds(self, speeds: Array, values: Array) -> Array:
         """Whether all conditions hold (P,) at speeds (P,) with the free parameters (P, v)."""
         key = len(values), speeds.tobytes() if self.by_speed else b"", values.tobytes()
-        if key not in self._kept:
-            while len(self._kept) >= _KEPT:
-                del self._kept[next(iter(self._kept))]
-            self._kept[key] = self._met(speeds, values)
-        return self._kept[key]
+        if key not in self._cache:
+            while len(self._cache) >= _CACHE_SIZE:
+                del self._cache[next(iter(self._cache))]
+            self._cache[key] = self._evaluate(speeds, values)
+        return self._cache[key]
 
-    def _met(self, speeds: Array, values: Array) -> Array:
-        given = np.column_stack([speeds if self.by_speed else np.ones_like(speeds), values])
-        different, group = np.unique(given, axis=0, return_inverse=True)
-        hold = np.ones(len(different), dtype=bool)
-        together = max(1, _TOGETHER // len(self._phases))
-        for start in range(0, len(different), together):
-            part = slice(start, start + together)
-            hold[start + self._violations(different[part, 0], different[part, 1:]).point] = False
-        return hold[group.ravel()]
+    def _evaluate(self, speeds: Array, values: Array) -> Array:
+        points = np.column_stack([speeds if self.by_speed else np.ones_like(speeds), values])
+        unique, group = np.unique(points, axis=0, return_inverse=True)
+        holds = np.ones(len(unique), dtype=bool)
+        batch = max(1, _BATCH_PHASES // len(self._phases))
+        for start in range(0, len(unique), batch):
+            some = unique[start : start + batch]
+            holds[start + self._violations(some[:, 0], some[:, 1:]).point] = False
+        return holds[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
         """Raise DesiredMotionError if a condition fails at a speed (rad/s), which `at` names; without a
         speed, if a condition that does not depend on the speed fails."""
-        found = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
+        violations = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
-            found = _Found(*(part[~self._by_speed[found.row]] for part in found))
-        if not len(found.row):
+            independent = ~self._by_speed[violations.row]
+            violations = _Violations(*(column[independent] for column in violations))
+        if not len(violations.row):
             return
-        row = int(found.row.min())
+        row = int(violations.row.min())
         what, function, margin, relation = self._rows[row]
-        alike = found.row == row
-        where = self._where(row, found.phase[alike], found.value[alike])
+        of_row = violations.row == row
+        where = self._where(row, violations.phase[of_row], violations.value[of_row])
         cure = "the parameters" if speed is None or not self._by_speed[row] else "the speed or the parameters"
         raise DesiredMotionError(
             f"{what} is not real and finite{at and ' at '}{at}: {function} needs {margin} {relation}, "
@@ -109,7 +110,7 @@ class Domain:
 
     @property
     def _phases(self) -> Array:
-        count = _LOOKS if self._by_phase else 1
+        count = _SAMPLES if self._by_phase else 1
         # Symmetric motions have extrema at fractions of the revolution, which these phases avoid.
         return (np.arange(count) + 0.5) * (self._period / count)
 
@@ -121,7 +122,7 @@ class Domain:
         if self._zero[row]:
             return f"0 at phase {phase[worst]:.4g}"
         sampled = int(np.isin(self._phases, phase).sum())
-        share = f" and fails at {sampled} of {_LOOKS} phases" if sampled > 1 else ""
+        share = f" and fails at {sampled} of {_SAMPLES} phases" if sampled > 1 else ""
         return f"{value[worst]:.4g} at phase {phase[worst]:.4g}{share}"
 
     def _margins(self, phase: Array, speeds: Array, values: Array) -> Array:
@@ -129,16 +130,16 @@ class Domain:
         with np.errstate(all="ignore"):
             return self._sampler(phase, speeds, values)
 
-    def _violations(self, speeds: Array, values: Array) -> _Found:
+    def _violations(self, speeds: Array, values: Array) -> _Violations:
         """Violations at points (P,), at sampled phases or else between them."""
         phase, P = self._phases, len(speeds)
         k = len(phase)
-        given = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)
-        margins = self._margins(*given).reshape(P, k, -1)
+        grid = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)
+        margins = self._margins(*grid).reshape(P, k, -1)
         finite = np.where(np.isfinite(margins), np.abs(margins), 0.0)
         allowed = _ROUNDING * finite.max(axis=1, keepdims=True)
         point, at, row = np.nonzero(self._fails(margins, allowed))
-        found = [_Found(point, row, phase[at], margins[point, at, row])]
+        found = [_Violations(point, row, phase[at], margins[point, at, row])]
         if k > 1:
             failed = np.zeros((P, 1, margins.shape[2]), dtype=bool)
             failed[point, 0, row] = True
@@ -146,7 +147,7 @@ class Domain:
                 self._crossings(margins, allowed, failed, speeds, values),
                 self._minima(margins, allowed, failed, speeds, values),
             ]
-        return _Found(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+        return _Violations(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
     def _fails(self, margins: Array, allowed: Array) -> Array:
         """Whether margins (…, R) violate their relations."""
@@ -156,23 +157,25 @@ class Domain:
 
     def _crossings(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
-    ) -> _Found:
+    ) -> _Violations:
         """Zeros between samples of opposite sign, for margins that must not be zero."""
         changes = (margins * np.roll(margins, -1, axis=1) < 0) & self._zero & ~failed
         point, at, row = np.nonzero(changes)
         step = self._period / margins.shape[1]
         low = self._phases[at]
         high, first = low + step, margins[point, at, row]
-        for _ in range(_HALVINGS if len(point) else 0):
+        for _ in range(_BISECTIONS if len(point) else 0):
             middle = (low + high) / 2
             same = self._margins(middle, speeds[point], values[point])[np.arange(len(row)), row] * first > 0
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         ends = [self._at(phase, point, row, speeds, values) for phase in (low, high)]
         least = np.minimum(*map(np.abs, ends)) if len(point) else np.zeros(0)
-        zero = least <= _JUMP / _ROUNDING * allowed[point, 0, row]
-        return _Found(point[zero], row[zero], low[zero] % self._period, np.zeros(zero.sum()))
+        zero = least <= _JUMP_SIZE / _ROUNDING * allowed[point, 0, row]
+        return _Violations(point[zero], row[zero], low[zero] % self._period, np.zeros(zero.sum()))
 
-    def _minima(self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array) -> _Found:
+    def _minima(
+        self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
+    ) -> _Violations:
         """Violating minima between samples, searched where neighbouring samples differ enough to permit
         one."""
         size = np.where(self._zero, np.abs(margins), margins)
@@ -187,7 +190,7 @@ class Domain:
             found = self._at(phase, point, row, speeds, values)
             return np.where(np.isnan(found), -np.inf, np.where(self._zero[row], np.abs(found), found))
 
-        for _ in range(round(1.44 * _HALVINGS) if len(point) else 0):
+        for _ in range(round(1.44 * _BISECTIONS) if len(point) else 0):
             inner = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
             first = sized(inner[0]) < sized(inner[1])
             left, right = np.where(first, left, inner[0]), np.where(first, inner[1], right)
@@ -196,7 +199,7 @@ class Domain:
         full = np.ones((len(point), margins.shape[2]))
         full[np.arange(len(point)), row] = value
         fails = self._fails(full, allowed[point, 0])[np.arange(len(point)), row]
-        return _Found(point[fails], row[fails], middle[fails] % self._period, value[fails])
+        return _Violations(point[fails], row[fails], middle[fails] % self._period, value[fails])
 
     def _at(self, phase: Array, point: Array, row: Array, speeds: Array, values: Array) -> Array:
         """Margins (f,) of rows at phases of points."""
