@@ -60,7 +60,7 @@ def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _cause(error: Exception) -> str:
-    """Why a case file cannot be read, in words."""
+    """Reason why a case file cannot be read."""
     if isinstance(error, OSError):
         return (error.strerror or "no access").lower()
     if isinstance(error, KeyError):

@@ -74,14 +74,14 @@ def _require(statement: _Statement, known: Dimensions) -> None:
 
 
 def _require_equations(mechanism: Mechanism) -> None:
-    """There must be coordinates, or outputs of a rigid mechanism, and a drive torque that follows from the
-    energies or is declined."""
+    """Require coordinates, or outputs of a rigid mechanism, or a drive torque that follows from the energies
+    and is not declined."""
     energies = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *mechanism.forces)
     moved = any(each != 0 for each in energies) and not mechanism.no_drive_torque
     if not (mechanism.declared_coordinates or mechanism.declared_outputs or moved):
         raise DeclarationError(
             f"{mechanism.name} has no coordinates; declare one with coordinates(...), or for a rigid "
-            "mechanism state its energies as functions of the phase, or outputs"
+            "mechanism give energies as functions of the phase, or outputs"
         )
     require_coherent("the energy", mechanism.energy)
     ratios, modes = len(mechanism.damping_ratios), len(mechanism.declared_coordinates)

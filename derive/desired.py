@@ -1,7 +1,7 @@
-"""Where the desired motion, and what is stated along it, is real and finite: what a generated module demands
-of the phase, the speed and the parameters before its equations mean anything.
+"""Domain conditions of a generated module: where the fundamental motion and the energies and forces
+along it are real and finite.
 
-Roots and arccosines may cancel in the equations, which are then real where the motion is not.
+Roots and arccosines may cancel in the equations; these are then real where the motion is not.
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,8 @@ from derive.units import cut, short
 
 
 class Demand(NamedTuple):
-    """Of what is stated a function, whose `margin` must satisfy `relation`, and both as texts."""
+    """Domain condition of a function in the mechanism: `margin` must satisfy `relation`; both also as
+    text."""
 
     what: str
     function: str
@@ -32,8 +33,8 @@ class Demand(NamedTuple):
 
 
 def demands(mechanism: Mechanism) -> list[Demand]:
-    """Those that the signs of the parameters do not ensure. Raises DeclarationError where one is never
-    met."""
+    """Conditions that the signs of the parameters do not guarantee. Raises DeclarationError if one can never
+    hold."""
     signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
     found: dict[tuple[Any, str], Demand] = {}
     for what, expression, motion in _stated(mechanism):
@@ -48,12 +49,15 @@ def demands(mechanism: Mechanism) -> list[Demand]:
                 demand = Demand(what, short(node), _shown(own.margin), needed.relation, needed.margin)
                 found.setdefault((needed.margin, needed.relation), demand)
     stated = [each for each in _conditions(mechanism) if each.margin.has(SPEED)]
-    met = [Demand("what is stated", each.meaning, each.text, POSITIVE, each.margin) for each in stated]
+    met = [
+        Demand("a condition of the mechanism", each.meaning, each.text, POSITIVE, each.margin)
+        for each in stated
+    ]
     return [*found.values(), *met]
 
 
 def conditions(mechanism: Mechanism) -> list[Condition]:
-    """Those stated that hold or not whatever the speed is, in the desired motion."""
+    """Declared conditions, evaluated in the fundamental motion, that do not depend on the speed."""
     return [each for each in _conditions(mechanism) if not each.margin.has(SPEED)]
 
 
@@ -63,14 +67,15 @@ def _conditions(mechanism: Mechanism) -> Iterator[Condition]:
 
 
 def in_desired_motion(mechanism: Mechanism, expression: Any) -> Any:
-    """The expression where every coordinate has its desired motion."""
+    """Expression evaluated in the fundamental motion of every coordinate."""
     return at_desired_motion(steady(from_fundamental(mechanism, sympy.sympify(expression))))
 
 
 def _stated(mechanism: Mechanism) -> Iterator[tuple[str, Any, bool]]:
-    """What is stated along the desired motion, and whether it is the motion itself."""
+    """Name and expression of everything evaluated along the fundamental motion, and whether it is the motion
+    itself."""
     for symbol, motion in mechanism.fundamental_motion.items():
-        yield f"the desired motion of {symbol}", motion, True
+        yield f"the fundamental motion of {symbol}", motion, True
     for name in ("kinetic", "potential"):
         yield f"the {name} energy", getattr(mechanism, name), False
     yield "the dissipation", mechanism.dissipation, False
@@ -85,7 +90,7 @@ def _known(mechanism: Mechanism) -> set[Any]:
 
 
 class _Printer(StrPrinter):
-    """Moduli as they are written by hand."""
+    """Printer of moduli as |x|."""
 
     def _print_Abs(self, expr: sympy.Abs) -> str:
         return f"|{self._print(expr.args[0])}|"

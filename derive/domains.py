@@ -1,5 +1,5 @@
-"""Where functions are real and finite: what a root, a quotient or an arccosine needs of its argument, and
-which pieces of an expression need it."""
+"""Domains of functions: conditions on the arguments of roots, quotients and arccosines, and the pieces of an
+expression to which they apply."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
@@ -11,15 +11,15 @@ from derive.symbols import SPEED
 NOT_NEGATIVE, POSITIVE, NOT_ZERO = ">= 0", "> 0", "!= 0"
 
 LARGEST_EXPONENT = 709
-"""Of exp(x) in double precision: log(1.8e308) = 709.8."""
+"""Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
-"""Symbols of known sign, by those that the author uses, which are only known to be real."""
+"""Symbols with a known sign, by the symbols in the mechanism, which are only declared real."""
 
 
 class Need(NamedTuple):
-    """Where a function is real and finite: where `margin` satisfies `relation`. safe: a value of its first
-    argument at which it and its derivatives are finite."""
+    """Domain of a function: it is real and finite where `margin` satisfies `relation`. safe: value of its
+    first argument at which the function and its derivatives are finite."""
 
     margin: Any
     relation: str
@@ -27,7 +27,7 @@ class Need(NamedTuple):
 
 
 def need(node: Any) -> Need | None:
-    """What a function needs; None where it is finite for every argument."""
+    """Domain condition of a function; None if it is finite for every argument."""
     if isinstance(node, sympy.Pow):
         return _power(*node.args)
     if not isinstance(node, sympy.Function):
@@ -57,7 +57,7 @@ def _power(base: Any, exponent: Any) -> Need | None:
 
 
 class Bounded(Protocol):
-    """A parameter."""
+    """Parameter with a bound."""
 
     @property
     def symbol(self) -> Any: ...
@@ -67,7 +67,7 @@ class Bounded(Protocol):
 
 
 def signs_of(parameters: Iterable[Bounded]) -> dict[Any, Any]:
-    """Signs of the speed and of parameters, by their bounds."""
+    """Signs of the speed and of the parameters, from their bounds."""
     found: dict[Any, Any] = {SPEED: sympy.Dummy(positive=True)}
     for each in parameters:
         for clause in filter(None, each.bound.split(", ")):
@@ -82,7 +82,7 @@ def signs_of(parameters: Iterable[Bounded]) -> dict[Any, Any]:
 
 
 def is_met(need: Need, signs: Signs) -> bool:
-    """Whether the signs of the symbols alone show that a function is real and finite."""
+    """Whether the signs of the symbols alone guarantee that a function is real and finite."""
     margin = sympy.sympify(need.margin).xreplace(dict(signs))
     if need.relation == NOT_ZERO:
         return bool(margin.is_nonzero)
@@ -90,8 +90,8 @@ def is_met(need: Need, signs: Signs) -> bool:
 
 
 def gate(factor: Any) -> Any:
-    """Where a factor of a product is other than zero, if that is a piece of the space: Heaviside(x),
-    Max(0, x), Min(0, x) and their powers. None for other factors."""
+    """Condition under which a factor of a product is nonzero, for Heaviside(x), Max(0, x), Min(0, x) and
+    their powers; None for other factors."""
     base = factor.base if isinstance(factor, sympy.Pow) and factor.exp.is_positive else factor
     arguments: Any = base.args
     if isinstance(base, sympy.Heaviside):
@@ -103,7 +103,7 @@ def gate(factor: Any) -> Any:
 
 
 def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
-    """Of values and conditions of a piecewise function: each value, and where it is taken."""
+    """Each value of a piecewise function with the condition under which it is active."""
     before: list[Any] = []
     for value, condition in pieces:
         yield value, sympy.And(condition, *map(sympy.Not, before))
@@ -111,8 +111,8 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """The functions of an expression that need something, the inner ones first, each with what it needs where
-    its piece is taken."""
+    """Functions of an expression that have a domain condition, inner ones first, each with its condition
+    where its piece is active."""
     found: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
         needed = need(node)
@@ -125,7 +125,7 @@ def needs(expression: Any) -> list[tuple[Any, Need]]:
 
 
 def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[Any, ...]]]:
-    """Every part of an expression with the conditions under which it counts, arguments before functions."""
+    """Every subexpression with the conditions under which it is active, arguments before functions."""
     if isinstance(part, sympy.Piecewise):
         for value, condition in branches(part.args):
             yield from _guarded(value, guards if condition == sympy.true else (*guards, condition))

@@ -39,7 +39,7 @@ class SingularMassError(DeriveError):
 
 
 class ExpansionError(DeriveError):
-    """The equations of motion have no Taylor expansion about the desired motion."""
+    """The equations of motion have no Taylor expansion about the fundamental motion."""
 
 
 class UnsupportedExpressionError(DeriveError):

@@ -150,7 +150,7 @@ class Loop:
 
     @property
     def margins(self) -> list[Any]:
-        """What is positive where the loop is closed, to 1e-9 of the terms' sizes."""
+        """Expressions that are positive where the loop closes within 1e-9 of the size of the terms."""
         arguments = self.arguments
         values = dict(zip((*self.unknowns, *self.given), (*self.at(arguments), *arguments), strict=True))
         closed = [equation.xreplace(values) for equation in self.closure]
@@ -170,7 +170,7 @@ def lower_orders(orders: Iterable[Order]) -> list[Order]:
 
 
 def at_desired_motion(expression: Any) -> Any:
-    """The expression in the desired motion: all that moves is zero, except the phase."""
+    """Expression in the fundamental motion: all moving symbols are zero, except the phase."""
     moving = expression.atoms(Moving) - {PHASE}
     return expression.xreplace(dict.fromkeys(moving, sympy.S.Zero))
 

@@ -1,7 +1,7 @@
-"""Steps and kinks that hold coordinates: whether the equations still have tangents at the desired motion.
+"""Steps and kinks in the coordinates: existence of tangents at the fundamental motion.
 
-A switch g(φ, q, q̇) of the residual lies beside the desired motion (a clearance), or is passed by it at
-some phases, or is zero all along it (friction at rest, contact without clearance).
+The fundamental motion may keep clear of a switch g(φ, q, q̇) of the residual (a clearance), pass it at some
+phases, or lie on it throughout (friction at rest, contact without clearance).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -32,9 +32,9 @@ SMOOTHED = "smooth it by a velocity v0, a parameter: v/sqrt(v**2 + v0**2) in pla
 
 
 def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]) -> None:
-    """Raise ExpansionError where a switch leaves the residual without a tangent at the desired motion.
+    """Raise ExpansionError if a switch leaves the residual without a tangent at the fundamental motion.
 
-    jacobian: derivatives of the residual by all that moves, beside the switches.
+    jacobian: derivatives of the residual with respect to all moving symbols, away from the switches.
     """
     for switch in switches(residual, moving):
         at_rest = switch.xreplace(resting(moving))
@@ -52,7 +52,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
             if not switch.free_symbols & coordinates:
                 remedy = SMOOTHED
             raise ExpansionError(
-                f"there is no linearisation at the desired motion: {where}, where forces jump with the "
+                f"there is no linearisation at the fundamental motion: {where}, where forces jump with the "
                 f"coordinates, or their slope does; {remedy}",
                 switch,
             )
@@ -61,7 +61,8 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 def open_clearances(
     residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
-    """Of parameters: that no clearance is just closed in the desired motion, if slopes differ there."""
+    """Conditions on parameters: no clearance is exactly zero in the fundamental motion if slopes differ
+    there."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
     values = [part.xreplace(rest) for part in parts]
@@ -71,15 +72,17 @@ def open_clearances(
         still = switch.xreplace(rest)
         held = in_order(still)
         if held and PHASE not in held and any(jumps(linear, still, symbol) for symbol in held):
-            meaning = f"the equations have no linearisation where {short(switch)} = 0 in the desired motion"
+            meaning = (
+                f"the equations have no linearisation where {short(switch)} = 0 in the fundamental motion"
+            )
             names = tuple(symbol.name for symbol in held)
             shown = -still if still.could_extract_minus_sign() else still
             yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(still), names)
 
 
 def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
-    """The matrix where all that moves is zero; at switches that are zero there, from one of their sides,
-    which are alike. Pieces that are not finite there are taken to be inactive, see `inactive`."""
+    """Matrix evaluated with all moving symbols zero. At switches that are zero there, either side gives the
+    same value. Singular pieces are assumed inactive, see `inactive`."""
     rest = resting(moving)
     at_switch = [
         node
@@ -92,8 +95,8 @@ def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = 
 
 
 def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
-    """Where the parts are not finite at the desired motion: that the pieces in which they are not, such as a
-    contact's, are inactive there. Signs of parameters that ensure it make a condition unnecessary."""
+    """Conditions that pieces which are singular in the fundamental motion, such as those of a contact, are
+    inactive there. Signs of parameters that guarantee this make a condition unnecessary."""
     rest = resting(moving)
     for part in parts:
         if is_finite(part.xreplace(rest)):
@@ -103,17 +106,17 @@ def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Itera
             if margin is None or margin.xreplace(dict(signs)).is_positive:
                 continue
             names = tuple(symbol.name for symbol in in_order(margin))
-            meaning = "a piece of the equations that has no tangent there acts in the desired motion"
+            meaning = "a piece of the equations without a tangent is active in the fundamental motion"
             yield Condition(f"{short(margin)} > 0", meaning, margin, names)
 
 
 def resting(moving: Sequence[Any]) -> dict[Any, Any]:
-    """All that moves at zero."""
+    """Substitution of zero for all moving symbols."""
     return dict.fromkeys(moving, sympy.S.Zero)
 
 
 def vanishes(expression: Any) -> bool:
-    """Whether an expression is zero whatever its symbols are."""
+    """Whether an expression is identically zero."""
     symbols = in_order(expression)
     numbers = Numbers([expression], symbols)
     found = [numbers(point) for point in arbitrary_points(symbols)]
@@ -121,7 +124,7 @@ def vanishes(expression: Any) -> bool:
 
 
 def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
-    """Whether the parts differ between states on both sides of the desired motion, where the switch is
+    """Whether the parts differ between states on both sides of the fundamental motion, where the switch is
     zero there."""
     symbols = in_order(*parts, at_rest, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
@@ -133,13 +136,13 @@ def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
 
 
 def _beside(moving: Sequence[Any]) -> dict[Any, Any]:
-    """A state next to the desired motion."""
+    """State close to the fundamental motion."""
     (point, *_) = arbitrary_points(moving)
     return {symbol: value * BESIDE for symbol, value in point.items()}
 
 
 def _chosen(node: Any, moving: Sequence[Any]) -> Any:
-    """What a step is next to the desired motion."""
+    """Value of a step close to the fundamental motion."""
     argument = _argument(node)
     symbols = in_order(argument, *moving)
     numbers = Numbers([argument], symbols)({**arbitrary_points(symbols)[0], **_beside(moving)})

@@ -45,9 +45,10 @@ def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
 
 
 def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
-    """Taylor's first order of rows in any coordinates q, their rates and accelerations, beside switches.
+    """First-order Taylor expansion of rows in coordinates q, their rates and accelerations, away from
+    switches.
 
-    signs: of the parameters. Raises ExpansionError where a step or kink that holds coordinates leaves no
+    signs: signs of the parameters. Raises ExpansionError if a step or kink in the coordinates leaves no
     tangent.
     """
     jacobian, moving = _jacobian(residual, q)
@@ -57,7 +58,7 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = 
 
 
 def clearances(mechanism: Mechanism, residual: sympy.Matrix) -> list[Condition]:
-    """Conditions without which there is no expansion."""
+    """Conditions under which the expansion exists."""
     if not mechanism.declared_coordinates:
         return []
     jacobian, moving = _jacobian(residual, [each.symbol for each in mechanism.declared_coordinates])
@@ -82,8 +83,9 @@ def _require_expansion(mechanism: Mechanism, matrices: Linearised) -> None:
         for row, name in enumerate(names):
             if not is_finite(matrix.row(row)):
                 raise ExpansionError(
-                    f"the equation of {name} cannot be linearised: {symbol} is not finite at the desired "
-                    "motion; state energies and forces that are smooth there (sqrt(q) is not at q = 0)"
+                    f"the equation of {name} cannot be linearised: {symbol} is not finite in the "
+                    "fundamental motion; use energies and forces that are smooth there (sqrt(q) is not at "
+                    "q = 0)"
                 )
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 HOME = Path(__file__).resolve().parent.parent
 
 _NUMERIC = {"cmath", "math", "numpy"}
-"""Libraries whose functions take numbers alone."""
+"""Libraries whose functions accept only numbers."""
 
 BEAM_ELEMENTS = "beam_elements"
 """The module of element matrices, which structures share; its source is this package's beam.py."""
@@ -164,7 +164,7 @@ def _run(source: Source) -> object:
     except DeriveError as error:
         raise type(error)(f"{source.path}{_line(error, source.path)}: {error}") from error
     except BaseException as error:
-        # Whoever interrupts raises this very class; others are the author's.
+        # An interruption raises exactly this class; other exceptions come from the mechanism file.
         if type(error) is KeyboardInterrupt:
             raise
         what = ": ".join(filter(None, (type(error).__name__, str(error)))) + _hint(error, namespace)
@@ -177,7 +177,7 @@ def _run(source: Source) -> object:
 
 
 def _hint(error: BaseException, namespace: dict[str, object]) -> str:
-    """What to do where functions of numbers are given symbols."""
+    """Remedy if numeric functions were applied to symbols."""
     foreign = [
         name
         for name, value in namespace.items()
@@ -186,7 +186,7 @@ def _hint(error: BaseException, namespace: dict[str, object]) -> str:
     ]
     if not foreign or not isinstance(error, TypeError | AttributeError):
         return ""
-    return f"; what is imported as {', '.join(foreign[:3])} takes no symbols: import functions from derive"
+    return f"; the imported {', '.join(foreign[:3])} cannot take symbols: import functions from derive"
 
 
 def _line(error: BaseException, path: Path) -> str:

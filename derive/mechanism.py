@@ -209,9 +209,9 @@ class Mechanism(Quantities):
             note(self.lines, along)
 
     def fundamental(self, **motions: sympy.Expr) -> None:
-        """State the desired motion of coordinates as functions of the phase: `q1=expression`.
+        """State the fundamental motion of coordinates as functions of the phase: `q1=expression`.
 
-        Generated functions then count these coordinates from the desired motion.
+        Generated functions then count these coordinates from the fundamental motion.
         """
         symbols = {each.symbol.name: each.symbol for each in self.declared_coordinates}
         for name, motion in motions.items():

@@ -1,8 +1,8 @@
-"""Pieces that are not taken contribute nothing, whatever stands in them.
+"""Inactive pieces of piecewise expressions contribute nothing, even if they are singular.
 
-A contact `Heaviside(r - gap)*k*(r - gap)*x/r` is 0·(0/0) at r = 0. It is written as a selection of its value
-or 0, and within the value every argument at which a function or its derivatives would not be finite is
-replaced where the piece is not taken, so that values and automatic derivatives of any order are finite.
+A contact `Heaviside(r - gap)*k*(r - gap)*x/r` is 0·(0/0) at r = 0. It becomes a selection of its value or 0.
+Within the value, arguments at which a function or its derivatives would not be finite are replaced while the
+piece is inactive. Values and automatic derivatives of any order are then finite.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,14 +32,14 @@ class Selected(sympy.Function):
 
 
 def guarded(expression: Any, signs: Signs) -> Any:
-    """The expression with pieces in which a function might not be finite as selections that are finite on
-    both sides; the expression itself where there are none."""
+    """Expression in which pieces that may be singular are replaced by selections that are finite on both
+    sides; the expression itself if there are none."""
     return _Selection(signs, True).of(sympy.sympify(expression))
 
 
 def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
-    """The expression where all that moves has its values of `rest`, and conditions without which it is not
-    finite there: that pieces which are not finite are not taken."""
+    """Expression evaluated at the values `rest` of all moving symbols, and the conditions under which it is
+    finite there: that singular pieces are inactive."""
     conditions: list[Any] = []
 
     def value(part: Any) -> Any:
@@ -58,12 +58,12 @@ def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any
 
 
 def is_finite(expression: Any) -> bool:
-    """Whether nothing in an expression is infinite or undefined."""
+    """Whether an expression contains no infinite or undefined value."""
     return not expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo)
 
 
 def margin_of(condition: Any) -> Any:
-    """What is positive where inequalities hold beyond equality; None for other conditions."""
+    """Expression that is positive where inequalities hold strictly; None for other conditions."""
     if isinstance(condition, sympy.And | sympy.Or):
         margins: Sequence[Any] = [margin_of(each) for each in condition.args]
         if any(each is None for each in margins):
@@ -73,14 +73,14 @@ def margin_of(condition: Any) -> Any:
 
 
 def _may_hold(condition: Any, signs: Signs) -> bool:
-    """Whether the signs of symbols leave it possible that inequalities hold beyond equality."""
+    """Whether the signs of the symbols permit the inequalities to hold strictly."""
     margin = margin_of(condition)
     return margin is not None and not margin.xreplace(dict(signs)).is_nonpositive
 
 
 @dataclass(frozen=True)
 class _Selection:
-    """safe: whether values are made finite where they are not taken."""
+    """Replacement of singular pieces by selections. safe: whether inactive values are made finite."""
 
     signs: Signs
     safe: bool
@@ -110,14 +110,14 @@ class _Selection:
         return part if args == list(arguments) else part.func(*args)
 
     def _product(self, product: sympy.Mul, gates: Mapping[Any, Any]) -> Any:
-        # Where its gate is open Max(0, x) is x.
+        # Max(0, x) is x where its condition holds.
         factors = [_opened(each) if each in gates else each for each in product.args]
         value, condition = sympy.Mul(*map(self.of, factors)), sympy.And(*gates.values())
         return Selected(condition, self._finite(value, condition), sympy.S.Zero)
 
     def _split(self, part: Any) -> Any:
-        """A sum or product in which nothing singular is left on one side of a step or kink, as in
-        (|x| + x)*y; None where there is none."""
+        """Selection for a sum or product that is regular on one side of a step or kink, as in (|x| + x)*y;
+        None if there is none."""
         terms = [each for each in sympy.Add.make_args(part) if self._is_singular(each)]
         singular, others = (
             sympy.Add(*terms),
@@ -138,7 +138,7 @@ class _Selection:
         return None
 
     def _extreme(self, extreme: Any) -> Any:
-        """Of arguments that might not be finite those are not evaluated that are not the extreme one."""
+        """Selection that makes singular arguments inactive unless they are the extreme one."""
         if not any(map(self._is_singular, extreme.args)):
             return extreme
         value, *others = map(self.of, sorted(extreme.args, key=sympy.default_sort_key))
@@ -149,7 +149,8 @@ class _Selection:
         return value
 
     def _pieces(self, pieces: Sequence[tuple[Any, Any]], stated: Any) -> Any:
-        """Of values and conditions of a piecewise function, or of its product with something, as stated."""
+        """Selections for the values and conditions of a piecewise function, or of its product with a
+        factor."""
         if not any(self._is_singular(value) for value, _ in pieces):
             return stated
         values = [self._finite(self.of(value), condition) for value, condition in branches(pieces)]
@@ -159,7 +160,7 @@ class _Selection:
         return result
 
     def _is_singular(self, part: Any) -> bool:
-        """Whether a function within, or a derivative of it, might not be finite."""
+        """Whether a function in the expression, or a derivative of it, may be singular."""
         return self._may_fail(part) or any(map(self._is_singular, part.args))
 
     def _may_fail(self, node: Any) -> bool:
@@ -170,7 +171,7 @@ class _Selection:
         return not is_met(needed._replace(relation=relation), self.signs)
 
     def _finite(self, part: Any, condition: Any) -> Any:
-        """A value that is taken under a condition, finite elsewhere too."""
+        """Value under a condition, made finite where the condition does not hold."""
         if not self.safe or isinstance(part, Selected) or not part.args or condition == sympy.true:
             return part
         args, needed = [self._finite(each, condition) for each in part.args], need(part)

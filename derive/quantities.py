@@ -38,7 +38,7 @@ class Quantities:
         self.lines = {}
 
     def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]:
-        """Declare coordinates as `q1=(unit, meaning)`; they vanish in the desired motion.
+        """Declare coordinates as `q1=(unit, meaning)`; they vanish in the fundamental motion.
 
         Returns their symbols in the same order. Raises DeclarationError.
         """

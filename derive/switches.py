@@ -106,13 +106,13 @@ def _switching(node: Any) -> Iterator[Any]:
 
 
 def _whole_turns(node: Wrapped) -> Any:
-    """What is zero where an angle less whole turns jumps."""
+    """Expression that is zero where a wrapped angle jumps."""
     angle, turn = node.args
     return sympy.sin(sympy.pi * angle / turn)
 
 
 def place_of(switch: Any, expressions: Iterable[Any]) -> str:
-    """Where a switch of expressions lies, in words."""
+    """Text that states where a switch of expressions lies."""
     for node in set().union(*(each.atoms(Wrapped) for each in expressions)):
         if _whole_turns(node) in (switch, -switch):
             angle, turn = node.args
@@ -162,9 +162,9 @@ def require_no_jump(expression: Any, by: Sequence[Any]) -> None:
         moving = next(symbol for symbol in by if symbol in switch.free_symbols)
         if jumps([expression], switch, moving):
             raise ImpulseError(
-                f"{short(expression)} jumps where {place_of(switch, [expression])}, and its derivative by "
-                f"{moving} would be an impulse there; V and forces may jump with the phase, T and "
-                "displacements have kinks at most, and so may V with coordinates",
+                f"{short(expression)} jumps where {place_of(switch, [expression])}, so its derivative with "
+                f"respect to {moving} is an impulse there; V and forces may jump with the phase; T and "
+                "displacements may only have kinks, and so may V as a function of coordinates",
                 switch,
             )
 

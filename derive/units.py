@@ -208,10 +208,10 @@ def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimen
 
 
 def short(expression: sympy.Basic) -> str:
-    """Text of an expression for a message, cut where it is long."""
+    """Text of an expression for a message, truncated if it is long."""
     return cut(str(expression))
 
 
 def cut(text: str) -> str:
-    """A text for a message, cut where it is long."""
+    """Text for a message, truncated if it is long."""
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jupyter_client.manager import KernelManager
 
-# Kernels of notebooks warn of TCP without encryption; the manager provides keys from jupyter_client 8.10 on.
+# Notebook kernels warn about unencrypted TCP; the manager provides keys from jupyter_client 8.10.
 if hasattr(KernelManager, "transport_encryption"):
     KernelManager.transport_encryption.default_value = "auto"
 # Notebooks draw below their cells.

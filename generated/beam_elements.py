@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "862f8bfa2af5df760805b8f14ea5efceaaab8b45b82c5f6ed56945f81e60951b"
+DERIVE_SHA256 = "3eb3d4c93b08c4c3366d95968d67c66f467a428ac68245e72557c936666fdf25"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d0bdf92450222e6afbd98e73596b6966bfa6548db4283055734f4e972375b665"
+FILE_SHA256 = "09884127a12d7b530c2c9874f17c4da1317b567f95616b1090ba37e37de33a43"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

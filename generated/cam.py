@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "862f8bfa2af5df760805b8f14ea5efceaaab8b45b82c5f6ed56945f81e60951b"
+DERIVE_SHA256 = "3eb3d4c93b08c4c3366d95968d67c66f467a428ac68245e72557c936666fdf25"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e89cefa48fae0be8420da6ea2ba44dd7cc2c15d086813e5b4136be8be56f6c6d"
+FILE_SHA256 = "2b96edde78020c6150591d39fe9af5458ab90e941dc89af345501afe3aa9d3d0"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

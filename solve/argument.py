@@ -18,8 +18,8 @@ Result = TypeVar("Result")
 def first_is(
     *kinds: type, such_as: str, demand: Callable[[Any], None] | None = None
 ) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
-    """A function that raises ValueOutOfBoundsError where its first argument is of none of the kinds; such_as:
-    how one is had. demand: what else raises where the argument is not suitable."""
+    """Decorator that raises ValueOutOfBoundsError unless the first argument is of one of the kinds. such_as:
+    example of a valid argument. demand: further check, which raises for unsuitable arguments."""
 
     def checking(work: Callable[Given, Result]) -> Callable[Given, Result]:
         name = next(iter(inspect.signature(work).parameters))

@@ -69,8 +69,8 @@ def solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """An array function of phases that keeps its latest values, up to a number of bytes: the phases of a grid
-    are those of the next solution too. Values are not to be changed."""
+    """Array function of phases that caches its latest values, up to a number of bytes; the next solution uses
+    the phases of the same grid. Cached values must not be modified."""
 
     def __init__(self, function: Callable[[Array], Array], most_bytes: int):
         self._function, self._most = function, most_bytes
@@ -81,7 +81,7 @@ class Recent:
         value = self._values.get(key)
         if value is None:
             value = self._values[key] = self._function(phase)
-            # Copies of the dictionary: another thread may change it meanwhile.
+            # Copies of the dictionary, since another thread may modify it.
             excess = sum(each.nbytes for each in [*self._values.values()]) - self._most
             for older, each in [*self._values.items()][:-1]:
                 if excess <= 0:

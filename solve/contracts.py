@@ -63,7 +63,7 @@ class ManyPoints(Protocol):
         ...
 
     def exist(self, speeds: Array, values: Array) -> Array:
-        """Whether there is a motion about which the equations hold (P,)."""
+        """Whether the fundamental motion exists (P,)."""
         ...
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
@@ -143,15 +143,15 @@ class Motion(Protocol):
 
 
 class Reduction(Protocol):
-    """How a system was reduced: modes_a_link of each link are retained, full_coordinates is the number of
+    """Reduction of a system: modes_a_link modes of each link are retained, full_coordinates is the number of
     coordinates before, discarded the lowest frequency in rad/s of the discarded modes. enriched: a larger
-    reduced system, by which the error of this one is estimated."""
+    reduced system for the error estimate."""
 
     modes_a_link: int
 
     @property
     def sentence(self) -> str:
-        """By how much natural frequencies are off."""
+        """Sentence on the error of the natural frequencies."""
         ...
 
     @property
@@ -164,5 +164,5 @@ class Reduction(Protocol):
     def enriched(self) -> Any: ...
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array) -> Any:
-        """The state with all coordinates, as `q` (full_coordinates, k), at phases (k,) for q, q̇, q̈ (n, k)."""
+        """State with all coordinates, as `q` (full_coordinates, k), at phases (k,) for q, q̇, q̈ (n, k)."""
         ...

@@ -52,7 +52,7 @@ class MatricesError(SolveError):
 
 
 class DesiredMotionError(SolveError):
-    """A desired motion, or what is stated along it, that is not real and finite at some phases."""
+    """The fundamental motion, or an expression evaluated along it, is not real and finite at some phases."""
 
 
 class StructureError(SolveError):
@@ -64,7 +64,7 @@ class NoMotionError(SolveError):
 
 
 class NoVibrationError(SolveError):
-    """A mechanism without coordinates, asked for what only a vibration has."""
+    """A vibration is requested of a mechanism without coordinates."""
 
 
 class NoLoadError(SolveError):
@@ -84,7 +84,7 @@ class ResonanceError(SolveError):
 
 
 class UnbalancedLoadError(SolveError):
-    """A load that drives a machine free to turn faster and faster: no periodic vibration exists."""
+    """The load has a nonzero mean along an undamped rigid-body mode: no periodic vibration exists."""
 
 
 class LinearModelError(SolveError):
@@ -124,7 +124,7 @@ class ReopenedError(SolveError):
 
 
 def cause(error: Exception) -> str:
-    """Why a file cannot be read, in words.
+    """Reason why a file cannot be read.
 
     >>> cause(FileNotFoundError(2, "No such file or directory"))
     'no such file or directory'
@@ -133,7 +133,7 @@ def cause(error: Exception) -> str:
         return (error.strerror or "no access").lower()
     if isinstance(error, UnicodeDecodeError):
         return "it is not text in UTF-8"
-    return "it is damaged, or of another kind"
+    return "it is damaged or has another format"
 
 
 def _natural(name: str) -> tuple[str, int]:

@@ -43,7 +43,7 @@ class Labels:
     moves: bool = True
     """Whether the drive has positions: a structure may stand still."""
     vibrates: bool = True
-    """Whether it has coordinates: the motion of a rigid mechanism is prescribed."""
+    """Whether there are coordinates; the motion of a rigid mechanism is prescribed."""
     coordinates: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     """Names of the quantities that follow from the state; units and meanings hold theirs too."""
@@ -60,7 +60,7 @@ class Labels:
     """In which its results show speeds, in tables, pictures and sentences."""
 
     def require_motion(self) -> None:
-        """Raise NoMotionError or NoVibrationError where there are no equations of motion."""
+        """Raise NoMotionError or NoVibrationError if there are no equations of motion."""
 
     @property
     def n(self) -> int:
@@ -99,7 +99,7 @@ class Labels:
         return self.speed_unit if name == SPEED else ShownUnit(raised(unit), 1.0)
 
     def in_own_unit(self, name: str, value: float | str) -> float:
-        """A parameter's value in its own unit, from a number or a text such as "30 mm". Raises
+        """Value of a parameter in its own unit, from a number or a text such as "30 mm". Raises
         UnknownNameError, UnitError, and ValueError for a text that is not a number."""
         if not isinstance(value, str):
             return float(value)

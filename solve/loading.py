@@ -30,15 +30,15 @@ def load(
     reduce: int | None = None,
     **parameters: Any,
 ) -> Model:
-    """The system of a model and a case.
+    """System of a model and a case.
 
-    model: a name, the path of a mechanism file, or without files a `derive.Mechanism` or a function that
-    returns one, which is then derived in memory, once for the same statement. Parameters override the case's
-    values, in the units that the model declares or as texts with unit such as "30 mm"; options may stand
-    among them by name. The first case is the default. reduce: number of modes that are kept of each link of
-    a structure of beams; results then state what that changes. Raises UnknownNameError, ModelFileError (no
-    or stale generated code), CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, and what the
-    mechanism itself raises.
+    model: a name; the path of a mechanism file; or, without files, a `derive.Mechanism` or a function that
+    returns one, which is derived in memory, once per mechanism. Parameters override the values of the case,
+    in the units of the model or as texts with unit such as "30 mm"; options may be given among them by name.
+    The first case is the default. reduce: number of modes retained per link of a beam structure; results then
+    state the error of the reduction. Raises UnknownNameError, ModelFileError (missing or stale generated
+    code), CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, and exceptions of the
+    mechanism.
     """
     module, file = _found(model)
     named = {name: value for name, value in parameters.items() if name in _options_of(module)}

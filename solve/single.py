@@ -20,8 +20,8 @@ from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
 
 CERTIFICATE, TWO_ORDERS = "SOLVE_CERTIFICATE", "two orders"
-"""The environment variable that chooses how errors are estimated, and its value for the estimate of
-`solve.certify.two_orders`, which is to take the place of the grid sequence."""
+"""Environment variable that selects the error estimate, and its value for the estimate of
+`solve.certify.two_orders`, which is intended to replace the grid sequence."""
 
 
 @of_any_system
@@ -36,14 +36,13 @@ def periodic(
 ) -> Orbit:
     """The T-periodic solution at a speed (rad/s, or a text with unit such as "600 rpm").
 
-    With `steps`, the method's result on that many steps, its error estimated from twice as many;
-    without, steps grow until the estimated errors of orbit and multipliers are `rtol` or less.
-    engine: "compiled", "numpy", or "auto" for the first where there is a C compiler; the first solution of a
-    kind then waits for the compiler, once for a machine. all_multipliers: `rtol` holds for each multiplier,
-    however small, from the factors of the period; it costs more steps.
-    A mechanism without coordinates has its outputs over the turn, and neither multipliers nor a verdict.
-    Raises ResonanceError where a multiplier is at +1, and other SolveError subclasses for bad input,
-    matrices or steps.
+    With `steps`, the result is that of the method on this number of steps, with an error estimate from
+    twice as many. Without, steps are refined until the estimated errors of orbit and multipliers are at
+    most `rtol`. engine: "compiled", "numpy", or "auto" for compiled code if a C compiler is available; the
+    first solution of a kind then includes the compilation, once per machine. all_multipliers: apply `rtol`
+    to each multiplier, however small, at the cost of more steps. A mechanism without coordinates has
+    outputs over the revolution, but neither multipliers nor a verdict. Raises ResonanceError if a
+    multiplier is +1, and other SolveError subclasses for bad input, matrices or steps.
 
     >>> import numpy as np
     >>> def oscillator(phase, speed):

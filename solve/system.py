@@ -63,7 +63,7 @@ class PeriodicSystem(Labels):
     """
 
     reduction: Reduction | None = None
-    """How it was reduced from a larger system; None where it was not."""
+    """Reduction from a larger system; None for a full system."""
 
     def __init__(
         self,
@@ -193,7 +193,8 @@ class PeriodicSystem(Labels):
         """Raise ValueOutOfBoundsError where a value leaves the bounds of its parameter."""
 
     def require_desired_motion(self, speeds: Array) -> None:
-        """Raise DesiredMotionError where there is no desired motion at one of the speeds (P,), rad/s."""
+        """Raise DesiredMotionError if the fundamental motion does not exist at one of the speeds (P,),
+        rad/s."""
 
     def require_load(self, speed: float) -> None:
         """Raise NoLoadError where d is zero all over the period, and the periodic vibration with it."""
@@ -244,9 +245,9 @@ class PeriodicSystem(Labels):
         )
 
     def roundoff(self, phase: Array, speed: float) -> Array:
-        """Bounds (k, n) of the round-off in the load d of equations linearised along a motion, at phases
-        (k,), in units of the machine precision: the load is a sum of terms that may cancel. Zero where these
-        are not known."""
+        """Bounds (k, n) on the round-off in the load d of equations linearised along a motion, at phases
+        (k,), in units of the machine precision; terms of the load may cancel. Zero if the bounds are
+        unknown."""
         return np.zeros((len(phase), self.n))
 
     @property
@@ -309,8 +310,8 @@ class PeriodicSystem(Labels):
         return self.freedoms
 
     def frequencies(self, positions: Array, count: int) -> Array | None:
-        """Natural frequencies (m, count) in rad/s at positions (m,) that a structure finds from its elements;
-        None where they are those of M and K at speed 0."""
+        """Natural frequencies (m, count) in rad/s at positions (m,) from the elements of a structure; None if
+        they are those of M and K at speed 0."""
         return None
 
     def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
@@ -376,7 +377,7 @@ of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 """Before a public function of a system."""
 
 of_system = first_is(PeriodicSystem, such_as="solve.load('cam')", demand=require_vibration)
-"""Before a public function of a system that vibrates."""
+"""Decorator of public functions that require a vibrating system."""
 
 
 def _checked_period(period: float) -> float:

@@ -47,7 +47,8 @@ def one_thread(coordinates: int) -> Iterator[None]:
 
 @cache
 def _libraries(loaded: tuple[bool, ...]) -> Any:
-    """Those of BLAS that this process has loaded: NumPy's, and those of SciPy and ctrlsys once these are."""
+    """BLAS libraries loaded by this process: NumPy's, and those of SciPy and ctrlsys if these are
+    imported."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")

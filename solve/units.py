@@ -240,15 +240,15 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
 
 
 def evenly(text: str, name: str) -> list[float] | list[str]:
-    """N numbers from A to B, both ends, from a text "A:B:N" or, as texts, "A:B:N unit"; `name` is what they
-    are given for. Raises ValueOutOfBoundsError.
+    """N numbers from A to B, both included, from a text "A:B:N", or texts from "A:B:N unit"; `name`: quantity
+    in messages. Raises ValueOutOfBoundsError.
 
     >>> evenly("0.2:0.6:3", "L2"), evenly("200:600:3 mm", "L2")
     ([0.2, 0.4, 0.6], ['200.0 mm', '400.0 mm', '600.0 mm'])
     """
     usage = (
-        f"{name}={text}: write {name}=A:B:N, N numbers from A to B in the model's own unit, N > 1, or with a "
-        "unit behind, such as '20:40:5 mm'"
+        f"{name}={text}: write {name}=A:B:N, N > 1 numbers from A to B in the model's unit, or with a unit, "
+        "such as '20:40:5 mm'"
     )
     given, _, unit = apart(text).partition(" ")
     try:
@@ -263,8 +263,8 @@ def evenly(text: str, name: str) -> list[float] | list[str]:
 
 
 def in_unit(value: float | str, unit: str, name: str) -> float:
-    """A number of `unit` from a number, or from a text with or without a unit; `name` is what it is given
-    for. Raises UnitError, and ValueError for a text that is not a number.
+    """Number in `unit` from a number, or from a text with or without a unit; `name`: quantity in messages.
+    Raises UnitError, and ValueError for a text that is not a number.
 
     >>> in_unit("30 mm", "m", "r"), in_unit("0.03", "m", "r"), in_unit(0.03, "m", "r")
     (0.03, 0.03, 0.03)
@@ -277,7 +277,7 @@ def in_unit(value: float | str, unit: str, name: str) -> float:
 
 
 def apart(text: str) -> str:
-    """The text with a space between a number and its unit.
+    """Text with a space between a number and its unit.
 
     >>> apart("30mm"), apart("1e3 rpm"), apart("1e3N/m^2")
     ('30 mm', '1e3 rpm', '1e3 N/m^2')

@@ -1,5 +1,5 @@
-"""The page beside other software: no cell is left empty, and what it says of this software is what
-docs/abilities.toml says, each entry of which is tried."""
+"""The comparison page: no cell is empty, and the column "here" agrees with docs/abilities.toml, each entry of
+which is verified."""
 
 import re
 import tomllib
@@ -39,13 +39,13 @@ def test_every_feature_is_judged_for_everybody():
         assert all(row), row[0]
 
 
-def test_the_page_says_of_this_software_what_is_kept_in_one_place():
+def test_the_column_here_matches_the_abilities():
     assert {row[0]: row[1] for row in BESIDE} == {row: entry["text"] for row, entry in ABILITIES.items()}
     assert all(("absent" in entry) == (entry["text"] == "no") for entry in ABILITIES.values())
     assert all(len(entry.keys() & {"run", "absent"}) == 1 for entry in ABILITIES.values())
 
 
-def test_commands_named_instead_of_a_package_are_there():
+def test_equivalent_commands_exist():
     from solve.commands.app import COMMANDS
 
     named = {name for row in PACKAGES for name in re.findall(r"`([a-z]+)`", row[3])}
@@ -68,7 +68,7 @@ def refused(work, *arguments, **keywords):
 
 @pytest.fixture
 def names(tmp_path):
-    """What entries of docs/abilities.toml may name."""
+    """Names available to entries of docs/abilities.toml."""
     oscillator = model_of(duffing(), zeta=0.1, k=1.0, alpha=1.0, f=1.0)
     rows = solve.periodic(oscillator, 0.5)
     file = tmp_path / "q.csv"
@@ -89,13 +89,13 @@ def names(tmp_path):
 
 
 @pytest.mark.parametrize("row", [row for row, entry in ABILITIES.items() if "run" in entry])
-def test_what_is_offered_works(row, names):
+def test_listed_features_work(row, names):
     exec(ABILITIES[row]["run"], names)
 
 
 @pytest.mark.parametrize("row", [row for row, entry in ABILITIES.items() if "absent" in entry])
-def test_what_is_not_offered_has_no_name(row):
-    """Whoever adds it is led here, and to the page."""
+def test_absent_features_have_no_name(row):
+    """A new feature of this name fails here, as a reminder to update the page."""
     from solve.commands.app import COMMANDS
 
     public = [*dir(solve), *dir(derive), *dir(derive.Mechanism), *COMMANDS]

@@ -163,7 +163,7 @@ HELD = {
     "four_bar_stress": four_bar_stress,
     "ground_resonance": ground_resonance,
     "follower_acceleration": follower_acceleration,
-    # True errors over their estimates, of the orbit with three modes a link.
+    # Ratios of true to estimated errors of the orbit with three modes per link.
     "four_bar_reduced": lambda script: (script["ratios"][3][:, 0], pytest.approx(np.ones(17), rel=0.1)),
     "kapitza": kapitza,
     "manipulator": lambda record: (record["coordinates"]["q1"]["max_abs"], printed("0.03163246")),

@@ -114,7 +114,7 @@ def test_what_commands_print_stands_below_them(page, tmp_path):
 
 @pytest.mark.slow
 def test_kernels_of_the_site_start_without_a_warning(tmp_path):
-    """As the site starts them: with what its configuration sets."""
+    """Kernels start with the configuration of the site."""
     pytest.importorskip("myst_nb", reason="the site needs the extra `docs`")
     code = "import runpy, sys; runpy.run_path(sys.argv[1]); " + KERNEL
     run = [sys.executable, "-c", code, str(pages.DOCS / "conf.py")]

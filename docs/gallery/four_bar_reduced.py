@@ -1,4 +1,4 @@
-"""The four-bar with one to three modes a link: what the reduction changes, estimated and true."""
+"""The four-bar with one to three modes per link: estimated and true errors of the reduction."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -17,10 +17,11 @@ def solved(model):
 
 
 def differences(reduced, own, orbit, rho):
-    """Largest max|error|/max|q| of the coordinates, and distance of multipliers over the spectral radius."""
+    """Largest max|error|/max|q| of the coordinates, and error of the multipliers relative to the spectral
+    radius."""
     q, ours = orbit.at(phase), reduced.system.expanded(phase, reduced.speed, reduced.at(phase)).q
-    apart = np.abs(own[:, None] - rho).min(axis=1).max() / abs(rho[0])
-    return (np.abs(ours - q).max(axis=1) / np.abs(q).max(axis=1)).max(), apart
+    of_multipliers = np.abs(own[:, None] - rho).min(axis=1).max() / abs(rho[0])
+    return (np.abs(ours - q).max(axis=1) / np.abs(q).max(axis=1)).max(), of_multipliers
 
 
 truth = solved(full)

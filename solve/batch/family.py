@@ -54,7 +54,7 @@ class Family:
         return found
 
     def exist(self, points: Array) -> Array:
-        """Whether there is a motion about which the equations hold at points (P, v): (P,)."""
+        """Whether the fundamental motion exists at points (P, v): (P,)."""
         return np.ones(len(points), dtype=bool)
 
     @property

@@ -40,8 +40,8 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
 
 
 def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResults:
-    """Multipliers and figures of the points (P, v) on one grid, without errors, and with the
-    verdict "undetermined"."""
+    """Multipliers and statistics of the points (P, v) on one grid, without errors and with the verdict
+    "undetermined"."""
     n = batch.family.example.n
     results, size = PointResults.blank(len(points), n, kept), chunk_size(n)
     with one_thread(n), stage(POINTS, len(points)) as count:
@@ -105,7 +105,7 @@ class _Keeper:
             self.keep_figures(found.positions, solutions.curve)
 
     def _system_of(self, found: Certified) -> Callable[[int], tuple[PeriodicSystem, float]]:
-        """System and speed (rad/s) of each of the points found."""
+        """System and speed (rad/s) of each of these points."""
         return lambda at: self.batch.family.system(self.points[found.positions[at]])
 
     def _keep_warnings(self, found: Certified) -> None:
@@ -117,7 +117,7 @@ class _Keeper:
                 self.results.warnings[self.start + point] = texts
 
     def keep_figures(self, positions: Array, curve: PeriodicCurve) -> None:
-        """Figures and amplitudes of the points at the positions (k,)."""
+        """Store statistics and amplitudes of the points at the positions (k,)."""
         kept, points, family = self.results.kept, self.points[positions], self.batch.family
         if not (kept.names or kept.spectra):
             return

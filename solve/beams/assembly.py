@@ -103,7 +103,7 @@ class Beams:
 
     @cached_property
     def point_masses(self) -> Array:
-        """M (n, n) of the joints."""
+        """Mass matrix M (n, n) of the point masses at the joints."""
         whole = np.zeros((self.freedoms.n + 1, self.freedoms.n + 1))
         for xy, mass in zip(self.freedoms.joint_indices, self.properties.mass, strict=True):
             whole[xy, xy] += mass
@@ -118,7 +118,7 @@ class Beams:
 
     @cached_property
     def springs(self) -> Array:
-        """K (n, n) of the springs to the ground."""
+        """Stiffness matrix K (n, n) of the springs to ground."""
         return self._to_ground(self.freedoms.springs, self.properties.spring)
 
     @cached_property

@@ -308,7 +308,7 @@ class Member:
         q (n, m) and the angles (m, links) of all links."""
         whole = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
         ground, own = whole[:, self.indices[elements]], angle[:, self.number, None, None]
-        # One product for all phases; those with the rotations of each phase take three times as long.
+        # One product for all phases; products with the rotations of each phase take three times as long.
         k = ground.shape[-1]
         still, c, s = (ground.reshape(-1, k) @ each.T for each in self.element.axes)
         still, c, s = (each.reshape(ground.shape) for each in (still, c, s))

@@ -98,8 +98,8 @@ def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
 
 
 def _modal(beams: Beams, _: float) -> Callable[[Array], Array]:
-    """C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,): 2ζ times the geometric mean of M and K, as smooth in
-    the phase as these are."""
+    """Modal damping C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,): 2ζ times the geometric mean of M and K,
+    and as smooth in the phase as these."""
     ratio, n = beams.properties.damping_ratio, beams.freedoms.n
     if ratio == 0:
         return lambda phase: np.zeros((len(phase), n, n))
@@ -147,8 +147,9 @@ class Motion:
         return M, C, K if axial is None else K + self._of_axial_forces(positions, axial), d
 
     def speed_terms(self, phase: Array) -> Array:
-        """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC, K by rows and d, for
-        derivatives by the phase, at phases (m,); entries and powers are those of `speed_powers`."""
+        """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC, K by rows and d, with
+        derivatives with respect to the phase, at phases (m,); entries and powers are those of
+        `speed_powers`."""
         positions, (rate, second) = self._positions(phase), self.rates(phase)
         M, K = positions.matrices()
         d = inertia_load(positions, rate, second)
@@ -164,14 +165,13 @@ class Motion:
 
     @property
     def speed_powers(self) -> tuple[Array, Array]:
-        """To which entry, rising, each coefficient of `speed_terms` belongs, and the power of the speed,
-        (R,)."""
+        """Entry, in ascending order, and power of the speed of each coefficient of `speed_terms`, (R,)."""
         return self._present[1:]
 
     @cached_property
     def _present(self) -> tuple[Array, Array, Array]:
-        """Which of M, damping, gyroscopic, stiffness, rotational stiffness and load, one after another, are
-        not zero at all phases, as entries that rise; their entries and their powers of the speed."""
+        """Nonzero entries, in ascending order, of M, damping, gyroscopic matrix, stiffness, rotational
+        stiffness and load at any phase; their positions and powers of the speed."""
         n, damped = self.beams.freedoms.n, self.beams.properties.damping_ratio != 0
         mass, elastic = (np.any(each != 0, axis=(0, 1)) for each in (self.beams.mass, self.beams.stiffness))
         turning, centrifugal = (np.any(each != 0, axis=(0, 1)) for each in self._rotary)
@@ -189,15 +189,15 @@ class Motion:
         return present, entry[present], power[present]
 
     def _of_rotation(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
-        """What the rotation of the links adds to C and to K, (m, n, n) each; rate, second (m, links): first
-        and second derivative of their angles."""
+        """Contributions (m, n, n) of the rotation of the links to C and to K; rate, second (m, links): first
+        and second derivatives of their angles."""
         first, turned, squared = (each[..., None] * positions.terms for each in (rate, second, rate**2))
         turning, centrifugal = self._rotary
         stiffness = np.tensordot(turned, turning, 2) + np.tensordot(squared, centrifugal, 2)
         return 2 * np.tensordot(first, turning, 2), stiffness
 
     def _of_axial_forces(self, positions: Positions, axial: list[Array]) -> Array:
-        """What axial forces (m, elements) in the links add to K, (m, n, n)."""
+        """Contribution (m, n, n) of axial forces (m, elements) in the links to K."""
         parts = zip(axial, self._geometric, strict=True)
         added = [
             np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
@@ -254,12 +254,12 @@ class Motion:
 
     @cached_property
     def damping_at(self) -> Callable[[Array], Array]:
-        """C (m, n, n) of the links at phases (m,)."""
+        """Damping matrix C (m, n, n) of the links at phases (m,)."""
         return _DAMPING[self.damping](self.beams, self.period)
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """The same, where it is modal from a few hundred positions, once for all speeds."""
+        """Damping matrix; modal damping is interpolated from a few hundred positions, once for all speeds."""
         if self.damping == "modal" and self.beams.properties.damping_ratio:
             return Latest(interpolated(self.damping_at, self.period))
         return Latest(self.damping_at)
@@ -313,8 +313,8 @@ class State:
         return rigid_accelerations(self.positions, *self.rates)[0]
 
     def local(self, member: Member, element: int, order: int = 0) -> Array:
-        """Values (k, freedoms) of an element's freedoms in the axes of its link, or their derivatives by time
-        of an order up to 2; kept, since several outputs use them."""
+        """Values (k, freedoms) of the degrees of freedom of an element in the axes of its link, or their time
+        derivatives of order up to 2; cached, since several outputs use them."""
         first = element % member.count
         key = member.number, first, order
         if key not in self._local:
@@ -328,7 +328,7 @@ class State:
 
     @cached_property
     def joint_forces(self) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
-        """What `joint_force` gave, by the number of the link and the end: several outputs use it."""
+        """Results of `joint_force` by link index and end; several outputs use them."""
         return {}
 
     def strain_energy(self) -> Array:

@@ -52,7 +52,7 @@ class Point:
 
     @property
     def element(self) -> int:
-        """The element of the link that the point is in."""
+        """Index of the element of the link that contains the point."""
         return self.member.place(self.fraction)[0]
 
     def _local(self, angle: Array, q: Array) -> Array:
@@ -64,7 +64,8 @@ class Point:
 
 
 def _sum(shapes: Array, local: Array) -> Array:
-    """Sums (k,) of shapes (..., 1, freedoms) times the values (k, freedoms) of an element's freedoms."""
+    """Sums (k,) of shapes (..., 1, freedoms) times the values (k, freedoms) of the degrees of freedom of an
+    element."""
     return (local * shapes[..., 0, :]).sum(axis=1)
 
 

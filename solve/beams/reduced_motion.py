@@ -1,6 +1,7 @@
 """Equations of motion of a structure in the reduced coordinates p of a basis, q = T(φ) p.
 
-They are those of `solve.beams.motion` times Tᵀ, so that a basis of all modes gives the same motion:
+They are the equations of `solve.beams.motion` premultiplied by Tᵀ, so that a basis of all modes gives the
+same motion:
 
     TᵀM T p̈ + (TᵀC T + 2 TᵀM Ṫ) ṗ + (TᵀK T + TᵀC Ṫ + TᵀM T̈) p = Tᵀd
 
@@ -47,7 +48,7 @@ class ReducedMotion:
         return M, C, K, d
 
     def matrices(self, positions: Positions) -> tuple[Array, Array]:
-        """TᵀM T and TᵀK T (m, r, r) with the links held still."""
+        """TᵀM T and TᵀK T (m, r, r) with the links at rest."""
         M, K = (np.tensordot(positions.terms, table, 2) for table in self._elastic)
         return M, K
 
@@ -81,8 +82,8 @@ class ReducedMotion:
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:
-        """Tables that go with 2ω ṗ and ω̇ p, and with ω² p: what the moving basis and, with terms=full, the
-        accelerations of the deflections add."""
+        """Tables multiplied by 2ω ṗ and ω̇ p, and by ω² p: contributions of the moving basis and, with
+        terms=full, of the accelerations of the deflections."""
         turning, centrifugal = [], []
         for link in self.basis.links:
             body, (B, B2) = link.body, link.turned
@@ -96,7 +97,7 @@ class ReducedMotion:
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """TᵀC T and TᵀC T′ beside each other, (m, 2r, r), of the modal or Rayleigh damping C."""
+        """TᵀC T and TᵀC T′ side by side, (m, 2r, r), of the modal or Rayleigh damping C."""
         damping = self.full.damping_at
 
         def projected(phase: Array) -> Array:
@@ -122,7 +123,7 @@ class ReducedMotion:
 
     @cached_property
     def _axial(self) -> Callable[[Array], Array]:
-        """Axial forces in all elements at 1 rad/s, and at rest with 1 rad/s², (m, 2 elements)."""
+        """Axial forces in all elements at 1 rad/s, and at rest for 1 rad/s², (m, 2 elements)."""
 
         def forces(phase: Array) -> Array:
             positions = Positions(self.full.beams, phase)
@@ -142,7 +143,7 @@ class ReducedMotion:
 
     @cached_property
     def _geometric(self) -> list[Array]:
-        """For each link, stiffness by unit axial force of each element, (elements, 5, r, r)."""
+        """Geometric stiffness per unit axial force of each element, for each link, (elements, 5, r, r)."""
         return [
             np.stack([link.reduced(each) for each in link.body.assembled_singly(link.body.member.geometric)])
             for link in self.basis.links

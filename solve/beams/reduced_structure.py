@@ -1,4 +1,4 @@
-"""A structure of beams whose links are reduced to their interface coordinates and their lowest modes."""
+"""Beam structure whose links are reduced to their interface coordinates and lowest modes."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -24,17 +24,17 @@ _POSITIONS = 36
 """Positions of a period at which natural frequencies are compared."""
 
 _TRUSTED = 0.5
-"""Part of the lowest discarded frequency up to which natural frequencies are compared: by the usual rule of
-component mode synthesis, modes are retained up to twice the highest frequency of interest."""
+"""Fraction of the lowest discarded frequency up to which natural frequencies are compared. The usual rule of
+component mode synthesis retains modes up to twice the highest frequency of interest."""
 
 
 class ReducedStructure(StructureModel):
-    """Coordinates: displacements of the joints and rotations that links share, in ground axes, then the
-    amplitudes of the modes of each link. Outputs, deflections, stresses and forces follow from all freedoms,
-    q = T(φ) p."""
+    """Beam structure with reduced coordinates: displacements of the joints and rotations that links share, in
+    ground axes, then the amplitudes of the modes of each link. Outputs, deflections, stresses and forces are
+    computed from all degrees of freedom, q = T(φ) p."""
 
     static = False
-    """Whether the basis holds the static shapes of the discarded modes too."""
+    """Whether the basis also contains the static shapes of the discarded modes."""
 
     def __init__(self, setup: Setup, reduced: ReducedMotion):
         super().__init__(setup, reduced.full, reduced, reduced.basis.declared)
@@ -45,30 +45,30 @@ class ReducedStructure(StructureModel):
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        """Raises ValueOutOfBoundsError for a structure without an estimate of what the reduction changes, or
-        another number of modes than its links have; StructureError as the whole structure does."""
+        """Raises ValueOutOfBoundsError for a structure whose reduction error cannot be estimated, or for more
+        modes than its links have; StructureError as the full structure does."""
         motion = cls._motion(setup)
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
             raise ValueOutOfBoundsError(
-                f"reduce keeps modes of finite elements, and element {EXACT} has infinitely many; leave out "
+                f"reduce requires elements with finitely many modes, and {EXACT} has infinitely many; omit "
                 "reduce, or choose another element"
             )
         if any(link.inextensible for link in freedoms.links):
             raise ValueOutOfBoundsError(
-                f"reduce keeps modes of links that stretch, and {setup.module.NAME} has inextensible ones; "
-                "leave out reduce"
+                f"reduce requires extensible links, and {setup.module.NAME} has inextensible ones; omit "
+                "reduce"
             )
         return cls(setup, ReducedMotion(motion, basis(motion.beams, setup.options[REDUCE], cls.static)))
 
     @cached_property
     def enriched(self) -> "EnrichedStructure":
-        """The same structure with the static shapes of the discarded modes among its coordinates."""
+        """Structure with the static shapes of the discarded modes as additional coordinates."""
         return EnrichedStructure.of(self.setup)
 
     @property
     def full_coordinates(self) -> int:
-        """Number of freedoms before the reduction."""
+        """Number of degrees of freedom before the reduction."""
         return self.beams.freedoms.n
 
     @property
@@ -79,7 +79,7 @@ class ReducedStructure(StructureModel):
     @cached_property
     def frequency_error(self) -> float:
         """Estimated relative error of the natural frequencies below half the lowest discarded one: the
-        largest at 36 positions of a period, against those of the enriched structure."""
+        largest at 36 positions of a period, relative to those of the enriched structure."""
         phase = np.linspace(0.0, self.period, _POSITIONS, endpoint=False)
         own, better = self.frequencies(phase, self.n), self.enriched.frequencies(phase, self.n)
         compared = (better < _TRUSTED * self.discarded) & (better > 0)
@@ -87,13 +87,13 @@ class ReducedStructure(StructureModel):
 
     @property
     def sentence(self) -> str:
-        """By how much natural frequencies are off."""
+        """Sentence on the error of the natural frequencies."""
         given = f"reduce={self.modes_a_link}"
         if self.n == self.full_coordinates:
-            return f"{given} keeps all {self.n} coordinates and changes nothing"
+            return f"{given} retains all {self.n} coordinates; the result is unchanged"
         return (
             f"{given}: natural frequencies below {_TRUSTED * self.discarded:.4g} rad/s, half of the lowest "
-            f"discarded one, are off by up to {self.frequency_error:.1e} of themselves"
+            f"discarded one, have relative errors of up to {self.frequency_error:.1e}"
         )
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -117,7 +117,7 @@ class ReducedStructure(StructureModel):
         return self.reduced(phase, speed[:, None], acceleration)
 
     def terms(self, phase: Array, speeds: Array) -> None:
-        """None: those of the motion are of all freedoms."""
+        """None, since those of the motion are for all degrees of freedom."""
         return
 
     @property
@@ -138,7 +138,6 @@ class ReducedStructure(StructureModel):
 
 
 class EnrichedStructure(ReducedStructure):
-    """The reduced structure with the static shapes of the discarded modes, by which its errors are
-    estimated."""
+    """Reduced structure with the static shapes of the discarded modes, for the error estimate."""
 
     static = True

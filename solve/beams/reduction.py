@@ -1,9 +1,9 @@
-"""Links of a structure reduced to their interface coordinates and their lowest modes.
+"""Reduction of links of a structure to their interface coordinates and lowest modes.
 
-The basis of a link is constant in the axes of the link, so that in ground axes q = T(φ) p, where p are the
-retained coordinates of the structure, in ground axes, and the amplitudes of the modes. With R of a link from
-ground axes to its own, R′ = J R, and T_l its constant basis, its rows of T and of the derivatives by its
-angle are Rᵀ T_l R_r, Rᵀ B R_r and Rᵀ B₂ R_r with
+The basis of a link is constant in the axes of the link. In ground axes q = T(φ) p, where p contains the
+retained coordinates of the structure, in ground axes, and the amplitudes of the modes. Let R of a link
+transform from ground axes to its own, with R′ = J R, and let T_l be its constant basis. Its rows of T and of
+the first and second derivatives with respect to its angle are Rᵀ T_l R_r, Rᵀ B R_r and Rᵀ B₂ R_r with
 
     B = Jᵀ T_l + T_l J_r        B₂ = Jᵀ B + B J_r
 
@@ -25,10 +25,10 @@ from solve.model.craig_bampton import craig_bampton, static_shapes
 
 @dataclass(frozen=True)
 class Body:
-    """The matrices of a link in its own axes, over its own freedoms, those that are held left out.
+    """Matrices of a link in its own axes, for its own degrees of freedom without the fixed ones.
 
-    own (k,): indices of its freedoms in the structure. axes (3, k, k): R = axes[0] + c axes[1] + s axes[2].
-    interface (b,): positions in `own` of the retained coordinates.
+    own (k,): indices of its degrees of freedom in the structure. axes (3, k, k): R = axes[0] + c axes[1] + s
+    axes[2]. interface (b,): positions in `own` of the retained coordinates.
     """
 
     member: Member
@@ -38,7 +38,8 @@ class Body:
 
     @classmethod
     def of(cls, member: Member, retained: Array) -> "Body":
-        """retained (n,): which freedoms of the structure are interface coordinates."""
+        """Body of a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
+        the structure."""
         own = np.unique(member.indices[member.indices >= 0])
         axes = np.zeros((3, len(own), len(own)))
         body = cls(member, own, axes, np.flatnonzero(retained[own]))
@@ -48,11 +49,11 @@ class Body:
         return body
 
     def assembled(self, local: Array) -> Array:
-        """Matrix (k, k) of the link from one (f, f) that all its elements have."""
+        """Matrix (k, k) of the link from the matrix (f, f) common to all its elements."""
         return self.assembled_singly(local).sum(axis=0)
 
     def assembled_singly(self, local: Array) -> Array:
-        """The same for each element by itself: (elements, k, k)."""
+        """Matrices of the single elements: (elements, k, k)."""
         whole = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
         for each, (rows, _) in zip(whole, self._rows(), strict=True):
             each[rows[:, None], rows] += local
@@ -60,7 +61,8 @@ class Body:
 
     @property
     def loads(self) -> Array:
-        """Inertia (k, 4) of rigid motions: translation and linear growth, along the link and across it."""
+        """Inertia loads (k, 4) of rigid motions: uniform and linearly increasing, along the link and across
+        it."""
         member, made = self.member, np.zeros((len(self.own) + 1, 4))
         for number, (rows, _) in enumerate(self._rows()):
             shapes = np.zeros((len(rows), 4))
@@ -75,8 +77,8 @@ class Body:
         return made[:-1]
 
     def _rows(self) -> list[tuple[Array, Array]]:
-        """For each element the positions in `own` of its freedoms, the last (len(own)) for those held, and
-        which are held."""
+        """For each element: positions in `own` of its degrees of freedom, with len(own) for fixed ones, and a
+        mask of the fixed ones."""
         indices = self.member.indices
         return [
             (np.where(row < 0, len(self.own), np.searchsorted(self.own, row)), row < 0) for row in indices
@@ -85,10 +87,10 @@ class Body:
 
 @dataclass(frozen=True)
 class LinkBasis:
-    """A link with its reduced coordinates: those of its interface, then its modes.
+    """Reduced coordinates of a link: those of its interface, then its modes.
 
     local (k, r): T_l. at (r,): indices of its reduced coordinates among those of the structure. frequencies
-    (modes,): of the retained modes in rad/s; discarded: the lowest one of the others, infinite without any.
+    (modes,): of the retained modes in rad/s; discarded: lowest frequency of the others, infinite without any.
     """
 
     body: Body
@@ -99,7 +101,7 @@ class LinkBasis:
 
     @cached_property
     def axes(self) -> Array:
-        """Parts (3, r, r) with 1, c and s of R_r."""
+        """Parts (3, r, r) of R_r: constant, cosine and sine."""
         b, r = len(self.body.interface), self.local.shape[1]
         parts = np.zeros((3, r, r))
         parts[:, :b, :b] = self.body.axes[:, self.body.interface[:, None], self.body.interface]
@@ -114,8 +116,8 @@ class LinkBasis:
         return B, J.T @ B + B @ J_r
 
     def reduced(self, A: Array, left: Array | None = None, right: Array | None = None) -> Array:
-        """Table (5, r, r) for 1, c, s, c², cs of Rᵀ leftᵀ A right R in ground axes, for A (k, k) of the link;
-        left and right are T_l unless given."""
+        """Table (5, r, r) of the terms 1, c, s, c², cs of Rᵀ leftᵀ A right R in ground axes, for A (k, k) of
+        the link; left and right are T_l by default."""
         local = (self.local if left is None else left).T @ A @ (self.local if right is None else right)
         return np.einsum("tij,iba,bc,jcd->tad", TERMS, self.axes, local, self.axes, optimize=True)
 
@@ -128,8 +130,8 @@ class LinkBasis:
 
 @dataclass(frozen=True)
 class Basis:
-    """T(φ) of a structure, (n, r) at each position. retained (b,): freedoms that are kept, first among the
-    reduced coordinates; names, units, meanings (r,) of these."""
+    """T(φ) of a structure, (n, r) at each position. retained (b,): retained degrees of freedom, the first of
+    the reduced coordinates; names, units, meanings (r,) of these."""
 
     beams: Beams
     retained: Array
@@ -156,7 +158,7 @@ class Basis:
         return made
 
     def spread(self, tables: Sequence[Array]) -> Array:
-        """Table (links, 5, r, r) of a structure from one (5, …, …) of each link."""
+        """Table (links, 5, r, r) of a structure from one table (5, …, …) per link."""
         whole = np.zeros((len(self.links), 5, self.r, self.r))
         for each, link, table in zip(whole, self.links, tables, strict=True):
             each[:, link.at[:, None], link.at] += table
@@ -164,13 +166,13 @@ class Basis:
 
     @cached_property
     def tables(self) -> tuple[Array, Array, Array]:
-        """Tables (links, 5, n, r) of T and of what its derivatives by the angle of each link consist of."""
+        """Tables (links, 5, n, r) of T and of B and B₂ of each link."""
         made = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
         for number, link in enumerate(self.links):
             rows, columns = link.body.own[:, None], link.at
             for table, local in zip(made, (link.local, *link.turned), strict=True):
                 table[number][:, rows, columns] += link.expanding(local)
-        # The retained coordinates are the same in both.
+        # Retained coordinates are identical in q and p.
         made[0, 0, 0, self.retained, np.arange(len(self.retained))] = 1.0
         T, B, B2 = made
         return T, B, B2
@@ -187,8 +189,8 @@ class Basis:
 
 
 def retained_freedoms(freedoms: Freedoms) -> Array:
-    """Which freedoms (n,) are interface coordinates: displacements of the joints, and rotations that several
-    links share or on which springs or dashpots act. With both ends fixed so no link moves freely."""
+    """Mask (n,) of the interface coordinates: displacements of the joints, and rotations that several links
+    share or on which springs or dashpots act. No link has a rigid-body motion with both ends fixed."""
     ends = [set(rows[rows >= 0].tolist()) for rows in freedoms.indices]
     made = np.array([sum(at in each for each in ends) > 1 for at in range(freedoms.n)])
     made[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
@@ -197,15 +199,15 @@ def retained_freedoms(freedoms: Freedoms) -> Array:
 
 
 def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
-    """Basis with a number of modes of each link, all of a link that has fewer. static: with the static shapes
-    of the discarded modes too. Raises ValueOutOfBoundsError for a number of modes that no link has."""
+    """Basis with a given number of modes per link, or all modes of a link that has fewer. static: with the
+    static shapes of the discarded modes. Raises ValueOutOfBoundsError for more modes than any link has."""
     retained = retained_freedoms(beams.freedoms)
     bodies = [Body.of(member, retained) for member in beams.members]
     most = max(len(body.own) - len(body.interface) for body in bodies)
     if not 1 <= modes <= most:
         raise ValueOutOfBoundsError(
-            f"reduce is {modes} modes a link; allowed: 1 to {most} for these elements, where {most} leave "
-            "the structure as it is"
+            f"reduce is {modes} modes per link; allowed: 1 to {most} for these elements; {most} retains all "
+            "modes"
         )
     kept = np.flatnonzero(retained)
     links, end = [], len(kept)
@@ -217,7 +219,8 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
 
 
 def _link_basis(body: Body, modes: int, static: bool, at: Array, end: int) -> LinkBasis:
-    """at (b,): indices of the interface among the reduced coordinates; end: index of the first mode."""
+    """Basis of a link. at (b,): indices of the interface among the reduced coordinates; end: index of the
+    first mode."""
     M, K = body.assembled(body.member.mass), body.assembled(body.member.stiffness)
     made = craig_bampton(M, K, body.interface, min(modes, len(body.own) - len(body.interface)))
     local, b = made.basis, len(body.interface)
@@ -231,14 +234,14 @@ def _link_basis(body: Body, modes: int, static: bool, at: Array, end: int) -> Li
 
 
 _POINTS = 33
-"""Points of an element at which the largest deflection is looked for."""
+"""Points per element at which the largest deflection is searched."""
 
 
 def _largest(body: Body, shape: Array) -> float:
-    """The largest displacement of a shape (k,) along a link, with its sign."""
+    """Largest displacement of a shape (k,) along a link, with its sign."""
     member, xi = body.member, np.linspace(0.0, 1.0, _POINTS)
     values = np.append(shape, 0.0)
     found = [part @ values[rows] for rows, _ in body._rows() for part in member.shapes(xi)]
     curve = np.concatenate(found)
-    # The first of equal extrema, which rounding shall not exchange.
+    # The first of equal extrema, so that round-off does not select another.
     return float(curve[np.flatnonzero(np.abs(curve) > (1 - 1e-6) * np.abs(curve).max())[0]])

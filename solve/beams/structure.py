@@ -33,7 +33,7 @@ _MOST_ENTRIES = 2**22
 """Entries of a matrix over the positions that are looked at together; more are taken in parts."""
 
 _MOST_KEPT = 2**26
-"""Bytes of tables that are kept for solutions at other speeds: about ten grids of 384 steps with 9
+"""Memory limit in bytes of tables cached for solutions at other speeds: about ten grids of 384 steps with 9
 coordinates, or two with 27."""
 
 _SPEEDS = 3
@@ -105,8 +105,8 @@ class StructureModel(Model):
         matrices: Callable[[Array, float], Matrices] | None = None,
         coordinates: Sequence[tuple[str, str, str]] | None = None,
     ):
-        """matrices, coordinates: others than those of the motion, from which `expanded` finds its freedoms;
-        name, unit and meaning of each."""
+        """matrices, coordinates: given if they differ from those of the motion; `expanded` then gives the
+        degrees of freedom. coordinates: name, unit and meaning of each."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         own = [(name, unit, "displacement from the rigid motion") for name, unit in units]
@@ -132,7 +132,8 @@ class StructureModel(Model):
         """Raises StructureError where the links cannot be assembled all the way round."""
         if REDUCE in setup.options:
             raise ValueOutOfBoundsError(
-                f"{setup.module.NAME} is loaded with all coordinates; to reduce it, load it anew with reduce"
+                f"{setup.module.NAME} was loaded with all coordinates; to reduce it, load it again with "
+                "reduce"
             )
         return cls(setup, cls._motion(setup))
 
@@ -149,7 +150,7 @@ class StructureModel(Model):
         return Motion(beams, kinematics.rates, module.PERIOD, **terms)
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array, acceleration: float = 0.0) -> State:
-        """The freedoms at phases (k,) for q, q̇, q̈ (n, k), or for q alone at rest."""
+        """Degrees of freedom at phases (k,) for q, q̇, q̈ (n, k), or for q alone at rest."""
         q, qd, qdd = with_rates(state)
         return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
@@ -171,7 +172,7 @@ class StructureModel(Model):
         return np.tensordot(weights, super().entries_over(phase, np.linspace(low, high, _SPEEDS)), axes=1)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """None of structures whose points are solved one by one: their tables would only take memory."""
+        """None if points are solved one by one, since tables would only take memory."""
         if self.n > SMALL:
             return None
         self.require_motion()
@@ -308,7 +309,7 @@ class StructureModel(Model):
         kind, link, place = self.require_part_of_modes(output)
         most = self.beams.freedoms.n
         if not 1 <= count <= most:
-            raise ValueOutOfBoundsError(f"{count} modes asked for; allowed: 1 to {most}")
+            raise ValueOutOfBoundsError(f"{count} modes requested; allowed: 1 to {most}")
         phase = np.linspace(0.0, self.period, samples + 1)
         state = self.expanded(phase, turn.speed, *turn.state(phase))
         member = self._member(link)
@@ -356,7 +357,7 @@ class StructureModel(Model):
 
 
 def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """q, q̇, q̈ (n, k) of these, or of q alone at rest."""
+    """q, q̇, q̈ (n, k), with zero rates for q alone at rest."""
     if len(state) == 3:
         return state[0], state[1], state[2]
     (q,) = state

@@ -14,8 +14,8 @@ def branch(
     speeds: Annotated[str | None, Flag("From which speed, and up to which.", '"A:B unit"')] = None,
     points: Annotated[int, Flag("Points after which it ends.", "N")] = 200,
     rtol: Annotated[float, Flag("Error of the orbits, relative, to keep below.", "R")] = 1e-3,
-    periods: Annotated[int, Flag("Orbits that repeat after K periods.", "K")] = 1,
-    start: Annotated[str | None, Flag("Saved orbit or transient to begin with.", "FILE")] = None,
+    periods: Annotated[int, Flag("Orbits of K periods.", "K")] = 1,
+    start: Annotated[str | None, Flag("Saved orbit or transient as the start.", "FILE")] = None,
 ) -> None:
     """Nonlinear orbits over the speed, followed through the speeds where they turn back."""
     if speeds is None:

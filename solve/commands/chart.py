@@ -20,10 +20,13 @@ def chart(
     accuracy: Accuracy,
     places: Places,
     results: Results,
-    x: Annotated[str | None, Flag("N values from A to B, across; a speed needs its unit.", _RANGE)] = None,
+    x: Annotated[
+        str | None, Flag("N values from A to B on the x axis; a speed needs its unit.", _RANGE)
+    ] = None,
     y: Annotated[str | None, Flag("N values from A to B, upwards.", _RANGE)] = None,
     cut: Annotated[
-        list[str] | None, Flag("Also along the line where x or y is this; repeatable.", "NAME=NUMBER[unit]")
+        list[str] | None,
+        Flag("Also along the line on which x or y has this value; repeatable.", "NAME=NUMBER[unit]"),
     ] = None,
     of: Annotated[
         str | None, Flag("Draw this over them: q3.max_abs, rho1.re, exponent1.re, …", "QUANTITY")
@@ -54,7 +57,7 @@ def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
 
 
 def _held(text: str, model: Model) -> tuple[str, float]:
-    """Name and value in the unit that the model declares, from NAME=NUMBER[unit]."""
+    """Name and value, in the unit of the model, from NAME=NUMBER[unit]."""
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)

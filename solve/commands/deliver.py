@@ -57,7 +57,7 @@ def deliver_result(
 
 
 def _console(stderr: bool = False) -> "Console":
-    """A terminal that shows names and numbers as they are, brackets and colons included."""
+    """Terminal that shows names and numbers unchanged, including brackets and colons."""
     from rich.console import Console
 
     return Console(stderr=stderr, highlight=False, markup=False, emoji=False)
@@ -93,7 +93,7 @@ def deliver_animation(made: "Animation", file: Path) -> None:
 
 @contextmanager
 def _naming(written: Sequence[Path]) -> Iterator[None]:
-    """Name the files that were written, on standard error, also where the output that follows fails."""
+    """List the written files on standard error, even if the output that follows fails."""
     try:
         yield
     finally:

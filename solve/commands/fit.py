@@ -19,7 +19,7 @@ def fit(
     data: Annotated[str | None, Flag("Measured vibration (.csv, .mat, .uff), with units.", "FILE")] = None,
     free: Annotated[str | None, Flag("Parameters to fit, with commas between.", "k1,k2")] = None,
     bounds: Annotated[
-        list[str] | None, Flag("Of a parameter, in its unit or with one; repeatable.", '"NAME=A:B unit"')
+        list[str] | None, Flag("Bounds of a parameter, unit optional; repeatable.", '"NAME=A:B unit"')
     ] = None,
     robust: Annotated[bool, Flag("Outliers count by their moduli, not their squares.")] = False,
     toml: Annotated[str | None, Flag("Write the fitted model as a case file (.toml).", "FILE")] = None,
@@ -39,7 +39,7 @@ def fit(
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
-    """Low and high by name, texts where a unit follows. Raises ValueOutOfBoundsError."""
+    """Lower and upper bound by name, as texts if a unit follows. Raises ValueOutOfBoundsError."""
     found = {}
     for name, text in assignments("--bounds", texts or [], "NAME=A:B").items():
         try:
@@ -47,8 +47,8 @@ def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str
             low, high = (quantity(f"{each} {unit}".strip()) for each in numbers.split(":"))
         except ValueError:
             raise ValueOutOfBoundsError(
-                f"--bounds {name}={text}: write two numbers in the model's own unit, such as "
-                f"--bounds {name}=1e4:1e6, or with a unit behind, such as '20:40 mm'"
+                f"--bounds {name}={text}: write two numbers in the model's unit, such as "
+                f"--bounds {name}=1e4:1e6, or with a unit, such as '20:40 mm'"
             ) from None
         found[name] = low, high
     return found

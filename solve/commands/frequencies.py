@@ -19,7 +19,7 @@ def frequencies(
     over: Annotated[
         list[str] | None,
         Flag(
-            "Also over N values of a parameter: the turn's mean, or at --position where given.",
+            "Also over N values of a parameter: mean over the revolution, or at --position if given.",
             '"NAME=A:B:N unit"',
         ),
     ] = None,

@@ -93,12 +93,12 @@ class Numbers(CaseNumbers):
         None
     )
     reduce: Annotated[
-        int | None, Flag("Structures of beams: keep K modes of each link; the error is estimated.", "K")
+        int | None, Flag("Beam structures: retain K modes per link; the error is estimated.", "K")
     ] = None
 
     def of(self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
-        """The model of that name. Raises NoMotionError for one without equations of motion and
-        NoVibrationError for a rigid one, unless the study needs none."""
+        """Model of that name. Raises NoMotionError for a model without equations of motion and
+        NoVibrationError for a rigid one, unless the study allows them."""
         model = model_of(self.setup(name, varied))
         if not still and (model.vibrates or not rigid):
             model.require_motion()
@@ -134,8 +134,8 @@ class Problem(Numbers):
         return self.of(self.model, still, rigid, varied)
 
     def numbers_set(self) -> str:
-        """The numbers of --set in the model's units, and the case's units where these differ; none where the
-        model needs others besides."""
+        """Numbers of --set in the model's units, with the case's units where these differ; empty if the model
+        needs further numbers."""
         try:
             setup, parts = self.setup(self.model), []
         except MissingValueError:
@@ -337,12 +337,12 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _naming_what_is_set(groups: Iterable[Any]) -> Iterator[None]:
-    """Add the numbers of --set to a refusal of matrices, which names no parameter."""
+    """Add the numbers of --set to a MatricesError, which names no parameter."""
     try:
         yield
     except MatricesError as error:
         given = next((each.numbers_set() for each in groups if isinstance(each, Problem)), "")
-        raise MatricesError(f"{error}; set here: {given}" if given else str(error)) from None
+        raise MatricesError(f"{error}; values set: {given}" if given else str(error)) from None
 
 
 def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:

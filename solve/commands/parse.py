@@ -70,14 +70,14 @@ def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
             values[name] = quantity(text)
         except ValueError:
             raise ValueOutOfBoundsError(
-                f"{flag} {name}={text}: '{text}' is not a number; write numbers alone, in the "
-                f"model's own units, such as {flag} {name}=1.5e3 or with their unit, such as {flag} r=30mm"
+                f"{flag} {name}={text}: '{text}' is not a number; write a number in the "
+                f"model's unit, such as {flag} {name}=1.5e3, or with a unit, such as {flag} r=30mm"
             ) from None
     return values
 
 
 def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
-    """A name and N numbers from A to B, both ends, from a text NAME=A:B:N; texts, where a unit follows.
+    """Name and N numbers from A to B, both included, from a text NAME=A:B:N; texts if a unit follows.
 
     >>> points("--over", "L2=0.2:0.6:3")
     ('L2', [0.2, 0.4, 0.6])

@@ -31,7 +31,7 @@ def periodic(
         int | None, Flag("With --nonlinear: an orbit of K periods; 1 by default.", "K")
     ] = None,
     start: Annotated[
-        str | None, Flag("With --nonlinear: a saved orbit or transient to begin with.", "FILE")
+        str | None, Flag("With --nonlinear: a saved orbit or transient as the start.", "FILE")
     ] = None,
     quasi_static: Annotated[bool, Flag("The kinetostatic solution beside the full one.")] = False,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
@@ -58,9 +58,9 @@ def periodic(
             "--quasi-static is of the linear orbit; leave out --quasi-static or --nonlinear"
         )
     if periods is not None and not nonlinear:
-        raise ValueOutOfBoundsError(f"--periods {periods} is of nonlinear orbits; add --nonlinear")
+        raise ValueOutOfBoundsError(f"--periods {periods} requires --nonlinear; add it")
     if start is not None and not nonlinear:
-        raise ValueOutOfBoundsError(f"--start {start} is of nonlinear orbits; add --nonlinear")
+        raise ValueOutOfBoundsError(f"--start {start} requires --nonlinear; add it")
     find = linear_orbit
     if nonlinear:
         find = partial(_nonlinear, start=start, periods=1 if periods is None else periods)

@@ -30,7 +30,7 @@ def sensitivity(
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds both say at which speed; give one of them")
     if periods is not None and not nonlinear:
-        raise ValueOutOfBoundsError(f"--periods {periods} is of nonlinear orbits; add --nonlinear")
+        raise ValueOutOfBoundsError(f"--periods {periods} requires --nonlinear; add it")
     model = problem.loaded()
     asked = of, by, accuracy.rule, accuracy.steps, accuracy.rtol
     if speeds.speeds is not None:

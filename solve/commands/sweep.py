@@ -37,9 +37,7 @@ def sweep(
     harmonics: Annotated[int | None, Flag("Orders of the spectrum.", "N", "60")] = None,
     over: Annotated[
         list[str] | None,
-        Flag(
-            "N values of a parameter from A to B, in its unit or with one; repeatable.", '"NAME=A:B:N unit"'
-        ),
+        Flag("N values of a parameter from A to B, unit optional; repeatable.", '"NAME=A:B:N unit"'),
     ] = None,
     turn: Annotated[
         str | None, Flag("Draw its curve over one turn instead, a line a point: up to 12.", "NAME")
@@ -73,10 +71,10 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s of --speeds or --speed, None for that of the case where parameters vary. Raises
+    """Speeds in rad/s of --speeds or --speed; None stands for the case's speed if parameters vary. Raises
     MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
-        raise ValueOutOfBoundsError("--speed and --speeds both say at which speed; give one of them")
+        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if speed.speed is not None:
         return [speed_in_si(speed.speed)]
     return None if varied and speeds.speeds is None else speeds.omegas()

@@ -18,11 +18,11 @@ from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import enough_samples
 
 _SAME, _ALIKE = 1e-9, 1e-6
-"""Relative difference of two extrema up to which either may be the largest, and of their derivatives, relative
-to that of the quantity over the period, up to which it does not matter which of them is."""
+"""Relative difference of two extrema up to which either may be the largest; and difference of their
+derivatives, relative to the derivative over the period, up to which it does not matter which of them is."""
 
 _OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
-"""Further phases, in periods behind an extremum, that tell how large the derivative is over the period."""
+"""Further phases, in periods after an extremum, that tell the size of the derivative over the period."""
 
 _PROMISING = 1e-3
 """Part of the range of a quantity by which other maxima of samples may be lower and be the largest."""
@@ -234,8 +234,8 @@ class Figures:
         phases, signs = phases[largest], signs[largest]
         sign, carried = -1.0 if figure == "min" else 1.0, signs * self._carried(name, phases)
 
-        # Extrema may change by nothing where the quantity does elsewhere.
-        others = (phases[0] + _OTHERS * self.orbit.system.period if len(phases) > 1 else phases[:0])
+        # At a maximum of a harmonic the derivative of the quadrature part is zero.
+        others = phases[0] + _OTHERS * self.orbit.system.period if len(phases) > 1 else phases[:0]
         weights = np.append(signs, np.ones(len(others)))
 
         def made(held: Array) -> Array:

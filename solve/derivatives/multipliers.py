@@ -89,7 +89,7 @@ class MultipliersOnGrid:
     def _of_product(self, at: int) -> Vectors:
         if not slicot.available():
             raise MissingLibraryError(
-                f"the derivative of multiplier {at + 1} needs SLICOT, as its vectors are below the round-off "
+                f"the derivative of multiplier {at + 1} requires SLICOT, because it is below the round-off "
                 "of Φ; install ctrlsys, or choose a larger multiplier"
             )
         right, left = self._every

@@ -46,7 +46,7 @@ _JUMP = 1e-9
 """Part of an output beyond which it jumps."""
 
 _STEP = 1e-5
-"""Part of a parameter by which it is changed for differences of the inertia's weights."""
+"""Relative step of a parameter for finite differences of the inertia weights."""
 
 _ROUNDING = 1e-13
 """Part of the terms of which a derivative is a sum that rounding leaves."""
@@ -120,16 +120,13 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
     methods without stages."""
     rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
     if not isinstance(rule, Collocated):
-        raise ValueOutOfBoundsError(
-            f"method is {rule.name}; sensitivities take radau, gauss, or auto, which chooses"
-        )
+        raise ValueOutOfBoundsError(f"method is {rule.name}; sensitivities support radau, gauss and auto")
     free = solved.certified.solutions.free
     of_orbits = sum(each.of_orbit for each in asked)
     if free is not None and of_orbits and free.modes.conserving.any():
         raise NoDerivativeError(
-            "derivatives of the vibration of a free machine whose inertia varies, or that gyroscopic "
-            "forces act "
-            "on, along its rigid-body mode are not calculated; ask for those of multipliers, or add drag"
+            "orbit sensitivities are not available for a free machine with varying inertia or gyroscopic "
+            "forces along its rigid-body mode; request sensitivities of multipliers, or add drag"
         )
     adjoint = dependence.parted and free is None and _A_FIGURE * of_orbits <= len(names)
     on, starts = partial(OnGrid, solved, rule), {}
@@ -165,7 +162,7 @@ def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> 
 
 @dataclass(frozen=True, eq=False)
 class OnGrid:
-    """Derivatives on one grid. adjoint: whether those of orbits come from adjoint problems; starts: see
+    """Derivatives on one grid. adjoint: whether orbit derivatives use adjoint problems; starts: see
     `Figures`."""
 
     solved: Stability
@@ -187,7 +184,8 @@ class OnGrid:
 
     @cached_property
     def _as_it_is(self) -> TurnOnGrid:
-        """The same of a machine that is free to turn, not anchored: its maps are those of all multipliers."""
+        """Derivatives of the original system of a free machine, not anchored: its one-step maps are those of
+        all multipliers."""
         turn = self.turn
         if turn.free is None:
             return turn
@@ -214,8 +212,8 @@ class OnGrid:
 
     @cached_property
     def _level(self) -> Array | None:
-        """Derivatives of the means along rigid-body modes (modes, r): the mean weighted by the inertia is
-        zero, and its weights depend on the parameters."""
+        """Derivatives of the means along rigid-body modes (modes, r). The inertia-weighted mean is zero, and
+        its weights depend on the parameters."""
         free, mean = self.turn.free, self.turn.curve.mean
         if free is None:
             return None
@@ -338,8 +336,8 @@ def _error_of_factor(solved: Stability, asked: Named) -> float:
 
 
 def _place(solved: Stability, asked: Named) -> int:
-    """Which of the multipliers is meant; the largest, without those of rigid-body modes for the spectral
-    radius."""
+    """Index of the multiplier in question; for the spectral radius the largest one without rigid-body
+    modes."""
     if asked.number:
         return asked.number - 1
     others = np.flatnonzero(~solved.spectrum.rigid)

@@ -71,9 +71,9 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """From the derivatives of the whole orbit by r quantities θ: for many figures. nodes (m, r): how far the
-    starts of steps move with θ; where q″ jumps by a, the derivative of q′ jumps by -a times as much. level:
-    derivatives of the means along rigid-body modes, see `TurnOnGrid.under`."""
+    """Forward derivatives of the orbit with respect to r quantities θ, for many figures. nodes (m, r): shift
+    of the starts of steps with θ; where q″ jumps by a, the derivative of q′ jumps by -a times this shift.
+    level: derivatives of the means along rigid-body modes, see `TurnOnGrid.under`."""
 
     orbit: OrbitOnGrid
     dependence: Dependence

@@ -26,9 +26,9 @@ from solve.sizes import require_size
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ by the
-    phase, at the phases of a `TurnOnGrid`; made: gives the states there; drift (n, r): steady velocities of a
-    machine that turns freely, part of the states there alone."""
+    """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ with
+    respect to the phase, at the phases of a `TurnOnGrid`; made: gives the states there; drift (n, r): steady
+    velocities of a free machine, contained only in the states at these phases."""
 
     x: Array
     accelerations: Array
@@ -58,9 +58,9 @@ class TurnOnGrid:
         known: Curve | None = None,
         free: Free | None = None,
     ):
-        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if it is known; free:
-        rigid-body modes of the system, which is then solved anchored. Raises ValueOutOfBoundsError for more
-        than can be held."""
+        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if known; free: rigid-body
+        modes of the system, which is then solved anchored. Raises ValueOutOfBoundsError if the memory limit
+        is exceeded."""
         self.point, self.grid, self.rule = point, grid, method.collocation
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
         n, s, m = point.n, len(self.rule.c), grid.steps
@@ -153,13 +153,13 @@ class TurnOnGrid:
 
     def under(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
         """Periodic solutions under loads (m, l, n, r) at the phases where they act, with jumps (m, 2n, r) of
-        the states at the starts of steps, where the matrices jump. level (modes, r): means along rigid-body
+        the states at the starts of steps where the matrices jump. level (modes, r): means along rigid-body
         modes, zero by default. Raises ResonanceError."""
         found, drift = self._under(loads, jumps), None
         if self._anchored is None:
             return found
         if self._anchored.modes.dragged.any():
-            # A drift may be far larger than the vibration, which would lose its digits beside it.
+            # A drift may be far larger than the vibration and would reduce its accuracy.
             anchored, held = self._for_each(found)
             drift = anchored.motion(self.curves(found), held.mass)[0].drift
         if drift is not None:
@@ -167,7 +167,7 @@ class TurnOnGrid:
         return self._of_machine(found, drift, level)
 
     def _under(self, loads: Array, jumps: Array | None) -> Motions:
-        """The same of the anchored system where the machine is free to turn."""
+        """Periodic solutions of the anchored system if the machine is free."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
@@ -182,8 +182,8 @@ class TurnOnGrid:
         return Motions(x, a, lambda: self._states(x, ends, a))
 
     def _of_machine(self, found: Motions, drift: Array | None, level: Array | None) -> Motions:
-        """Motions of the machine that is free to turn, from those of the anchored one; drift (r, n): steady
-        velocities whose drag is in the loads already."""
+        """Motions of the free machine from those of the anchored system; drift (r, n): steady velocities
+        whose drag is already part of the loads."""
         anchored, held = self._for_each(found)
         curves = self.curves(found)
         moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
@@ -209,7 +209,7 @@ class TurnOnGrid:
         return Motions(x, found.accelerations + by_state[:, :, 0], made, velocities)
 
     def _for_each(self, found: Motions) -> tuple[Anchored, Free]:
-        """The anchored system and its rigid-body modes, once for each of the motions."""
+        """The anchored system and its rigid-body modes, repeated for each of the motions."""
         assert self._anchored is not None
         assert self.free is not None
         every = np.zeros(found.x.shape[-1], dtype=int)
@@ -218,7 +218,7 @@ class TurnOnGrid:
 
     @cached_property
     def _damping(self) -> Array:
-        """C (m, l, n, n) of the system itself, by the phase."""
+        """C (m, l, n, n) of the original system, with respect to the phase."""
         phases = self.phases[:, self.loaded]
         C = matrices(self.point, phases.ravel())[1][0]
         return C.reshape(*phases.shape, *C.shape[1:])

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import casadi
 
 _FUNCTIONS = {
-    "linearised": "M q'' + C q' + K q = d, linearised about the desired motion q = 0.",
+    "linearised": "M q'' + C q' + K q = d, linearised about the fundamental motion q = 0.",
     "residual": "The nonlinear equations of motion, r = 0.",
     "outputs": "Outputs y, those of the drive at constant speed.",
 }

@@ -1,4 +1,5 @@
-"""Machines that are free to turn: a method solves them anchored, and their own motion is made of that."""
+"""Free machines: a method solves the anchored system, and the motion of the machine follows from its
+solution."""
 
 from dataclasses import replace
 
@@ -16,27 +17,27 @@ from solve.period.points import Points, matrices
 from solve.period.rigid_body import Free, RigidBodyModes, conserved_momentum, rigid_body_modes, still_rigid
 
 _IN_A_PIECE = 8
-"""Further phases of each piece between two jumps at which K is looked at."""
+"""Further phases at which K is tested in each interval between two jumps."""
 
 _FURTHER = 509
-"""Further phases of the period, apart by the golden section, at which K is looked at: with these nothing
-longer than 1/200 of the period is missed."""
+"""Further phases of the period, in golden-section spacing, at which K is tested: features longer than 1/200
+of the period are detected."""
 
 _SECTION = 0.6180339887498949
-"""The golden section, whose multiples are spread most evenly."""
+"""Golden section; its multiples modulo 1 are distributed most evenly."""
 
 _PANELS, _PLACES = 256, 4
-"""Parts of the period, and Gauss's places in each, that give the mean of a load: loads up to order 200 to
-1e-9 of their amplitude."""
+"""Number of intervals of the period and of Gauss points per interval for the mean of a load: harmonics up to
+200 are integrated to 1e-9 of their amplitude."""
 
 _MOST_SHOWN = 8
-"""Components of a rigid-body mode that a message shows."""
+"""Number of components of a rigid-body mode in a message."""
 
 _SMALLEST = float(np.finfo(float).tiny)
 
 
 def free(points: Points, modes: Frozen | None = None) -> Free | None:
-    """Rigid-body modes of the points, whose frozen modes may be known; None where no point has one."""
+    """Rigid-body modes of the points, with their frozen modes if known; None if no point has one."""
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
         if not rigid_body_modes(K, C, M).any.any():
@@ -71,8 +72,9 @@ def _further(points: Points) -> Array:
 def solutions_on(
     method: Method, points: Points, grid: Grid, orbit: bool, engine: str, held: Free | None
 ) -> Solutions:
-    """What the method gives for points, of which some are free: their monodromy matrices are those of the
-    remaining motion, see `Anchored.quotient`, and their orbits have zero mean along the rigid-body modes."""
+    """Solutions of a method for points, some of which have rigid-body modes. Their monodromy matrices are
+    those of the motion relative to the modes, see `Anchored.quotient`, and their orbits have zero mean along
+    the modes."""
     if held is None:
         return method.solutions(points, grid, orbit, engine)
     weights = held.modes.weighted(held.mass) if method.symmetric else None
@@ -82,7 +84,7 @@ def solutions_on(
     with np.errstate(all="ignore"):
         found = method.solutions(anchored, grid, orbit, engine)
         if found.curve is not None and (held.modes.damped & held.modes.present).any():
-            # A drift may be far larger than the vibration, which would lose its digits beside it.
+            # A drift may be far larger than the vibration and would reduce its accuracy.
             drift = anchored.motion(found.curve, held.mass)[0].drift
             anchored = replace(anchored, drift=drift)
             found = found if drift is None else method.solutions(anchored, grid, orbit, engine)
@@ -100,13 +102,13 @@ def solutions_on(
 
 
 def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:
-    """Orbits of points that conserve a momentum μ though C e ≠ 0. Their anchored points have a multiplier +1
-    still; a jump at phase 0 takes μ away, and of the solutions for μ = 0 and 1 behind it that without drift
-    is taken."""
+    """Orbits of points that conserve a momentum μ although C e ≠ 0. Their anchored points still have a
+    multiplier +1. A jump at phase 0 removes μ; the result is the drift-free combination of the solutions with
+    μ = 0 and μ = 1 after the jump."""
     if not isinstance(method, OneStep):
         raise MatricesError(
-            f"{method.name} finds no vibration of a free machine whose inertia varies, or that gyroscopic "
-            "forces act on, along its rigid-body mode; use radau or gauss"
+            f"{method.name} cannot solve a free machine with varying inertia or gyroscopic forces "
+            "along its rigid-body mode; use radau or gauss"
         )
     modes, mass, n = held.modes, held.mass, anchored.n
     with np.errstate(all="ignore"):
@@ -114,7 +116,7 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
         rows, units = anchored.momentum()
         states, condition, gained = _by_momentum(chain.steps, rows, units)
         first, second = states[..., 0], states[..., 1]
-        # Velocities along the mode, of which one solution has as much as the other, taken times a factor.
+        # Velocities along the mode; the drift-free combination of the two solutions has none.
         without, along = (
             anchored.motion(chain.curve(x), mass)[1].sum(axis=1) for x in (first, first + second)
         )
@@ -132,9 +134,10 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
 
 
 def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array, Array]:
-    """States (P, m+1, N, 2) of two solutions that a jump of the momentum at phase 0 makes periodic: behind it
-    this is 0 under the loads, and 1 without loads; the condition number (P,), and the momentum (P,) that a
-    period adds to the first. rows, units (P, N): see `Anchored.momentum`."""
+    """States (P, m+1, N, 2) of two solutions that a jump of the momentum at phase 0 makes periodic. After the
+    jump the momentum is 0 in the first, with loads, and 1 in the second, without loads. Also the condition
+    number (P,), and the momentum (P,) that the first gains in a period. rows, units (P, N): see
+    `Anchored.momentum`."""
     A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
     loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
     kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]
@@ -147,7 +150,8 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
 
 
 def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
-    """Largest accelerations (P, r) along each mode of any of the coordinates that it moves, by the phase."""
+    """Largest accelerations (P, r), with respect to the phase, of the coordinates that a mode moves, divided
+    by their components in the mode."""
     rate = 1.0 / float(curve.nodes[-1])
     sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
     along = np.abs(modes.vectors)
@@ -156,8 +160,8 @@ def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
 
 
 def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
-    """Mean over the period (r,) of the generalised force of the load along each rigid-body mode of one point:
-    of gᵀd, where g is the direction in which Kᵀ does nothing, e of symmetric equations."""
+    """Mean over the period (r,) of the generalised force along each rigid-body mode of one point: of gᵀd,
+    where gᵀK = 0; g = e if K is symmetric."""
     grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
     places, weights = np.polynomial.legendre.leggauss(_PLACES)
     M, C, K, d = matrices(point, grid.stages((places + 1) / 2).ravel())
@@ -171,22 +175,22 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
 
 
 def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
-    """Why one point has no periodic vibration: its load drives a rigid-body mode."""
+    """Error of a point without periodic vibration because its load drives a rigid-body mode."""
     loads = mean_loads(point, modes)
     loads = np.where(modes.present[0] & ~modes.dragged[0], loads, 0.0)
     at = int(np.abs(loads).argmax())
     components = [f"{component:.6g}" for component in modes.vectors[0, :, at]]
     more = ", …" if len(components) > _MOST_SHOWN else ""
     return UnbalancedLoadError(
-        f"the load drives the rigid-body mode ({', '.join(components[:_MOST_SHOWN])}{more}), which nothing "
-        f"holds: its mean torque (or force) along it is {loads[at]:.6g} N m (N), and the speed would grow "
-        "without bound; balance it by a constant load, or add drag or a spring to ground"
+        f"the load drives the rigid-body mode ({', '.join(components[:_MOST_SHOWN])}{more}), which has "
+        f"no restoring force: its mean torque (or force) along the mode is {loads[at]:.6g} N m (N), so the "
+        "speed would grow without bound; balance it by a constant load, or add drag or a spring to ground"
     )
 
 
 def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
     """Weights (r, n) of the coordinates of one point in the mean along each of its rigid-body modes, with the
-    coordinates of reference of known ones."""
+    reference coordinates of known modes."""
     found = free(point)
     if found is None:
         return np.zeros((modes.references.shape[1], point.n))

@@ -33,19 +33,18 @@ _ENOUGH_STEPS = 2**13
 
 @dataclass(frozen=True)
 class Solutions:
-    """One method on one grid, for P points.
+    """Solutions of one method on one grid, for P points.
 
-    Phi: monodromy matrices (P, N, N), zero at points that failed. curve: the periodic solutions, if asked
-    for. steps: the maps behind Φ, where the method has them. condition (P,): of the linear systems that
-    gave the curves; NaN without. defect (P,): relative error of the curve that no finer grid would mend.
-    rounding (P,): relative error that the way to Φ leaves in the multipliers, beyond that of their
-    condition; 1 where the grid does not determine Φ. notes: what the method has to say, none or one a point.
-    failures: why a point has no solution, by position. units (P, N): powers of 2 in which Φ is balanced,
-    where the way to it has found them. engine: what finds the eigenvalues of Φ. free: rigid-body modes, where
-    there are any; Φ is then of the remaining motion and zero elsewhere. secular (P, r): steady velocities of
-    modes where C e ≠ 0, accelerations of others, by the phase; driven (P,): the largest of these relative to
-    the accelerations of the motion. `steps` are then maps
-    of the remaining motion too.
+    Phi: monodromy matrices (P, N, N), zero at failed points. curve: the periodic solutions, if requested.
+    steps: the one-step maps behind Φ, if the method has them. condition (P,): condition numbers of the linear
+    systems for the curves; NaN without. defect (P,): relative error of the curve that a finer grid does not
+    reduce. rounding (P,): relative error of the multipliers from the computation of Φ, beyond that of their
+    condition; 1 where the grid does not determine Φ. notes: notes of the method, none or one per point.
+    failures: reasons of failures, by position. units (P, N): powers of 2 that balance Φ, if they are known.
+    engine: engine for the eigenvalues of Φ. free: rigid-body modes, if there are any; Φ and `steps` then
+    describe the motion relative to them and are zero elsewhere. secular (P, r): steady velocities of modes
+    with C e ≠ 0 and accelerations of others, with respect to the phase; driven (P,): the largest of these
+    accelerations relative to the accelerations of the motion.
     """
 
     grid: Grid
@@ -127,18 +126,17 @@ class Solutions:
 
 
 class Method:
-    """A method in phase time: M q″ + C q′ + K q = d with derivatives by the phase.
+    """Method in phase time: M q″ + C q′ + K q = d with derivatives with respect to the phase.
 
-    order: of convergence at the nodes, and of the multipliers; infinite where errors fall faster than any
-    power of the steps (`spectral`). curve_order: of the continuous curve. converges: False for an
-    approximation that finer steps do not bring to the truth. l_stable: whether stiff modes that the steps do
-    not resolve are damped out rather than kept. follows: ω_max h up to which the steps follow the fastest
-    mode. samples_evenly: whether all samples of a grid are equally far apart, so that some orders of the
-    matrices look like others to it. phase_constant: c, if a step keeps a mode but misplaces it by c (ω
-    h)^(order + 1); 0 where modes are lost before that matters. stages: those of a collocation method, and
-    with_another_stage: the method of its family with one stage more; None for other methods. warnings: those
-    that the method's own settings deserve. symmetric: whether the method needs matrices that modes make
-    diagonal.
+    order: order of convergence at the nodes and of the multipliers; infinite for spectral convergence
+    (`spectral`). curve_order: order of the continuous curve. converges: False for an approximation that does
+    not converge with finer steps. l_stable: whether unresolved stiff modes are damped rather than preserved.
+    follows: ω_max h up to which the steps resolve the fastest mode. samples_evenly: whether all samples of a
+    grid are equidistant, so that harmonics of the matrices can alias. phase_constant: c, if a step preserves
+    a mode with a phase error c (ω h)^(order + 1); 0 if modes are damped before that matters. stages: number
+    of stages of a collocation method; with_another_stage: the method of its family with one more stage; None
+    for other methods. warnings: warnings about the method's settings. symmetric: whether the method needs
+    matrices that modes diagonalise.
     """
 
     name: str
@@ -167,7 +165,7 @@ class Method:
 
     @property
     def linear(self) -> bool:
-        """Whether the points are solved as they are, rather than linearised along an orbit first."""
+        """Whether the points are solved directly, rather than linearised along an orbit first."""
         return True
 
     def loaded(self, points: Points) -> Points:
@@ -175,12 +173,13 @@ class Method:
         return points
 
     def linearised(self, points: Points, solutions: "Solutions") -> Points:
-        """The linear equations that the solutions of points satisfy: theirs, unless they are nonlinear."""
+        """Linear equations that the solutions of points satisfy: those of the points, unless they are
+        nonlinear."""
         return points
 
     @property
     def corrector(self) -> "Method":
-        """The method for these equations."""
+        """Method for these linear equations."""
         return self
 
     def in_phase(self, steps: Array, error: float) -> Array:

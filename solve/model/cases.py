@@ -20,9 +20,9 @@ _NUMBERS_A_BYTE = 64
 
 @dataclass(frozen=True)
 class Case:
-    """name, the speed that the case names (a text with unit) or None, the parameters in SI, by the names of
-    series what was fitted to tables, and by those of parameters where the file says that they come from and
-    the unit in which it gives them."""
+    """Case of a model: its name, its speed (a text with unit) or None, and its parameters in SI. By name of a
+    series: its fit to a table. By name of a parameter, if the file states them: its source and its unit in
+    the file."""
 
     name: str
     speed: str | None
@@ -38,8 +38,8 @@ class Case:
         sources: Mapping[str, str] = MappingProxyType({}),
         units: Mapping[str, str] = MappingProxyType({}),
     ) -> "Case":
-        """With further parameters, fits and sources; a series of which a parameter is given is fitted no
-        more, and a parameter that is given has no source but a new one; the file's unit stays known."""
+        """Case with further parameters, fits and sources. A series with a given parameter is no longer
+        fitted. A given parameter keeps no source except a new one; the unit in the file remains known."""
         kept = {name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)}
         known = {name: text for name, text in self.sources.items() if name not in parameters}
         return replace(
@@ -70,7 +70,9 @@ def chosen_case(
     series = series_of(getattr(module, "SERIES", ()))
     cases = read_cases(path, known, series) if path and (required or path.is_file()) else None
     if cases is None and case is not None:
-        where = f"no case file '{path}'" if path else f"{module.NAME} is in no file and has no case file"
+        where = (
+            f"no case file '{path}'" if path else f"{module.NAME} was derived in memory and has no case file"
+        )
         raise CaseFileError(f"{where} for case '{case}'; write one, or name no case")
     cases = cases or {"": Case("", None, {})}
     if case is not None and case not in cases:
@@ -132,7 +134,9 @@ def _read(path: Path) -> dict[str, Any]:
         require_size(f"bytes in case file '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
-        raise CaseFileError(f"case file '{path}' cannot be read ({cause(error)}); give another") from None
+        raise CaseFileError(
+            f"case file '{path}' cannot be read ({cause(error)}); give a readable case file"
+        ) from None
     except RecursionError:
         raise CaseFileError(f"case file '{path}' nests too deeply; give plain tables") from None
     except ValueError as error:

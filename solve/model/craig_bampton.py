@@ -6,7 +6,7 @@ Coordinates q of a body split into interface coordinates b, which are retained, 
 
     q = T p,   q_b = p_b,   q_i = Ψ p_b + Φ η,   Ψ = −K_ii⁻¹ K_ib
 
-Φ are the lowest modes of K_ii, M_ii, that is with the interface fixed. With all of them T is regular.
+Φ are the lowest modes of K_ii, M_ii, that is, with the interface fixed. With all of them T is invertible.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from solve.arrays import Array
 from solve.errors import MatricesError, ValueOutOfBoundsError
 
 _DEPENDENT = 1e-10
-"""Relative singular value, in the energy norm, below which static responses are dependent. Measured on links
-of 3 to 30 elements with 1 to 15 modes: dependent ones up to 1e-13, independent ones from 3e-7 on."""
+"""Relative singular value, in the energy norm, below which static responses are linearly dependent. Measured
+on links of 3 to 30 elements with 1 to 15 modes: dependent ones up to 1e-13, independent ones from 3e-7."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class CraigBampton:
     mass, stiffness : (r, r) arrays
         TᵀM T and TᵀK T.
     frequencies : (k,) array
-        Frequencies of the retained modes in rad/s, rising.
+        Frequencies of the retained modes in rad/s, ascending.
     discarded : float
-        Lowest frequency in rad/s among the discarded modes; infinite where none is discarded.
+        Lowest frequency in rad/s of the discarded modes; infinite if none is discarded.
     """
 
     basis: Array
@@ -51,18 +51,18 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int] | Array, modes: i
     Parameters
     ----------
     M, K : (n, n) arrays
-        Symmetric matrices; K positive definite once the interface is fixed.
+        Symmetric matrices; K positive definite with the interface fixed.
     interface : sequence of int
-        Indices of the retained coordinates. Without any, the basis consists of modes alone.
+        Indices of the retained coordinates. If empty, the basis consists of modes only.
     modes : int
         Number of retained modes, from 0 to the number of interior coordinates.
 
     Raises
     ------
     ValueOutOfBoundsError
-        For another number of modes, or indices outside the matrices or given twice.
+        For an invalid number of modes, or indices that are out of range or repeated.
     MatricesError
-        Where the body moves freely with its interface fixed, or a retained mode has no mass.
+        If the body has a rigid-body mode with its interface fixed, or a retained mode has no mass.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int] | Array, modes: i
         )
     inner = np.setdiff1d(np.arange(n), retained)
     if not 0 <= modes <= len(inner):
-        raise ValueOutOfBoundsError(f"{modes} modes of a body; allowed: 0 to {len(inner)}")
+        raise ValueOutOfBoundsError(f"modes is {modes}; allowed: 0 to {len(inner)} for this body")
     basis = np.zeros((n, len(retained) + modes))
     basis[retained, np.arange(len(retained))] = 1.0
     basis[inner, : len(retained)] = -_flexible(K, inner, K[np.ix_(inner, retained)])
@@ -95,7 +95,7 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int] | Array, modes: i
 
 
 def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, loads: Array) -> Array:
-    """Static response of a body to loads, without the part that a basis contains.
+    """Static response of a body to loads, without the component that a basis contains.
 
     Parameters
     ----------
@@ -103,13 +103,13 @@ def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, load
     basis : (n, r) array
         T of `craig_bampton`, for the same interface.
     loads : (n, c) array
-        Forces on the coordinates; those on the interface do not matter, as it is fixed.
+        Forces on the coordinates; those on the interface have no effect, because it is fixed.
 
     Returns
     -------
     (n, s) array
         Independent shapes, s ≤ c, zero on the interface and orthogonal with respect to K to the basis and to
-        each other. They represent what all discarded modes contribute to the response at low frequency
+        each other. They represent the contribution of all discarded modes at low frequency
         (residual flexibility: R. H. MacNeal, Computers & Structures 1 (1971) 581).
     """
     inner = np.setdiff1d(np.arange(len(K)), interface)
@@ -118,7 +118,7 @@ def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, load
     responses = responses[:, responses.any(axis=0)]
     root = np.linalg.cholesky(stiffness).T
     responses = responses / np.linalg.norm(root @ responses, axis=0)
-    # ΦᵀK Φ is diagonal; the second pass takes away what round-off left of the modes in the first.
+    # ΦᵀK Φ is diagonal; the second pass removes the round-off of the first.
     squares = np.einsum("ij,ij->j", modes, stiffness @ modes)
     for _ in range(2):
         responses = responses - (modes / squares) @ (modes.T @ stiffness @ responses)
@@ -135,12 +135,12 @@ def _projected(A: Array, basis: Array) -> Array:
 
 
 _PIVOT = 1e-12
-"""Part of the diagonal of K below which a pivot of its factorisation is round-off. Measured: up to 5e-15 for
-free chains of 8 to 500 masses, 7e-3 or more for links of up to 100 elements with their ends held."""
+"""Fraction of the diagonal of K below which a pivot of its factorisation is round-off. Measured: up to 5e-15
+for free chains of 8 to 500 masses, 7e-3 or more for links of up to 100 elements with fixed ends."""
 
 
 def _flexible(K: Array, inner: Array, loads: Array) -> Array:
-    """K_ii⁻¹ times loads (i, c). Raises MatricesError where K_ii is not positive definite."""
+    """K_ii⁻¹ times loads (i, c). Raises MatricesError if K_ii is not positive definite."""
     from scipy.linalg import cho_factor, cho_solve
 
     stiffness = K[np.ix_(inner, inner)]
@@ -151,17 +151,18 @@ def _flexible(K: Array, inner: Array, loads: Array) -> Array:
         free, factor = True, None
     if free:
         raise MatricesError(
-            "a body moves freely while its interface is fixed: K of its interior coordinates is not positive "
-            "definite; add coordinates to the interface until it is held"
+            "a body has a rigid-body mode with its interface fixed: K of its interior coordinates is not "
+            "positive definite; add coordinates to the interface"
         )
     return np.zeros(loads.shape) if factor is None else cho_solve(factor, loads)
 
 
 def _lowest(M: Array, K: Array, modes: int) -> tuple[Array, Array]:
-    """ω² of the lowest modes and of the one above, and the shapes of the former with ΦᵀMΦ = I.
+    """ω² of the lowest modes and of the next one, and the shapes of the lowest modes with ΦᵀMΦ = I.
 
-    1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies keep their digits however stiff
-    the highest modes are."""
+    1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies remain accurate for any stiffness
+    of the highest modes.
+    """
     from scipy.linalg import eigh
 
     i = len(K)

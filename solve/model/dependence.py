@@ -79,7 +79,7 @@ class _Slopes:
 class GeneratedSlopes:
     """Derivatives of the generated functions by automatic differentiation in CasADi (J. A. E. Andersson et
     al., Math. Program. Comput. 11 (2019) 1-36), for any values of the parameters, each built when it is first
-    asked for. nonlinear: of the nonlinear equations, rather than of those linearised about the desired
+    asked for. nonlinear: of the nonlinear equations, rather than of those linearised about the fundamental
     motion."""
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):

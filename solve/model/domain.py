@@ -1,4 +1,4 @@
-"""Where the desired motion of a generated module is real and finite, at a speed or at many points at once."""
+"""Domain of the fundamental motion of a generated module: where it is real and finite."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,32 +12,32 @@ from solve.model.sampling import Sampler
 if TYPE_CHECKING:
     import casadi
 
-_LOOKS = 128
-"""Phases of a period at which margins are sampled; between them the least value of a smooth margin is found
-from a bracket of three samples, and a change of sign by bisection."""
+_SAMPLES = 128
+"""Phases per period at which margins are sampled. Between them, three samples bracket the minimum of a smooth
+margin, and bisection locates a change of sign."""
 
 _ROUNDING = 1e-12
-"""Of the largest margin over the period: sums of a few terms of that size round to some 1e-16 of it, and the
-square root of that moves a minimum that touches zero by no more than its square."""
+"""Round-off of a margin relative to its largest value over the period: sums of a few terms have relative
+errors of some 1e-16, and a minimum that touches zero is resolved to the square of the error of its phase."""
 
-_HALVINGS = 40
-"""Of two samples' distance: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad; golden sections reduce as far in 1.44 times as
-many."""
+_BISECTIONS = 40
+"""Bisections of the distance of two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44 times
+as many for the same reduction."""
 
-_JUMP = 1e-6
-"""Of the largest margin: a larger one on both sides of a change of sign is a jump and no zero."""
+_JUMP_SIZE = 1e-6
+"""Fraction of the largest margin: a larger margin on both sides of a change of sign is a jump, not a zero."""
 
-_TOGETHER = 2**16
-"""Phases of points that are evaluated together."""
+_BATCH_PHASES = 2**16
+"""Number of phases of points that are evaluated at once."""
 
-_KEPT = 8
-"""Answers for the latest points: a solution asks for matrices of the same points on several grids."""
+_CACHE_SIZE = 8
+"""Number of cached results: a solution requests matrices of the same points on several grids."""
 
 _GOLDEN = (5**0.5 - 1) / 2
 
 
-class _Found(NamedTuple):
-    """Margins that do not satisfy their relations: points, rows, phases and values (f,)."""
+class _Violations(NamedTuple):
+    """Violated conditions: points, rows, phases and margins (f,)."""
 
     point: Array
     row: Array
@@ -46,7 +46,8 @@ class _Found(NamedTuple):
 
 
 class Domain:
-    """What a generated module demands of phase, speed and parameters, of which some vary between points."""
+    """Domain conditions of a generated module on phase, speed and parameters, some of which vary between
+    points."""
 
     def __init__(
         self,
@@ -55,50 +56,52 @@ class Domain:
         rows: Sequence[tuple[str, str, str, str]],
         period: float,
     ):
-        """function: as generated; sampler: of it at phases, speeds and free parameters; rows: of DOMAIN."""
+        """function: generated function of the margins; sampler: evaluates it at phases, speeds and free
+        parameters; rows: of DOMAIN."""
         self._rows, self._sampler, self._period = rows, sampler, float(period)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"
-        self._kept: dict[tuple[int, bytes, bytes], Array] = {}
+        self._cache: dict[tuple[int, bytes, bytes], Array] = {}
         self._by_phase = _depends(function, 0).any()
         self._by_speed = _depends(function, 1)
 
     @property
     def by_speed(self) -> bool:
-        """Whether the speed decides on some of what is demanded."""
+        """Whether a condition depends on the speed."""
         return bool(self._by_speed.any())
 
     def holds(self, speeds: Array, values: Array) -> Array:
-        """Whether all is met (P,) at speeds (P,) with the free parameters (P, v)."""
+        """Whether all conditions hold (P,) at speeds (P,) with the free parameters (P, v)."""
         key = len(values), speeds.tobytes() if self.by_speed else b"", values.tobytes()
-        if key not in self._kept:
-            while len(self._kept) >= _KEPT:
-                del self._kept[next(iter(self._kept))]
-            self._kept[key] = self._met(speeds, values)
-        return self._kept[key]
+        if key not in self._cache:
+            while len(self._cache) >= _CACHE_SIZE:
+                del self._cache[next(iter(self._cache))]
+            self._cache[key] = self._evaluate(speeds, values)
+        return self._cache[key]
 
-    def _met(self, speeds: Array, values: Array) -> Array:
-        given = np.column_stack([speeds if self.by_speed else np.ones_like(speeds), values])
-        different, group = np.unique(given, axis=0, return_inverse=True)
-        hold = np.ones(len(different), dtype=bool)
-        together = max(1, _TOGETHER // len(self._phases))
-        for start in range(0, len(different), together):
-            part = slice(start, start + together)
-            hold[start + self._violations(different[part, 0], different[part, 1:]).point] = False
-        return hold[group.ravel()]
+    def _evaluate(self, speeds: Array, values: Array) -> Array:
+        points = np.column_stack([speeds if self.by_speed else np.ones_like(speeds), values])
+        unique, group = np.unique(points, axis=0, return_inverse=True)
+        holds = np.ones(len(unique), dtype=bool)
+        batch = max(1, _BATCH_PHASES // len(self._phases))
+        for start in range(0, len(unique), batch):
+            some = unique[start : start + batch]
+            holds[start + self._violations(some[:, 0], some[:, 1:]).point] = False
+        return holds[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
-        """Raise DesiredMotionError where something is not met at a speed (rad/s), which `at` names; without
-        one, where something is not met at any speed."""
-        found = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
+        """Raise DesiredMotionError if a condition fails at a speed (rad/s), which `at` names; without a
+        speed, if a condition that does not depend on the speed fails."""
+        violations = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
-            found = _Found(*(part[~self._by_speed[found.row]] for part in found))
-        if not len(found.row):
+            independent = ~self._by_speed[violations.row]
+            violations = _Violations(*(column[independent] for column in violations))
+        if not len(violations.row):
             return
-        row = int(found.row.min())
+        row = int(violations.row.min())
         what, function, margin, relation = self._rows[row]
-        alike = found.row == row
-        where = self._where(row, found.phase[alike], found.value[alike])
+        of_row = violations.row == row
+        where = self._where(row, violations.phase[of_row], violations.value[of_row])
         cure = "the parameters" if speed is None or not self._by_speed[row] else "the speed or the parameters"
         raise DesiredMotionError(
             f"{what} is not real and finite{at and ' at '}{at}: {function} needs {margin} {relation}, "
@@ -107,36 +110,36 @@ class Domain:
 
     @property
     def _phases(self) -> Array:
-        count = _LOOKS if self._by_phase else 1
-        # Symmetric motions have their extremes at fractions of the turn, beside which these lie.
+        count = _SAMPLES if self._by_phase else 1
+        # Symmetric motions have extrema at fractions of the revolution, which these phases avoid.
         return (np.arange(count) + 0.5) * (self._period / count)
 
     def _where(self, row: int, phase: Array, value: Array) -> str:
-        """The least value that fails, and where."""
+        """Text with the smallest failing margin and its phase."""
         worst = int(np.argmax(np.isnan(value))) if np.isnan(value).any() else int(np.argmin(value))
         if len(self._phases) == 1:
             return f"{value[worst]:.4g} at every phase"
         if self._zero[row]:
             return f"0 at phase {phase[worst]:.4g}"
         sampled = int(np.isin(self._phases, phase).sum())
-        share = f" and fails at {sampled} of {_LOOKS} phases" if sampled > 1 else ""
+        share = f" and fails at {sampled} of {_SAMPLES} phases" if sampled > 1 else ""
         return f"{value[worst]:.4g} at phase {phase[worst]:.4g}{share}"
 
     def _margins(self, phase: Array, speeds: Array, values: Array) -> Array:
-        """At phases (k,) of as many points: (k, R)."""
+        """Margins (k, R) at phases (k,) of as many points."""
         with np.errstate(all="ignore"):
             return self._sampler(phase, speeds, values)
 
-    def _violations(self, speeds: Array, values: Array) -> _Found:
-        """At points (P,): at sampled phases, else where one lies between these."""
+    def _violations(self, speeds: Array, values: Array) -> _Violations:
+        """Violations at points (P,), at sampled phases or else between them."""
         phase, P = self._phases, len(speeds)
         k = len(phase)
-        given = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)
-        margins = self._margins(*given).reshape(P, k, -1)
+        grid = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)
+        margins = self._margins(*grid).reshape(P, k, -1)
         finite = np.where(np.isfinite(margins), np.abs(margins), 0.0)
         allowed = _ROUNDING * finite.max(axis=1, keepdims=True)
         point, at, row = np.nonzero(self._fails(margins, allowed))
-        found = [_Found(point, row, phase[at], margins[point, at, row])]
+        found = [_Violations(point, row, phase[at], margins[point, at, row])]
         if k > 1:
             failed = np.zeros((P, 1, margins.shape[2]), dtype=bool)
             failed[point, 0, row] = True
@@ -144,34 +147,37 @@ class Domain:
                 self._crossings(margins, allowed, failed, speeds, values),
                 self._minima(margins, allowed, failed, speeds, values),
             ]
-        return _Found(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+        return _Violations(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
     def _fails(self, margins: Array, allowed: Array) -> Array:
-        """Whether margins (…, R) do not satisfy their relations."""
+        """Whether margins (…, R) violate their relations."""
         size = np.where(self._zero, np.abs(margins), margins)
         strict = self._zero | self._positive
         return ~np.isfinite(margins) | np.where(strict, size <= allowed, size < -allowed)
 
     def _crossings(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
-    ) -> _Found:
-        """Zeros between samples of opposite sign, where zeros are not allowed."""
+    ) -> _Violations:
+        """Zeros between samples of opposite sign, for margins that must not be zero."""
         changes = (margins * np.roll(margins, -1, axis=1) < 0) & self._zero & ~failed
         point, at, row = np.nonzero(changes)
         step = self._period / margins.shape[1]
         low = self._phases[at]
         high, first = low + step, margins[point, at, row]
-        for _ in range(_HALVINGS if len(point) else 0):
+        for _ in range(_BISECTIONS if len(point) else 0):
             middle = (low + high) / 2
             same = self._margins(middle, speeds[point], values[point])[np.arange(len(row)), row] * first > 0
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         ends = [self._at(phase, point, row, speeds, values) for phase in (low, high)]
         least = np.minimum(*map(np.abs, ends)) if len(point) else np.zeros(0)
-        zero = least <= _JUMP / _ROUNDING * allowed[point, 0, row]
-        return _Found(point[zero], row[zero], low[zero] % self._period, np.zeros(zero.sum()))
+        zero = least <= _JUMP_SIZE / _ROUNDING * allowed[point, 0, row]
+        return _Violations(point[zero], row[zero], low[zero] % self._period, np.zeros(zero.sum()))
 
-    def _minima(self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array) -> _Found:
-        """Least values between samples where neighbours differ by enough for one beyond what is allowed."""
+    def _minima(
+        self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
+    ) -> _Violations:
+        """Violating minima between samples, searched where neighbouring samples differ enough to permit
+        one."""
         size = np.where(self._zero, np.abs(margins), margins)
         before, behind = np.roll(size, 1, axis=1), np.roll(size, -1, axis=1)
         reach = np.maximum(before - size, behind - size)
@@ -184,7 +190,7 @@ class Domain:
             found = self._at(phase, point, row, speeds, values)
             return np.where(np.isnan(found), -np.inf, np.where(self._zero[row], np.abs(found), found))
 
-        for _ in range(round(1.44 * _HALVINGS) if len(point) else 0):
+        for _ in range(round(1.44 * _BISECTIONS) if len(point) else 0):
             inner = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
             first = sized(inner[0]) < sized(inner[1])
             left, right = np.where(first, left, inner[0]), np.where(first, inner[1], right)
@@ -193,7 +199,7 @@ class Domain:
         full = np.ones((len(point), margins.shape[2]))
         full[np.arange(len(point)), row] = value
         fails = self._fails(full, allowed[point, 0])[np.arange(len(point)), row]
-        return _Found(point[fails], row[fails], middle[fails] % self._period, value[fails])
+        return _Violations(point[fails], row[fails], middle[fails] % self._period, value[fails])
 
     def _at(self, phase: Array, point: Array, row: Array, speeds: Array, values: Array) -> Array:
         """Margins (f,) of rows at phases of points."""
@@ -203,7 +209,7 @@ class Domain:
 
 
 def _depends(function: "casadi.Function", position: int) -> Array:
-    """Which outputs of a generated function depend on one of its scalar inputs."""
+    """Whether outputs of a generated function depend on one of its scalar inputs."""
     pattern = function.jac_sparsity(0, position)
     depends = np.zeros(pattern.size1(), dtype=bool)
     depends[pattern.row()] = True

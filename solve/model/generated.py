@@ -31,7 +31,7 @@ def model_module(path: Path) -> ModuleType:
     missing = min((_missing(module, (*_EVERY, *names)) for names in _KINDS.values()), key=len)
     if missing:
         raise ModelFileError(
-            f"'{path}' is no generated code (no {missing[0]}); move it away and run derive again"
+            f"'{path}' is not generated code (no {missing[0]}); move it away and run derive again"
         )
     return module
 
@@ -64,9 +64,9 @@ def _sealed(text: str, path: str) -> str:
     text = text.replace("\r\n", "\n")
     seals = re.findall(_SEAL, text, flags=re.MULTILINE)
     if len(seals) != 1:
-        raise ModelFileError(f"'{path}' is no generated code (no seal); move it away and run derive again")
+        raise ModelFileError(f"'{path}' is not generated code (no seal); move it away and run derive again")
     if sha256(re.sub(_SEAL, "", text, flags=re.MULTILINE)) != seals[0]:
-        raise ModelFileError(f"'{path}' was edited; its first lines name the command that renews it")
+        raise ModelFileError(f"'{path}' was edited; regenerate it with the command in its header")
     return text
 
 
@@ -99,6 +99,6 @@ def _of_text(text: str, origin: str) -> ModuleType:
         exec(compile(text, origin, "exec"), module.__dict__)
     except Exception as error:
         raise ModelFileError(
-            f"'{origin}' is no generated code ({error}); move it away and run derive again"
+            f"'{origin}' is not generated code ({error}); move it away and run derive again"
         ) from None
     return module

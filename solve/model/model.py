@@ -123,8 +123,9 @@ class Model(PeriodicSystem):
         return ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
-        """Beyond the checks of any system: the desired motion exists, generated matrices repeat at every
-        phase, and M is positive definite. Raises DesiredMotionError, MatricesError."""
+        """Checks in addition to those of any system: the fundamental motion exists, generated matrices are
+        periodic and jump at the breaks alone, and M is positive definite. Raises DesiredMotionError,
+        MatricesError."""
         self.shown_in(speed).require_desired_motion(np.array([speed]))
         if not self._sound:
             super().checked(speed)
@@ -332,12 +333,12 @@ def _bound(name: str, meaning: str, unit: str, clause: str) -> Limit:
 
 
 of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration)
-"""Before a public function of a model that vibrates."""
+"""Decorator of public functions that require a vibrating model."""
 
 
 class ModelAlong(Model):
-    """A model linearised along a motion, see `PeriodicSystem.along`. Neither the bounds within which the
-    model linearised about its desired motion is trusted concern it, nor what that leaves out."""
+    """Model linearised along a motion, see `PeriodicSystem.along`. The bounds of validity of the
+    linearisation about the fundamental motion, and the terms it omits, do not apply."""
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -10,8 +10,8 @@ import numpy as np
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 
 REDUCE = "reduce"
-"""Option of every structure of beams: number of modes that are kept of each link. It is among the options
-only where it is given."""
+"""Option of every beam structure: number of modes retained per link. It is contained in the options only if
+given."""
 
 
 def checked_options(module: ModuleType, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -33,15 +33,14 @@ def checked_options(module: ModuleType, given: Mapping[str, Any]) -> dict[str, A
 
 
 def _modes_a_link(module: ModuleType, value: Any) -> int:
-    """A number of modes; which ones the elements allow is known when they are assembled."""
+    """Number of modes; the elements determine the allowed range when they are assembled."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
-            f"{module.NAME} has no beams whose modes could be kept: reduce is for structures of beams; "
-            "leave it out"
+            f"{module.NAME} is not a beam structure, and reduce requires one; omit reduce"
         )
     modes = _whole(value)
     if type(modes) is not int or modes < 1:
-        raise ValueOutOfBoundsError(f"reduce is {value}; allowed: a number of modes a link, 1 or more")
+        raise ValueOutOfBoundsError(f"reduce is {value}; allowed: a number of modes per link, 1 or more")
     return modes
 
 

@@ -1,4 +1,4 @@
-"""A mechanism without coordinates: nothing vibrates, its outputs follow from the phase and the speed."""
+"""Mechanism without coordinates: nothing vibrates, and its outputs follow from the phase and the speed."""
 
 from typing import Any, Self
 
@@ -12,7 +12,7 @@ from solve.model.setup import Setup
 
 
 class RigidModel(Model):
-    """A model of which the whole motion is prescribed."""
+    """Model whose entire motion is prescribed."""
 
     vibrates = False
 
@@ -32,8 +32,8 @@ class RigidModel(Model):
 
     def require_motion(self) -> None:
         raise NoVibrationError(
-            f"{self.name} has no coordinates, and nothing vibrates; its outputs over the turn are shown by "
-            "periodic, sweep and animate"
+            f"{self.name} has no coordinates, so nothing vibrates; periodic, sweep and animate give its "
+            "outputs over a revolution"
         )
 
 

@@ -1,5 +1,5 @@
-"""Round-off in generated functions, to first order, by running error analysis (N. J. Higham, Accuracy and
-Stability of Numerical Algorithms, 2nd ed., 3.3)."""
+"""First-order bounds on the round-off of generated functions by running error analysis (N. J. Higham,
+Accuracy and Stability of Numerical Algorithms, 2nd ed., 3.3)."""
 
 from collections.abc import Collection
 from functools import cache
@@ -11,19 +11,19 @@ if TYPE_CHECKING:
     import casadi
 
 _EXACT = ("ASSIGN", "NEG", "TWICE", "FABS")
-"""Operations whose result is not rounded, by CasADi's names."""
+"""Operations with an exact result, by CasADi's names."""
 
 
 def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -> "casadi.Function":
-    """A function of the same inputs whose output bounds the round-off in the column that a scalar (SX)
-    function returns, in units of the machine precision: Σ |∂f/∂z| |z| over the results z of its operations,
-    its constants, and the inputs whose names are among the `rounded`; other inputs are exact."""
+    """Function of the same inputs whose output bounds the round-off in the column that a scalar (SX) function
+    returns, in units of the machine precision: Σ |∂f/∂z| |z| over the results z of its operations, its
+    constants, and the inputs named in `rounded`; other inputs are exact."""
     import casadi
 
     operations = {getattr(casadi, name): name[3:] for name in dir(casadi) if name.startswith("OP_")}
     inputs, of_one = inputs_of(function), cache(_operation)
     symbols = list(inputs.values())
-    # The value in each register, and the bound of its round-off.
+    # Value in each register, and the bound on its round-off.
     registers: dict[int, tuple[Any, Any]] = {}
     results, rows = casadi.SX(function.size1_out(0), 1), function.sparsity_out(0).row()
     for k in range(function.n_instructions()):
@@ -33,7 +33,7 @@ def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -
             results[rows[to[1]]] = registers[at[0]][1]
         elif operation == "CONST":
             constant = casadi.SX(function.instruction_constant(k))
-            # Whole numbers are exact; others, such as π, were rounded.
+            # Integers are exact; other constants, such as π, are rounded.
             exact = function.instruction_constant(k).is_integer()
             registers[to[0]] = constant, 0 if exact else casadi.fabs(constant)
         elif operation == "INPUT":
@@ -48,7 +48,7 @@ def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -
 
 
 def _operation(code: int, count: int) -> "casadi.Function":
-    """The value of an operation of CasADi and its derivatives by its arguments."""
+    """Result of a CasADi operation and its derivatives with respect to its arguments."""
     import casadi
 
     arguments = [symbol(f"x{k}") for k in range(count)]

@@ -39,7 +39,7 @@ class Setup:
 
     @classmethod
     def checked(cls, module: ModuleType, case: Case, options: Mapping[str, Any]) -> "Setup":
-        """Options that are not given have their defaults; every parameter needs a value. Raises
+        """Setup with defaults for options that are not given; every parameter needs a value. Raises
         UnknownNameError, ValueOutOfBoundsError and DesiredMotionError."""
         case = replace(case, parameters=checked_parameters(module, case.parameters))
         setup = cls(module, case, checked_options(module, options))
@@ -101,8 +101,8 @@ class Setup:
 
     @cached_property
     def residual_roundoff(self) -> Sampler:
-        """Bounds (k, n) of the round-off in the nonlinear residual, in units of the machine precision, at
-        phases, speeds and states q, qd, qdd (k, n), and the parameters (p,)."""
+        """Bounds (k, n) on the round-off in the nonlinear residual, in units of the machine precision, at
+        phases, speeds and states q, qd, qdd (k, n), with parameters (p,)."""
         return Sampler(roundoff_bound(self.function("residual"), ("speed", "p")), shared=1)
 
     def formulas(
@@ -122,18 +122,18 @@ class Setup:
 
     @cached_property
     def domain(self) -> Domain | None:
-        """Where the desired motion is real and finite; None where it is so everywhere."""
+        """Domain conditions of the fundamental motion; None if it is real and finite everywhere."""
         return self.domain_with(())
 
     def exist(self, speeds: Array) -> Array:
-        """Whether there is a desired motion at speeds (P,) in rad/s."""
+        """Whether the fundamental motion exists at speeds (P,) in rad/s."""
         domain = self.domain
         if domain is None or not domain.by_speed:
             return np.ones(len(speeds), dtype=bool)
         return domain.holds(speeds, np.zeros((len(speeds), 0)))
 
     def domain_with(self, free: Sequence[str]) -> Domain | None:
-        """The same with values of their own for the free parameters."""
+        """Domain conditions with separate values of the free parameters at each point."""
         rows = getattr(self.module, "DOMAIN", ())
         if not rows:
             return None

@@ -31,23 +31,23 @@ def branch(
     engine: str = "auto",
     periods: int = 1,
 ) -> Branch:
-    """Follow nonlinear orbits over the speed, through the speeds where the branch turns back.
+    """Continue nonlinear orbits in the speed, through folds.
 
     Parameters
     ----------
     speeds : str or (float or str, float or str)
-        First speed, and the speed towards which the branch is followed: "300:600 rpm", or rad/s. The branch
-        ends where it leaves their range.
+        First speed, and the speed towards which the branch is continued: "300:600 rpm", or rad/s. The
+        branch ends where it leaves this range.
     start : optional
         Start of `solve.nonlinear` at the first speed.
     points : int
-        Number of orbits after which the branch ends.
+        Maximum number of orbits.
     rtol : float
         Largest error of the orbits, relative to the scale of each coordinate.
     engine : str
         "auto", "compiled" or "numpy".
     periods : int
-        Number of the model's periods after which the orbits repeat.
+        Number of model periods per period of the orbits.
 
     Returns
     -------
@@ -60,14 +60,14 @@ def branch(
     LinearModelError
         For linear systems.
     NoOrbitError
-        Where there is no orbit at the first speed.
+        If there is no orbit at the first speed.
     NoDerivativeError
-        Where the equations have no derivative by the speed.
+        If the equations have no derivative with respect to the speed.
 
     Notes
     -----
-    Every orbit is converged on one grid and corrected once on another of twice the steps. The corrected orbit
-    is returned; the differences give the errors, and grids are refined where these exceed rtol.
+    Every orbit is converged on one grid and corrected once on a grid with twice the number of steps. The
+    corrected orbit is returned. The differences give the errors; grids are refined if these exceed rtol.
     """
     first, last = ramp_in_si(speeds)
     if not (first > 0 and last > 0) or first == last:

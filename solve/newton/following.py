@@ -1,6 +1,5 @@
-"""Nonlinear orbits followed over a parameter, such as the speed, through the values where the branch turns
-back: continuation by arclength (H. B. Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory,
-Academic Press, 1977)."""
+"""Continuation of nonlinear orbits in a parameter, such as the speed, through folds: continuation by
+arclength (H. B. Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory, Academic Press, 1977)."""
 
 import math
 from collections.abc import Callable
@@ -29,41 +28,42 @@ from solve.system import PeriodicSystem
 from solve.threads import one_thread
 
 _FIRST, _LARGEST, _LEAST = 0.05, 0.2, 1e-5
-"""Lengths of steps, in sizes of the coordinates and parts of the range of the parameter: the first, the
-largest, and that below which the branch is given up."""
+"""Step lengths, in scaled coordinates and fractions of the range of the parameter: initial, largest, and
+smallest before the continuation stops."""
 
 _FEW, _MANY, _MOST = 4, 6, 8
-"""Corrections of a step: after few the next is longer, after many shorter; beyond most it is halved."""
+"""Numbers of corrections per step: up to the first the next step is longer, from the second it is shorter,
+beyond the third the step is halved."""
 
 _CONVERGED, _LOST = 1e-7, 3.0
-"""Sizes of a correction: of the last at most, and of one that leads away."""
+"""Norms of a correction: upper limit of the last one, and limit beyond which the iteration diverges."""
 
 _PART_OF_RTOL, _LEAST_CORRECTION = 0.01, 1e-10
-"""Part of rtol that the last correction may be, if that is less, and the size below which corrections are
-not required to fall: on a fold the condition of 1e5 leaves them 1e-11."""
+"""Upper limit of the last correction as a fraction of rtol, if that is smaller; norm below which corrections
+need not decrease: at a fold with condition number 1e5 they remain at 1e-11."""
 
 _ROUNDOFF = 4 * EPS
-"""Relative error of the parameter that is always there."""
+"""Minimum relative error of the parameter."""
 
 _LEAST_ERROR = 64 * EPS
-"""Relative error of an orbit that round-off leaves, as for single orbits."""
+"""Relative error of an orbit due to round-off, as for single orbits."""
 
 _SAMPLES = 8
-"""Phases a step at which orbits are compared."""
+"""Phases per step at which orbits are compared."""
 
 _FINEST = 2**12
-"""Steps of a period beyond which grids are not refined."""
+"""Largest number of steps per period; finer grids are not used."""
 
 _ROUNDS = 3
-"""Steps to a value where the branch turns back."""
+"""Steps towards a turning point."""
 
 _STRAIGHT = 0.85
-"""Cosine of the angles between a step and the directions at its ends below which it is too long."""
+"""Cosine of the angle between a step and the tangents at its ends below which the step is too long."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """A curve and a value of the parameter, or differences of both."""
+    """Curve and value of the parameter, or differences of both."""
 
     curve: Curve
     value: float
@@ -87,10 +87,9 @@ class Place:
 
 @dataclass(frozen=True)
 class FollowedOrbit:
-    """An orbit of a branch: the value of the parameter; figures (q, 7) of coordinates and outputs, the fields
-    of `Statistics`, and their relative errors (q,); spectral radius; distance of the multiplier nearest to +1
-    from it; errors (2,) of the orbit, relative, and of the spectral radius; whether it is an orbit of fewer
-    periods."""
+    """Orbit of a branch: value of the parameter; figures (q, 7) of coordinates and outputs, the fields of
+    `Statistics`, and their relative errors (q,); spectral radius; distance of the nearest multiplier from +1;
+    errors (2,) of the orbit, relative, and of the spectral radius; whether the orbit has fewer periods."""
 
     value: float
     figures: Array
@@ -103,9 +102,9 @@ class FollowedOrbit:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a branch: its place, converged on a grid; sizes (n,) of the coordinates there, by which
-    steps are measured; direction of the branch, of length 1; the orbit, on a grid twice as fine; whether the
-    branch turns back here."""
+    """Point of a branch: its place, converged on a grid; sizes (n,) of the coordinates, which scale steps;
+    unit tangent `direction` of the branch; the orbit on a grid twice as fine; whether it is a turning
+    point."""
 
     place: Place
     sizes: Array
@@ -122,8 +121,8 @@ class Point:
 def followed(
     parameter: ContinuationParameter, ends: tuple[float, float], orbit: Orbit, points: int
 ) -> tuple[list[Point], str]:
-    """At most the given number of points of the branch of an orbit at the first of two values of a parameter
-    towards the second, and in words why they end between these values, if they do."""
+    """Points of the branch of an orbit from the first of two values of a parameter towards the second, up to
+    a given number, and the reason if they end between these values."""
     task = parameter.task
     with one_thread(task.system.n), stage("points", points) as count:
         follower = _Follower(parameter, ends)
@@ -132,18 +131,18 @@ def followed(
 
 
 class _Follower:
-    """Steps along a branch from the first value of a parameter to the last."""
+    """Continuation of a branch from the first value of a parameter to the last."""
 
     def __init__(self, parameter: ContinuationParameter, ends: tuple[float, float]):
         self.parameter, self.task = parameter, parameter.task
         self.first, self.last = ends
         self.ends, self.span = sorted(ends), abs(self.last - self.first)
         self._tolerance = max(_LEAST_CORRECTION, min(_CONVERGED, _PART_OF_RTOL * self.task.rtol))
-        # Whether some coordinate may be zero within round-off.
+        # Whether a coordinate may be zero within round-off.
         self._resting = False
 
     def followed(self, orbit: Orbit, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
-        """See the function of this name."""
+        """See the module function of this name."""
         grid = self.task.grid(orbit.steps)
         place, alone = Place(on(grid, orbit.motion), self.first), self._value_alone(grid)
         found, length = [self._point(place, alone, grid, alone)], _FIRST
@@ -163,15 +162,16 @@ class _Follower:
                 return found, str(reason)
             growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
             length = min(growth * length, _LARGEST)
-        return found[:most], f"the branch goes on beyond the {most} points asked for; ask for more"
+        return found[:most], f"the branch continues beyond the {most} points requested; request more"
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
-        """The points with errors of the spectral radius that include how errors of the parameter move the
-        orbit along the branch; where it turns back, also the distance from +1 of the multiplier that is +1
-        there.
+        """Points whose errors of the spectral radius include the effect of errors of the parameter, which
+        move the orbit along the branch. At a turning point they also include the distance from +1 of the
+        multiplier that is +1 there.
 
-        With derivatives by the arclength s, an error e of the parameter p moves the orbit by e/|p'|, but at
-        a turn, where p' = 0, by √(2e/|p''|)."""
+        With derivatives with respect to the arclength s, an error e of the parameter p moves the orbit by
+        e/|p'|, but at a turning point, where p' = 0, by √(2e/|p''|).
+        """
         none = np.zeros(2)
         rates = [none]
         for before, after in pairwise(points):
@@ -191,7 +191,7 @@ class _Follower:
         return made
 
     def _step(self, before: Point, length: float) -> tuple[Point, float, int]:
-        """The next point, the length of the step that led to it, and its corrections."""
+        """Next point, the length of the step to it, and its number of corrections."""
         while length > _LEAST:
             try:
                 after, corrections = self._reached(before, before.direction, length)
@@ -200,24 +200,24 @@ class _Follower:
             except SolveError:
                 length /= 2
         at = self.parameter.in_words(before.value)
-        raise NoOrbitError(f"the branch cannot be followed beyond the orbit at {at}")
+        raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
 
     def _require_the_same_branch(self, before: Point, after: Point) -> None:
-        """Raise NoOrbitError where a step bends so much that it may have left the branch, or passed over two
-        places where it turns back."""
+        """Raise NoOrbitError if the branch curves so much within a step that the step may have left the
+        branch or passed two folds."""
         chord = after.place.on(before.grid).plus(-1.0, before.place)
         ends = before.direction, after.direction.on(before.grid)
         long = math.sqrt(self._inner(chord, chord, before.sizes))
         for end in ends:
             along = self._inner(chord, end, before.sizes)
             if along < _STRAIGHT * long * math.sqrt(self._inner(end, end, before.sizes)):
-                raise NoOrbitError("the step bends too much")
+                raise NoOrbitError("the branch curves too much within the step")
         if max(end.value * chord.value for end in ends) < 0:
-            raise NoOrbitError("the step passes over two places where the branch turns back")
+            raise NoOrbitError("the step passes over two folds")
 
     def _reached(self, before: Point, way: Place, length: float) -> tuple[Point, int]:
-        """The point at a length from another along a way, and its corrections; length 0: where the other is,
-        at the same value. Raises SolveError subclasses where the iteration does not lead there."""
+        """Point at a length from another along a direction, and its number of corrections; length 0:
+        correction at the same value. Raises SolveError subclasses if the iteration does not converge."""
         square = self._inner(way, way, before.sizes)
         place, grid = before.place.plus(length / square, way), before.grid
         for corrections in range(1, _MOST + 1):
@@ -231,7 +231,7 @@ class _Follower:
         raise NoOrbitError("the step is too long")
 
     def _at_the_end(self, before: Point, after: Point) -> Point:
-        """The point at the value at which the branch first leaves the range, between two others."""
+        """Point between two others at which the branch first leaves the range."""
         edge, near = self.ends[int(after.value > self.ends[1])], before
         for _ in range(_ROUNDS):
             length, change, slopes = self._between(before, after)
@@ -246,7 +246,7 @@ class _Follower:
         return self._reached(near, self._value_alone(near.grid), 0.0)[0]
 
     def _turning(self, before: Point, after: Point) -> list[Point]:
-        """The point between two others where the branch turns back; none where no step leads to it."""
+        """Turning point between two points; none if no step converges to it."""
         found: list[Point] = []
         for _ in range(_ROUNDS):
             try:
@@ -262,8 +262,8 @@ class _Follower:
         return found
 
     def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
-        """Of two points: the length between them along the direction at the first, the change of the value,
-        and its slopes at both by that length. Raises NoOrbitError where the branch bends too much."""
+        """Length between two points along the direction at the first, change of the value, and derivatives of
+        the value with respect to that length at both. Raises NoOrbitError if the branch bends too much."""
         way = after.place.on(before.grid).plus(-1.0, before.place)
         length = self._inner(way, before.direction, before.sizes)
         slope = self._inner(after.direction.on(before.grid), before.direction, before.sizes)
@@ -272,24 +272,25 @@ class _Follower:
         return length, way.value, (before.direction.value, after.direction.value / slope)
 
     def _value_alone(self, grid: Grid) -> Place:
-        """The direction of the parameter towards the last value."""
+        """Direction of the parameter towards the last value."""
         return Place(self.task.rest(grid), self.last - self.first)
 
     def _inner(self, one: Place, other: Place, sizes: Array) -> float:
-        """The product of two places, in sizes (n,) of the coordinates and parts of the parameter's range."""
+        """Inner product of two places, in scaled coordinates (n,) and fractions of the range of the
+        parameter."""
         first, second = (each.curve.sampled(_SAMPLES) / sizes[:, None] for each in (one, other))
         return float((first * second).mean(axis=1).sum() + one.value * other.value / self.span**2)
 
     def _along(self, place: Place) -> tuple[PeriodicSystem, float]:
-        """The equations linearised along a place, and the speed."""
+        """Equations linearised along a place, and the speed."""
         task = self.parameter.task_at(place.value)
         return task.system.along(place.curve, columns_by(task.engine)), task.speed
 
     def _corrected(
         self, place: Place, before: Place, way: Place, length: float, sizes: Array, grid: Grid
     ) -> tuple[Place, Place, Solutions]:
-        """The next iterate after a place at a length from another along a way, the derivative of both curve
-        and value by the value, and the solutions that gave the iterate. Raises SolveError."""
+        """Next iterate after a place at a length from another along a direction, the derivative of curve and
+        value with respect to the value, and the solutions that gave the iterate. Raises SolveError."""
         along, speed = self._along(place)
         held = free(OnePoint(along, speed))
         next_one, by_value = (
@@ -309,8 +310,8 @@ class _Follower:
         return found
 
     def _point(self, place: Place, towards: Place, grid: Grid, held: Place | None = None) -> Point:
-        """The point of a place that solves the equations on a grid, its direction towards another's side.
-        held: the direction in which corrections do not go, by default that of the branch."""
+        """Point of a place that solves the equations on a grid, with its tangent on the side of another's.
+        held: direction in which corrections vanish, by default that of the branch."""
         while True:
             sizes = self._scale(place, grid).of(place.largest, 1.0, self._resting)
             _, slope, solutions = self._corrected(place, place, self._value_alone(grid), 0.0, sizes, grid)
@@ -339,8 +340,8 @@ class _Follower:
         return Point(place, sizes, direction, grid, replace(found, errors=np.array([error, off])))
 
     def _orbit(self, there: Place, better: Place, grid: Grid, off: Array) -> FollowedOrbit:
-        """The better of two places, without the errors of orbit and radius; off: relative differences (n,) of
-        the coordinates."""
+        """More accurate of two places, without the errors of orbit and radius; off: relative differences (n,)
+        of the coordinates."""
         (along, speed), curve = self._along(better), better.curve
         point = OnePoint(along, speed)
         rho = self._solved(point, grid, free(point), False).multipliers
@@ -358,16 +359,17 @@ class _Follower:
 
 
 def _flat(length: float, change: float, first: float, last: float) -> float:
-    """Where Hermite's cubic over a length, from 0 to a change and with these slopes at its ends, is flat."""
+    """Stationary point of Hermite's cubic over a length, from 0 to a change and with these slopes at its
+    ends."""
     mean = change / length
     a, b = 3 * (first + last - 2 * mean), 2 * (3 * mean - 2 * first - last)
-    # Of the two zeros of a u² + b u + first the one between 0 and 1, where the slopes have different signs.
+    # Zero of a u² + b u + first between 0 and 1, where the slopes have different signs.
     root = math.sqrt(max(b * b - 4 * a * first, 0.0))
     return length * 2 * first / (-b + math.copysign(root, first))
 
 
 def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:
-    """Where the same cubic first takes a level between 0 and the change."""
+    """First point at which the same cubic reaches a level between 0 and the change."""
     first, last = (length * slope for slope in slopes)
     found = np.roots([first + last - 2 * change, 3 * change - 2 * first - last, first, -level])
     real = found.real[np.abs(found.imag) < 1e-8]

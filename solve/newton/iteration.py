@@ -76,7 +76,7 @@ class Task:
         return rigid_at_rest(self.system, self.speed)
 
     def rest(self, grid: Grid) -> Curve:
-        """The desired motion, q = 0: the iterate after it is the linear orbit."""
+        """Fundamental motion, q = 0; the next iterate is the linear orbit."""
         return at_rest(self.system.n, grid)
 
 
@@ -149,7 +149,7 @@ def _iterated(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
 
 
 class _Measure:
-    """The sizes of corrections: relative to max|q| of each coordinate, or, once these fall no more, to scales
+    """Norm of corrections: relative to max|q| of each coordinate or, once these no longer decrease, to scales
     that do not vanish with the coordinates; 0 for corrections within round-off."""
 
     def __init__(self, task: Task, grid: Grid):
@@ -158,7 +158,7 @@ class _Measure:
         self._curve: Curve | None = None
 
     def __call__(self, curve: Curve, found: Solutions) -> float:
-        """Of the correction to a curve: the largest over the coordinates."""
+        """Norm of the correction to a curve: the largest over the coordinates."""
         change, largest = correction(curve, found)
         return self._relative(np.where(change > self._roundoff, change, 0.0), largest)
 
@@ -167,7 +167,7 @@ class _Measure:
         return float((change / np.where(scale > 0, scale, 1.0)).max())
 
     def refined(self, curve: Curve, found: Solutions) -> bool:
-        """Calculate the scales along a curve; False if they are known already."""
+        """Compute the scales along a curve; False if they are already known."""
         if curve is self._curve:
             return False
         task, self._curve = self._task, curve
@@ -180,7 +180,7 @@ class _Measure:
         return True
 
     def converged(self, curve: Curve, found: Solutions, count: int) -> Converged:
-        """The result; coordinates that are zero within round-off are zero."""
+        """Converged result; coordinates that are zero within round-off are set to zero."""
         size, reached = self._relative(*correction(curve, found)), Converged(found, count, 0.0).curve
         zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
         if zero.any():
@@ -211,8 +211,8 @@ def _drift(one: Curve, part: float, other: Curve) -> Array | None:
 
 
 def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) -> Curve:
-    """Motions (3, n, k) over one turn after another as one curve over their whole period, without a shift and
-    a steady velocity along rigid-body modes; where drag determines the velocity, it is the curve's drift."""
+    """Curve over the whole period from motions (3, n, k) over successive revolutions, without mean and steady
+    velocity along rigid-body modes; a velocity determined by drag is the drift of the curve."""
     q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
     nodes, drift = np.linspace(0.0, period, q.shape[-1]), None
     if rigid is not None:
@@ -264,7 +264,7 @@ class Newton(Method):
 
     @property
     def with_another_stage(self) -> "Newton":
-        """The iteration by the method with another stage."""
+        """Iteration with the method with one more stage."""
         return Newton(replace(self.task, method=self.task.method.with_another_stage), self.start, self.first)
 
     @property
@@ -276,7 +276,7 @@ class Newton(Method):
         return self.task.method.error_constant
 
     def linearised(self, points: Points, solutions: Solutions) -> Points:
-        """The equations along the solution of the only point."""
+        """Equations along the solution of the only point."""
         assert isinstance(solutions.curve, Curve)
         return OnePoint(self.task.system.along(solutions.curve[0]), self.task.speed)
 

@@ -59,29 +59,29 @@ def nonlinear(
     speed : float or str
         In rad/s, or a text with unit.
     start : optional
-        Where Newton's iteration begins; all are motions over the orbit's period, or a whole part of it:
+        Initial motion of Newton's iteration, over the period of the orbit or an integer fraction of it:
 
-        - an orbit, linear or nonlinear, also of other parameters, speeds or steps;
-        - a transient, of which the last periods count;
-        - the path of a file .nc or .npz of either;
-        - q and q̇ (n,) at phase 0, derivatives by time, from which the motion is followed over the period;
-        - a function of phases (k,) that returns q (n, k), or a motion with `nodes` as
-          `PeriodicSystem.along` takes it.
+        - an orbit, linear or nonlinear, also for other parameters, speeds or steps;
+        - a transient, whose last periods are used;
+        - the path of a .nc or .npz file of either;
+        - q and q̇ (n,) at phase 0, with time derivatives, from which the motion is integrated over the period;
+        - a function of phases (k,) that returns q (n, k), or a motion with `nodes` as for
+          `PeriodicSystem.along`.
 
-        Without a start the iteration begins with the linear orbit; where that does not converge, the orbit
-        is followed in the load or in the speed, or a transient from rest leads to it.
+        Without a start, the iteration starts from the linear orbit. If it does not converge, continuation in
+        the load or the speed, or a transient from rest, provides a start.
     periods : int
-        Number of the model's periods in one of the orbit.
+        Number of model periods per period of the orbit.
     method : str or Method
         "auto", "radau" or "gauss".
     steps : int, optional
-        Steps of the orbit's period.
+        Number of steps per period of the orbit.
     rtol : float
         Tolerance of the orbit and of the multipliers.
     engine : str
         "auto", "compiled" or "numpy".
     all_multipliers : bool
-        Whether `rtol` holds for each multiplier, however small.
+        Whether to apply `rtol` to each multiplier, however small.
 
     Returns
     -------
@@ -92,14 +92,14 @@ def nonlinear(
     LinearModelError
         For systems without nonlinear equations.
     NoOrbitError
-        Where no orbit is found; it says how far each way came.
+        If no orbit is found; the message states the progress of each strategy.
     ValueOutOfBoundsError, FileError
         For bad input.
 
     Notes
     -----
-    Each correction of the iteration is a linear periodic problem. Errors are estimated from two grids on
-    which it has converged; multipliers are those of the converged linearisation.
+    Each correction of the iteration is a linear periodic problem. Errors are estimated from
+    converged solutions on two grids; multipliers are those of the converged linearisation.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_whole("periods", periods)

@@ -1,4 +1,4 @@
-"""The quantity over which a branch of orbits is followed: the speed, or a parameter of the model."""
+"""Continuation parameter of a branch of orbits: the speed, or a parameter of the model."""
 
 from dataclasses import dataclass, replace
 
@@ -15,27 +15,27 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class ContinuationParameter:
-    """ "speed" (rad/s), or the name of a parameter by which the equations have derivatives, while all else is
-    as in the task."""
+    """Continuation parameter: "speed" (rad/s), or the name of a parameter with respect to which the equations
+    have derivatives. Everything else is as in the task."""
 
     task: Task
     name: str = SPEED
 
     def task_at(self, value: float) -> Task:
-        """The task at a value. Raises SolveError subclasses for values that the model does not allow."""
+        """Task at a value. Raises SolveError subclasses for values that the model does not allow."""
         if self.name != SPEED:
             return replace(self.task, system=self.task.system.varied({self.name: value}))
         if not value > 0:
-            raise NoOrbitError("the branch leads to speed 0")
+            raise NoOrbitError("the branch reaches speed 0")
         return replace(self.task, speed=value)
 
     def in_words(self, value: float) -> str:
-        """The value with its unit."""
+        """Text of a value with its unit."""
         return self.task.system.unit_of(self.name).text(value, ".4g")
 
     def slope(self, along: PeriodicSystem, motion: Motion) -> PeriodicSystem:
-        """The linear system whose orbit is the derivative by the parameter of the next iterate after a
-        motion; along: the equations linearised along the motion."""
+        """Linear system whose orbit is the derivative of the next iterate after a motion with respect to the
+        parameter; along: the equations linearised along the motion."""
         return _ByParameter(along, motion, self.name, columns_by(self.task.engine))
 
 

@@ -27,10 +27,10 @@ _PUSH = 1e-3
 
 
 def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
-    """From near rest, in time, until period and period differ little, or Newton's iteration converges from
-    one of them to an orbit that is not unstable; whether it has settled. An unstable orbit, to which it
-    converges while the motion leaves it, is given where the motion settles on no other. Raises NoOrbitError,
-    which says how far it came."""
+    """Orbit from a transient that starts near rest, and whether it has settled. The transient ends if
+    successive periods differ little, or if Newton's iteration converges from one of them to an orbit that is
+    not unstable. If the motion does not settle on another orbit, an unstable orbit to which the iteration
+    converged is returned. Raises NoOrbitError, which states the progress."""
     change, tried, unstable = np.inf, _TRIED, None
     with stage("turns at most", _TURNS) as count:
         for turns, motion, change in marched(task, grid):

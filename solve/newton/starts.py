@@ -22,15 +22,15 @@ Start = Orbit | Transient | Motion | tuple[Array, Array] | Callable[[Array], Arr
 FILES = ".nc", ".npz"
 
 _SAMPLES = 256
-"""Phases of a period of the model at which a function is evaluated: between them it is a cubic spline."""
+"""Phases per model period at which a function is evaluated; a cubic spline interpolates between them."""
 
 _STATES, _RTOL = 128, 1e-6
-"""States a period, and tolerance, of the motion from a given state: Newton's iteration mends the rest."""
+"""States per period and tolerance of the motion from a given state; Newton's iteration corrects the rest."""
 
 
 def motion_of(start: Start, task: Task) -> Motion:
-    """A start of `solve.nonlinear` as a motion. Raises ValueOutOfBoundsError for what is none, FileError,
-    TransientError for states from which the motion cannot be followed."""
+    """Motion of a start of `solve.nonlinear`. Raises ValueOutOfBoundsError for an invalid start, FileError,
+    and TransientError for states from which the motion cannot be integrated."""
     given = _opened(start, task) if isinstance(start, str | Path) else start
     if isinstance(given, Orbit | Transient):
         _require_coordinates(given.system.coordinates, task)
@@ -44,8 +44,8 @@ def _refused(start: object, task: Task) -> ValueOutOfBoundsError:
     n = task.system.n
     return ValueOutOfBoundsError(
         f"start is {reprlib.repr(start)}; allowed: an orbit, a transient, a file {' or '.join(FILES)} of "
-        f"either, q and q̇ ({n},) at phase 0, or a function of phases (k,) that returns q ({n}, k); leave it "
-        "out to begin with the linear orbit"
+        f"either, q and q̇ ({n},) at phase 0, or a function of phases (k,) that returns q ({n}, k); omit "
+        "it to start from the linear orbit"
     )
 
 
@@ -54,9 +54,7 @@ def _opened(path: str | Path, task: Task) -> Orbit | Transient:
         raise _refused(path, task)
     found = opened(path)
     if not isinstance(found, Orbit | Transient):
-        raise FileError(
-            f"start '{path}' is a {type(found).__name__}; give a file of an orbit or of a transient"
-        )
+        raise FileError(f"start '{path}' is a {type(found).__name__}; give a file of an orbit or transient")
     return found
 
 
@@ -69,7 +67,7 @@ def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
 
 
 def _checked(motion: Any, task: Task) -> Motion:
-    """A motion with nodes, if it has the right number of coordinates."""
+    """Motion with nodes, if its number of coordinates is correct."""
     count = len(motion(np.zeros(1)))
     if count != task.system.n:
         raise ValueOutOfBoundsError(f"start has {count} coordinates; {task.system.name} has {task.system.n}")
@@ -77,20 +75,20 @@ def _checked(motion: Any, task: Task) -> Motion:
 
 
 def _end_of(transient: Transient, task: Task) -> Curve:
-    """The last periods of a transient, as many as the orbit has, or the last one where it has fewer."""
+    """Last periods of a transient, as many as the orbit has; the last period if the transient is shorter."""
     count = task.periods if transient.turns >= task.periods else 1
     return joined([*transient.motions[-count:]], count * task.system.period, task.rigid)
 
 
 def _through(function: Callable[[Array], Array], task: Task) -> Curve:
-    """A periodic cubic spline through the values of a function of the phase."""
+    """Periodic cubic spline through the values of a function of the phase."""
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, task.period, _SAMPLES * task.periods + 1)
     shape = task.system.n, len(phase) - 1
     try:
         values = _real(function(phase[:-1]))
-    except Exception as reason:  # A function of the user may raise anything.
+    except Exception as reason:  # A user function may raise any exception.
         raise ValueOutOfBoundsError(
             f"start raises {type(reason).__name__} for {shape[1]} phases ({reason}); it must return q {shape}"
         ) from None
@@ -104,12 +102,12 @@ def _through(function: Callable[[Array], Array], task: Task) -> Curve:
 
 
 def _real(values: Any) -> Array:
-    """As floats. Raises TypeError for complex numbers, and what NumPy raises for what is no array."""
+    """Values as floats. Raises TypeError for complex numbers and ValueError for what is not an array."""
     return np.asarray(values).astype(float, casting="same_kind")
 
 
 def _from_state(given: Any, task: Task) -> Curve:
-    """The motion over the orbit's period from q and q̇ (n,) at phase 0, by the equations of motion."""
+    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, by the equations of motion."""
     n = task.system.n
     try:
         q, qd = map(_real, given)

@@ -1,9 +1,10 @@
 """Free machines as systems with a unique periodic solution.
 
-With s = l q the share of a rigid-body mode e (K e = 0) in the motion, the coordinate σ with s′ = σ′ + α σ in
-place of s satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d, q̃ = q - e (s - σ). The multiplier +1 of
-the mode becomes exp(-α T), whatever T-periodic M, C and K are, and all others remain. Where C e = 0 the new
-system has a multiplier +1 in the direction e again, and the same with β in place of α removes it too.
+Let s = l q be the amplitude of a rigid-body mode e (K e = 0) in the motion. The coordinate σ with s′ = σ′ + α
+σ replaces s, and q̃ = q - e (s - σ) satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d. The
+multiplier +1 of the mode becomes exp(-α T), for any T-periodic M, C and K, and all others are unchanged. If C
+e = 0, the new system again has a multiplier +1 in the direction e; the same shift with β in place of α
+removes it too.
 """
 
 from dataclasses import dataclass
@@ -16,17 +17,17 @@ from solve.period.points import Points, Tables
 from solve.period.rigid_body import RigidBodyModes
 
 _RATES = 1.0, 3.0
-"""α T and β T: exp(-α T) is far from 1 and the rates are far below those of the first order, 2π."""
+"""α T and β T: exp(-α T) is far from 1, and the rates are far below that of the first harmonic, 2π."""
 
 _STEP = 0.37
-"""By which α T and β T differ between modes, so that no exponents are alike."""
+"""Difference of α T and β T between modes, so that no two exponents coincide."""
 
 
 @dataclass(frozen=True)
 class Anchored:
-    """Points with their rigid-body modes anchored, see above; `modes` are those of the points. drift (P, n):
-    a steady velocity w e by the phase, known already, whose drag C w e is taken off the load. weights (P, r,
-    n): rows l other than those of the coordinates of reference."""
+    """Points with anchored rigid-body modes `modes`, see above. drift (P, n): known steady velocity w e with
+    respect to the phase, whose drag C w e is subtracted from the load. weights (P, r, n): rows l other than
+    those of the reference coordinates."""
 
     points: Points
     modes: RigidBodyModes
@@ -66,7 +67,7 @@ class Anchored:
         return self.modes.measures if self.weights is None else self.weights
 
     def tables(self, phase: Array) -> Tables:
-        """Terms of M and C once more, times α and αβ, in the entries of C and K."""
+        """Tables with additional terms M and C, times α and αβ, in the entries of C and K."""
         n, tables, modes = self.n, self.points.tables(phase), self.modes
         (alpha, beta), along = self._rates, modes.vectors
         twice = beta * ~modes.damped
@@ -93,23 +94,23 @@ class Anchored:
         return first, second
 
     def quotient(self, Phi: Array) -> Array:
-        """Monodromy matrices (P, 2n, 2n) of the remaining motion, from those of the anchored points: of the
-        coordinates relative to the modes, with the rates of modes where C e ≠ 0 at their coordinates of
-        reference, and zero in the others."""
+        """Monodromy matrices (P, 2n, 2n) of the motion relative to the modes, from those of the anchored
+        points. Modes with C e ≠ 0 keep their rates at their reference coordinates; the other entries of
+        reference coordinates are zero."""
         left, right = self._projection(whole=True)
         return left @ Phi @ right
 
     def steps(self, A: Array) -> Array:
-        """The same of maps of steps (P, m, 2n, 2n), with 1 on the diagonal where these are zero: multipliers
-        of rigid-body modes are then exactly 1."""
+        """One-step maps (P, m, 2n, 2n) in the same coordinates, with 1 on the diagonal where `quotient` has
+        zeros: multipliers of rigid-body modes are then exactly 1."""
         left, right = self._projection(whole=False)
         made = left[:, None] @ A @ right[:, None]
         ones = 1.0 - (right != 0).any(axis=-2)
         return made + ones[:, None, :, None] * np.eye(A.shape[-1])
 
     def _projection(self, whole: bool) -> tuple[Array, Array]:
-        """Onto states (P, 2n, 2n) of the remaining motion, and back to states of which these are. whole: of
-        the whole period, with the rate of a mode whose momentum is conserved left out too."""
+        """Projection onto states (P, 2n, 2n) of the motion relative to the modes, and the embedding back.
+        whole: for the whole period, where the rate of a mode with conserved momentum is left out too."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
         left, right = np.zeros((2, len(self), 2 * n, 2 * n))
@@ -130,8 +131,8 @@ class Anchored:
         return left, right
 
     def momentum(self) -> tuple[Array, Array]:
-        """Of points that conserve one: rows (P, 2n) that give it from states of the anchored points at phase
-        0, and the states (P, 2n), rates of rigid-body modes, in which it is 1."""
+        """Conserved momentum of points that have one: rows (P, 2n) that give it from states of the anchored
+        points at phase 0, and states (P, 2n), rates of rigid-body modes, for which it is 1."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         assert modes.momentum is not None
         rates = modes.momentum[:, None, n:] @ modes.vectors
@@ -142,9 +143,10 @@ class Anchored:
         return rows, units
 
     def motion(self, curve: PeriodicCurve, mass: Array) -> tuple[PeriodicCurve, Array]:
-        """The motion q of the points from curves q̃ of the anchored ones, with zero mean along the modes in
-        the norm of a mass matrix (P, n, n), and the secular part (P, r) of each mode: a steady velocity where
-        C e ≠ 0, included in the curve's `drift`, else an acceleration, left out; by the phase."""
+        """Motion q of the points from curves q̃ of the anchored points, with zero mean along the modes in the
+        norm of a mass matrix (P, n, n). Also the secular part (P, r) of each mode, with respect to the phase:
+        if C e ≠ 0 a steady velocity, contained in the `drift` of the curve; otherwise an acceleration, which
+        is left out."""
         modes, (alpha, beta) = self.modes, self._rates
         shares = _Shares.of(curve, self.measures)
         first = shares.integrated()
@@ -162,8 +164,8 @@ class Anchored:
 
 
 def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> tuple[Array, Array, Array]:
-    """Terms (t,), entries (t,) and coefficients (P, t) of a matrix whose entries begin at `source`, times
-    factors (P, n, c), among the entries from `target` on."""
+    """Terms (t,), entries (t,) and coefficients (P, t) of a matrix whose entries begin at `source`,
+    multiplied by factors (P, n, c), in the entries from `target` on."""
     of_matrix = np.flatnonzero((tables.entry >= source) & (tables.entry < source + n**2))
     row, column = np.divmod(tables.entry[of_matrix] - source, n)
     terms, entry, coefficients = [], [], []
@@ -179,7 +181,7 @@ def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> 
 
 @dataclass(frozen=True)
 class _Shares:
-    """Functions (P, r) of the phase in the form of a curve, and their means (P, r)."""
+    """Functions (P, r) of the phase in the representation of a curve, and their means (P, r)."""
 
     nodes: Array
     coefficients: Array
@@ -198,11 +200,11 @@ class _Shares:
         raise NotImplementedError
 
     def integrated(self) -> "_Shares":
-        """The integral with zero mean of what is left without the mean."""
+        """Integral with zero mean of the function without its mean."""
         raise NotImplementedError
 
     def sum(self, curve: PeriodicCurve, vectors: Array, *parts: "tuple[_Shares, Array]") -> PeriodicCurve:
-        """The curve and vectors (P, n, r) times these functions, by factors (P, r)."""
+        """Sum of the curve and of vectors (P, n, r) times these functions, with factors (P, r)."""
         assert isinstance(curve, Curve | FourierCurve)
         degrees = max(curve.coefficients.shape[-1], *(each.coefficients.shape[-1] for each, _ in parts))
         made = np.zeros((*curve.coefficients.shape[:-1], degrees), dtype=curve.coefficients.dtype)
@@ -214,7 +216,7 @@ class _Shares:
 
 
 class _Pieces(_Shares):
-    """Polynomials by steps, (P, r, m, D)."""
+    """Piecewise polynomials on the steps (P, r, m, D)."""
 
     @property
     def means(self) -> Array:
@@ -253,7 +255,7 @@ class _Series(_Shares):
 
 
 def _lowered(curve: PeriodicCurve, level: Array, drift: Array) -> PeriodicCurve:
-    """Curves less constants (P, n), with a drift (P, n) where there is one."""
+    """Curves minus constants (P, n), with a drift (P, n) if it is not zero."""
     assert isinstance(curve, Curve | FourierCurve)
     made = curve.coefficients
     if isinstance(curve, Curve):

@@ -36,10 +36,12 @@ class Blocks:
 
 
 def balanced_blocks(steps: Array, rounding: float = EPS / 2, first: int = 0, loss: float = LOSS) -> Blocks:
-    """Blocks of the steps' maps (P, m, N, N), in order of application: balanced by common units, and
-    neighbours multiplied as long as their product keeps its digits in every direction, at every point.
+    """Blocks of the one-step maps (P, m, N, N) in order of application, balanced by common units.
+    Neighbouring maps are multiplied as long as their product remains accurate in every direction, at every
+    point.
 
-    rounding: relative error of the maps' entries; first: of the steps, in the period; loss: as `LOSS`.
+    rounding: relative error of the entries of the maps; first: first steps of the blocks in the period; loss:
+    as `LOSS`.
     """
     starts = first + np.arange(steps.shape[1])
     return _multiplied(Blocks(steps, (rounding * steps) ** 2, np.ones(steps.shape[::2]), starts), loss)

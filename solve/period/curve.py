@@ -75,8 +75,8 @@ class Curve:
     """q(phase) as powers of θ = (phase - node)/h in every step.
 
     nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether they are
-    finite, where that is known. drift (…, n): steady velocity by the phase of a machine that turns freely,
-    part of the first derivative and not of q.
+    finite, if that is known. drift (…, n): steady velocity of a free machine with respect to the phase,
+    contained in the first derivative and not in q.
     """
 
     nodes: Array
@@ -118,7 +118,7 @@ class Curve:
 
     @property
     def mean(self) -> Array:
-        """Over the period (…, n)."""
+        """Mean over the period (…, n)."""
         powers = 1 / np.arange(1, self.coefficients.shape[-1] + 1)
         return np.asarray((self.coefficients @ powers) @ self.h / self.nodes[-1])
 
@@ -174,7 +174,7 @@ class Curve:
         return with_drift(values, self.drift, derivative)
 
     def within(self, theta: Array, derivative: int = 0) -> Array:
-        """The curve's derivatives without a drift at fractions (s,) of every step, (…, n, m, s)."""
+        """Derivatives of the curve without drift at fractions (s,) of every step, (…, n, m, s)."""
         return self._within(theta, self.h, derivative)
 
     def _within(self, theta: Array, h: Array, derivative: int) -> Array:
@@ -212,12 +212,12 @@ class Curve:
 
 
 def with_drift(values: Array, drift: Array | None, derivative: int) -> Array:
-    """Derivatives (…, n, k) of q of some order, with a steady velocity (…, n) where there is one."""
+    """Derivatives (…, n, k) of q of some order, with a steady velocity (…, n) if there is one."""
     return values if drift is None or derivative != 1 else values + drift[..., None]
 
 
 def without_drift(curve: PeriodicCurve) -> PeriodicCurve:
-    """The curve without its steady velocity."""
+    """Curve without its steady velocity."""
     return replace(curve, drift=None) if isinstance(curve, Curve | FourierCurve) else curve
 
 

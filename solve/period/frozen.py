@@ -65,7 +65,7 @@ class Frozen:
 
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
-        """Directions that K leaves free at these phases; None where no point has one."""
+        """Rigid-body modes at these phases; None if no point has one."""
         if self._n == 1 and not self._tables.own:
             low, high = self._ranges
             M, C, K = np.maximum(-low[:3], high[:3])
@@ -81,7 +81,7 @@ class Frozen:
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """M, C and K (P, k, n, n), by the phase."""
+        """M, C and K (P, k, n, n) with respect to the phase."""
         M, C, K = np.moveaxis(self._matrices, (3, 4), (1, 2))
         return M, C, K
 
@@ -173,8 +173,8 @@ class Frozen:
 
     @property
     def lasting_rates(self) -> tuple[Array, Array]:
-        """Largest moduli (P, 2n) of the rates, in order of size, and what a period leaves of them, in the
-        mean, relative to the least damped one (P, 2n)."""
+        """Largest moduli (P, 2n) of the rates in ascending order, and the mean decay of their modes over a
+        period relative to the least damped one (P, 2n)."""
         size, real = np.abs(self.few_eigenvalues), np.real(self.few_eigenvalues)
         rates = np.take_along_axis(real, np.argsort(size, axis=-1), axis=-1).mean(axis=1)
         left = np.exp(np.clip((rates - rates.max(axis=1, keepdims=True)) * self.period, -700.0, 0.0))
@@ -231,15 +231,15 @@ class Frozen:
         return np.array([_drifts(*one) for one in each], dtype=bool)
 
     def _remaining(self, points: Array) -> Array:
-        """C and K by rows (k, r, n) of points at positions (k,), without their rigid-body modes: of relative
-        coordinates, whose equations no acceleration along the modes enters."""
+        """C and K as rows (k, r, n) of points at positions (k,) without their rigid-body modes: in relative
+        coordinates, whose equations contain no acceleration along the modes."""
         M, C, K = np.moveaxis(self._matrices[..., points, :], (3, 4), (1, 2))
         modes = None if self.rigid_body_modes is None else self.rigid_body_modes[points]
         if modes is not None and modes.any.any():
             relative, kept = modes.relative
             kept = kept[:, None, None]
             C, K = (relative[:, None] @ solved(M, part) * kept for part in (C, K))
-            # Coordinates of reference are out of it.
+            # Reference coordinates are excluded.
             K = K + (1 - kept) * np.eye(self._n)
         return np.concatenate((C, K), axis=2).reshape(len(points), -1, self._n)
 
@@ -325,8 +325,8 @@ class Frozen:
 
     @property
     def rate_bound(self) -> Array | None:
-        """A bound (P,) of the rates of a single mode, r² = max|C/M| r + max|K/M|, from the ranges of terms
-        that the points share; None where these do not give one."""
+        """Upper bound (P,) of the rates of a single mode, r² = max|C/M| r + max|K/M|, from the ranges of
+        terms that the points share; None if these do not give one."""
         if self._n > 1 or self._tables.own:
             return None
         low, high = self._ranges

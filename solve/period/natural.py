@@ -1,5 +1,5 @@
-"""Natural frequencies of M q̈ + K q = 0, for many positions at once: rigid-body modes are exactly 0, and a
-stiffness that is not positive gives rates of growth."""
+"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes are exactly 0, and a stiffness
+that is not positive gives growth rates."""
 
 from typing import NamedTuple
 
@@ -10,24 +10,24 @@ from solve.period.multipliers import EPS
 from solve.period.rigid_body import rigid_body_modes
 
 _SYMMETRIC = 64 * EPS
-"""Asymmetry of a matrix, relative to its largest entry where coordinates have inertia 1, that is round-off of
+"""Asymmetry of a matrix, relative to its largest entry in coordinates of unit inertia, that is round-off of
 the products from which it was assembled."""
 
 _PERTURBATION = 16.0
-"""Times n eps and the condition of an eigenvalue: its error by the QR algorithm, an upper estimate (measured:
-below 2 for random matrices of 2 to 20 coordinates)."""
+"""Error of an eigenvalue by the QR algorithm, divided by n eps and its condition number: an upper estimate
+(measured: below 2 for random matrices of 2 to 20 coordinates)."""
 
 _EQUAL = 1e-7
-"""Difference of λ, relative to the largest, within which they count as equal: round-off parts a defective
+"""Difference of λ, relative to the largest, within which they count as equal: round-off splits a defective
 pair by the square root of eps, 1.5e-8."""
 
 
 class NaturalFrequencies(NamedTuple):
-    """Modes of M and K at m positions, by the rising real part of λ in K v = λ M v: those that grow, then
-    rigid-body modes, then those that vibrate.
+    """Modes of M and K at m positions in ascending order of the real part of λ in K v = λ M v: growing modes,
+    then rigid-body modes, then vibrating modes.
 
-    frequencies (m, k): imaginary part of √−λ in rad/s; NaN where λ < 0. growth_rates (m, k): real part of
-    √−λ in 1/s; NaN where λ ≥ 0. A mode of complex λ, which some K that is not symmetric has, has both.
+    frequencies (m, k): imaginary part of √−λ in rad/s; NaN where λ < 0. growth_rates (m, k): real part of √−λ
+    in 1/s; NaN where λ ≥ 0. A mode with complex λ, possible for nonsymmetric K, has both.
     """
 
     frequencies: Array
@@ -35,12 +35,12 @@ class NaturalFrequencies(NamedTuple):
 
     @property
     def signed(self) -> Array:
-        """Frequencies; growth rates, negative, where λ < 0. They rise with λ."""
+        """Frequencies, or negative growth rates where λ < 0; ascending with λ."""
         return np.where(np.isnan(self.frequencies), -self.growth_rates, self.frequencies)
 
     @classmethod
     def of(cls, eigenvalues: Array) -> "NaturalFrequencies":
-        """From λ (m, k), complex."""
+        """Natural frequencies from complex λ (m, k)."""
         roots = np.sqrt(-eigenvalues.astype(complex))
         real = np.imag(eigenvalues) == 0
         grows = ~real | (np.real(eigenvalues) < 0)
@@ -51,15 +51,16 @@ class NaturalFrequencies(NamedTuple):
 
 
 def natural_frequencies(M: Array, K: Array, count: int) -> NaturalFrequencies:
-    """The first `count` modes of M and K (m, n, n), M invertible."""
+    """First `count` modes of M and K (m, n, n) with invertible M."""
     return NaturalFrequencies.of(eigenvalues(M, K)[:, :count])
 
 
 def eigenvalues(M: Array, K: Array) -> Array:
-    """λ of K v = λ M v (m, n) by rising real part, complex; exactly 0 for rigid-body modes of each position.
+    """Complex λ of K v = λ M v (m, n) in ascending order of the real part; exactly 0 for rigid-body modes of
+    each position.
 
     >>> chain = np.array([[[2.0, -2.0], [-2.0, 2.0]]])
-    >>> eigenvalues(np.eye(2)[None], chain).real.tolist()
+    >>> eigenvalues(np.eye(2)[None], chain).real.round(12).tolist()
     [[0.0, 4.0]]
     """
     modes = rigid_body_modes(K[:, None], np.zeros_like(K[:, None]))
@@ -76,8 +77,7 @@ def eigenvalues(M: Array, K: Array) -> Array:
 
 
 def lowest_elastic(frequencies: Array) -> Array:
-    """The lowest of natural frequencies (…, n) that is not 0, as those of rigid-body modes are; 0 where every
-    one is.
+    """Lowest nonzero natural frequency among (…, n), excluding rigid-body modes; 0 if all are zero.
 
     >>> lowest_elastic(np.array([[0.0, 3.0, 2.0], [0.0, 0.0, 0.0]])).tolist()
     [2.0, 0.0]
@@ -87,8 +87,8 @@ def lowest_elastic(frequencies: Array) -> Array:
 
 
 def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
-    """Derivatives (r, n) of λ by r quantities, from M and K (n, n) at one position and their derivatives
-    (r, n, n): yᵀ(∂K − λ ∂M)v with yᵀMv = 1; of λ that are equal, their mean.
+    """Derivatives (r, n) of λ with respect to r quantities, from M and K (n, n) at one position and their
+    derivatives (r, n, n): yᵀ(∂K − λ ∂M)v with yᵀMv = 1; the mean for equal λ.
 
     >>> slopes(np.eye(1), np.eye(1) * 4, np.ones((1, 1, 1)), np.zeros((1, 1, 1)))
     array([[-4.]])
@@ -105,10 +105,10 @@ def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
 
 
 def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[int]) -> Array:
-    """λ (m, n - r) of the modes other than rigid-body modes, whose vectors (m, n, r) are 1 at their own of
-    r places and 0 at those of the others.
+    """λ (m, n - r) of the modes other than rigid-body modes. The vectors (m, n, r) of the latter form the
+    identity at r places.
 
-    With q = E a + x, x zero at the places, K acts on x alone; what remains is a Schur complement of M.
+    With q = E a + x and x zero at the places, K acts on x alone; M is reduced to a Schur complement.
     """
     stiffness, moved = K[:, rest][:, :, rest], M @ vectors
     if _symmetric(M, M).all() and _symmetric(K, M).all() and _is_positive(M):
@@ -120,7 +120,7 @@ def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[i
 
 
 def _symmetric(A: Array, M: Array) -> Array:
-    """Whether matrices (m, n, n) are symmetric (m,), in coordinates of inertia 1."""
+    """Whether matrices (m, n, n) are symmetric (m,), in coordinates of unit inertia."""
     unit = 1 / np.sqrt(np.abs(np.einsum("mii->mi", M)))
     scaled = A * unit[:, :, None] * unit[:, None, :]
     asymmetry = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
@@ -137,10 +137,10 @@ def _is_positive(A: Array) -> bool:
 
 
 def _of_symmetric(M: Array, K: Array) -> Array:
-    """λ (m, n), rising, for M positive definite.
+    """λ (m, n) in ascending order, for positive definite M.
 
-    Low λ lose digits beside high ones, and high 1/λ beside low ones: where K is positive definite, each is
-    taken from the pencil in which its relative error, eps λmax/λ or eps λ/λmin, is smaller.
+    Small λ are inaccurate beside large ones, and so are large λ if 1/λ are computed. If K is positive
+    definite, each λ is taken from the pencil with the smaller relative error, eps λmax/λ or eps λ/λmin.
     """
     found = _reduced(M, K)
     if not _is_positive(K):
@@ -158,7 +158,7 @@ def _reduced(A: Array, B: Array) -> Array:
 
 
 def _of_general(rate: Array) -> Array:
-    """Eigenvalues (n,) of a matrix, complex; those that are real within round-off are real."""
+    """Complex eigenvalues (n,) of a matrix; those that are real within round-off are real."""
     from scipy.linalg import matrix_balance
 
     balanced = np.asarray(matrix_balance(rate)[0])

@@ -1,10 +1,9 @@
-"""Eigenvalues of a product A_{m-1} … A_0 from its factors, as logarithms: the product is never formed.
+"""Logarithms of the eigenvalues of a product A_{m-1} … A_0 from its factors, without forming the product.
 
-SLICOT's periodic QZ algorithm (A. Bojanczyk, G. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31-42;
-D. Kressner, BIT 46 (2006) 421-440) finds unitary matrices Q_k for which every Q_{k+1}ᴴ A_k Q_k is upper
-triangular; an eigenvalue is a product of diagonal entries. The backward error of each factor is a few
-units of round-off of its own norm, so that an eigenvalue of 1e-400 keeps as many digits as the factors
-determine.
+SLICOT's periodic QZ algorithm (A. Bojanczyk, G. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31-42; D.
+Kressner, BIT 46 (2006) 421-440) finds unitary matrices Q_k for which every Q_{k+1}ᴴ A_k Q_k is upper
+triangular; an eigenvalue is a product of diagonal entries. The backward error of each factor is a few units
+of round-off of its own norm. An eigenvalue of 1e-400 is therefore as accurate as the factors determine it.
 """
 
 import math
@@ -43,8 +42,8 @@ def product_eigenvalues(
 ) -> ProductEigenvalues:
     """Eigenvalues of A_{m-1} … A_0 for real factors (P, m, N, N) in order of application.
 
-    rounding (P, m): Frobenius norm of the error that each factor brings; half a unit of rounding of its
-    norm by default. Raises LinAlgError where the iteration does not converge, ImportError without SLICOT.
+    rounding (P, m): Frobenius norm of the error of each factor, by default half a unit of round-off of its
+    norm. Raises LinAlgError if the iteration does not converge, ImportError without SLICOT.
     """
     factors, power = _scaled(factors)
     if rounding is None:
@@ -61,14 +60,14 @@ def product_eigenvalues(
 
 
 def eigenvalue_logarithms(factors: Array) -> Array:
-    """log ρ (N,) of one product of real factors (m, N, N), in no order, without error estimates. Raises as
-    `product_eigenvalues` does."""
+    """Logarithms (N,) of the eigenvalues of one product of real factors (m, N, N), unordered and without
+    error estimates. Raises as `product_eigenvalues` does."""
     scaled, power = _scaled(factors)
     return _principal(product_logarithms(scaled)) + math.log(2) * power.sum()
 
 
 def _scaled(factors: Array) -> tuple[Array, Array]:
-    """Factors (…, N, N) with entries up to 1, and the powers of 2 (…) that they were divided by."""
+    """Factors (…, N, N) with entries up to 1, and the powers of 2 (…) by which they were divided."""
     power = np.frexp(np.abs(factors).max(axis=(-2, -1)))[1]
     return np.ldexp(factors, -power[..., None, None]), power
 
@@ -102,11 +101,11 @@ def _point(A: Array, rounding: Array, vectors: bool) -> tuple[Array, Array, Arra
 
 
 def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Array:
-    """Right eigenvectors of the triangular chain as columns of X (m, N, N), unit upper triangular:
-    F_k X_k = X_{k+1} diag F_k, with the diagonals (N, m) of F (m, N, N).
+    """Right eigenvectors of the triangular chain as columns of X (m, N, N), unit upper triangular: F_k X_k =
+    X_{k+1} diag F_k, with the diagonals (N, m) of F (m, N, N).
 
-    An entry along the chain solves a cyclic bidiagonal system. Equal eigenvalues count as apart by one unit
-    of rounding.
+    An entry along the chain solves a cyclic bidiagonal system. Equal eigenvalues are treated as one unit of
+    round-off apart.
     """
     m, N, _ = F.shape
     X = np.zeros((m, N, N), dtype=complex)
@@ -115,7 +114,7 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
         own = np.repeat(diagonal[j][None], N - 1 - j, axis=0)
         with np.errstate(invalid="ignore"):
             apart = np.abs(logarithms[j + 1 :] - logarithms[j])
-        # Exact zeros are equal too, though NaN apart.
+        # Exact zeros count as equal, although their difference is NaN.
         own[(logarithms[j + 1 :] == logarithms[j]) | (apart < EPS), 0] *= 1 + 2 * EPS
         right = np.squeeze(F[:, j, None, j + 1 :] @ X[:, j + 1 :, j + 1 :], 1)
         entries = cyclic(own[..., None, None], -diagonal[j + 1 :], -right.T[..., None])

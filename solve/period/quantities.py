@@ -32,7 +32,7 @@ _ZOOMS, _ROUGH = 6, 3
 _ZOOM = np.linspace(-1.0, 1.0, 33)
 
 _SIGNS = np.array([1.0, -1.0])
-"""Of maxima and of minima, which are maxima of the negative."""
+"""Signs for maxima and for minima, which are maxima of the negative."""
 
 _TOGETHER = 16
 """Extrema of a quantity that are narrowed down at once."""
@@ -79,11 +79,12 @@ def _known(values: Array) -> Array:
 
 
 def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list[tuple[Array, Array]]:
-    """For both signs the phases (…) and values, times the sign, of the largest maxima of sign · value: that
-    next to the largest sample, of several the first, unless one next to a lower sample is higher."""
+    """For both signs, phases (…) and values, times the sign, of the largest maxima of sign · value. This is
+    the maximum next to the largest sample (the first of several), unless one next to a lower sample is
+    higher."""
     reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
     firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]
-    # Both in one call: what evaluates many quantities at once costs little more for twice the phases.
+    # One call for both: evaluating many quantities at once costs little more for twice the phases.
     centres, highest = _zoomed(np.stack(firsts, axis=-1) * width, at, width, _SIGNS, _ZOOMS)
     found = []
     for side, (sign, reach, first) in enumerate(zip(_SIGNS, reaches, firsts, strict=True)):
@@ -94,7 +95,7 @@ def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list
 
 
 def _first(values: Array, reach: Array) -> Array:
-    """Position (…) of the largest of the samples (…, k) that are no less than their neighbours."""
+    """Position (…) of the largest of the samples (…, k) that are not below their neighbours."""
     largest = values.max(axis=-1, keepdims=True)
     return (np.isfinite(reach) & (values >= largest - _TIE * np.abs(largest))).argmax(axis=-1)
 
@@ -107,8 +108,8 @@ def _above(
     width: float,
     side: tuple[float, Array],
 ) -> tuple[Array, Array]:
-    """Phases and values (…) of maxima, or of higher ones beside samples whose reach (…, k) is above these.
-    side: the sign, and the largest moduli (…)."""
+    """Phases and values (…) of maxima, replaced by higher ones next to samples whose upper bound (…, k)
+    exceeds them. side: the sign, and the largest moduli (…)."""
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
@@ -146,7 +147,7 @@ def _highest(
 def _zoomed(
     centres: Array, at: Callable[[Array], Array], width: float, signs: Array, zooms: int
 ) -> tuple[Array, Array]:
-    """Phases (…, r) and values, times the signs (r,), or a single one, of the maxima of sign · value within a
+    """Phases (…, r) and values, times the signs (r,) or a single one, of the maxima of sign · value within a
     width of each of the centres (…, r)."""
     highest = np.full(centres.shape, -np.inf)
     for _ in range(zooms):

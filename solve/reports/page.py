@@ -171,7 +171,7 @@ def _findings(report: Report) -> str:
         ]
         lines += ["<h3>Warnings</h3>", _list(texts, "warnings")]
     else:
-        lines.append("<p>Nothing that was calculated is in doubt: no warnings.</p>")
+        lines.append("<p>No warnings.</p>")
     return "\n".join(filter(None, lines))
 
 

@@ -45,10 +45,11 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Bands(Sequence[Band], Result):
-    """Bands, rising, within a range of speeds (rad/s). spacing: the largest distance in rad/s of neighbouring
-    speeds that were solved; narrower bands may be missed. notes: how they were found, such as speeds without
-    a result. speeds, spectral_radius (P,): those that were solved, rising, NaN where one has no result.
-    constant_matrices: whether M, C and K do not vary over the period, so that their eigenvalues decide."""
+    """Unstable bands in ascending order within a range of speeds (rad/s). spacing: largest distance in rad/s
+    of neighbouring solved speeds; narrower bands may be missed. notes: how the bands were found, such as
+    speeds without a result. speeds, spectral_radius (P,): solved speeds in ascending order and their spectral
+    radii, NaN without a result. constant_matrices: whether M, C and K are constant over the period; then
+    eigenvalues decide."""
 
     found: Sequence[Band]
     system: PeriodicSystem
@@ -132,7 +133,7 @@ class Bands(Sequence[Band], Result):
         unit = self.system.speed_unit
         width = unit.text(self.spacing, ".3g")
         how = "eigenvalues" if self.constant_matrices else "solved"
-        limit = text(f"{how} at speeds up to {width} apart: narrower bands may be missed", "dim")
+        limit = text(f"{how} at speed intervals of up to {width}: narrower bands may be missed", "dim")
         if not self:
             return [text(f"\nno unstable band found from {unit.span(*self.range)}", "bold green"), limit]
         return [table_of(f"Unstable between {unit.span(*self.range, 'and')}", self.columns, left=2), limit]

@@ -1,4 +1,4 @@
-"""A branch of nonlinear orbits over the speed, or over a parameter."""
+"""Branch of nonlinear orbits over the speed or a parameter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ _MOST_ROWS = 40
 """Of the table; of more points every k-th is shown."""
 
 _NARROW = 1e-3
-"""Range of the values, relative to the largest, below which seven digits hardly distinguish them."""
+"""Range of the values, relative to the largest, below which seven digits do not distinguish them."""
 
 _SHOWN = "max", "min", "max_abs", "mean", "rms"
 _MAX_ABS = FIGURES.index("max_abs")
@@ -38,15 +38,15 @@ _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY,
 
 @dataclass(frozen=True)
 class Branch(Result):
-    """Orbits (P,) along a branch. speeds (P,) in rad/s. figures (P, q, 7): of each coordinate and, behind
-    these, each output, the fields of `solve.statistics.Statistics` of the continuous curve; figure_errors
-    (P, q): estimated errors of the extrema, relative to the largest modulus, or to the scale of a coordinate
-    where the forces on it cancel. radius (P,): spectral radii. errors (P, 2): estimated errors of the orbits,
-    relative, and of the spectral radii, absolute. turns (P,): whether the branch turns back at the orbit;
-    repeats (P,): whether the orbit is one of a single period, where several were given. rtol: tolerance of
-    the orbits. ended: why the branch ends within its range, otherwise empty. notes: of the engine. periods:
-    number of the model's periods in a period of the orbits. parameters: values (P,) of the parameter that
-    varies instead of the speed, by its name."""
+    """Orbits (P,) along a branch. speeds (P,) in rad/s. figures (P, q, 7): the fields of
+    `solve.statistics.Statistics` of the continuous curve, for each coordinate and then each output.
+    figure_errors (P, q): estimated errors of the extrema, relative to the largest modulus, or to the scale of
+    a coordinate on which the forces cancel. radius (P,): spectral radii. errors (P, 2): estimated relative
+    errors of the orbits and absolute errors of the spectral radii. turns (P,): whether the orbit is a turning
+    point. repeats (P,): whether an orbit of several periods repeats after one. rtol: tolerance of the orbits.
+    ended: reason why the branch ends within its range, otherwise empty. notes: of the engine. periods: number
+    of model periods per period of the orbits. parameters: values (P,) by name of the parameter that varies
+    instead of the speed."""
 
     _rows: ClassVar[str] = "points"
 
@@ -76,17 +76,17 @@ class Branch(Result):
 
     @property
     def over(self) -> str:
-        """The name of what varies: "speed", or a parameter."""
+        """Name of the continuation parameter: "speed", or a parameter."""
         return next(iter(self.parameters), SPEED)
 
     @property
     def values(self) -> Array:
-        """Values (P,) of what varies: speeds in rad/s, or those of the parameter."""
+        """Values (P,) of the continuation parameter; speeds in rad/s."""
         return self.parameters.get(self.over, self.speeds)
 
     @property
     def turning(self) -> Array:
-        """Values at which the branch turns back, in its order."""
+        """Values of the continuation parameter at turning points, in the order of the branch."""
         return self.values[self.turns.astype(bool)]
 
     @property
@@ -103,19 +103,17 @@ class Branch(Result):
         found, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
         found += self.system.warnings(float(self.speeds.max()), linear=False)
         if worst > self.rtol:
-            found.append(
-                f"orbits are off by up to {worst:.1e} of themselves, beyond the {self.rtol:g} asked for"
-            )
+            found.append(f"relative errors of the orbits are up to {worst:.1e}, above rtol {self.rtol:g}")
         if self.repeats.any():
             found.append(
-                f"orbits repeat after each of their {self.periods} periods{self._where(self.repeats)}: "
-                "they are of one period; others need another start"
+                f"orbits of {self.periods} periods repeat after one period{self._where(self.repeats)}; "
+                "use another start to find orbits of longer period"
             )
         return found + self._beyond_limits
 
     @property
     def _beyond_limits(self) -> list[str]:
-        """Limits of the model that orbits leave, a sentence each, with the first of these."""
+        """Violated limits of the model, one sentence each, with the first violation."""
         found = []
         for limit in self.system.limits(self.quantities, linear=False):
             figures = self.figures[:, self.quantities.index(limit.quantity)]
@@ -126,7 +124,7 @@ class Branch(Result):
         return found
 
     def _where(self, which: Array) -> str:
-        """In words, at which points (P,)."""
+        """Text that locates points (P,)."""
         first = self.system.unit_of(self.over).text(float(self.values[int(which.argmax())]), self._digits)
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
@@ -136,7 +134,7 @@ class Branch(Result):
 
     @property
     def _digits(self) -> str:
-        """Of values that lie close together, enough to distinguish them."""
+        """Number format that distinguishes neighbouring values."""
         return ".7g" if np.ptp(self.values) > _NARROW * np.abs(self.values).max() else ".10g"
 
     @property
@@ -150,19 +148,20 @@ class Branch(Result):
         ]
         for at, name in enumerate(self.quantities):
             found += self._columns_of(name, at)
-        meaning = "error of the spectral radius, estimated"
+        meaning = "estimated error of the spectral radius"
         found += [
             ("spectral_radius", Column(self.radius, "1", "spectral radius", "radius", digits(".5g"))),
             ("verdict", Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__)),
             ("turns", Column(back, "", "whether the branch turns back", "turns", _YES.__getitem__)),
-            ("error", Column(self.errors[:, 0], "1", "error of the orbit, relative, estimated")),
+            ("error", Column(self.errors[:, 0], "1", "estimated relative error of the orbit")),
             ("radius_error", Column(self.errors[:, 1], "1", meaning)),
         ]
         require_different_names(found)
         return dict(found)
 
     def _columns_of(self, name: str, at: int) -> list[tuple[str, Column]]:
-        """Figures of a quantity; largest moduli of the first coordinates are in the table."""
+        """Columns of the statistics of a quantity; the table shows the largest moduli of the first
+        coordinates."""
         unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
         values = {figure: self.figures[:, at, FIGURES.index(figure)] for figure in _SHOWN}
         factor, shown = prefixed(unit, float(np.nanmax(np.append(values["max_abs"], 0.0))))
@@ -172,7 +171,7 @@ class Branch(Result):
             heading = title if figure == "max_abs" else ""
             column = Column(numbers, unit, f"{figure} of {meaning}", heading, digits(".5g", factor))
             found.append((f"{name}_{figure}", column))
-        error = f"error of the extrema of {meaning}, relative, estimated"
+        error = f"estimated relative error of the extrema of {meaning}"
         return [*found, (f"{name}_error", Column(self.figure_errors[:, at], "1", error))]
 
     @property
@@ -188,8 +187,8 @@ class Branch(Result):
         return [made, text("\n" + self.summary)]
 
     def plot(self) -> Figure:
-        """Largest moduli and the spectral radius over what varies, dashed where the branch is unstable
-        (matplotlib Figure)."""
+        """Largest moduli and the spectral radius over the continuation parameter, dashed where the branch is
+        unstable (matplotlib Figure)."""
         names = self.system.coordinates[: MOST_SHOWN - 1]
         title = f"{title_of(self.system)}: branch of nonlinear orbits"
         with page(1.4 + 1.5 * (len(names) + 1), title) as figure:

@@ -87,7 +87,8 @@ class Comparison(Result):
             return self._reduction
         return [
             *self._reduction,
-            f"the reference is known to {error:.0e} only; the target {', '.join(blurred)} is too close to it",
+            f"the reference is accurate to {error:.0e} only; the target {', '.join(blurred)} is too close to "
+            "it",
         ]
 
     def plot(self) -> Figure:

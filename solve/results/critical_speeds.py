@@ -43,10 +43,11 @@ _NOWHERE = Maximum(math.nan, math.nan)
 
 @dataclass(frozen=True)
 class CriticalSpeeds(Result):
-    """rows: critical speeds, falling; combinations: (ω̄i ± ω̄j)/k. Behind them over speeds (P,), rising:
-    response, the dominant multiplier's real part and modulus (P,), unstable (P,), mean frequencies (P, n),
-    and imaginary (P,): whether one of these is imaginary or complex at some position. constant_matrices:
-    whether M, C and K do not vary over the period, so that no combination is excited."""
+    """Critical speeds. rows: critical speeds, in descending order; combinations: (ω̄i ± ω̄j)/k. Over speeds
+    (P,) in ascending order: response, real part and modulus of the dominant multiplier (P,), unstable (P,),
+    mean frequencies (P, n), and imaginary (P,): whether a frequency is imaginary or complex at some position.
+    constant_matrices: whether M, C and K are constant over the period, so that no combination resonance is
+    excited."""
 
     system: PeriodicSystem
     quantity: str

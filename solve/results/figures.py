@@ -1,4 +1,4 @@
-"""Figures of the coordinates and outputs of one orbit: extrema, means."""
+"""Statistics of the coordinates and outputs of an orbit."""
 
 from collections.abc import Mapping
 
@@ -11,22 +11,22 @@ from solve.period.quantities import Quantities
 from solve.system import PeriodicSystem
 
 _REPEATS, _SAMPLES = 1e-6, 512
-"""Relative difference between the periods of an orbit of several, at this number of phases, below which it
-is an orbit of a single period."""
+"""Tolerance, relative, and number of phases of the comparison between periods of an orbit of several periods:
+if they agree, it is an orbit of a single period."""
 
 _A_STEP = 4
-"""Phases a step at which outputs of two curves are compared."""
+"""Phases per step at which outputs of two curves are compared."""
 
 
 def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
-    """The fields of `Statistics` of each coordinate (n, 7), of the continuous curve."""
+    """Statistics (n, 7) of each coordinate of the continuous curve: the fields of `Statistics`."""
     return Quantities(curve[None], np.ones(1), engine=engine).figures()[0]
 
 
 def compiled_output_figures(
     system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str
 ) -> Array | None:
-    """The same (o, 7) of each output of the system, at a speed in rad/s, by compiled code; None without."""
+    """Statistics (o, 7) of each output at a speed in rad/s from compiled code; None without compiled code."""
     formulas = system.output_formulas() if engine == COMPILED else None
     if formulas is None:
         return None
@@ -38,7 +38,7 @@ def compiled_output_figures(
 
 
 def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """The same (o, 7) of each output, by compiled code where there is one."""
+    """Statistics (o, 7) of each output, from compiled code if available."""
     compiled = compiled_output_figures(system, curve, speed, engine)
     if compiled is not None:
         return compiled
@@ -53,7 +53,7 @@ def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, e
 
 
 def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """The same of the coordinates, and behind them the outputs (n + o, 7)."""
+    """Statistics (n + o, 7) of the coordinates, then of the outputs."""
     of_coordinates = coordinate_figures(curve, engine)
     if not system.outputs:
         return of_coordinates
@@ -77,7 +77,7 @@ def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve
 
 
 def repeats_early(curve: PeriodicCurve, periods: int) -> bool:
-    """Whether a curve over several periods repeats after each of them."""
+    """Whether a curve over several periods repeats after one of them."""
     last = float(curve.nodes[-1])
     phase = np.arange(_SAMPLES) * (last / _SAMPLES)
     q, later = curve(phase), curve(phase + last / periods)

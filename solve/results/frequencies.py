@@ -30,11 +30,11 @@ _MOST_ROWS = 40
 
 
 class Roots(Result):
-    """Roots of λ in K v = λ M v, by frequencies and growth rates of one shape."""
+    """Eigenvalues λ of K v = λ M v, as frequencies and growth rates of the same shape."""
 
     @property
     def signed(self) -> Array:
-        """Frequencies; growth rates, negative, where λ < 0. They rise with λ."""
+        """Frequencies, or negative growth rates where λ < 0; ascending with λ."""
         return self._roots.signed
 
     @property
@@ -43,18 +43,19 @@ class Roots(Result):
 
     @property
     def _largest(self) -> float:
-        """Of the roots that tables show."""
+        """Largest modulus among the roots that tables show."""
         return float(np.nanmax(np.abs(self.signed), initial=0.0))
 
     def _text(self, root: float) -> str:
-        """A frequency, or a growth rate given as a negative number, in a column of others."""
+        """Text of a frequency, or of a growth rate given as a negative number."""
         if root == 0:
             return "0"
         text = fixed(abs(root), self._largest, 6)
         return f"{text}i" if root < 0 else text
 
     def _figures(self, axis: int) -> dict[str, Array]:
-        """mean, min and max by name along an axis, of signed roots; a mean of both kinds has no meaning."""
+        """mean, min and max by name of signed roots along an axis; the mean is NaN if frequencies and growth
+        rates mix."""
         signed = self.signed
         mixed = (signed < 0).any(axis=axis) & ~(signed < 0).all(axis=axis)
         mean = np.where(mixed, np.nan, signed.mean(axis=axis))
@@ -62,13 +63,13 @@ class Roots(Result):
 
 
 def _roots_of(frequencies: Array, growth_rates: Array | None) -> NaturalFrequencies:
-    """Files of earlier versions hold no growth rates."""
+    """Frequencies and growth rates; files of earlier versions contain no growth rates."""
     rates = np.full_like(frequencies, np.nan) if growth_rates is None else growth_rates
     return NaturalFrequencies(frequencies, rates)
 
 
 def _growing(rows: Roots, places: str) -> list[str]:
-    """A sentence that names the modes that grow at some of the rows of a result; none where none does."""
+    """Sentence that names the modes that grow in some rows of a result; empty if none does."""
     frequencies, rates = rows._roots
     grows = np.isfinite(rates)
     if not grows.any():
@@ -85,17 +86,17 @@ def _growing(rows: Roots, places: str) -> list[str]:
 
 
 def _vibrating(figures: Mapping[str, Array]) -> dict[str, Array]:
-    """Figures of signed roots, NaN instead of growth rates."""
+    """Statistics of signed roots, with NaN instead of growth rates."""
     return {name: np.where(values < 0, np.nan, values) for name, values in figures.items()}
 
 
 @dataclass(frozen=True)
 class Frequencies(Roots):
-    """values (m, k): frequencies of the first k modes in rad/s, rising, at positions (m,) in rad; the order
-    of modes is that of λ in K v = λ M v.
+    """Natural frequencies. values (m, k): frequencies of the first k modes in rad/s at positions (m,) in rad;
+    modes are in ascending order of λ in K v = λ M v.
 
     Where λ < 0 the position is unstable: the frequency is NaN, and growth_rates (m, k) in 1/s, NaN elsewhere,
-    holds √−λ. A mode of complex λ has both. rigid_body_modes: those of the first position, 0 each.
+    is √−λ. A mode with complex λ has both. rigid_body_modes: those of the first position, with frequency 0.
     """
 
     system: PeriodicSystem
@@ -110,7 +111,8 @@ class Frequencies(Roots):
 
     @property
     def mean(self) -> Array:
-        """Mean over the positions (k,): for a whole turn the cycle's mean; NaN where the mode grows."""
+        """Mean over the positions (k,), for a whole revolution the mean over the cycle; NaN where the mode
+        grows."""
         return self.values.mean(axis=0)
 
     @property
@@ -124,7 +126,7 @@ class Frequencies(Roots):
         return self.system.mode_shapes(float(self.positions[number]), self.values[number])
 
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
-        """Roots at a position: 21.5, of λ < 0 1.73i, of complex λ 21.5±1.73i."""
+        """Texts of the roots at a position: 21.5; 1.73i for λ < 0; 21.5±1.73i for complex λ."""
         made = []
         for omega, rate in zip(*(factor * part[number] for part in self._roots), strict=True):
             parts = [
@@ -148,8 +150,8 @@ class Frequencies(Roots):
 
     @property
     def whole(self) -> dict[str, Any]:
-        """Positions (rad), frequencies (rad/s) or growth rates (1/s), and figures of the frequencies over the
-        positions."""
+        """Positions (rad), frequencies (rad/s) or growth rates (1/s), and statistics of the frequencies over
+        the positions."""
         frequencies, growth_rates = self._roots
         found = {"positions": self.positions, "frequencies": frequencies, "growth_rates": growth_rates}
         return {**found, **_vibrating(self._figures(0))}
@@ -167,7 +169,7 @@ class Frequencies(Roots):
             )
             columns[f"frequency{k}"] = Column(omegas, "rad/s", f"natural frequency {k}", heading, texts)
             if np.isfinite(rates).any():
-                columns[f"growth_rate{k}"] = Column(rates, "1/s", f"at which mode {k} grows")
+                columns[f"growth_rate{k}"] = Column(rates, "1/s", f"growth rate of mode {k}")
         return columns
 
     def tables(self) -> Sequence[Table]:
@@ -183,11 +185,12 @@ class Frequencies(Roots):
 
 @dataclass(frozen=True)
 class Variation(Roots):
-    """Frequencies (v, m, k) in rad/s over a parameter, values (v,) in its own unit, at positions (m,) in rad.
+    """Frequencies (v, m, k) in rad/s over a parameter with values (v,) in its own unit, at positions (m,) in
+    rad.
 
-    NaN where errors (v,) says why there are none, and where growth_rates (v, m, k) in 1/s, NaN elsewhere,
-    holds a mode that grows, see `Frequencies`. pinned: the lowest frequency of each link by itself, pinned at
-    both ends, (v,) by name.
+    Frequencies are NaN where errors (v,) gives a reason, and where a mode grows; growth_rates (v, m, k) in
+    1/s, NaN elsewhere, is then its rate, see `Frequencies`. pinned: lowest frequency (v,) of each link alone,
+    pinned at both ends, by name.
     """
 
     system: PeriodicSystem
@@ -205,7 +208,7 @@ class Variation(Roots):
 
     @property
     def figures(self) -> dict[str, Array]:
-        """mean, min and max of frequencies over the positions (v, k), by name; NaN where modes grow."""
+        """mean, min and max of the frequencies over the positions (v, k), by name; NaN where modes grow."""
         return _vibrating(self._figures(1))
 
     @property
@@ -215,7 +218,7 @@ class Variation(Roots):
 
     @property
     def largest_growth_rates(self) -> Array:
-        """Over the positions (v, k); NaN where a mode grows at none."""
+        """Largest growth rates over the positions (v, k); NaN where a mode grows at no position."""
         return np.fmax.reduce(self._roots[1], axis=1)
 
     @property
@@ -224,13 +227,13 @@ class Variation(Roots):
 
     @property
     def shown_modes(self) -> list[int]:
-        """Numbers, from 0, of the lowest mode and of the lowest that is not a rigid-body mode throughout."""
+        """Indices, from 0, of the lowest mode and of the lowest that is not a rigid-body mode throughout."""
         signed = np.nan_to_num(self.signed).any(axis=(0, 1))
         return sorted({0, int(signed.argmax())})
 
     def plot(self) -> Figure:
-        """The lowest frequency that is not that of a rigid-body mode over the parameter, beside those of the
-        links alone (thesis Fig. 9.1)."""
+        """Lowest elastic frequency over the parameter, with the frequencies of the links alone (thesis Fig.
+        9.1)."""
         mode = self.shown_modes[-1]
         lowest = {name: values[:, mode] for name, values in self._figures(1).items()}
         return variation_figure(self.system, self.parameter, mode, self.values, lowest, self.pinned)
@@ -271,8 +274,8 @@ class Variation(Roots):
         return len(self.positions) > 1
 
     def tables(self) -> Sequence[Table]:
-        """A row a value of the parameter: the lowest frequency, where that is of a rigid-body mode also the
-        next, and those of up to three links alone."""
+        """One row per value of the parameter: the lowest frequency, the next one if that is a rigid-body
+        mode, and those of up to three links alone."""
         mean_of = f": the mean of {len(self.positions)} positions" if self._several else ""
         caption = "alone: the link's lowest frequency, pinned at both ends" if self.pinned else None
         title = f"Over {self.parameter}, rad/s{mean_of}"
@@ -345,7 +348,7 @@ class Findings(Result):
         if self.shapes:
             masses = [shape.modal_mass for shape in self.shapes]
             columns["mass"] = Column(masses, heading="modal mass (kg)", text=digits(".4g"))
-            captions = [*captions, "of each link: its largest bending, that of the mode being 1"]
+            captions = [*captions, "per link: largest deflection, relative to the largest of the mode"]
             for number, link in enumerate(self.system.links):
                 bending = [np.abs(shape.transverse[number]).max() for shape in self.shapes]
                 columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
@@ -357,9 +360,9 @@ class Findings(Result):
 
     @property
     def _about_modes(self) -> list[str]:
-        """What a table says of modes that grow, and of rigid-body modes."""
+        """Captions on growing modes and rigid-body modes."""
         first = int((self.here.signed[0] < 0).sum())
-        texts = ["i: the mode grows instead of vibrating, at this rate in 1/s"] * (first > 0)
+        texts = ["i: growth rate in 1/s of a mode that grows instead of vibrating"] * (first > 0)
         names = self.here.system.coordinates
         for number, mode in enumerate(self.here.rigid_body_modes, start=first + 1):
             texts.append(f"mode {number} is a rigid-body mode, {mode.ratio(names)}")

@@ -64,7 +64,8 @@ def shapes_figure(system: PeriodicSystem, position: float, every: Sequence[ModeS
 
 
 def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
-    """Every frequency (m, k) over the positions (m,) of a turn, means dashed; growth rates are negative."""
+    """Frequencies (m, k) over the positions (m,) of a revolution, with dashed means; growth rates are
+    negative."""
     from matplotlib.ticker import MultipleLocator
 
     degrees = np.degrees(np.append(positions, positions[0] + system.period))
@@ -97,10 +98,10 @@ def variation_figure(
     figures: Mapping[str, Array],
     pinned: Mapping[str, Array],
 ) -> Figure:
-    """The frequency of a mode (from 0) over a parameter (v,), with its range over the turn, beside the links
-    alone.
+    """Frequency of a mode (index from 0) over a parameter (v,), with its range over the revolution, and the
+    frequencies of the links alone.
 
-    figures: mean, min and max (v,) of the positions; growth rates are negative. pinned: by link.
+    figures: mean, min and max (v,) over the positions; growth rates are negative. pinned: by link.
     """
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
     several = not np.array_equal(figures["min"], figures["max"], equal_nan=True)
@@ -147,7 +148,7 @@ def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> Non
 
 
 def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None]:
-    """Of the vertical axis: 0 unless a mode grows; top: of frequencies, where it is known."""
+    """Limits of the vertical axis: the lower one is 0 unless a mode grows; top: of frequencies, if known."""
     lowest = float(np.nanmin(roots, initial=0.0))
     if lowest == 0.0 and not top:
         return 0.0, 1.0 if not np.nan_to_num(roots).any() else None
@@ -155,8 +156,8 @@ def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None
 
 
 def _label_frequencies(axes: Axes) -> None:
-    """The vertical axis in rad/s, and the same scale in Hz on the right; growth rates below zero, as
-    imaginary frequencies."""
+    """Label the vertical axis in rad/s and the right axis in Hz; growth rates, as imaginary frequencies, are
+    below zero."""
     turn = 2 * math.pi
     scales = lambda omega: np.divide(omega, turn), lambda hertz: np.multiply(hertz, turn)
     right = axes.secondary_yaxis("right", functions=scales)

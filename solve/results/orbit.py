@@ -30,7 +30,7 @@ _ALIKE = 1e-6
 
 
 _DOUBTFUL = 1e-2
-"""Relative residual above which it may be one of round-off: of noise it is about 1."""
+"""Relative residual above which it may consist of round-off; pure round-off gives about 1."""
 
 
 @dataclass(frozen=True)
@@ -144,16 +144,16 @@ class Orbit(Stability, Turn):
         scale = np.max([np.abs(term).max(axis=0) for term in (*terms, d)], axis=0)
         residual = np.abs(sum(terms) - d).max(axis=0)
         if (residual > _DOUBTFUL * scale).any():
-            # Where all terms are round-off, by what the load is a sum of.
+            # If all terms are round-off, relative to the summands of the load.
             scale = np.maximum(scale, self.system.roundoff(phase, self.speed).max(axis=0))
         return float(np.max(residual / np.where(scale > 0, scale, 1.0)))
 
     @cached_property
     def linearisation_error(self) -> Mapping[str, float] | None:
-        """How far the orbit of the nonlinear equations is from this linear one, per coordinate
-        max|difference| relative to its scale, see `solve.certify.scale`: max|q|, unless the forces on it
-        cancel. It is the size of one correction of Newton's method on the same grid, which is
-        near the truth as long as it is small. NaN where that has no solution, None for linear systems."""
+        """Estimated distance of the nonlinear orbit from this linear one: max|difference| per coordinate,
+        relative to its scale (see `solve.certify.scale`), which is max|q| unless the forces on it cancel. It
+        is the size of one correction of Newton's method on the same grid, and accurate while it is small. NaN
+        if this correction has no solution, None for linear systems."""
         if not self.system.nonlinear:
             return None
         certified, sizes = self.certified, np.full(self.system.n, np.nan)
@@ -196,23 +196,23 @@ class Orbit(Stability, Turn):
 
     @property
     def summary(self) -> str:
-        """The verdict in plain words, and how far the coordinates go."""
+        """Sentence on the verdict and the largest moduli of the coordinates."""
         units, names = self.system.units, self.coordinates[:MOST_SHOWN]
         largest = ((name, abs(self.statistics(name).max_abs)) for name in names)
         reached = [f"max|{greek(name)}| = {measured(size, units.get(name, ''))}" for name, size in largest]
         more = len(self.coordinates) - len(reached)
-        others = f" and {more} coordinates more" if more > 0 else ""
+        others = f" and {more} more coordinates" if more > 0 else ""
         return f"{super().summary} Over one period {', '.join(reached)}{others}.{self._doubt}"
 
     @property
     def _doubt(self) -> str:
-        """How far a linearised answer is off, as a sentence."""
+        """Sentence on the linearisation error."""
         errors = (self.linearisation_error or {}).values()
         if not errors:
             return ""
         part = float(f"{100 * max(errors):.2g}")
-        size = "an unknown amount" if math.isnan(part) else f"{part:g} % of its size"
-        return f" So say the linearised equations; the nonlinear vibration differs by about {size}."
+        size = "unknown" if math.isnan(part) else f"{part:g} %"
+        return f" Estimated linearisation error: {size}."
 
     def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
         """Of `solve periodic --json`, with `harmonics` amplitudes above the mean for every quantity."""

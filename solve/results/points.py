@@ -17,6 +17,9 @@ KINDS = ("+1", "-1", "complex")
 _REAL = 1e-6
 """Imaginary part, relative to the modulus, up to which a multiplier counts as real."""
 
+LEFT_OUT = "spectral radius and verdict exclude their multipliers +1"
+"""Statement about rigid-body modes."""
+
 FAILED = -1
 """Instead of the position of a verdict, where there is none."""
 
@@ -51,11 +54,11 @@ class Kept:
 class PointResults:
     """Arrays over P points.
 
-    figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers
-    (P, N), zero where unresolved, and behind the others for each of rigid-body modes, of which there are
-    rigid (P,); errors (P, 2) of orbit and multipliers; reductions (P, 2): those of the reduction of the
-    system, NaN where it is not reduced or they are not kept; verdicts (P,), positions in
-    VERDICTS or FAILED; steps (P,); methods (P,), their names. warnings and failures: texts by point.
+    figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers (P, N):
+    zero where unresolved; the last rigid (P,) of them are zero placeholders for rigid-body modes; errors (P,
+    2) of orbit and multipliers; reductions (P, 2): errors of the reduction of the system, NaN if it is not
+    reduced or they are not stored; verdicts (P,): positions in VERDICTS, or FAILED; steps (P,); methods (P,):
+    names. warnings and failures: texts by point.
     """
 
     kept: Kept
@@ -95,7 +98,7 @@ class PointResults:
 
     @property
     def all_multipliers(self) -> Array:
-        """Those of rigid-body modes too, +1, behind those of larger modulus (P, N)."""
+        """Multipliers (P, N) including the +1 of rigid-body modes, in descending order of modulus."""
         found = self.multipliers.copy()
         for at in np.flatnonzero(self.rigid).tolist():
             count, others = int(self.rigid[at]), self.multipliers[at, : -int(self.rigid[at])]
@@ -104,18 +107,16 @@ class PointResults:
 
     @property
     def notes(self) -> list[str]:
-        """At how many points the machine is free to turn, a sentence if at any."""
+        """Sentence on the number of points with rigid-body modes; empty if there are none."""
         count = int(np.count_nonzero(self.rigid))
         if not count:
             return []
         where = "all points" if count == len(self) else f"{count} of {len(self)} points"
-        left_out = "their multipliers +1 are left out of spectral radius and verdict"
-        return [f"rigid-body modes at {where}: {left_out}"]
+        return [f"rigid-body modes at {where}: {LEFT_OUT}"]
 
     @property
     def spectral_radius(self) -> Array:
-        """Largest |ρ| (P,), those of rigid-body modes left out; NaN where the point failed, or nothing
-        vibrates."""
+        """Largest |ρ| (P,) without rigid-body modes; NaN where the point failed or nothing vibrates."""
         none = self.multipliers.shape[1] == 0
         return np.full(len(self), np.nan) if none else np.abs(self.multipliers[:, 0])
 
@@ -165,7 +166,7 @@ class PointResults:
 
 
 def kinds_of(multipliers: Array) -> Array:
-    """Positions in KINDS (k,) of what the first of the multipliers (k, N) is; 0 where there are none."""
+    """Positions in KINDS (k,) of the first of the multipliers (k, N); 0 if there are none."""
     if not multipliers.shape[1]:
         return np.zeros(len(multipliers), dtype=int)
     leader = multipliers[:, 0]

@@ -25,7 +25,7 @@ Facts = Sequence[tuple[str, str]]
 """A word, and what it stands for."""
 
 _UNBROKEN = 10_000
-"""Columns of a terminal in which no table is broken."""
+"""Terminal width in columns at which no table wraps."""
 
 
 def described(method: Method) -> str:
@@ -140,7 +140,7 @@ def _number_table() -> type[Table]:
             unbroken = console.measure(self, options=options.update_width(_UNBROKEN)).maximum
             if unbroken > options.max_width:
                 for column in self.columns:
-                    # A unit is never broken, and takes a line of its own.
+                    # Units go on a line of their own and are not wrapped.
                     column.header = str(column.header).replace(" (", "\n(")
             for column in self.columns:
                 if column.justify == "right":
@@ -186,7 +186,7 @@ def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str],
 
 
 def _with_unit(system: PeriodicSystem, choice: str) -> str:
-    """A choice NAME=NUMBER of a parameter with the unit in which the number is taken."""
+    """Choice NAME=NUMBER of a parameter with the unit of the number."""
     name, _, value = choice.partition("=")
     unit = system.unit_of(name).name if name in system.parameter_labels else ""
     return choice if unit in ("", "1") or not is_number(value) else f"{choice} {unit}"

@@ -47,7 +47,7 @@ class Result(Lasting):
 
     @property
     def _reduction(self) -> list[str]:
-        """What the reduction of the system changes, of results that do not estimate it themselves."""
+        """Sentence on the error of the reduction of the system, for results without their own estimate."""
         reduction = self.system.reduction
         return [] if reduction is None else [reduction.sentence]
 

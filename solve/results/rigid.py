@@ -1,4 +1,4 @@
-"""The outputs of a mechanism without coordinates over one turn: an orbit in which nothing vibrates."""
+"""Outputs of a mechanism without coordinates over a revolution, as an orbit without vibration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,22 +19,21 @@ from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _STEPS = 256
-"""Of the turn between the nodes that files hold; figures are those of the continuous curve."""
+"""Steps per revolution between the nodes that files contain; statistics are those of the continuous curve."""
 
 _ROUNDING = 1e-14
-"""Relative error of an output: some hundred operations, each to 1e-16."""
+"""Relative error of an output: about a hundred operations, each accurate to 1e-16."""
 
 
 @dataclass(frozen=True)
 class RigidOrbit(Orbit):
-    """The prescribed motion at a speed in rad/s: without coordinates, multipliers and exponents, and without
-    a verdict."""
+    """Prescribed motion at a speed in rad/s, without coordinates, multipliers, exponents and verdict."""
 
     _calculated: ClassVar[tuple[str, ...]] = ("outputs", "output_statistics", "output_samples", "warnings")
 
     @classmethod
     def of(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
-        """Raises DesiredMotionError where the motion does not exist."""
+        """Prescribed motion at a speed. Raises DesiredMotionError if it does not exist."""
         system.checked(speed)
         nothing: Any = None
         return cls(system, speed, nothing, nothing)
@@ -91,7 +90,7 @@ class RigidOrbit(Orbit):
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        raise NoVibrationError(f"{self.system.name} has no coordinates: leave the quasi-static solution out")
+        raise NoVibrationError(f"{self.system.name} has no coordinates; omit the quasi-static solution")
 
     @cached_property
     def warnings(self) -> list[str]:

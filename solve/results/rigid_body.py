@@ -1,4 +1,4 @@
-"""Rigid-body modes as results name them."""
+"""Rigid-body modes in results."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,14 +10,14 @@ from solve.period.rigid_body import RigidBodyModes
 from solve.results.lasting import lasting
 
 _MOST_MOVING = 6
-"""Coordinates of a rigid-body mode that a sentence names."""
+"""Number of coordinates of a rigid-body mode that a sentence names."""
 
 
 @lasting
 class RigidBodyMode(NamedTuple):
-    """vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the period, relative
-    to Σ|K_ij e_j|; drift: steady velocity w by time of a damped mode, q = w e t + p(t), None without an
-    orbit."""
+    """Rigid-body mode e. vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the
+    period, relative to Σ|K_ij e_j|; drift: steady velocity w (per unit of time) of a damped mode, q = w e t +
+    p(t); None without an orbit."""
 
     vector: tuple[float, ...]
     damped: bool
@@ -25,7 +25,7 @@ class RigidBodyMode(NamedTuple):
     drift: float | None = None
 
     def ratio(self, coordinates: Sequence[str]) -> str:
-        """The coordinates that move, and by how much relative to each other.
+        """Ratio of the coordinates that move.
 
         >>> RigidBodyMode((1.0, -0.5, 0.0), False, 0.0).ratio(("motor", "gear", "case"))
         'motor : gear = 1 : -0.5'
@@ -40,7 +40,8 @@ class RigidBodyMode(NamedTuple):
 def rigid_body_modes_of(
     modes: RigidBodyModes, secular: Array | None = None, speed: float = 0.0
 ) -> list[RigidBodyMode]:
-    """Those of the first point. secular (P, r): steady velocities by the phase, at a speed in rad/s."""
+    """Rigid-body modes of the first point. secular (P, r): steady velocities with respect to the phase, at a
+    speed in rad/s."""
     found = []
     for at in np.flatnonzero(modes.present[0]).tolist():
         damped = bool(modes.dragged[0, at])
@@ -51,9 +52,9 @@ def rigid_body_modes_of(
 
 
 def steady_part(apart: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
-    """The part of differences (turns, n, k) from an orbit at phases (k,), and a speed in rad/s, that is a
-    steady motion along its rigid-body modes: a shift and the drift, or where nothing damps the mode a shift
-    and any velocity."""
+    """Steady motion along rigid-body modes contained in differences (turns, n, k) from an orbit at phases
+    (k,), for a speed in rad/s: an offset and the drift, or, for an undamped mode, an offset and any constant
+    velocity."""
     found = np.zeros_like(apart)
     if not modes:
         return found

@@ -29,10 +29,10 @@ _RECORDED = (
     *("condition", "rigid_body_modes", "notes"),
 )
 _MEANS = (
-    "disturbances die out, and in the long run each period leaves {radius:.3g} of them",
-    "disturbances neither die out nor grow",
-    "disturbances grow {radius:.4g} times in each period, and this vibration does not last",
-    "the accuracy that was reached does not tell whether disturbances die out or grow",
+    "disturbances decay by a factor {radius:.3g} per period",
+    "disturbances neither decay nor grow",
+    "disturbances grow by a factor {radius:.4g} per period, and this vibration is not sustained",
+    "the accuracy is insufficient to decide whether disturbances decay or grow",
 )
 _VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
@@ -56,8 +56,8 @@ lasting(ReductionError)
 
 @dataclass(frozen=True)
 class Stability(Result):
-    """Whether disturbances of the periodic motion die out, and how certain that is. Multipliers and exponents
-    are all 2n; spectral radius and verdict leave out those of rigid-body modes."""
+    """Stability of the periodic motion and its certainty. Multipliers and exponents contain all 2n values;
+    spectral radius and verdict exclude rigid-body modes."""
 
     system: PeriodicSystem
     speed: float
@@ -93,8 +93,8 @@ class Stability(Result):
 
     @cached_property
     def multipliers(self) -> Array:
-        """All 2n multipliers ρ (complex), falling in modulus, + imaginary part first; 0 where ρ underflows,
-        NaN where nothing is known of it."""
+        """All 2n multipliers ρ (complex) in descending order of modulus, + imaginary part first; 0 if ρ
+        underflows, NaN if it is unknown."""
         return self.spectrum.values
 
     @cached_property
@@ -120,7 +120,7 @@ class Stability(Result):
 
     @cached_property
     def spectral_radius(self) -> float:
-        """Largest |ρ|, those of rigid-body modes left out; 0 where it has no digit, or there is no other."""
+        """Largest |ρ| without rigid-body modes; 0 if it is unresolved or there is no other multiplier."""
         if (
             self._rho.resolved[0]
             or not len(self._others)
@@ -131,12 +131,12 @@ class Stability(Result):
 
     @property
     def _others(self) -> Array:
-        """Positions of the multipliers that are not those of rigid-body modes."""
+        """Positions of the multipliers that do not belong to rigid-body modes."""
         return np.flatnonzero(~self.spectrum.rigid)
 
     @cached_property
     def rigid_body_modes(self) -> Sequence[RigidBodyMode]:
-        """Directions in which the machine moves freely, those without damping first."""
+        """Rigid-body modes, undamped ones first."""
         solutions = self.certified.solutions
         if solutions.free is None:
             return []
@@ -182,7 +182,7 @@ class Stability(Result):
 
     @cached_property
     def reduction_error(self) -> ReductionError | None:
-        """What the reduction of the system changes, estimated; None for a system that is not reduced."""
+        """Estimated error of the reduction of the system; None for a full system."""
         if not self.system.solvable or not self.certified.reduction:
             return None
         return self.certified.reduction[0]
@@ -205,20 +205,20 @@ class Stability(Result):
         return [*self.engine_notes, *of_method, *of_modes, *self.spectrum.notes]
 
     def _turning(self, mode: RigidBodyMode) -> str:
-        """What follows from a rigid-body mode, in words."""
+        """Note on a rigid-body mode."""
         names, units = self.system.coordinates, self.system.units
-        count = "its multiplier +1 is" if mode.damped else "its two multipliers +1 are"
-        text = f"rigid-body mode {mode.ratio(names)}: {count} left out of spectral radius and verdict"
+        count = "its multiplier +1" if mode.damped else "its two multipliers +1"
+        text = f"rigid-body mode {mode.ratio(names)}: spectral radius and verdict exclude {count}"
         if self.certified.solutions.curve is None:
             return text
         if not mode.damped:
-            return f"{text}; the vibration has zero mean along it (weighted by the inertia)"
+            return f"{text}; the vibration has zero mean along it, weighted by the inertia"
         at = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
         unit = units.get(names[at], "")
         drift = f"{(mode.drift or 0.0) * mode.vector[at]:.6g} {unit}/s".replace(" /s", " per second")
         return (
-            f"{text}; the load balances the drag by a steady velocity along it ({names[at]}: {drift}), which "
-            "velocities include and coordinates do not"
+            f"{text}; load and drag balance at a steady velocity along it ({names[at]}: {drift}); velocities "
+            "include it, coordinates do not"
         )
 
     @cached_property
@@ -257,7 +257,7 @@ class Stability(Result):
         ]
 
     def _reduced(self) -> list[str]:
-        """What the reduction changes, in words."""
+        """Text on the error of the reduction."""
         error = self.reduction_error
         if error is None:
             return []

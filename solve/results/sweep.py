@@ -40,11 +40,12 @@ _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One point of a sweep: what is kept of its orbit, or the reason why there is none.
+    """One point of a sweep: the stored values of its orbit, or the reason why there is none.
 
-    parameters: those that vary beside the speed. statistics: of coordinates and outputs by name. multipliers:
-    all 2n, falling in modulus, 0 where the monodromy matrix holds no digit. error: the reason; figures are
-    then NaN. reduction_error: what the reduction of the system changes, None where it is not reduced.
+    parameters: those that vary besides the speed. statistics: of coordinates and outputs by name.
+    multipliers: all 2n in descending order of modulus, 0 if below the round-off of the monodromy matrix.
+    error: reason of a failure; statistics are then NaN. reduction_error: error of the reduction of the
+    system, None for a full system.
     """
 
     speed: float
@@ -132,8 +133,8 @@ class Sweep(Result):
 
     @property
     def reductions(self) -> Array:
-        """Errors (P, 2) of orbit and multipliers by the reduction of the system; NaN where it is not
-        reduced, or where the point failed."""
+        """Errors (P, 2) of orbit and multipliers due to the reduction of the system; NaN for a full system
+        and for failed points."""
         unknown = np.full((len(self.speeds), 2), np.nan)
         return getattr(self.results, "reductions", unknown)
 
@@ -206,12 +207,12 @@ class Sweep(Result):
 
     @property
     def _reduced(self) -> list[str]:
-        """What the reduction of the system changes at most, in a sentence."""
+        """Sentence on the largest error of the reduction."""
         if np.isnan(self.reductions).all():
             return []
         most = [float(np.nanmax(column, initial=0.0)) for column in self.reductions.T]
-        at = f"up to {most[0]:.1e} of the orbits and {most[1]:.1e} of the multipliers"
-        return [f"reduce={self.system.options['reduce']} changes {at} (relative)"]
+        errors = f"up to {most[0]:.1e} of the orbits and {most[1]:.1e} of the multipliers"
+        return [f"reduce={self.system.options['reduce']}: relative errors of {errors}"]
 
     def _where(self, speeds: Sequence[float]) -> str:
         """Of points with these speeds, in words."""

@@ -29,7 +29,7 @@ KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex": "complex pair"}
 
 _ALIKE = 1e-6
-"""Distance from 1 below which spectral radii are drawn as a line at 1, not as their round-off."""
+"""Distance from 1 below which spectral radii are drawn as a line at 1, since the rest is round-off."""
 
 _FLOOR = -80.0
 """Decibels at and below which a spectrum shows nothing."""
@@ -48,10 +48,10 @@ def sweep_figure(
     figure: str = "max_abs",
     bands: Edges = (),
 ) -> Figure:
-    """A row a quantity: its figure over the last of the quantities that vary, values (P,) by name, a line for
-    each combination of the others, one alone with its maxima marked; below them the spectral radius, unless
-    nothing vibrates. Bands are shaded; in them the response is never reached, and not drawn. Raises
-    ValueOutOfBoundsError for more lines than can be distinguished."""
+    """One row per quantity: its statistic over the last varying parameter, values (P,) by name, with a line
+    for each combination of the others; a single line has its maxima marked. The spectral radius is below, if
+    there is vibration. Unstable bands are shaded, and the response is not drawn there because it is never
+    reached. Raises ValueOutOfBoundsError for more lines than can be distinguished."""
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
@@ -178,7 +178,7 @@ def _draw_radius(axes: Axes, x: Array, radius: Array, **style: Any) -> None:
     if np.nanmin(positive, initial=1.0) <= 0.1 or np.nanmax(positive, initial=1.0) >= 10:
         axes.set_yscale("log")
     elif np.nanmax(np.abs(positive - 1), initial=0.0) < _ALIKE:
-        # Round-off has no scale worth drawing.
+        # Round-off is not resolved by the scale.
         axes.set_ylim(0.99, 1.01)
     axes.set_ylabel("spectral\nradius |ρ|")
 

@@ -209,8 +209,8 @@ class Transient(Result):
 
     @cached_property
     def distances(self) -> Array:
-        """max|difference|/max|q| of each turn (turns, n) to the orbit, at the nodes, without a steady motion
-        along rigid-body modes; NaN without an orbit."""
+        """max|difference|/max|q| between each revolution (turns, n) and the orbit, at the nodes, without
+        steady motion along rigid-body modes; NaN without an orbit."""
         if self.orbit is None:
             return np.full_like(self.peaks, np.nan)
         q = self.orbit.at(self.nodes)

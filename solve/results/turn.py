@@ -58,7 +58,7 @@ class Turn:
         return lambda phase: self.system.output_values(phase, self.speed, *self.state(phase))[name]
 
     def statistics(self, name: str) -> Statistics:
-        """Extrema and mean of a coordinate or output, of the continuous curve. Raises UnknownNameError."""
+        """Extrema and mean of a coordinate or output of the continuous curve. Raises UnknownNameError."""
         if name in self.system.coordinates:
             return Statistics(*self._figures[self.system.coordinates.index(name)].tolist())
         self._require(name)
@@ -79,11 +79,12 @@ class Turn:
         return spectrum(self._coordinate_samples[self.system.coordinates.index(name)], count)
 
     def _is_apart(self, figures: str) -> bool:
-        """Whether an output is evaluated without the others, of which these figures are not known yet."""
+        """Whether an output is evaluated separately because these statistics of the others are not known
+        yet."""
         return self.system.outputs_apart and figures not in self.__dict__
 
     def _evaluate_all(self) -> None:
-        """Evaluate the figures of all outputs together, for what shows all of them."""
+        """Evaluate the statistics of all outputs together, for displays of all outputs."""
         if self.system.outputs:
             self.output_statistics  # noqa: B018 - cached from here on
 
@@ -93,7 +94,7 @@ class Turn:
 
     @property
     def _sample_phases(self) -> Array:
-        """Phases (samples,) evenly over the turn that resolve the curve."""
+        """Equidistant phases (samples,) of the period that resolve the curve."""
         return np.arange(self.samples) * (self.system.period / self.samples)
 
     @cached_property
@@ -103,14 +104,14 @@ class Turn:
 
     @cached_property
     def output_samples(self) -> Mapping[str, Array]:
-        """Outputs at phases evenly over the turn, both ends included, that resolve it: (samples + 1,)."""
+        """Outputs (samples + 1,) at equidistant phases that resolve them, including both ends."""
         phase = self._sample_phases
         sampled = self.system.output_values(phase, self.speed, *self.state(phase))
         return {name: np.append(sampled[name], sampled[name][0]) for name in self.system.outputs}
 
     @cached_property
     def _figures(self) -> Array:
-        """Figures (n, 7) of the coordinates, the fields of `Statistics`."""
+        """Statistics (n, 7) of the coordinates, the fields of `Statistics`."""
         return figures(self._coordinate_samples, self._coordinates_at, self.system.period)
 
     @cached_property
@@ -121,17 +122,17 @@ class Turn:
 
     @property
     def _output_figures(self) -> Array:
-        """Figures (o, 7) of the outputs, the fields of `Statistics`."""
+        """Statistics (o, 7) of the outputs, the fields of `Statistics`."""
         samples = np.array([self.output_samples[name][:-1] for name in self.system.outputs])
         return figures(samples, self._outputs_at, self.system.period)
 
     def _coordinates_at(self, phase: Array) -> Array:
-        """Each coordinate at phases (n, k) of its own: (n, k)."""
+        """Coordinates (n, k), each at its own phases (n, k)."""
         values, rows = self.at(phase.ravel()).reshape(len(phase), *phase.shape), np.arange(len(phase))
         return values[rows, rows]
 
     def _outputs_at(self, phase: Array) -> Array:
-        """Each output at phases (o, k) of its own: (o, k)."""
+        """Outputs (o, k), each at its own phases (o, k)."""
         every = phase.ravel()
         values = self.system.output_values(every, self.speed, *self.state(every))
         return np.stack(

@@ -25,7 +25,7 @@ from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.points import OnePoint
 from solve.progress import part, stage, steps
 from solve.results.bands import Band, Bands
-from solve.results.points import KINDS, Kept
+from solve.results.points import KINDS, LEFT_OUT, Kept
 from solve.studies.boundaries import Search
 from solve.studies.constant import constant, still
 from solve.studies.judged import Judge, Judged, judge
@@ -41,10 +41,10 @@ _FEWEST, _MOST = 40, 2000
 """Parts of the range of speeds before the search for narrow bands."""
 
 _FINER = 5
-"""Parts of each of these where matrices are constant: an eigenvalue costs less than a solution."""
+"""Subdivision of each interval if the matrices are constant: an eigenvalue costs less than a solution."""
 
 _PREDICTED = 0.9
-"""Part of a gap to which a parabola must predict its minimum there: gaps that do not depend on the speed have
+"""Fraction of a gap to which a parabola must predict its minimum; gaps that do not depend on the speed have
 minima of round-off."""
 
 _TURN = 0.25
@@ -78,25 +78,25 @@ def bands(
     tolerance: float = 1e-7,
     engine: str = "auto",
 ) -> Bands:
-    """Unstable bands between the lowest and the highest of the speeds (rad/s, texts with unit, or one
-    text such as "100:900:81 rpm").
+    """Unstable bands between the lowest and the highest of the speeds (rad/s, texts with unit, or one text
+    such as "100:900:81 rpm").
 
-    Speeds are added until they divide the range into at least 40 parts and no multiplier that a turn
-    leaves above 0.01 turns by more than 0.25 rad from one to the next, but not many more than 2000.
-    Bands narrower than their distance, the result's `spacing`, are looked for where multipliers come
-    closest to each other, to +1 and to -1, and may be missed all the same, as may a stable range narrower
-    than a sixteenth of the unstable one around it; a growth below 1e-6 a turn makes no band. Where M, C and K
-    do not vary over the period, eigenvalues decide at five times 40 parts and more. Where lightly
-    damped modes turn too far in one turn to be followed at many speeds, `auto` looks for bands of the slower
-    ones alone, and the notes say so. Edges are found to `tolerance`, relative. engine: as in `sweep`. Raises
-    ValueOutOfBoundsError for fewer than two speeds, and SolveError subclasses for what no speed could mend.
+    Speeds are added until there are at least 40 intervals and no multiplier above 0.01 rotates by more than
+    0.25 rad from one speed to the next, with a limit of about 2000. Bands narrower than the result's
+    `spacing` are searched where multipliers come closest to each other, to +1 and to -1. They may still be
+    missed, as may a stable range narrower than a sixteenth of the unstable range around it. Growth below 1e-6
+    per period does not make a band. If M, C and K are constant over the period, eigenvalues decide on a grid
+    of at least five times 40 intervals. If lightly damped modes rotate too far within a period to be tracked
+    at many speeds, `auto` searches only the bands of the slower ones, with a note. Edges are found to the
+    relative `tolerance`. engine: as in `sweep`. Raises ValueOutOfBoundsError for fewer than two speeds, and
+    SolveError subclasses for errors that affect all speeds.
     """
     given = speeds_between(speeds, "bands")
     system, omegas = system.shown_in(given[0]), np.array(given)
     ends = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
     if free(OnePoint(system, ends[0])) is not None:
-        notes = [*notes, LEFT_OUT]
+        notes = [*notes, f"rigid-body modes: {LEFT_OUT}"]
     coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
     steady = constant(task.batch(coarse[:, None]))
     fast = 0 if steady else _unfollowed(system, ends[0], task.method)

@@ -56,18 +56,17 @@ def chart(
     store: str | Path | None = None,
     of: str | None = None,
 ) -> Chart:
-    """Stability over two quantities: parameters in the model's own units or as texts with unit, or "speed".
-    Each is {name: values}, or a text as on the command line: "delta=0:10:60", "k1=10:90:50 kN m/rad",
+    """Stability over two quantities: parameters in the model's unit or as texts with unit, or "speed". Each
+    is {name: values}, or a text as on the command line: "delta=0:10:60", "k1=10:90:50 kN m/rad",
     "speed=100:400:40 rpm".
 
-    model: a name or path, a system (a generated one varies in its parameters, any other in its speed), or
-    a function that builds a system from the two values by name. speed: where it is not among the two, by
-    default that of the case. Boundaries are found between the points to `tolerance` of the range of the
-    values, thin unstable tongues between stable points among them. engine: as in `sweep`. With an executor
-    parts of the grid are handed to it; `store`: a folder that keeps them as they are finished, from which the
-    same call goes on. of: a quantity such as "q3.max_abs" or "rho1.re", whose values are those of the chart.
-    Raises SolveError subclasses for bad input; a point that fails, such
-    as a linkage that cannot turn, is NaN with its reason, and boundaries end beside it.
+    model: a name or path; a system (a generated one varies in its parameters, any other in its speed); or a
+    function that builds a system from the two values by name. speed: if it is not among the two, by default
+    that of the case. Boundaries, including thin unstable tongues between stable points, are located to
+    `tolerance` times the range of the values. engine: as in `sweep`. An executor computes parts of the grid.
+    store: a folder that keeps completed parts; the same call resumes from it. of: a quantity, such as
+    "q3.max_abs" or "rho1.re", shown in the chart. Raises SolveError subclasses for bad input. A point that
+    fails, such as a linkage that cannot rotate fully, is NaN with its reason, and boundaries end there.
     """
     if isinstance(model, str):
         model, case = load(model, case), None
@@ -178,8 +177,8 @@ def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
 
 
 def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float) -> Cut:
-    """Along one axis, the quantity at the position `held` being kept at the value. Raises
-    ValueOutOfBoundsError, and NoResultError where no point has a result."""
+    """Cut along one axis at a fixed value of the quantity at position `held`. Raises ValueOutOfBoundsError,
+    and NoResultError if no point has a result."""
     if not np.isfinite(value):
         raise ValueOutOfBoundsError(f"the cut is at {names[held]} = {value:g}; give a finite number")
     along, values = 1 - held, axes[1 - held]
@@ -188,7 +187,7 @@ def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held
     known, inner = search.judge(points), np.arange(1, len(points) - 1)
     if known.failed.all():
         raise NoResultError(
-            f"no point of the cut at {names[held]} = {value:g} has a result; give a value that the model has"
+            f"no point of the cut at {names[held]} = {value:g} has a result; give another value"
         )
     every = known + hidden(search.judge, known, inner)
     (crossings,) = search.crossings(Lines(every, np.zeros(len(every.points)), along))
@@ -207,8 +206,8 @@ def _axis(
     given: str | Mapping[str, str | Sequence[float | str] | Array],
     system: PeriodicSystem | None,
 ) -> tuple[str, Sequence[float]]:
-    """Name and rising values, of a parameter in its own unit; without a system, which has units, of numbers
-    alone. Raises ValueOutOfBoundsError, UnitError."""
+    """Name and ascending values of a parameter in its own unit; plain numbers only without a system, which
+    declares units. Raises ValueOutOfBoundsError, UnitError."""
     if isinstance(given, str):
         name, _, text = given.partition("=")
         given = {name.strip(): text.strip()}
@@ -227,8 +226,8 @@ def _axis(
     found = np.array(numbers)
     if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
         raise ValueOutOfBoundsError(
-            f"values of {name} must be at least two finite numbers, each larger than the one before; a unit "
-            "needs a model that states one"
+            f"values of {name} must be at least two finite numbers, in increasing order; a unit requires "
+            "a model that declares one"
         )
     return name, numbers
 

@@ -1,6 +1,8 @@
-"""Stability where M, C and K are constant over the period, whatever the load does: eigenvalues µ of
-µ²M + µC + K decide. There is no parametric resonance then, so no tongue to look for between speeds; what may
-change with the speed or a parameter are the eigenvalues themselves, which do so slowly."""
+"""Stability with M, C and K constant over the period, for any load: the eigenvalues µ of µ²M + µC + K decide.
+
+There is no parametric resonance, and so no narrow tongue between speeds. The eigenvalues vary slowly with the
+speed or a parameter.
+"""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -19,33 +21,35 @@ from solve.results.points import Kept, PointResults
 from solve.studies.judged import Judged, judge
 
 _PHASES = 128
-"""At which some of the points show whether matrices are constant; as many as `solve.period.frozen` takes."""
+"""Phases at which some points are tested for constant matrices; same as in `solve.period.frozen`."""
 
 _LOOKS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
-"""Parts of the period at which every other point is checked."""
+"""Fractions of the period at which all other points are tested."""
 
 _CONSTANT = 1e-13
-"""Variation of an entry, relative to itself, that is round-off of its formula; parametric excitation of this
-size feeds a mode by less than 1e-13 ω T / 2 a period, which is far below what makes a band."""
+"""Variation of an entry, relative to its size, that counts as round-off. Parametric excitation of this size
+changes a mode by less than 1e-13 ω T / 2 per period, far below the growth that makes a band."""
 
 _PERTURBATION = 16.0
-"""As in `solve.period.natural`: the error of an eigenvalue over n eps, its condition and the matrix norm."""
+"""Error of an eigenvalue divided by n eps, its condition number and the matrix norm; as in
+`solve.period.natural`."""
 
 _ROUNDING = 64 * EPS
-"""Relative to the largest entry of a matrix: asymmetry, or a negative eigenvalue, that is round-off."""
+"""Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
 
 _CLOSE = 1e-6
 """Uncertainty of a modulus up to which a multiplier on the unit circle counts as stable, as in verdicts."""
 
 _LARGEST = 300.0
-"""Growth exponent a period that is shown at most; larger ones overflow."""
+"""Largest growth exponent per period that is shown; larger ones overflow."""
 
 _TINY = float(np.finfo(float).tiny)
 
 
 class Exponents(NamedTuple):
-    """growth (P, N): real parts of µ, falling, and turns (P, N): imaginary parts, by the phase; errors (P, N)
-    of the real parts. NaN at points whose matrices are not known to be constant."""
+    """Characteristic exponents µ. growth (P, N): real parts, in descending order; turns (P, N): imaginary
+    parts, with respect to the phase; errors (P, N) of the real parts. NaN at points whose matrices are not
+    known to be constant."""
 
     growth: Array
     turns: Array
@@ -54,9 +58,9 @@ class Exponents(NamedTuple):
 
 @dataclass(frozen=True)
 class Constant:
-    """Points like those of a batch, which solves where matrices vary after all, or eigenvalues are too
-    uncertain. multiplicity: how many multipliers +1 belong to rigid-body modes; unit: seconds by which
-    exponents are made angles that do not pass π."""
+    """Points with constant matrices. The batch solves points whose matrices vary after all, or whose
+    eigenvalues are too uncertain. multiplicity: number of multipliers +1 of rigid-body modes; unit: time in
+    seconds that maps exponents to angles below π."""
 
     batch: Batch
     multiplicity: int
@@ -64,14 +68,14 @@ class Constant:
 
     @property
     def family(self) -> Family:
-        """Of the points."""
+        """Parameter family of the points."""
         return self.batch.family
 
     def judge(self, points: Array) -> Judged:
         """Stability at points (k, v).
 
-        The multipliers have the true moduli but angles Im µ Ω times a fixed time, in which no two modes meet
-        unless their exponents do.
+        The multipliers have the true moduli, but angles Im µ Ω times a fixed time. Two multipliers then
+        coincide only if their exponents do.
         """
         found, period = self.exponents(points), self.family.example.period
         growth, errors = found.growth * period, found.errors * period
@@ -89,7 +93,7 @@ class Constant:
         return known
 
     def results(self, points: Array) -> PointResults:
-        """Multipliers and verdicts of points (k, v), without those of rigid-body modes."""
+        """Multipliers and verdicts of points (k, v), without rigid-body modes."""
         found, n, period = self.exponents(points), self.family.example.n, self.family.example.period
         growth, errors = found.growth * period, found.errors.max(axis=1) * period
         made = PointResults.blank(len(points), n, Kept(warnings=False))
@@ -110,7 +114,7 @@ class Constant:
         return made
 
     def exponents(self, points: Array) -> Exponents:
-        """Of points (P, v), without those of rigid-body modes."""
+        """Exponents of points (P, v), without rigid-body modes."""
         n = self.family.example.n
         entries = self.family.entries(_LOOKS * self.family.example.period, points)
         steady = _steady(entries, n)
@@ -129,8 +133,8 @@ class Constant:
 
 
 def constant(batch: Batch) -> Constant | None:
-    """How points like those of a batch are judged where M, C and K are constant at all of these; None where
-    they vary, or the method is an approximation whose own stability is in question."""
+    """Stability evaluation of the points of a batch if M, C and K are constant at all of them. None if they
+    vary, or if the method is an approximation with stability properties of its own."""
     family = batch.family
     n, period = family.example.n, family.example.period
     if isinstance(batch.method, Method) and not batch.method.converges:
@@ -150,12 +154,12 @@ def constant(batch: Batch) -> Constant | None:
 
 
 def still(speeds: Array) -> Array:
-    """By how much multipliers of such a judge turn over 1/Ω at speeds (k,), see `solve.studies.tongues`."""
+    """Rotation of the multipliers with respect to 1/Ω at speeds (k,), see `solve.studies.tongues`."""
     return np.zeros(len(speeds))
 
 
 def _steady(entries: Array, n: int) -> Array:
-    """Whether M, C and K do not vary (P,) in entries (P, k, 3n² + n)."""
+    """Whether M, C and K are constant (P,), from entries (P, k, 3n² + n)."""
     some = entries[..., : 3 * n**2]
     largest, change = np.abs(some).max(axis=1), np.ptp(some, axis=1)
     unit = np.sqrt(np.abs(largest[:, : n**2 : n + 1]))
@@ -167,8 +171,8 @@ def _steady(entries: Array, n: int) -> Array:
 
 
 def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
-    """Of points with M, C, K (P, n, n). Those of the first are those of every point at which these matrices
-    do the same to them: speeds and stiffnesses change no such mode."""
+    """Rigid-body modes of points with M, C, K (P, n, n). Points to whose matrices the modes of the first
+    point apply share them, since speeds and stiffnesses do not change such a mode."""
     first = rigid_body_modes(K[:1, None], C[:1, None], M[:1, None])
     vectors = first.vectors[:1].sum(axis=0)
     if not vectors.any():
@@ -195,8 +199,9 @@ def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
 def _exponents(
     M: Array, C: Array, K: Array, modes: RigidBodyModes, places: list[int], multiplicity: int
 ) -> Array:
-    """Growth, turns and errors (3, P, N) of points with M, C, K (P, n, n) whose rigid-body modes have these
-    places. States are the coordinates without these places, relative to the modes, and all velocities."""
+    """Growth, angular rates and errors (3, P, N) of points with M, C, K (P, n, n) and the reference
+    coordinates of their rigid-body modes. States are the other coordinates, relative to the modes, and all
+    velocities."""
     n, rest = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
     unit = 1 / np.sqrt(np.abs(np.einsum("pii->pi", M)))
     unit[~np.isfinite(unit)] = 1.0
@@ -236,9 +241,9 @@ def _eigenvalues(A: Array) -> tuple[Array, Array]:
 
 
 def _energy_bound(M: Array, C: Array, K: Array, rest: list[int]) -> Array:
-    """The largest growth (P,) that the energy q̇ᵀMq̇/2 + xᵀKx/2 allows: where M and K are symmetric and
-    positive definite in the coordinates x at places `rest`, it changes by -q̇ᵀCq̇ alone, whatever the
-    gyroscopic forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345); infinite elsewhere."""
+    """Upper bound (P,) of the growth from the energy q̇ᵀMq̇/2 + xᵀKx/2. If M and K are symmetric and positive
+    definite in the coordinates x at places `rest`, the energy changes by -q̇ᵀCq̇ alone, for any gyroscopic
+    forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345); infinite elsewhere."""
     scale = [np.abs(part).max(axis=(1, 2)) for part in (M, C, K)]
     symmetric = [
         np.abs(part - np.swapaxes(part, 1, 2)).max(axis=(1, 2)) <= _ROUNDING * size

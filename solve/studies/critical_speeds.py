@@ -87,7 +87,7 @@ def critical_speeds(
     low, high = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))
     rest = MeanFrequencies(system, np.array([0.0]))
-    # Without matrices at rest, frequencies at a speed stand for those.
+    # Without matrices at rest, frequencies at a speed are used instead.
     first = rest if np.isfinite(rest.values).all() else MeanFrequencies(system, np.array([low]))
     stability = replace(task, request=replace(task.request, orbit=False))
     steady = constant(stability.batch(omegas[:, None]))
@@ -142,8 +142,9 @@ def critical_speeds(
 
 
 def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, combined: bool) -> Array:
-    """The speeds, others so that orders of the lowest frequency up to `orders` are resolved, and of combined
-    modes those of resonances and halfway between these, so that no two unstable ranges are taken for one."""
+    """The speeds, with additional ones that resolve harmonics of the lowest frequency up to `orders`. For
+    combination resonances, speeds at the resonances and halfway between them are added, so that two unstable
+    ranges are not merged."""
     low, high, lowest = omegas[0], omegas[-1], float(frequencies.lowest[0])
     between = np.empty(0)
     first, last = lowest / high, min(lowest / low, orders + 1.0)
@@ -170,8 +171,8 @@ def _left_out(
 
 @dataclass
 class _Search:
-    """Solves speeds and finds maxima between them. multipliers: the batch that leaves out orbits; turning:
-    how fast multipliers turn over the speed; steady: where matrices are constant."""
+    """Solver at speeds and search for maxima between them. multipliers: the batch without orbits; turning:
+    rotation rate of the multipliers with the speed; steady: where matrices are constant."""
 
     batch: Batch
     multipliers: Batch
@@ -205,7 +206,7 @@ class _Search:
     def multiplier_maxima(
         self, speeds: Array, values: Array, found: PointResults, value: Callable[[PointResults], Array]
     ) -> list[Maximum]:
-        """Maxima of a value of multipliers, `values` (P,) of what was found at the speeds (P,)."""
+        """Maxima of a function `values` (P,) of the multipliers at the speeds (P,)."""
         places = peaks(values, found.errors[:, 1] * found.spectral_radius)
         trials = Trials(self.multipliers, Kept(warnings=False), found, places)
 
@@ -217,13 +218,13 @@ class _Search:
         return sharpened(brackets, self.meeting(found)[places], solved, self.tolerance).maxima
 
     def meeting(self, found: PointResults) -> Array:
-        """How far the pair of the dominant multiplier with the largest real part has met (P,), `met`."""
+        """Distance from coalescence (P,), `met`, of the pair of the dominant multiplier with the largest real
+        part."""
         leads = np.where(found.leading, np.real(found.multipliers), -np.inf).argmax(axis=1)
         return np.where(found.failed, np.nan, met(found.multipliers, leads))
 
     def response_maxima(self, speeds: Array, found: PointResults, known: Array) -> Brackets:
-        """Brackets of the maxima of the response, where it is known (P,), of what was found at the speeds
-        (P,)."""
+        """Brackets of the maxima of the response at the speeds (P,), where it is known."""
         values = np.where(known, self.response(found), np.nan)
         places = peaks(values, found.errors[:, 0] * np.abs(values))
         trials = Trials(self.batch, self.kept, found, places)
@@ -235,7 +236,7 @@ class _Search:
         return sharpened(brackets, np.full(places.shape, np.nan), solved, self.tolerance)
 
     def settled(self, tops: Brackets) -> list[Maximum]:
-        """Maxima of the response with heights that are certified, and known however narrow they are."""
+        """Maxima of the response with certified heights, however narrow."""
 
         def solved(speeds: Array, _: Array) -> tuple[Array, Array]:
             return self.response(self.solved(speeds)), np.full(len(speeds), np.nan)
@@ -271,14 +272,14 @@ class _Search:
         ]
 
     def _unbounded(self, trials: Array, found: PointResults) -> Array:
-        """Whether the response grows beyond all bounds (k,), since a multiplier is +1 there, about the maxima
-        between speeds `trials` (3, k). found: at these speeds, those outside of them first and last."""
+        """Whether the response is unbounded (k,), since a multiplier is +1, about the maxima between speeds
+        `trials` (3, k). found: results at these speeds, with the outermost first and last."""
         rho, errors = (
             each.reshape(5, trials.shape[1], -1)[1:4].copy() for each in (found.multipliers, found.errors)
         )
         failed = found.failed.reshape(5, -1)[1:4]
         if failed.any():
-            # Where there is no orbit there are multipliers all the same.
+            # Multipliers exist even without an orbit.
             others = self.without_orbits(trials[failed])
             rho[failed], errors[failed] = others.multipliers, others.errors
         return passes_one(rho, errors[..., 1] * np.abs(rho[..., 0]))
@@ -313,8 +314,8 @@ class _Search:
         return every, results
 
     def turned(self, maxima: list[Maximum], orders: int) -> list[Explained]:
-        """Maxima of the dominant multiplier's real part, each with what explains it; except edges of unstable
-        ranges, at which another multiplier takes the lead."""
+        """Maxima of the real part of the dominant multiplier, each with its explanation, except edges of
+        unstable ranges at which another multiplier becomes dominant."""
         at, count = np.array([one.speed for one in maxima]), len(maxima)
         near = 1 + _BESIDE * self.tolerance * np.array([0, -1, 1])
         every = self.without_orbits((near[:, None] * at).ravel())
@@ -331,8 +332,8 @@ class _Search:
         ]
 
     def raised(self, maxima: list[Maximum], orders: int) -> list[Explained]:
-        """Maxima of the spectral radius, each with what explains it; except those of stable motions that
-        nothing explains, for it falls on either side where a mode meets one that decays faster."""
+        """Maxima of the spectral radius, each with its explanation. Unexplained maxima of stable motion are
+        left out: the spectral radius falls on either side where a mode meets one that decays faster."""
         found = self.without_orbits(np.array([one.speed for one in maxima]))
         maxima = _certified(maxima, found.spectral_radius)
         return [
@@ -346,7 +347,7 @@ class _Search:
     def _turns(
         self, maxima: list[Maximum], multipliers: Array, unstable: Array
     ) -> Iterator[tuple[Turn, bool]]:
-        """What a period does to the modes at each (k,), by its multipliers (k, N), and whether the motion is
+        """Change of the modes over a period (k,), from the multipliers (k, N), and whether the motion is
         unstable (k,)."""
         system = self.batch.family.example
         for one, grows, rho in zip(maxima, unstable.tolist(), multipliers, strict=True):
@@ -355,14 +356,14 @@ class _Search:
 
 
 def _certified(maxima: list[Maximum], heights: Array) -> list[Maximum]:
-    """The maxima with the heights (k,) that were certified at their speeds, where there are such."""
+    """The maxima with the certified heights (k,) at their speeds, where available."""
     known = zip(maxima, heights.tolist(), np.isfinite(heights).tolist(), strict=True)
     return [replace(one, height=height) if finite else one for one, height, finite in known]
 
 
 def _risen(rise: Array, orders: int, turns: float, modes: int) -> set[tuple[int, int]]:
-    """Modes and orders of rotation up to `orders` whose power rises, of `rise` (k,) by orders of a period of
-    that many turns."""
+    """Modes and harmonics up to `orders` whose power rises, from `rise` (k,) by harmonics of a period of that
+    many revolutions."""
     whole = {k: round(k * turns) for k in range(1, orders + 1) if math.isclose(k * turns, round(k * turns))}
     enough = _SHARE * rise[1:].max()
     risen = [k for k, number in whole.items() if rise[number] >= enough > 0]
@@ -381,8 +382,8 @@ def _rows(
     rest: MeanFrequencies,
     orders: int,
 ) -> list[Critical]:
-    """Maxima of the response, of the dominant multiplier's real part and of the spectral radius, each beside
-    the integer division that it belongs to."""
+    """Maxima of the response, of the real part of the dominant multiplier and of the spectral radius, each
+    with its integer division."""
     tops, turned, raised = maxima
     rows = [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))

@@ -39,7 +39,8 @@ _WEAKER = 0.1
 """Added to the sum for each order above the first: higher orders are weaker."""
 
 _ALIKE = 1e-3
-"""Relative difference of speeds up to which maxima of a multiplier's real part and of its modulus are one."""
+"""Relative difference of speeds up to which maxima of the real part and of the modulus of a multiplier
+coincide."""
 
 
 class Explained(NamedTuple):
@@ -215,8 +216,9 @@ def of_modulus(turn: Turn, maximum: Maximum, orders: int) -> Explained:
 def assigned(
     rows: list[Critical], explained: list[Explained], frequencies: MeanFrequencies, way: str
 ) -> list[Critical]:
-    """The rows with each maximum at the division that explains it: one that does, and near; the higher first.
-    A row of its own where there is none, or where frozen frequencies mean nothing, one for a combination."""
+    """The rows with each maximum at the nearest division that explains it, higher maxima first. If no
+    division explains a maximum, or if the frozen frequencies are meaningless there, it gets its own row or
+    that of the same combination."""
     rows = list(rows)
     for one in sorted(explained, key=lambda one: -one.maximum.height):
         here = replace(frequencies, speeds=np.array([one.maximum.speed]))
@@ -238,7 +240,7 @@ def assigned(
 
 
 def _tells(row: Critical, one: Explained, combination: Combination | None, way: str) -> bool:
-    """Whether a row stands for this maximum of that way already."""
+    """Whether a row already contains this maximum of that kind."""
     if getattr(row, way) is not None:
         return False
     apart = abs(row.speed - one.maximum.speed) / one.maximum.speed

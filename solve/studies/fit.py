@@ -1,4 +1,5 @@
-"""Parameters of a model from measured vibration, by nonlinear least squares with exact derivatives."""
+"""Identification of model parameters from measured vibration, by nonlinear least squares with exact
+derivatives."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -37,7 +38,7 @@ _REACH = 1e6
 
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
-"""Low and high of parameters by name, numbers in their own units or texts with unit."""
+"""Lower and upper bounds of parameters by name, as numbers in their own units or texts with unit."""
 
 
 @of_model
@@ -51,14 +52,14 @@ def fit(
     method: str | Rule = "auto",
     rtol: float = 1e-7,
 ) -> Fitted:
-    """The values of the free parameters with which the linear orbit is nearest to what was measured; they
-    start from those of the model. A trial whose values the model refuses shortens the step.
+    """Values of the free parameters for which the linear orbit fits the measurement best, starting from those
+    of the model. A trial that the model refuses shortens the step.
 
-    data: a file, see `solve.studies.measured.measured`; each channel counts by its own size. bounds: low
-    and high by name, in the model's own units or with one. speed: where the file has no column of speeds.
-    robust: outliers count by their moduli, not their squares. Positive parameters are fitted by their
-    logarithms.
-    Raises SolveError subclasses for bad input, and where the model has no orbit at the start.
+    data: a file, see `solve.studies.measured.measured`; each channel is normalised by its own size. bounds:
+    lower and upper bound by name, in the model's units or with a unit. speed: required if the file has no
+    column of speeds. robust: outliers are weighted by their moduli instead of their squares. Positive
+    parameters are fitted by their logarithms. Raises SolveError subclasses for bad input, and if the model
+    has no orbit at the start.
     """
     names = listed(free)
     if not names:
@@ -149,7 +150,7 @@ class Problem:
         return self._solved(x)[1]
 
     def described(self, x: Array) -> str:
-        """The free parameters with their values and units."""
+        """Text with the free parameters, their values and units."""
         values = zip(self.names, self.values(x).tolist(), strict=True)
         units = self.model.parameter_labels
         return ", ".join(f"{name} = {with_its_unit(value, units[name][0])}" for name, value in values)

@@ -1,4 +1,4 @@
-"""Natural frequencies of a fit, and their derivatives by its parameters."""
+"""Natural frequencies of a fit and their derivatives with respect to its parameters."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,13 +14,13 @@ from solve.studies.frequencies import at_speed_zero, natural
 from solve.studies.measured import Measured
 
 _STEP = 1e-3
-"""Largest step of differences of matrices, relative to the parameter: extrapolated, they are exact to
-round-off for entries that are polynomials of degree 8 and less."""
+"""Largest step of the finite differences of matrices, relative to the parameter. Extrapolation is exact to
+round-off for entries that are polynomials of degree 8 or less."""
 
 
 def natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple[Array, Array]:
-    """Natural frequencies (k,) at rest in rad/s, and their derivatives (r, k). A growth rate counts as a
-    negative frequency, so that a trial with a negative stiffness is a large residual, not a missing one."""
+    """Natural frequencies (k,) at rest in rad/s and their derivatives (r, k). A growth rate counts as a
+    negative frequency, so that a trial with negative stiffness has a large residual instead of none."""
     places, position = _places(data), np.array([data.position])
     count = int(places.max()) + 1
     values = natural(model, position, count).signed[0, places]
@@ -36,7 +36,7 @@ def natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> t
 
 
 def require_elastic_modes(model: Model, sets: Sequence[Measured]) -> None:
-    """Raise ValueOutOfBoundsError where a frequency was measured of a mode that is a rigid-body mode."""
+    """Raise ValueOutOfBoundsError if a measured frequency is assigned to a rigid-body mode."""
     for data in sets:
         if data.position is None:
             continue
@@ -48,8 +48,8 @@ def require_elastic_modes(model: Model, sets: Sequence[Measured]) -> None:
             modes = "1 rigid-body mode" if count == 1 else f"{count} rigid-body modes"
             raise ValueOutOfBoundsError(
                 f"mode {places[first] + 1} was measured at {measured[first] / (2 * math.pi):.6g} Hz, but is "
-                f"a rigid-body mode of frequency 0: {model.name} has {modes}, counted first; number elastic "
-                f"modes in the file from {count + 1} on"
+                f"a rigid-body mode of frequency 0: {model.name} has {modes}, counted first; number the "
+                f"elastic modes in the file from {count + 1} on"
             )
 
 
@@ -58,7 +58,7 @@ def _places(data: Measured) -> Array:
 
 
 def _exact(model: Model, position: Array, names: Sequence[str]) -> Array:
-    """Derivatives (r, n) of λ by those of M and K, which do not mind that modes change places."""
+    """Derivatives (r, n) of λ from those of M and K, independent of the order of the modes."""
 
     def matrices(varied: Model) -> Array:
         M, _, K, _ = at_speed_zero(varied, position)
@@ -70,6 +70,6 @@ def _exact(model: Model, position: Array, names: Sequence[str]) -> Array:
 
 
 def _slope(values: Callable[[Model], Array], model: Model, name: str) -> Array:
-    """Derivative of values of a model by one of its parameters."""
+    """Derivative of values of a model with respect to one of its parameters."""
     at = model.parameters[name]
     return slope(lambda number: values(model.varied({name: number})), at, _STEP * (abs(at) or 1.0))

@@ -29,7 +29,7 @@ TURN = 36
 """Positions of a turn, by default."""
 
 _RUNNING = 1.0
-"""Speed in rad/s at which matrices are tried that do not exist at speed 0, where no case names one."""
+"""Speed in rad/s at which matrices are tested if they do not exist at speed 0 and no case names a speed."""
 
 
 @of_system
@@ -56,7 +56,7 @@ def frequencies(
 
 
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
-    """The first `count` modes at positions (m,). Raises MatricesError where M is singular, or M or K does not
+    """First `count` modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not
     exist at speed 0."""
     found = system.frequencies(positions, count)
     if found is not None:
@@ -67,7 +67,7 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 
 
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
-    """M, C, K, d at positions (m,). Raises MatricesError that names speed 0 where it alone is the cause."""
+    """M, C, K, d at positions (m,). Raises MatricesError that names speed 0 if it is the only cause."""
     try:
         return system.at(positions, 0.0)
     except (MatricesError, ZeroDivisionError) as error:
@@ -79,14 +79,14 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
             raise error from None
         unit = system.speed_unit
         raise MatricesError(
-            f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are taken, but at "
-            f"{unit.text(running, '.4g')} it has: a term divides by the speed; mean frequencies at running "
-            f'speeds are given by solve critical --speeds "A:B:N {unit.name}"'
+            f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are evaluated, but "
+            f"at {unit.text(running, '.4g')} they are finite: a term divides by the speed; for mean "
+            f'frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
         ) from None
 
 
 def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[RigidBodyMode]:
-    """Those of K at a position (1,); none are named for structures of beams."""
+    """Rigid-body modes of K at a position (1,); none for beam structures."""
     if system.links:
         return []
     _, C, K, _ = system.at(position, 0.0)
@@ -116,11 +116,11 @@ def frequencies_over(
     positions: Array,
     count: int | None = None,
 ) -> Variation:
-    """Frequencies at the positions for each value of a parameter, in its own unit or a text with unit, in the
-    order of `frequencies`.
+    """Frequencies at the positions for each value of a parameter, in its own unit or as texts with unit;
+    modes are ordered as in `frequencies`.
 
-    Values that the system refuses become NaN with their reason. Raises UnknownNameError, UnitError, and
-    NoResultError where it refuses all.
+    Values that the system refuses give NaN with the reason. Raises UnknownNameError, UnitError, and
+    NoResultError if all values are refused.
     """
     require_name(f"parameter of {system.name}", parameter, system.parameters)
     if len(values) == 0 or len(positions) == 0:

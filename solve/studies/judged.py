@@ -130,9 +130,9 @@ def passing(multipliers: Array, sign: int) -> Array:
 
 
 def met(multipliers: Array, leads: Array) -> Array:
-    """How far multipliers (k, N) at positions `leads` (k,) have met their partners (k,): the square of half
-    their difference over their product. It is negative for conjugate ones, positive for real ones, and goes
-    smoothly through zero where they meet on the real axis."""
+    """Distance from coalescence (k,) of multipliers (k, N) at positions `leads` (k,) and their partners (k,):
+    the square of half their difference divided by their product. It is negative for conjugate pairs, positive
+    for real ones, and passes smoothly through zero where they meet on the real axis."""
     every = np.arange(len(leads))
     rho = multipliers[every, leads]
     apart = np.where(np.imag(multipliers) == 0, np.abs(multipliers - rho[:, None]), np.inf)
@@ -148,15 +148,16 @@ def met(multipliers: Array, leads: Array) -> Array:
 def passes_one(multipliers: Array, error: Array) -> Array:
     """Whether a multiplier passes +1 (k,) at the second of three neighbouring points.
 
-    multipliers (3, k, N) with absolute errors (3, k). It goes along the real axis, as at the edge of an
-    unstable range, or along the unit circle, as where nothing damps a resonance, whether or not there is a
-    narrow unstable range about it."""
+    multipliers (3, k, N) with absolute errors (3, k). It passes along the real axis at the edge of an
+    unstable range. It passes along the unit circle at an undamped resonance, with or without a narrow
+    unstable range around it.
+    """
     off, modulus = np.abs(1 - multipliers), np.abs(multipliers)
     least = off.argmin(axis=2)[..., None]
     size, modulus = (np.take_along_axis(each, least, 2)[..., 0] for each in (off, modulus))
     on_circle = (np.abs(modulus - 1) <= error + UNIT_CIRCLE)[::2].all(axis=0)
-    # A change of the sign of det(I - Φ) is a multiplier that passes +1 along the real axis; the sign is not
-    # known where one is +1 within its error.
+    # det(I - Φ) changes its sign where a multiplier passes +1 along the real axis; the sign is unknown where
+    # a multiplier is +1 within its error.
     signs = np.sign([passing(each, 1)[:, 0] for each in multipliers])
     side = np.where(size > error, signs, 0.0)
     return (side[0] * side[2] < 0) | on_circle & (size[1] < size[::2].min(axis=0))

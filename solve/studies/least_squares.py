@@ -1,9 +1,9 @@
-"""Nonlinear least squares over a domain that is known only by trial (M. A. Branch, T. F. Coleman, Y. Li,
-SIAM J. Sci. Comput. 21 (1999) 1-23, as SciPy has it).
+"""Nonlinear least squares over a domain that is known only by trial (M. A. Branch, T. F. Coleman, Y. Li, SIAM
+J. Sci. Comput. 21 (1999) 1-23, in SciPy's implementation).
 
-A trial outside the domain has NaN as its residuals. SciPy's trust-region reflective method then takes a
-quarter of the step as its trust radius and tries again from the same point, before it compares the objective
-with its quadratic model; large finite residuals instead would enter this model and spoil the next radius.
+A trial outside the domain has NaN residuals. SciPy's trust-region reflective method then reduces its trust
+radius to a quarter of the step and tries again from the same point, before it compares the objective with its
+quadratic model. Large finite residuals would enter this model and spoil the next radius.
 """
 
 from collections.abc import Sequence
@@ -23,25 +23,24 @@ from solve.errors import (
 )
 
 _OUTLIER = 2.0
-"""Standard deviations from which on a robust fit counts errors by their moduli."""
+"""Standard deviations beyond which a robust fit weights residuals by their moduli."""
 
 _SPREAD = 1.4826
-"""Standard deviation by the median of the moduli, of normal errors."""
+"""Ratio of the standard deviation to the median of the moduli, for normal errors."""
 
 _OFFSET = 0.1
-"""Relative offset above which a point is no minimum: the estimate lies a tenth of its standard error or more
-from the stationary point. Bates and Watts stop at 0.001; SciPy's ftol of 1e-8 leaves 1e-4 √(n/p), 0.01 for
-10 000 values."""
+"""Relative offset above which a point is not a minimum: the estimate is a tenth of its standard error or more
+from the stationary point. Bates and Watts stop at 0.001; SciPy's ftol of 1e-8 gives 1e-4 √(n/p), 0.01 for 10
+000 values."""
 
 _EXACT = 1e-5
-"""Residual, relative, up to which it may be the error of the orbits, whose tolerance is 1e-7, and of
-differences."""
+"""Relative residual that errors of the orbits (tolerance 1e-7) and finite differences can explain."""
 
 _MOVED = 1e-8
-"""Relative change of a parameter below which it did not move: SciPy's xtol."""
+"""Relative change below which a parameter counts as unchanged: SciPy's xtol."""
 
 _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
-"""Refusals that depend on the values of the parameters and do not name them."""
+"""Errors that depend on the values of the parameters and do not name them."""
 
 
 class LeastSquares(Protocol):
@@ -53,14 +52,14 @@ class LeastSquares(Protocol):
     def residuals(self, x: Array) -> Array: ...
     def jacobian(self, x: Array) -> Array: ...
     def described(self, x: Array) -> str:
-        """The parameters with their values and units."""
+        """Text with the parameters, their values and units."""
         ...
 
 
 @dataclass
 class Minimum:
-    """Where the iteration ended: x (r,), the residuals (k,) and the Jacobian (k, r) there, the standard
-    deviation of the residuals; warnings: why this may not be a minimum, a sentence each."""
+    """Final point of the iteration: x (r,), residuals (k,), Jacobian (k, r) and standard deviation of the
+    residuals. warnings: reasons why it may not be a minimum, one sentence each."""
 
     x: Array
     residuals: Array
@@ -70,8 +69,8 @@ class Minimum:
 
 
 def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -> Minimum:
-    """The minimum that the trust-region reflective method reaches from the start. robust: outliers count by
-    their moduli. Raises SolveError subclasses with the values of the start where that has no residuals."""
+    """Minimum reached by the trust-region reflective method from the start. robust: outliers are weighted by
+    their moduli. Raises SolveError subclasses with the values of the start if it has no residuals."""
     from scipy.optimize import least_squares
 
     trials = _Trials(problem, _at_start(problem).shape)
@@ -92,7 +91,7 @@ def _spread(residuals: Array) -> float:
 
 @dataclass
 class _Trials:
-    """Residuals of a problem, NaN outside its domain; failures: why, a sentence for each such trial."""
+    """Residuals of a problem, NaN outside its domain. failures: reasons, one sentence per failed trial."""
 
     problem: LeastSquares
     shape: tuple[int, ...]
@@ -126,7 +125,7 @@ def _at_start(problem: LeastSquares) -> Array:
 
 
 def _doubts(problem: LeastSquares, found: Any, trials: _Trials, robust: bool) -> list[str]:
-    """Why the point where the iteration ended may be no minimum, in words."""
+    """Reasons why the final point may not be a minimum, one sentence each."""
     if np.sqrt(np.mean(found.fun**2)) <= _EXACT:
         return []
     count = len(trials.failures)
@@ -137,16 +136,18 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, robust: bool) ->
         which = ", already a minimum" if minimum else f", which is not a minimum{outside}"
         return [f"the fit did not move from its start, {problem.described(start)}{which}; try other starts"]
     if found.status == 0:
-        return [f"the fit was stopped after {found.nfev} trials{outside}; go on from its result"]
+        return [f"the fit was stopped after {found.nfev} trials{outside}; continue from its result"]
     if not minimum:
-        return [f"the fit ended away from a minimum{outside}; bound what is free, or start elsewhere"]
+        return [
+            f"the fit ended away from a minimum{outside}; bound the free parameters, or use another start"
+        ]
     return []
 
 
 def _offset(found: Any) -> float:
-    """The relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts, Technometrics
-    23 (1981) 179-183): the residuals' part in the tangent plane over that across it, each by its degrees of
-    freedom."""
+    """Relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts, Technometrics 23
+    (1981) 179-183): the component of the residuals in the tangent plane over the component normal to it, each
+    divided by the square root of its degrees of freedom."""
     free = found.active_mask == 0
     axes, sizes, _ = np.linalg.svd(found.jac[:, free], full_matrices=False)
     known = sizes > np.finfo(float).eps * len(found.fun) * max(sizes, default=0.0)

@@ -1,4 +1,4 @@
-"""Local maxima over speed of figures that are solved for, all brackets at once."""
+"""Local maxima of computed values over the speed, for all brackets at once."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,29 +20,30 @@ _SURE = 2.0
 """Times its error by which it must rise besides."""
 
 _PARTS = 3
-"""Into which each side of a bracket is divided first, so that of several maxima the highest is met."""
+"""Initial subdivision of each side of a bracket, so that the highest of several maxima is found."""
 
 _EVALUATIONS = 14
-"""Speeds that a bracket takes after that, as measured, for the time that is left."""
+"""Measured number of further solutions per bracket, for the estimate of the remaining time."""
 
 _OF_STEPS = ("radau", "gauss")
-"""Methods of which the finer of two grids that agree gives the solution."""
+"""Methods whose solution is that on the finer of two grids."""
 
 _MOST = 100
-"""Iterations at most: golden sections alone shorten a bracket to 1e-16 of itself in 77."""
+"""Maximum number of iterations: golden sections alone reduce a bracket to 1e-16 of its width in 77."""
 
 _SETTLED, _FLAT = 1e-5, 1e-6
-"""Part of its height by which a maximum may rise above the ends of its bracket to be known; to which it is
-flattened where it rises by more."""
+"""Fraction of its height by which a maximum may exceed the ends of its bracket to count as known; fraction to
+which brackets of steeper maxima are narrowed."""
 
 Value = Callable[[Array, Array], tuple[Array, Array]]
-"""Heights (m,) at speeds (m,) within brackets of the numbers (m,), NaN where there is none; and guides (m,),
-of whose maxima each may hide a narrow one of the heights, NaN where nothing guides."""
+"""Heights (m,) at speeds (m,) within brackets with the indices (m,), NaN where there is none; and guides
+(m,), each of whose maxima may hide a narrow maximum of the heights, NaN without a guide."""
 
 
 @dataclass(frozen=True)
 class Brackets:
-    """Maxima between neighbours: speeds x (k, 3), rising, and heights y (k, 3), the highest in the middle."""
+    """Maxima between neighbours: speeds x (k, 3), ascending, and heights y (k, 3), the highest in the
+    middle."""
 
     x: Array
     y: Array
@@ -54,14 +55,14 @@ class Brackets:
         return Brackets(self.x[some], self.y[some])
 
     def with_heights(self, heights: Array) -> "Brackets":
-        """The same with other heights (k,) in the middle, where these are finite."""
+        """Brackets with other heights (k,) in the middle, where these are finite."""
         y = self.y.copy()
         y[:, 1] = np.where(np.isfinite(heights), heights, y[:, 1])
         return Brackets(self.x, y)
 
     @property
     def maxima(self) -> list[Maximum]:
-        """The highest points known."""
+        """Highest known points."""
         return [
             Maximum(speed, height)
             for speed, height in zip(self.x[:, 1].tolist(), self.y[:, 1].tolist(), strict=True)
@@ -69,17 +70,17 @@ class Brackets:
 
 
 class Trials:
-    """Solutions at speeds in brackets: on one grid of as many steps as serve the speeds of the bracket, since
-    a second, which gives errors, would change nothing but the time."""
+    """Solutions at speeds in brackets, on one grid whose steps suffice for the speeds of the bracket. A
+    second grid, which gives errors, would only cost time."""
 
     def __init__(self, batch: Batch, kept: Kept, found: PointResults, places: Array):
-        """found: at speeds of which those at `places` (k, 3) are the brackets."""
+        """found: results at speeds of which those at `places` (k, 3) are the brackets."""
         self._batch, self._kept = batch, kept
         self._steps, self._errors = found.steps[places].max(axis=1), found.errors[places].max(axis=1)
         self._on_one_grid = bool(np.isin(found.methods[places], _OF_STEPS).all())
 
     def solved(self, speeds: Array, numbers: Array) -> PointResults:
-        """At speeds (m,) in the brackets of the numbers (m,), with the errors of these."""
+        """Solutions at speeds (m,) in the brackets with the indices (m,), with the errors of these."""
         if not self._on_one_grid:
             return gathered(self._batch, speeds[:, None], self._kept)
         found = PointResults.blank(len(speeds), self._batch.family.example.n, self._kept)
@@ -92,8 +93,8 @@ class Trials:
 
 
 def peaks(values: Array, errors: Array) -> Array:
-    """Positions (k, 3) of prominent local maxima of values (P,), NaN where unknown, and of the known values
-    beside them: those that rise above the ground on either side by more than a hundredth of their height and
+    """Positions (k, 3) of prominent local maxima of values (P,), NaN where unknown, and of their known
+    neighbours. Prominent means that they rise on either side by more than a hundredth of their height and
     more than twice their errors (P,)."""
     known = np.flatnonzero(np.isfinite(values))
     top, prominences = prominent(values[known])
@@ -103,9 +104,8 @@ def peaks(values: Array, errors: Array) -> Array:
 
 
 def prominent(values: Array) -> tuple[Array, Array]:
-    """Positions (k,) of local maxima of finite values (P,), of equal neighbours the middle one, and by how
-    much (k,) each rises above the higher of the lowest values between it and a higher one on either side, as
-    `scipy.signal.find_peaks` has it; importing that takes a second."""
+    """Positions (k,) and prominences (k,) of local maxima of finite values (P,), as in
+    `scipy.signal.find_peaks`, whose import takes a second. Of equal neighbours the middle one counts."""
     starts = np.flatnonzero(np.append(True, np.diff(values) != 0)) if len(values) else np.zeros(0, dtype=int)
     levels, ends = values[starts], np.append(starts[1:], len(values)) - 1
     tops = 1 + np.flatnonzero((levels[1:-1] > levels[:-2]) & (levels[1:-1] > levels[2:]))
@@ -121,8 +121,8 @@ def sharpened(brackets: Brackets, guides: Array, value: Value, tolerance: float)
     """Narrower brackets of the highest maxima, each to a tolerance relative to its speed. guides (k, 3): at
     the speeds of the brackets.
 
-    The highest of speeds that divide a bracket evenly is followed to its maximum, and the guide to its own;
-    then the highest speed of all.
+    The highest of equidistant speeds in a bracket is refined to its maximum, and the guide to its own; the
+    highest of all these speeds is the result.
     """
     if len(brackets) == 0:
         return brackets
@@ -139,8 +139,8 @@ def sharpened(brackets: Brackets, guides: Array, value: Value, tolerance: float)
 
 
 def settled(brackets: Brackets, value: Value) -> Brackets:
-    """The same with those narrowed further in which the height is not known: of a resonance that is narrower
-    than the tolerance of its speed."""
+    """Brackets narrowed further if their height is not known: for a resonance that is narrower than the
+    tolerance of its speed."""
     rise = brackets.y[:, 1] - brackets.y.min(axis=1)
     steep = np.flatnonzero(rise > _SETTLED * np.abs(brackets.y[:, 1]))
     if len(steep) == 0:
@@ -157,25 +157,24 @@ def settled(brackets: Brackets, value: Value) -> Brackets:
 def _narrowed(
     solved: "_Remembered", x: Array, lanes: tuple[Array, Array], tolerances: dict[str, float]
 ) -> Brackets:
-    """By Chandrupatla's method, until one of the tolerances is reached; an iteration solves a speed of every
-    bracket x (k, 3) in one batch. lanes: the numbers (k,) of the brackets, and 0 (k,) for their heights, 1
-    for their guides."""
+    """Brackets narrowed by Chandrupatla's method until one of the tolerances is met; an iteration solves one
+    speed of every bracket x (k, 3) in one batch. lanes: indices (k,) of the brackets, and 0 (k,) for their
+    heights, 1 for their guides."""
     from scipy.optimize.elementwise import find_minimum
 
     every = {"xatol": 0.0, "fatol": 0.0, **tolerances}
-    # Where three heights are equal SciPy divides 0 by 0, and goes on by a golden section.
+    # For three equal heights SciPy computes 0/0 and continues with a golden section.
     with np.errstate(invalid="ignore", divide="ignore"):
         found = find_minimum(solved, tuple(x.T), args=lanes, tolerances=every, maxiter=_MOST)
     return Brackets(np.stack(found.bracket, axis=1), -np.stack(found.f_bracket, axis=1))
 
 
 class _Remembered:
-    """Heights and guides with the sign turned, of speeds within brackets; those that are known are not solved
-    again."""
+    """Negated heights and guides at speeds within brackets; known ones are not solved again."""
 
     def __init__(self, brackets: Brackets, guides: Array, value: Value):
         self._value = value
-        # No height counts as one below both ends: SciPy gives a bracket up that meets one.
+        # A missing height is replaced by one below both ends, since SciPy abandons a bracket with NaN.
         self._floor = np.column_stack(
             (brackets.y.min(axis=1), np.where(np.isnan(guides), 0, guides).min(axis=1))
         )
@@ -206,8 +205,8 @@ class _Remembered:
             self._known[number][speed] = each
 
     def divided(self, x: Array) -> tuple[Array, Array]:
-        """Brackets (k, 3) within brackets x (k, 3), of heights and of guides: the highest of the speeds that
-        divide both sides evenly, and its neighbours. NaN where a guide is highest at an end."""
+        """Brackets (k, 3) within brackets x (k, 3), for heights and for guides: the highest of the speeds
+        that divide both sides evenly, and its neighbours. NaN where a guide is highest at an end."""
         low, best, high = x.T
         sides = [np.linspace(*ends, _PARTS + 1, axis=1) for ends in ((low, best), (best, high))]
         every = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)
@@ -216,7 +215,7 @@ class _Remembered:
         return self._about(every, 0), self._about(every, 1)
 
     def _about(self, x: Array, kind: int) -> Array:
-        """Brackets (k, 3) about the highest of speeds x (k, m), rising; NaN where it is at an end."""
+        """Brackets (k, 3) around the highest of speeds x (k, m), ascending; NaN where it is at an end."""
         y = np.array([[self._known[n][speed][kind] for speed in row] for n, row in enumerate(x.tolist())])
         top = y[:, 1:-1].argmax(axis=1)[:, None] + 1
         three = np.take_along_axis(x, top + np.array([-1, 0, 1]), axis=1)
@@ -224,7 +223,7 @@ class _Remembered:
         return three if kind == 0 else np.where(inside[:, None], three, np.nan)
 
     def about_highest(self) -> Array:
-        """Brackets (k, 3) about the highest of all known speeds."""
+        """Brackets (k, 3) around the highest of all known speeds."""
         found = []
         for known in self._known:
             speeds = sorted(known)

@@ -55,12 +55,12 @@ class MeanFrequencies:
 
     @property
     def rigid(self) -> int:
-        """How many of them are those of rigid-body modes, at most: they come first and are 0."""
+        """Largest number of rigid-body modes; they come first, with frequency 0."""
         return int(self._found[2].max(initial=0))
 
     @property
     def lowest(self) -> Array:
-        """The lowest of the others (P,)."""
+        """Lowest elastic frequency (P,)."""
         return self.values[:, min(self.rigid, self.system.n - 1)]
 
     @cached_property

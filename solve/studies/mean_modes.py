@@ -24,10 +24,9 @@ _NEAR = 0.5
 
 
 class MeanModes(NamedTuple):
-    """Means over the cycle of the frozen modes: frequencies in rad/s (n,), rising, and the rates in 1/s (n,)
-    at which vibrations die out, to the first order in C. Where K is not positive frequencies count as 0.
-    imaginary: whether one is imaginary or complex at some phase. rigid: how many are of rigid-body modes,
-    whose frequency is 0."""
+    """Means over the cycle of the frozen modes: frequencies in rad/s (n,), ascending, and decay rates in 1/s
+    (n,) to first order in C. Frequencies count as 0 where K is not positive. imaginary: whether a frequency
+    is imaginary or complex at some phase. rigid: number of rigid-body modes, with frequency 0."""
 
     frequencies: Array
     rates: Array
@@ -86,7 +85,7 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
 
 
 def _without_least(values: Array, count: int) -> Array:
-    """Values (k, n) without a number of those of least modulus."""
+    """Values (k, n) without a given number of those of smallest modulus."""
     return np.take_along_axis(values, np.argsort(np.abs(values), axis=1)[:, count:], axis=1)
 
 

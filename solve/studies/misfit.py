@@ -23,8 +23,8 @@ _APART = 0.5
 """Difference, relative, beyond which a model explains little."""
 
 _FEW, _OF_SENSORS = 2 * _A_LAG, 0.05
-"""Values below which neighbours say nothing of noise, and the relative difference beyond which so
-few values do not fit: accelerometers and their amplifiers are specified to 5 % of amplitude."""
+"""Number of values below which autocorrelation is not meaningful, and the relative difference beyond which so
+few values count as a poor fit: accelerometers and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT = 100.0
 """Ratio of sizes from which on a unit is doubtful."""
@@ -47,16 +47,16 @@ def misfits(channels: Sequence[Channel], period: float, ratios: Mapping[str, flo
         noise = chi2.sf(sum(far**2 for far, _ in pairs), max(1, len(pairs)))
         curve = all(each.by_phase for each in channels)
         if curve and len(measured) > 2 and not np.ptp(measured):
-            found.append(f"{name} is measured as the same number everywhere; look at the record")
+            found.append(f"{name} has the same measured value everywhere; check the record")
         elif size > _APART:
             found.append(
-                f"{name} differs by {100 * size:.3g} %: the model does not follow it; look at unit, sign, "
-                "speed and phase 0 of the data, and at what else to free"
+                f"{name} differs by {100 * size:.3g} %: the model does not describe it; check unit, sign, "
+                "speed and phase origin of the data, or free further parameters"
             )
         elif len(left) < _FEW and size > _OF_SENSORS:
             found.append(
-                f"{name} differs by {100 * size:.3g} %, more than sensors leave; {len(left)} values are too "
-                "few to distinguish noise from a model that does not follow the data"
+                f"{name} differs by {100 * size:.3g} %, more than typical sensor errors; {len(left)} values "
+                "are too few to distinguish noise from model error"
             )
         elif noise < _FALSE / len(ratios) and size > _EXACT:
             alike = max((alike for _, alike in pairs), key=abs)
@@ -66,7 +66,7 @@ def misfits(channels: Sequence[Channel], period: float, ratios: Mapping[str, flo
                 "not hold"
             )
         if 2 * len(np.unique(np.stack((at, measured)), axis=1).T) <= len(at) and size > _EXACT:
-            found.append(f"{name}: values stand twice; the 95 % intervals count each, and are too narrow")
+            found.append(f"{name}: duplicate rows; the 95 % intervals count each and are too narrow")
     return found
 
 

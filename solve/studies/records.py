@@ -52,7 +52,7 @@ def record(file: str | Path) -> Record:
         return (_matlab if ending == ".mat" else _universal)(path)
     except (OSError, ValueError, TypeError, KeyError, IndexError, NotImplementedError) as error:
         raise CaseFileError(
-            f"data: '{path}' cannot be read ({cause(error)}); give a whole {ending} file"
+            f"data: '{path}' cannot be read ({cause(error)}); give a complete {ending} file"
         ) from None
 
 

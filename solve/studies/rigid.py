@@ -1,4 +1,4 @@
-"""The outputs of a rigid mechanism over the turn at many points."""
+"""Outputs of a rigid mechanism over a revolution at many points."""
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from solve.system import PeriodicSystem
 
 
 def rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
-    """Figures and amplitudes at points (P, v), and why a point has none; there are no multipliers."""
+    """Statistics and amplitudes at points (P, v), and the reason of each failure; there are no
+    multipliers."""
     results = PointResults.blank(len(points), 0, kept)
     with stage("points", len(points)) as count:
         for at, point in enumerate(points):
@@ -43,7 +44,7 @@ def _keep(results: PointResults, at: int, orbit: RigidOrbit) -> None:
 
 
 def _figures(system: PeriodicSystem, speed: float) -> Array:
-    """Of the outputs (o, 7)."""
+    """Statistics (o, 7) of the outputs."""
 
     def values(phase: Array) -> Array:
         none = np.zeros((0, len(phase)))

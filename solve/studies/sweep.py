@@ -45,18 +45,17 @@ def sweep(
     over: Over | None = None,
     store: str | Path | None = None,
 ) -> Sweep:
-    """`periodic` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm"), keeping
-    the figures of each.
+    """`periodic` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm"), keeping the
+    statistics of each orbit.
 
-    over: values of parameters in the model's own units, or texts with unit: {name: values}, or texts such as
-    "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad";
-    every combination is solved, the speeds running fastest; without speeds at that of the case.
-    quantities: the coordinates and outputs to keep, by default all; bounds on outputs that are not kept
-    are not checked. spectra: those whose amplitudes are kept too, of so many `harmonics`. A speed at
-    which no periodic solution is found gives NaN and the reason; the sweep goes on. With an executor
-    parts of the sweep are handed to it. store: a folder that keeps parts as they are finished; the same call
-    goes on from there. engine: "compiled", "numpy", or "auto" for the first where there is a
-    C compiler. Raises SolveError subclasses for what no speed could mend.
+    over: values of parameters in the model's units, or texts with unit: {name: values}, or texts such as
+    "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad". Every combination is solved, with the speed varying fastest;
+    without speeds, at that of the case. quantities: coordinates and outputs to keep, by default all; bounds
+    on outputs that are not kept are not checked. spectra: quantities whose amplitudes are kept too, up to
+    `harmonics`. A speed without a periodic solution gives NaN and the reason, and the sweep continues. An
+    executor computes parts of the sweep. store: a folder that keeps completed parts; the same call resumes
+    from it. engine: "compiled", "numpy", or "auto" for compiled code if a C compiler is available. Raises
+    SolveError subclasses for errors that affect all speeds.
     """
     values = _over(over, system)
     given = speeds_given(_speeds(system, speeds, over))
@@ -76,7 +75,9 @@ def sweep(
     elif store is None:
         results = rigid_points(family, points, kept)
     else:
-        raise ValueOutOfBoundsError(f"{system.name} is rigid, and its sweep quick; leave out the store")
+        raise ValueOutOfBoundsError(
+            f"{system.name} has no coordinates, and its sweep uses no store; omit the store"
+        )
     parameters = dict(zip(values, points.T, strict=False))
     return Sweep(system, points[:, -1], results, task.request.engine, [*notes, *results.notes], parameters)
 
@@ -124,7 +125,7 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
 @of_model
 def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str, Model]:
     """The model with each of several values of a parameter (a number in its own unit, or a text with unit) or
-    of an option, by the value.
+    of an option, by value.
 
     Raises UnknownNameError, and ValueOutOfBoundsError for a value that the model does not allow.
     """
@@ -174,5 +175,5 @@ def _number(model: Model, name: str, value: float | str) -> float:
         return model.in_own_unit(name, value)
     except ValueError:
         raise ValueOutOfBoundsError(
-            f"{name} is '{value}'; give a number, with its unit or in the model's own"
+            f"{name} is '{value}'; give a number in the model's unit or with a unit"
         ) from None

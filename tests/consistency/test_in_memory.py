@@ -94,7 +94,7 @@ def test_what_is_no_mechanism_and_what_is_missing(cam):
             solve.load(given)
     with pytest.raises(MissingValueError, match="cam has no case and gives no value for I0"):
         solve.load(cam)
-    with pytest.raises(CaseFileError, match="cam is in no file and has no case file for case '1'"):
+    with pytest.raises(CaseFileError, match="cam was derived in memory and has no case file for case '1'"):
         solve.load(cam, case=1)
 
 

@@ -16,7 +16,7 @@ from derive.symbols import SPEED, steady
 def pendulum_on_an_arm() -> Mechanism:
     """An arm of length R turns with the drive; the pendulum at its tip is to point along the arm.
 
-    Coordinate: the pendulum's angle in space, whose desired motion is the phase itself.
+    Coordinate: the pendulum's angle in space, whose fundamental motion is the phase itself.
     """
     absorber = Mechanism("absorber", "Pendulum on a turning arm")
     (theta,) = absorber.coordinates(theta=("rad", "pendulum's angle in space"))

@@ -1,4 +1,4 @@
-"""Pieces that are not taken contribute nothing, in values and in automatic derivatives of any order."""
+"""Inactive pieces contribute nothing to values and to automatic derivatives of any order."""
 
 import casadi
 import numpy as np
@@ -15,7 +15,7 @@ K, KR, GAP = 1e4, 4e4, 2e-4
 
 
 def rotor(gap_bound="> 0"):
-    """A mass on a shaft, its coordinates and the ring's parameters."""
+    """Mass on a shaft, its coordinates and the parameters of the ring."""
     made = Mechanism("rotor", "Rotor in a ring")
     x, y = made.coordinates(x=("m", "across"), y=("m", "up"))
     m, k = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "shaft", "> 0"))
@@ -62,8 +62,8 @@ RINGS = {
 
 @pytest.mark.parametrize("state", RINGS.values(), ids=RINGS)
 def test_a_ring_that_is_not_touched_at_rest(state):
-    """K is the shaft's at rest; the residual and its derivatives are those of the ring's force
-    kr (1 - gap/r) (x, y) beyond the gap, and the shaft's within it, at its middle too."""
+    """K is that of the shaft at rest. The residual and its derivatives are those of the ring force kr (1 -
+    gap/r) (x, y) beyond the gap and those of the shaft within it, also at the centre."""
     module = module_of(state())
     _, _, stiffness, d = values(module.linearised(), 0.0, 1.0, [1.0, K, KR, GAP])
     assert np.array_equal(stiffness, K * np.eye(2))
@@ -84,7 +84,7 @@ def test_a_ring_that_is_not_touched_at_rest(state):
         assert found.ravel()[8:12].reshape(2, 2) == pytest.approx(expected, rel=1e-12, abs=1e-9)
 
 
-def test_second_derivatives_are_finite_where_the_piece_is_not_taken():
+def test_second_derivatives_are_finite_where_the_piece_is_inactive():
     residual = module_of(RINGS["Max"]()).residual()
     q, p = casadi.SX.sym("q", 2), casadi.SX.sym("p", 4)
     (r,) = residual.call([0, 1, q, casadi.SX(2, 1), casadi.SX(2, 1), p], True, False)
@@ -93,7 +93,7 @@ def test_second_derivatives_are_finite_where_the_piece_is_not_taken():
     assert np.isfinite(found).all()
 
 
-def test_a_gap_of_either_sign_is_a_condition_of_the_numbers():
+def test_a_gap_of_unknown_sign_gives_a_condition():
     made, x, y, kr, gap = rotor(gap_bound="")
     made.potential += kr * Max(0, sqrt(x**2 + y**2) - gap) ** 2 / 2
     module = module_of(made)
@@ -102,7 +102,7 @@ def test_a_gap_of_either_sign_is_a_condition_of_the_numbers():
     assert margins == [[-0.5]]
 
 
-def test_a_piece_that_is_taken_at_rest_has_no_linearisation():
+def test_a_singular_piece_active_at_rest_has_no_linearisation():
     made, x, y, kr, gap = rotor()
     made.potential += kr * Max(0, sqrt(x**2 + y**2) + gap) ** 2 / 2
     with pytest.raises(ExpansionError, match="K is not finite"):
@@ -110,7 +110,7 @@ def test_a_piece_that_is_taken_at_rest_has_no_linearisation():
 
 
 def test_a_logarithm_within_a_piece():
-    """Of compressed gas beyond a gap: F log(q/gap) has an infinite slope at q = 0, where it does not act."""
+    """Gas compressed beyond a gap: F log(q/gap) has an infinite slope at q = 0, where it is inactive."""
     made = Mechanism("gas", "Mass before a cushion")
     q = made.coordinate("q", "m", "deflection")
     m, k, F, gap = made.parameters(
@@ -128,8 +128,8 @@ def test_a_logarithm_within_a_piece():
         assert found[2, 0] == pytest.approx(slope)
 
 
-def test_code_without_singular_pieces_stays_as_it_is():
-    """A stop is printed as a kink: nothing within it can fail."""
+def test_code_without_singular_pieces_is_unchanged():
+    """A stop is printed as a kink, since nothing in it is singular."""
     made, x, _, kr, gap = rotor()
     made.potential += kr * Max(0, x - gap) ** 2 / 2
     check(made)

@@ -81,9 +81,9 @@ def test_slopes_beside_kinks(expression, expected, at):
         (Max(0, x) * Heaviside(x - y), "x - y = 0"),
     ],
 )
-def test_what_jumps_has_no_slope(expression, where):
+def test_jumps_have_no_slope(expression, where):
     with pytest.raises(
-        ImpulseError, match=f"jumps where {where}, and its derivative by x would be an impulse"
+        ImpulseError, match=f"jumps where {where}, so its derivative with respect to x is an impulse"
     ):
         slope(expression, x)
 
@@ -130,7 +130,7 @@ def test_contact_without_clearance_has_no_linearisation(contact):
     one.potential += p["s"] * contact(q) / 2
     with pytest.raises(
         ExpansionError,
-        match=r"no linearisation at the desired motion: .* is 0 all along it, .*clearance or a preload",
+        match=r"no linearisation at the fundamental motion: .* is 0 all along it, .*clearance or a preload",
     ):
         derive_equations(one)
 
@@ -223,7 +223,7 @@ def test_a_step_lies_nowhere_on_a_branch_that_has_no_value():
 def test_a_parameter_may_be_called_like_a_function():
     one, q, p = oscillator(sign=("N", "friction"))
     one.force(-p["sign"] * sign(rate(q)), along=q)
-    with pytest.raises(ExpansionError, match="there is no linearisation at the desired motion"):
+    with pytest.raises(ExpansionError, match="there is no linearisation at the fundamental motion"):
         module_of(one)
 
 
@@ -317,8 +317,11 @@ def test_a_motion_that_a_coordinate_shifts_may_jump_in_its_third_derivative_alon
 
 
 REFUSED = {
-    "mass": (ImpulseError, r"jumps where sin\(phase\) = 0, and its derivative by phase would be an impulse"),
-    "stop": (ImpulseError, r"jumps where .*gap.* = 0, and its derivative by q would be an impulse"),
+    "mass": (
+        ImpulseError,
+        r"jumps where sin\(phase\) = 0, so its derivative with respect to phase is an impulse",
+    ),
+    "stop": (ImpulseError, r"jumps where .*gap.* = 0, so its derivative with respect to q is an impulse"),
     "shifted": (DeclarationError, r"holds the phase with a coordinate; .*wrapped\(phase \+ q\)"),
     "square": (UnsupportedExpressionError, "are not known; let steps and kinks depend on the phase by"),
     "open": (DeclarationError, r"has no value where no condition of .* holds; end it with a piece for all"),

@@ -155,8 +155,8 @@ TRAIN = dict(zip([f"J{i}" for i in range(1, 6)], (3.5e-3, 3.5e-3, 3.5e-3, 0.15, 
 TRAIN |= dict(zip([f"k{i}" for i in range(1, 5)], (12e3, 12e3, 14e3, 10e3), strict=True))
 
 
-def test_the_free_drive_train_vibrates_as_the_page_says():
-    """(K − 4Ω²J)⁻¹T, and by the drag of disc 3 the drift T0/b."""
+def test_the_free_drive_train_matches_the_page():
+    """Amplitudes (K − 4Ω²J)⁻¹T, and the drift T0/b due to the drag of disc 3."""
     orbit = solve.periodic(solve.load(stated("drive_train"), c=0, b=0, T=10, T0=0, **TRAIN), "1000 rpm")
     found = [1e3 * orbit.harmonics(name)[0][2] for name in orbit.coordinates]
     np.testing.assert_allclose(found, [1.3488, 0.4982, 0.3588, 1.0894, 1.3954], atol=5e-5)

@@ -27,7 +27,7 @@ _LONG, _TICK = 20, 10
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
 _BESIDE = re.compile(r"wrote |compiling |(?!solve: |derive: )[a-z]\w*: |solve: what is finished is kept in ")
-"""How lines begin that may stand beside a refusal."""
+"""Beginnings of lines that are allowed besides a refusal."""
 
 _USUAL = re.compile(r"warning: |wrote |compiling |[a-z]\w*: ")
 """How lines begin beside a result: those of derive with the name of the mechanism."""

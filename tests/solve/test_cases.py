@@ -100,7 +100,7 @@ def test_a_file_that_cannot_be_read(tmp_path, content):
     path = tmp_path / "mine.toml"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(CaseFileError, match=r"mine.toml' cannot be read \(.*\); give another"):
+    with pytest.raises(CaseFileError, match=r"mine.toml' cannot be read \(.*\); give a readable case file"):
         read_cases(path, UNITS)
 
 

@@ -1,4 +1,4 @@
-"""Machines that are free to turn, against the complex solve of constant systems and DOP853."""
+"""Free machines, compared with the complex solution of constant systems and DOP853."""
 
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ SPEED = 1000 * np.pi / 30
 
 
 def train(C=NONE, mean=0.0, M=J, stiffness=K, torque=TORQUE, order=2):
-    """Discs under a torque that varies as cos kφ, and a mean torque on the first."""
+    """Discs under a torque proportional to cos kφ and a mean torque on the first."""
     M, C, stiffness, torque = (np.asarray(part, dtype=float) for part in (M, C, stiffness, torque))
 
     def matrices(phase, speed):
@@ -35,7 +35,7 @@ def train(C=NONE, mean=0.0, M=J, stiffness=K, torque=TORQUE, order=2):
 
 
 def amplitudes(speed, C=NONE, M=J, stiffness=K, torque=TORQUE, order=2):
-    """By the complex solve."""
+    """Amplitudes by the complex solution."""
     rate_ = order * speed
     return np.abs(np.linalg.solve(stiffness + 1j * rate_ * C - rate_**2 * M, torque))
 
@@ -45,7 +45,7 @@ def orders(orbit: Orbit, order=2):
 
 
 def exact_multipliers(C, speed, M=J, stiffness=K):
-    """By falling modulus."""
+    """Exact multipliers in descending order of modulus."""
     zero, one = np.zeros_like(M), np.eye(len(M))
     A = np.block([[zero, one], [-np.linalg.solve(M, stiffness), -np.linalg.solve(M, C)]])
     rho = np.exp(np.linalg.eigvals(A) * 2 * np.pi / speed)
@@ -53,7 +53,8 @@ def exact_multipliers(C, speed, M=J, stiffness=K):
 
 
 def after_a_period(system, speed, orbit):
-    """What DOP853 makes of the orbit's first state (2n,), and that state."""
+    """State (2n,) after a period of integration by DOP853 from the first state of the orbit, and that first
+    state."""
 
     def f(t, y):
         M, C, stiffness, d = (part[0] for part in system.at(np.array([speed * t]), speed))
@@ -93,7 +94,7 @@ def test_all_methods_solve_the_same_machine(C, method, rtol):
 
 
 def test_approximations_are_those_of_the_machine():
-    """`modal` uncouples constant matrices exactly, but for its curve; the other is exact."""
+    """`modal` uncouples constant matrices exactly, except for its curve; the other is exact."""
     for method, error in (("modal", 1e-3), ("bahgat-willmert", 1e-12)):
         found = orders(solve.periodic(train(), SPEED, method))
         np.testing.assert_allclose(found, amplitudes(SPEED), rtol=error)
@@ -108,7 +109,7 @@ def test_approximations_are_those_of_the_machine():
         (-SHAFTS, "unstable"),
     ],
 )
-def test_the_verdict_is_of_the_remaining_motion(C, verdict):
+def test_the_verdict_excludes_rigid_body_modes(C, verdict):
     for found in (solve.floquet(train(C), SPEED), solve.periodic(train(C), SPEED)):
         assert found.verdict == verdict
         count = 1 if C is DRAG else 2
@@ -161,7 +162,7 @@ def test_a_load_that_drives_the_machine_is_refused_with_its_mean(mean):
 
 
 def test_drag_balances_the_mean_load_by_a_drift():
-    """q = w t + p(t): w of the sum of all drag, p the static twist that the drag's torques make."""
+    """q = w t + p(t): w from the sum of all drag, p the static twist due to the drag torques."""
     orbit = solve.periodic(train(DRAG, mean=3.0), SPEED)
     (mode,) = orbit.rigid_body_modes
     assert mode.drift == pytest.approx(3 / 0.07, rel=1e-10)
@@ -192,7 +193,7 @@ def test_of_two_uncoupled_chains_one_may_drift():
 
 @pytest.mark.parametrize("speed", [5.0, 11.0, 23.0, 40.0, 80.0])
 def test_a_geared_train(speed):
-    """Propeller, bull gear and two turbines that turn 11 and 17 times as fast: e is the ratio of speeds."""
+    """Propeller, bull gear and two turbines that rotate 11 and 17 times as fast: e is the ratio of speeds."""
     ratios = np.array([1.0, 1.0, 11.0, 17.0])
     M = np.diag([6000.0, 800.0, 9.0, 3.0])
     stiffness = np.zeros((4, 4))
@@ -215,7 +216,7 @@ def _meshes(ratios, *stiffnesses):
 
 
 def crank(c=0.0, drag=0.0, mean=0.0):
-    """Two discs, the inertia of the first varying with the phase: C e = M′ e."""
+    """Two discs, where the inertia of the first varies with the phase: C e = M′ e."""
 
     def matrices(phase, speed):
         M = np.zeros((len(phase), 2, 2))
@@ -236,7 +237,7 @@ def crank(c=0.0, drag=0.0, mean=0.0):
 )
 @pytest.mark.parametrize(("c", "verdict"), [(0.0, "stable"), (0.05, "asymptotically stable")])
 def test_a_free_crank_train_conserves_its_momentum(c, verdict, method, rtol):
-    """C e ≠ 0 is no drag here: +1 is double, and the momentum of the vibration without drift is not zero."""
+    """C e ≠ 0 is not drag here: +1 is double, and the momentum of the drift-free vibration is not zero."""
     system = crank(c)
     orbit = solve.periodic(system, 1.1, method, rtol=rtol)
     grown, start = after_a_period(system, 1.1, orbit)
@@ -265,7 +266,7 @@ def test_gyroscopic_forces_conserve_a_momentum_too():
 
 
 def test_inertia_that_varies_against_the_rigid_body_mode_alone():
-    """M(φ) e constant and C e = 0: coupling of the inertias that varies with the phase."""
+    """M(φ) e is constant and C e = 0: the coupling of the inertias varies with the phase."""
     apart = np.array([[1.0, -1], [-1, 1]])
 
     def matrices(phase, speed):
@@ -284,7 +285,7 @@ def test_inertia_that_varies_against_the_rigid_body_mode_alone():
 
 
 def test_a_single_free_disc():
-    """J q″ = cos φ: q = -cos φ/(J Ω²), and nothing is left to be judged."""
+    """J q″ = cos φ: q = -cos φ/(J Ω²), and no multiplier remains for the verdict."""
     orbit = solve.periodic(train([[0]], 0.0, [[2.0]], [[0]], [1.0], order=1), 3.0)
     np.testing.assert_allclose(orders(orbit, 1), 1 / 18, rtol=1e-10)
     assert (orbit.verdict, orbit.spectral_radius) == ("stable", 0.0)
@@ -438,7 +439,7 @@ def test_sensitivities_of_a_free_machine(numbers):
         step = 1e-4 * given
         differences = (values(name, step) - values(name, -step)) / (2 * step)
         made = np.array([found.found[text].derivatives[at] for text in of])
-        # Rounding and errors of the orbits, 1e-10 of each quantity, over the step; the mean may be zero.
+        # Round-off and errors of the orbits, 1e-10 of each quantity, over the step; the mean may be zero.
         allowed = 1e-6 * np.maximum(sizes, 1e-4 * (np.array(of) == "q2.mean")) / given
         assert (np.abs(made - differences) <= 2e-6 * np.abs(differences) + allowed).all()
 
@@ -475,8 +476,9 @@ def test_a_free_orbit_is_read_from_its_file(tmp_path):
     assert again.notes == orbit.notes
 
 
-def test_points_with_and_without_a_spring_to_ground_stand_beside_each_other():
-    """An anchor that passes 0 makes one point of a chart free; the others are as alone."""
+def test_points_with_and_without_a_spring_to_ground_in_one_chart():
+    """A spring to ground that passes 0 makes one point of a chart free; the others agree with single
+    solutions."""
     machine = Mechanism("anchored", "Two discs on a spring to ground")
     q1, q2 = machine.coordinates(q1=("rad", "disc 1"), q2=("rad", "disc 2"))
     k, g, c = machine.parameters(k=("N m/rad", "shaft"), g=("N m/rad", "anchor"), c=("N m s/rad", "shaft"))
@@ -514,9 +516,9 @@ def test_a_branch_of_a_free_machine_is_that_of_its_orbits(T0, b):
 
 @pytest.mark.parametrize("engine", ["numpy", pytest.param("compiled", marks=needs_compiler)])
 @pytest.mark.parametrize("breaks", [(), (0.0, 2.0)])
-def test_drag_that_jumps_leaves_what_its_mean_leaves(breaks, engine):
-    """q̈ + c(φ) q̇ = cos φ: a period leaves exp(-∫c dφ/Ω) of the velocity; points with tables of their own
-    side by side, and one alone."""
+def test_discontinuous_drag_decays_as_its_mean(breaks, engine):
+    """q̈ + c(φ) q̇ = cos φ: the velocity decays by exp(-∫c dφ/Ω) per period; several points with their own
+    tables, and a single point."""
 
     def at(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -536,7 +538,8 @@ def test_drag_that_jumps_leaves_what_its_mean_leaves(breaks, engine):
 
 @pytest.mark.parametrize(("T0", "drag"), [(0.0, 0.0), (1.0, 0.4)])
 def test_a_transient_reaches_the_orbit_of_a_free_machine(T0, drag):
-    """A steady motion along the rigid-body mode does not count: the drift, or what the start leaves."""
+    """A steady motion along the rigid-body mode is excluded: the drift, or the offset from the initial
+    state."""
     shaft = np.array([[1.0, -1.0], [-1.0, 1.0]])
     C = 0.8 * shaft + np.diag([0.0, drag])
     machine = train(C, T0, np.diag([1.0, 2.0]), 5.0 * shaft, np.array([1.0, 0.0]), 1)

@@ -269,9 +269,9 @@ CODES = ["x = 1", "def broken(", "import no_such_module_at_all", "raise SystemEr
 
 
 @pytest.mark.parametrize("text", [*CODES, *(sealed("", code) for code in CODES)])
-def test_a_file_that_is_no_generated_code(folder, text):
+def test_a_file_that_is_not_generated_code(folder, text):
     folder.generate(text=text)
-    with pytest.raises(ModelFileError, match=r"generated/mine.py' is no generated code \(.*\); move it away"):
+    with pytest.raises(ModelFileError, match=r"mine.py' is not generated code \(.*\); move it away"):
         folder.load(**VALUES)
 
 
@@ -299,7 +299,7 @@ def test_code_that_was_edited_is_refused_and_line_endings_do_not_matter(ready):
     ready.generate(text=text.replace("\n", "\r\n"))
     assert ready.load().name == "mine"
     ready.generate(text=text.replace("casadi.cos(2 * phase)", "casadi.cos(4 * phase)"))
-    with pytest.raises(ModelFileError, match=r"was edited; its first lines name the command that renews it"):
+    with pytest.raises(ModelFileError, match=r"was edited; regenerate it with the command in its header"):
         ready.load()
 
 

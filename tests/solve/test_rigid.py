@@ -1,5 +1,5 @@
-"""Mechanisms without coordinates: drive torque and outputs over the turn, by closed forms; what vibrates is
-refused."""
+"""Mechanisms without coordinates: drive torque and outputs over a revolution, compared with closed forms;
+vibration requests are refused."""
 
 import math
 import pickle
@@ -51,7 +51,7 @@ def crank():
 
 
 def slider(phase):
-    """Place of the slider and its first two derivatives by the phase, by hand."""
+    """Position of the slider and its first two derivatives with respect to the phase, by hand."""
     r, L = NUMBERS["r"], NUMBERS["L"]
     root = np.sqrt(L**2 - (r * np.sin(phase)) ** 2)
     u = r**2 * np.sin(phase) * np.cos(phase)
@@ -77,7 +77,8 @@ def test_the_torque_of_a_slider_crank(crank):
 
 
 def test_the_torque_of_a_four_bar():
-    """(J φ̈₄ + c₄ φ̇₄) φ₄′ from the law of cosines in the triangle of pin, joint and pivot, and differences."""
+    """(J φ̈₄ + c₄ φ̇₄) φ₄′ from the law of cosines in the triangle of pin, joint and pivot, and finite
+    differences."""
     a, b, c, d = (FOUR_BAR[name] for name in "abcd")
 
     def follower(phase):
@@ -114,7 +115,7 @@ def test_its_record_has_the_kinds_of_any_orbit(crank):
 
 
 def test_many_points(crank):
-    """Figures of each as `periodic` gives them; numbers that are refused fail alone."""
+    """Statistics agree with `periodic`; refused values fail individually."""
     sweep = solve.sweep(
         crank, ["300 rpm", "600 rpm"], over={"r": [0.05, 0.1, 0.25]}, spectra=["drive_torque"]
     )
@@ -132,7 +133,7 @@ def test_many_points(crank):
         crank.varied({"r": 0.25})
 
 
-def test_results_last(crank, tmp_path):
+def test_results_are_saved(crank, tmp_path):
     orbit = solve.periodic(crank, OMEGA)
     for ending in (".npz", ".csv", ".mat", ".nc"):
         orbit.save(tmp_path / f"orbit{ending}")
@@ -172,13 +173,13 @@ def test_its_animation(crank, tmp_path):
         lambda model: solve.periodic(model, OMEGA).quasi_static,
     ],
 )
-def test_what_vibrates_is_refused(crank, work):
+def test_vibration_requests_are_refused(crank, work):
     with pytest.raises(NoVibrationError, match="crank has no coordinates"):
         work(crank)
 
 
 def test_a_store_is_refused(crank, tmp_path):
-    with pytest.raises(ValueOutOfBoundsError, match="leave out the store"):
+    with pytest.raises(ValueOutOfBoundsError, match="omit the store"):
         solve.sweep(crank, [OMEGA], store=tmp_path / "store")
 
 

@@ -25,13 +25,13 @@ def free(M, C, K):
         ([[1]], [[0]], [[2]], "stable"),
         ([[1]], [[-0.1]], [[2]], "unstable"),
         ([[1]], [[0]], [[-2]], "unstable"),
-        ([[1]], [[0]], [[0]], "stable"),  # q = a + bt, a rigid-body mode, and nothing else
+        ([[1]], [[0]], [[0]], "stable"),  # q = a + bt: a rigid-body mode only
         (
             [[1]],
             [[0.3]],
             [[0]],
             "asymptotically stable",
-        ),  # q = a + b exp(-ct): a, a rigid-body mode, left out
+        ),  # q = a + b exp(-ct): a is a rigid-body mode and excluded
         ([[1]], [[0]], [[1]], "stable"),  # Φ = I: a semisimple double multiplier at +1
         ([[1]], [[0]], [[0.25]], "stable"),  # Φ = -I: at -1
         (np.eye(2), np.zeros((2, 2)), 2 * np.eye(2), "stable"),  # a pair twice, semisimple
@@ -155,8 +155,8 @@ def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order,
     ("K", "verdict"),
     [([[0, 1], [0, 0]], "unstable"), (np.diag([0, 1e4]), "stable"), (np.diag([1, 0]), "stable")],
 )
-def test_what_a_rigid_body_mode_leaves_may_drift_too(method, K, verdict):
-    """q = a + bt in one coordinate is left out; in the second case it drives another such."""
+def test_motion_relative_to_a_rigid_body_mode_may_drift(method, K, verdict):
+    """q = a + bt in one coordinate is excluded; in the second case it drives another drift."""
     found = floquet(free(np.eye(2), np.zeros((2, 2)), K), 1.0, method)
     assert found.verdict == verdict or known_too_badly(found)
 

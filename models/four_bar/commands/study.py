@@ -28,7 +28,7 @@ def study(
     results: Results,
     over: Annotated[
         str | None,
-        Flag("Parameter or option with its values, or NAME=A:B:N; a unit may follow.", '"NAME=A,B,C unit"'),
+        Flag("Values of a parameter or option, or NAME=A:B:N; unit optional.", '"NAME=A,B,C unit"'),
     ] = None,
     of: Annotated[
         list[str] | None,
@@ -79,8 +79,7 @@ def _systems(
 
 
 def _values(over: str) -> tuple[str, Sequence[float | str]]:
-    """A name and its values, from NAME=A,B,C or NAME=A:B:N, all in the unit that may follow; options may be
-    words."""
+    """Name and values from NAME=A,B,C or NAME=A:B:N, with an optional common unit; options may be words."""
     ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
     if ":" in text:
         return points("--over", over)

@@ -1,4 +1,4 @@
-"""Reduced structures: nothing changes with all modes, and what changes with few is estimated."""
+"""Reduced structures: all modes give the full system, and the error with few modes is estimated."""
 
 import json
 import pickle
@@ -53,7 +53,7 @@ def test_with_all_modes_the_orbit_and_the_multipliers_are_those_of_the_full_syst
 
 
 def test_with_all_modes_a_welded_frame_keeps_its_frequencies():
-    """Two links that share a rotation, the free end of the second one with a mass."""
+    """Two links that share a rotation, with a mass at the free end of the second."""
     links = [("a", "O", "A", "", "corner"), ("b", "A", "B", "corner", "b_B")]
     frame = beams(links, ["O"], [1.0, 0.7], [0.3, 1.4], counts=[3, 2], masses={"B": 0.5})
     positions = Positions(frame, np.zeros(1))
@@ -71,7 +71,7 @@ def test_with_all_modes_a_welded_frame_keeps_its_frequencies():
 
 
 def true_errors(full, reduced, speed):
-    """Errors of coordinates and multipliers, and of some outputs, against the full system."""
+    """Errors of coordinates, multipliers and some outputs relative to the full system."""
     truth, own = (solve.periodic(each, speed, rtol=1e-7) for each in (full, reduced))
     q, ours = truth.at(PHASE), reduced.expanded(PHASE, speed, own.at(PHASE)).q
     rho, other = (
@@ -92,7 +92,7 @@ def true_errors(full, reduced, speed):
     [
         (12.0, {}),
         (33.0, {"terms": "full"}),
-        # At the fourth division of the lowest frequency.
+        # At a quarter of the lowest frequency.
         (41.2, {"stiffening": "on"}),
         (83.0, {}),
     ],
@@ -131,7 +131,7 @@ def test_the_error_of_natural_frequencies_is_that_against_the_full_system():
 
 
 def test_the_margin_of_a_verdict_holds_the_reduction():
-    """Without damping multipliers lie on the unit circle, where a small change may move them off it."""
+    """Without damping, multipliers lie on the unit circle, and a small change may move them off it."""
     speed, undamped = 60.0, {"terms": "full"}
     full, reduced = (
         solve.load("four_bar", options={"elements": 1, **undamped}, reduce=modes, zeta=0)
@@ -166,7 +166,7 @@ def test_a_mode_of_amplitude_one_deflects_its_link_by_one():
     along = [model.deflection("coupler", part, np.array([0.7]), q)[0] for part in np.linspace(0, 1, 201)]
     assert max(np.abs(along)) == pytest.approx(1.0, abs=1e-3)
     assert along[0] == pytest.approx(0.0, abs=1e-12)
-    # Its second mode between pins, nearly sin(2πx/L).
+    # Second pinned-pinned mode, nearly sin(2πx/L).
     np.testing.assert_allclose(along, np.sin(2 * np.pi * np.linspace(0, 1, 201)), atol=0.02)
 
 
@@ -184,29 +184,29 @@ def test_results_keep_the_error(tmp_path):
     np.testing.assert_allclose(sweep.reductions[1], [error["orbit"], error["multipliers"]], rtol=1e-4)
     point = sweep.record()["points"][1]["reduction_error"]
     assert point["orbit"] == sweep.reductions[1, 0]
-    assert any("changes up to" in text for text in sweep.warnings)
+    assert any("relative errors of up to" in text for text in sweep.warnings)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["cam", "--reduce", "3"], "cam has no beams whose modes could be kept"),
-        (["four_bar", "--reduce", "3"], "reduce is 3 modes a link; allowed: 1 to 2"),
-        (["four_bar", "--reduce", "0"], "allowed: a number of modes a link, 1 or more"),
+        (["cam", "--reduce", "3"], "cam is not a beam structure"),
+        (["four_bar", "--reduce", "3"], "reduce is 3 modes per link; allowed: 1 to 2"),
+        (["four_bar", "--reduce", "0"], "allowed: a number of modes per link, 1 or more"),
         (["four_bar", "--reduce", "1", "--option", "element=dynamic"], "choose another element"),
         (["four_bar", "--reduce", "1", "--option", "reduce=1"], "give one of them"),
         (["portal_frame", "--reduce", "1"], "inextensible"),
     ],
 )
-def test_what_cannot_be_reduced_is_refused_in_a_line(arguments, words, capsys):
+def test_invalid_reductions_are_refused_in_one_line(arguments, words, capsys):
     assert run(["floquet", *arguments]) == 2
     line = capsys.readouterr().err.strip()
     assert "\n" not in line
     assert words in line
 
 
-def test_a_loaded_model_is_not_reduced_behind_its_back():
-    with pytest.raises(SolveError, match="load it anew with reduce"):
+def test_a_loaded_model_cannot_be_reduced():
+    with pytest.raises(SolveError, match="load it again with reduce"):
         four_bar(2).varied(options={"reduce": 1})
 
 

@@ -199,8 +199,8 @@ def contradicted(verdict: str, truth: Truth) -> bool:
 
 
 def matched_error(values: np.ndarray, truth: np.ndarray) -> float:
-    """Largest distance between matched multipliers, missing and unknown ones counted as 0, over the true
-    radius."""
+    """Largest distance between matched multipliers, relative to the true radius; missing and unknown ones
+    count as 0."""
     count = max(len(values), len(truth))
     ours, theirs = (np.pad(each, (0, count - len(each))) for each in (np.nan_to_num(values), truth))
     distance = np.abs(ours[:, None] - theirs)

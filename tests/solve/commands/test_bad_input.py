@@ -36,7 +36,7 @@ BAD = {
     "parameter without value": ((*CAM, "--set", "k1"), ("'k1'", "--set NAME=NUMBER")),
     "parameter without name": ((*CAM, "--set", "=3"), ("'=3'", "--set NAME=NUMBER")),
     "parameter with unit of another kind": ((*CAM, "--set", "k1=80kg"), ("k1: unit 'kg'", "N m/rad")),
-    "parameter that is no number": ((*CAM, "--set", "k1=stiff"), ("'stiff'", "own units")),
+    "parameter that is no number": ((*CAM, "--set", "k1=stiff"), ("'stiff'", "model's unit")),
     "parameter twice": ((*CAM, "--set", "k1=1", "--set", "k1=2"), ("k1 twice",)),
     "option of the model as a flag": ((*CAM, "--k1", "3"), ("--k1", "--option k1=VALUE or --set k1=NUMBER")),
     "option without value": ((*CAM, "--option", "load"), ("'load'", "--option NAME=VALUE")),

@@ -40,7 +40,7 @@ def test_the_table_says_what_may_be_missed(command):
     assert row[:3] == ["+1", "period", "T"]
     assert float(row[3]) == pytest.approx(5643.97, abs=0.05)
     assert row[4:6] == ["<", "6000.000"]
-    assert "rpm apart: narrower bands may be missed" in ran.out
+    assert "rpm: narrower bands may be missed" in ran.out
     assert max(map(len, ran.out.splitlines())) <= 80
 
 

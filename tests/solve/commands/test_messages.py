@@ -1,4 +1,4 @@
-"""What reaches the terminal: no control characters, one line a fault, names of files; units of ranges."""
+"""Terminal output: no control characters, one line per error, list of written files; units of ranges."""
 
 import json
 import os
@@ -40,7 +40,7 @@ TYPED = {
 
 @pytest.mark.parametrize("escape", ESCAPES, ids=ascii)
 @pytest.mark.parametrize("what", TYPED)
-def test_control_characters_that_are_typed_are_refused_and_shown_escaped(command, what, escape):
+def test_control_characters_in_arguments_are_refused_and_escaped(command, what, escape):
     ran = command(*(argument.format(escape) for argument in TYPED[what]))
     assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1)
     assert not CONTROL.search(ran.err)
@@ -49,7 +49,7 @@ def test_control_characters_that_are_typed_are_refused_and_shown_escaped(command
 
 
 def on_a_terminal(*arguments, cwd):
-    """What a program writes to a terminal."""
+    """Output of a program on a terminal."""
     controlling, terminal = pty.openpty()
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm", "COLUMNS": "80"}
     process = subprocess.Popen(
@@ -68,7 +68,7 @@ def on_a_terminal(*arguments, cwd):
 
 
 def test_control_characters_in_files_do_not_reach_a_terminal(tmp_path):
-    """The text of an exception that a mechanism raises, a name in a case file; styles stay."""
+    """Message of an exception in a mechanism, and a name in a case file; styles remain."""
     (tmp_path / "bad.py").write_text(
         "def mechanism():\n    raise ValueError('\x1b]0;t\x07 \\x1b[2J \\x9bm')\n"
     )
@@ -104,7 +104,7 @@ def test_json_with_control_characters_stays_json(capsys):
 
 
 @pytest.mark.parametrize("name", ["a[bold].csv", "a:b:[red].csv"])
-def test_brackets_and_colons_of_names_are_shown_as_they_are(command, tmp_path, name):
+def test_brackets_and_colons_in_names_are_shown_unchanged(command, tmp_path, name):
     rows = "".join(f"{at},{1e-3 * np.cos(at)!r}\n".replace("np.float64(", "") for at in range(4))
     (tmp_path / name).write_text("phase (rad),q1 (rad)\n" + rows.replace(")", ""))
     ran = command(*FIT, "--data", name)
@@ -144,7 +144,7 @@ def test_axes_cuts_bounds_and_frequencies_take_a_unit(command, tmp_path):
     assert values[0]["over"] == values[1]["over"]
 
 
-def test_a_range_of_another_unit_or_form_is_refused(command):
+def test_a_range_with_an_invalid_unit_or_form_is_refused(command):
     for over, words in (
         ("k1=60:80:2 kN", ("k1: unit 'kN'", "N m/rad")),
         ("k1=60:80 kN m/rad", ("k1=A:B:N", "'20:40:5 mm'")),
@@ -165,10 +165,10 @@ def test_a_sweep_takes_one_speed(command, speed, more):
     assert points("--speed") == points("--speeds")
 
 
-def test_a_sweep_of_a_speed_and_of_speeds_is_refused(command):
+def test_a_sweep_with_speed_and_speeds_is_refused(command):
     ran = command("sweep", "mathieu", "--speed", "3 Hz", "--speeds", "1:2:2 Hz")
     assert (ran.status, ran.err.count("\n")) == (2, 1)
-    assert "--speed and --speeds both say at which speed" in ran.err
+    assert "--speed and --speeds are both given" in ran.err
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,8 @@ def test_a_study_without_any_result_is_refused(command, line, words):
 
 
 def test_one_fault_at_many_speeds_is_one_warning(command):
-    """Above its 21 rad/s the pendulum's reference has no matrices: one reason for each further speed."""
+    """Above 21 rad/s the reference of the pendulum has no matrices, for the same reason at each further
+    speed."""
     ran = command("validity", "manipulator", "--speeds", "50:2000:4 rpm")
     reasons = [line.split(": ", 2)[2] for line in ran.err.splitlines() if "no result" in line]
     assert len(reasons) == len(set(reasons))
@@ -204,7 +205,7 @@ def test_one_fault_at_many_speeds_is_one_warning(command):
         ("models.portal_frame", ("--plot", "f.svg"), ("f.svg",)),
     ],
 )
-def test_files_are_named_though_the_output_after_them_fails(tmp_path, program, line, files):
+def test_written_files_are_listed_if_later_output_fails(tmp_path, program, line, files):
     with open("/dev/full", "w") as full:
         ran = subprocess.run(
             [sys.executable, "-m", program, *line],
@@ -263,11 +264,11 @@ def rooted(tmp_path):
     return str(tmp_path / "rooted.py")
 
 
-def test_matrices_that_are_not_finite_name_what_was_set_in_which_unit(command, rooted, capsys):
+def test_non_finite_matrices_report_set_values_and_units(command, rooted, capsys):
     capsys.readouterr()
     ran = command("floquet", rooted, "--set", "r=50", "--set", "l=20cm", "--set", "k=3")
     assert (ran.status, ran.err.count("\n")) == (2, 1)
-    set_here = "set here: 50 m for r, which the case gives in mm; 0.2 m for l; 3 N/m for k\n"
+    set_here = "values set: 50 m for r, which the case gives in mm; 0.2 m for l; 3 N/m for k\n"
     assert ran.err.endswith(set_here)
     assert "r=0.03 m" in command("floquet", rooted, "--set", "r=0.03").out
 
@@ -275,7 +276,7 @@ def test_matrices_that_are_not_finite_name_what_was_set_in_which_unit(command, r
 @pytest.mark.parametrize(
     "call", ["from math import cos", "import numpy as np\ncos = np.cos", "import math\ncos = math.cos"]
 )
-def test_functions_of_numbers_in_a_mechanism_get_a_hint(tmp_path, capsys, call):
+def test_numeric_functions_in_a_mechanism_give_a_hint(tmp_path, capsys, call):
     from derive.command import run
     from derive.errors import DeriveError
 
@@ -284,10 +285,10 @@ def test_functions_of_numbers_in_a_mechanism_get_a_hint(tmp_path, capsys, call):
     assert door("derive", run, [str(tmp_path / "rooted.py")], DeriveError) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "takes no symbols: import functions from derive" in error
+    assert "cannot take symbols: import functions from derive" in error
 
 
-def test_files_that_cannot_be_read_are_said_without_a_name_of_an_exception(command, tmp_path):
+def test_unreadable_files_are_reported_without_exception_names(command, tmp_path):
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
     for file, words in (("none.csv", "no such file or directory"), ("b.csv", "not text in UTF-8")):
         ran = command(*FIT, "--data", file)
@@ -309,7 +310,7 @@ def test_random_lines_with_control_characters_reach_no_terminal(tmp_path, seed):
 
 
 def test_bounds_of_a_fit_take_a_unit(command, tmp_path):
-    """An exact record of k1 = 85 kN m/rad, and bounds that leave that out: the nearer is taken."""
+    """Exact data of k1 = 85 kN m/rad with bounds that exclude this value: the nearer bound is the result."""
     solve.periodic(solve.load("cam", k1=8.5e4), "100 rpm").save(tmp_path / "cam.csv")
     line = (*FIT, "--data", "cam.csv", "--json")
     for bounds, value in (("70:82 kN m/rad", 8.2e4), ("7e4:8.2e4", 8.2e4), ("70kN m/rad:82", None)):

@@ -40,7 +40,7 @@ def test_tables_and_pictures(command, tmp_path):
         (("--of", "rho9"), "multipliers 1 to 6"),
         (("--of", "rho1.absolute"), "did you mean 'abs'?"),
         (("--by", "kk"), "did you mean 'k3'?"),
-        (("--method", "newmark", "--steps", "4000"), "sensitivities take radau, gauss"),
+        (("--method", "newmark", "--steps", "4000"), "sensitivities support radau, gauss"),
     ],
 )
 def test_bad_input_is_one_line(command, flags, words):

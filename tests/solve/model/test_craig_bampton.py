@@ -1,4 +1,4 @@
-"""Component modes of bodies with closed forms, and against the whole eigenproblem."""
+"""Component modes of bodies, compared with closed forms and with the full eigenproblem."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from solve.model.craig_bampton import craig_bampton, static_shapes
 
 
 def chain(n, held=True):
-    """Unit masses and springs in a row; held: the first spring is tied to the ground."""
+    """Unit masses and springs in a row; held: the first spring is connected to ground."""
     K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     K[-1, -1] = 1.0
     K[0, 0] = 2.0 if held else 1.0
@@ -18,7 +18,7 @@ def chain(n, held=True):
 
 
 def cantilever(count):
-    """A clamped beam, EI = µ = L = 1, of Hermite's cubics; the last coordinates are the tip's."""
+    """Cantilever with EI = µ = L = 1 and Hermite's cubics; the last coordinates are those of the tip."""
     h = 1 / count
     k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2]]) / h**3
     k = np.vstack((k, -k[0], [k[0, 1], k[1, 3], -k[0, 1], k[1, 1]]))
@@ -50,7 +50,7 @@ def test_fixed_interface_modes_of_a_chain_have_the_frequencies_of_a_string_of_be
 
 
 @pytest.mark.parametrize("interface", [[7], [0, 7], [5, 2], []])
-def test_with_all_modes_nothing_is_lost(interface):
+def test_with_all_modes_the_basis_is_complete(interface):
     M, K = chain(8)
     found = craig_bampton(M, K, interface, modes=8 - len(interface))
     assert found.discarded == np.inf
@@ -59,7 +59,7 @@ def test_with_all_modes_nothing_is_lost(interface):
 
 
 def test_a_reduced_cantilever_has_its_frequencies_from_above():
-    """cos λ cosh λ = −1, ω = λ²; by the tip and four clamped-clamped modes."""
+    """cos λ cosh λ = −1, ω = λ²; coordinates of the tip and four clamped-clamped modes."""
     M, K = cantilever(40)
     found = craig_bampton(M, K, [78, 79], modes=4)
     omega = np.sqrt(eigh(found.stiffness, found.mass, eigvals_only=True)[:3])
@@ -71,8 +71,8 @@ def test_a_reduced_cantilever_has_its_frequencies_from_above():
     np.testing.assert_allclose([*found.frequencies, found.discarded], clamped, rtol=1e-4)
 
 
-def test_static_shapes_complete_what_the_modes_lack():
-    """The deflection under a uniform load is a combination of the basis and of one shape."""
+def test_static_shapes_complete_the_modes():
+    """The deflection under a uniform load is a combination of the basis and one static shape."""
     M, K = cantilever(12)
     load = M @ np.tile([1.0, 0.0], 12)
     found = craig_bampton(M, K, [22, 23], modes=2)
@@ -93,25 +93,25 @@ def test_static_shapes_complete_what_the_modes_lack():
 @pytest.mark.parametrize(
     ("interface", "modes", "words"),
     [
-        ([7], 8, "8 modes of a body; allowed: 0 to 7"),
+        ([7], 8, "modes is 8; allowed: 0 to 7"),
         ([7], -1, "allowed: 0 to 7"),
         ([7, 7], 1, "different indices"),
         ([8], 1, "indices from 0 to 7"),
     ],
 )
-def test_what_cannot_be_is_refused(interface, modes, words):
+def test_invalid_arguments_are_refused(interface, modes, words):
     with pytest.raises(ValueOutOfBoundsError, match=words):
         craig_bampton(*chain(8), interface, modes)
 
 
-def test_a_body_that_its_interface_does_not_hold_is_refused():
+def test_a_rigid_body_mode_at_fixed_interface_is_refused():
     M, K = chain(8, held=False)
     assert null_space(K).shape[1] == 1
     with pytest.raises(MatricesError, match="add coordinates to the interface"):
         craig_bampton(M, K, [], modes=2)
     K[3:, :3] = K[:3, 3:] = 0.0
     K[2, 2] = K[3, 3] = 1.0
-    with pytest.raises(MatricesError, match="moves freely"):
+    with pytest.raises(MatricesError, match="has a rigid-body mode"):
         craig_bampton(M, K, [7], modes=2)
 
 

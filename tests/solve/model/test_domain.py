@@ -1,5 +1,5 @@
-"""A desired motion that is not real and finite at a speed, or over part of the turn, is refused; elsewhere
-nothing changes."""
+"""A fundamental motion that is not real and finite at a speed, or over a range of the phase, is refused;
+elsewhere nothing changes."""
 
 import math
 
@@ -14,11 +14,11 @@ from tests.derive.modules import module_of
 
 BEAD = {"m": 0.5, "a": 0.2, "g": 9.81, "c": 2e-3}
 LEAST = math.sqrt(9.81 / 0.2)
-"""Speed of the hoop from which on the bead leaves its bottom: cos q = g/(a Ω²)."""
+"""Speed of the hoop above which the bead leaves the bottom: cos q = g/(a Ω²)."""
 
 
 def bead():
-    """On a hoop that turns about its vertical diameter."""
+    """Bead on a hoop that rotates about its vertical diameter."""
     made = Mechanism("bead", "Bead on a hoop")
     q = made.coordinate("q", "rad", "angle from the bottom")
     m, a, g = made.parameters(m=("kg", "bead", "> 0"), a=("m", "hoop", "> 0"), g=("m/s^2", "gravity", "> 0"))
@@ -49,8 +49,10 @@ def test_the_bead_vibrates_where_its_angle_exists(hoop, speed):
 
 @pytest.mark.parametrize("work", [solve.floquet, solve.periodic, solve.nonlinear, solve.transient])
 @pytest.mark.parametrize("speed", [6.0, 0.999 * LEAST])
-def test_the_bead_is_refused_below(hoop, work, speed):
-    with pytest.raises(DesiredMotionError, match=r"desired motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs"):
+def test_the_bead_is_refused_below_the_least_speed(hoop, work, speed):
+    with pytest.raises(
+        DesiredMotionError, match=r"fundamental motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs"
+    ):
         work(hoop, speed)
 
 
@@ -63,11 +65,11 @@ def test_speeds_are_named_in_the_unit_in_which_they_were_given(hoop):
 
 
 def test_a_run_up_that_leaves_the_motion_is_refused(hoop):
-    with pytest.raises(DesiredMotionError, match="desired motion of q"):
+    with pytest.raises(DesiredMotionError, match="fundamental motion of q"):
         solve.transient(hoop, speeds=("8 rad/s", "5 rad/s"))
 
 
-def test_many_points_fail_each_for_itself(hoop):
+def test_points_fail_individually(hoop):
     sweep = solve.sweep(hoop, [6.0, 7.0, 7.1, 9.0])
     assert [point.error is None for point in sweep.points] == [False, False, True, True]
     assert "acos(g/(a*speed**2))" in (sweep.points[0].error or "")
@@ -81,7 +83,7 @@ def test_many_points_fail_each_for_itself(hoop):
 
 
 def test_a_motion_along_which_the_matrices_are_polynomials_of_the_speed():
-    """Matrices that do not know the motion at all; the points of a sweep still do."""
+    """The matrices do not depend on the motion, but the points of a sweep do."""
     made = Mechanism("one", "Mass on a spring that follows")
     q = made.coordinate("q", "rad", "angle")
     m, k, w = made.parameters(
@@ -96,7 +98,7 @@ def test_a_motion_along_which_the_matrices_are_polynomials_of_the_speed():
 
 
 def followed(desired, **numbers):
-    """A model that is linearised about a motion of the phase."""
+    """Model linearised about a motion that depends on the phase."""
     made = Mechanism("one", "One coordinate")
     q = made.coordinate("q", "rad", "angle")
     m, k = made.parameters(m=("kg m^2", "inertia", "> 0"), k=("N m/rad", "spring", "> 0"))
@@ -128,17 +130,18 @@ MOTIONS = {
     ],
 )
 def test_domains_over_the_turn(name, a, exists):
-    """Those of the functions, known in closed form: violations between samples, and over a hundredth of the
-    turn, are seen."""
+    """Domains with known closed forms: violations between samples and over a hundredth of the period are
+    detected."""
     if exists:
         assert followed(MOTIONS[name][0], a=a).n == 1
     else:
-        with pytest.raises(DesiredMotionError, match="desired motion of q is not real and finite"):
+        with pytest.raises(DesiredMotionError, match="fundamental motion of q is not real and finite"):
             followed(MOTIONS[name][0], a=a)
 
 
 def linkage():
-    """An offset slider-crank with an elastic shaft: its rod is as long as asin((r sin φ + e)/l) needs."""
+    """Offset slider-crank with an elastic shaft; the length of its rod is the one that asin((r sin φ + e)/l)
+    requires."""
     made = Mechanism("linkage", "Offset slider-crank")
     q = made.coordinate("q", "rad", "twist")
     J, m, k = made.parameters(J=("kg m^2", "J", "> 0"), m=("kg", "slider", "> 0"), k=("N m/rad", "k", "> 0"))
@@ -151,7 +154,7 @@ def linkage():
 
 
 def test_a_rod_that_is_too_short_over_part_of_the_turn():
-    """It closes everywhere if r + |e| < l; at φ = π/2 it opens first."""
+    """The loop closes everywhere if r + |e| < l; it opens first at φ = π/2."""
     numbers = {"J": 1, "m": 1, "k": 1e3, "r": 0.1, "e": 0.05}
     model = solve.load(linkage, L=0.16, **numbers)
     with pytest.raises(DesiredMotionError, match=r"the kinetic energy .* at phase 1\.5"):
@@ -161,8 +164,9 @@ def test_a_rod_that_is_too_short_over_part_of_the_turn():
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_loop_that_the_desired_motion_opens(sign):
-    """A loop driven by a coordinate is looked at along the desired motion of that: x² = c - b sin φ."""
+def test_a_loop_opened_by_the_fundamental_motion(sign):
+    """A loop driven by a coordinate is evaluated along the fundamental motion of that coordinate: x² = c - b
+    sin φ."""
 
     def state():
         made = Mechanism("opening", "A loop driven by a coordinate")

@@ -70,8 +70,8 @@ def pendulum():
 
 @cache
 def absorber():
-    """A mass on a cubic spring with an absorber: m ẍ + c ẋ + k x + k3 x³ + ka (x - y) = F cos φ,
-    ma ÿ + ka (y - x) = 0. At Ω² = ka/ma the mass rests, and y = -F/ka cos φ."""
+    """Mass on a cubic spring with an absorber: m ẍ + c ẋ + k x + k3 x³ + ka (x - y) = F cos φ, ma ÿ + ka (y -
+    x) = 0. At Ω² = ka/ma the mass is at rest, and y = -F/ka cos φ."""
     made = Mechanism("absorber", "Mass on a cubic spring with an absorber", energy="1/s^2")
     x, y = made.coordinates(x=("1", "mass"), y=("1", "absorber"))
     m, ma, c, k, k3, ka, F = made.parameters(
@@ -92,8 +92,8 @@ def absorber():
 
 @cache
 def torsional_absorber():
-    """A slide on a cubic spring, and a disc that is coupled to it by a torsion spring and a lever r: at
-    Ω² = kt/J the slide rests, and the disc turns by -F r/kt cos φ."""
+    """Slide on a cubic spring and a disc coupled to it by a torsion spring and a lever r: at Ω² = kt/J the
+    slide is at rest, and the disc rotates by -F r/kt cos φ."""
     made = Mechanism("torsional_absorber", "Slide with a torsional absorber")
     x, theta = made.coordinates(x=("m", "slide"), theta=("rad", "disc"))
     m, J, c, k, k3, kt, r, F = made.parameters(
@@ -116,8 +116,8 @@ def torsional_absorber():
 
 @cache
 def bead():
-    """A bead on a hoop that turns with the speed, counted from where it is in balance, cos q0 = g/Ω²:
-    q̈ + c q̇ - Ω² sin(q0 + q) cos(q0 + q) + g sin(q0 + q) = F cos φ."""
+    """Bead on a hoop that rotates at the speed, measured from its equilibrium cos q0 = g/Ω²: q̈ + c q̇ - Ω²
+    sin(q0 + q) cos(q0 + q) + g sin(q0 + q) = F cos φ."""
     made = Mechanism("bead", "Bead on a hoop", energy="1/s^2")
     (q,) = made.coordinates(q=("rad", "angle"))
     c, g, F = made.parameters(
@@ -133,7 +133,7 @@ def bead():
 
 @cache
 def held_pendulum():
-    """A pendulum that a torque t holds at sin q0 = t/g: q̈ + c q̇ + g sin(q0 + q) = t + F cos φ."""
+    """Pendulum held by a torque t at sin q0 = t/g: q̈ + c q̇ + g sin(q0 + q) = t + F cos φ."""
     made = Mechanism("held_pendulum", "Pendulum held by a torque", energy="1/s^2")
     (q,) = made.coordinates(q=("rad", "angle"))
     c, g, t, F = made.parameters(

@@ -100,7 +100,7 @@ def test_the_branch_of_the_cam_turns_back_where_following_by_the_speed_ends():
     cam = solve.load("cam")
     found = solve.branch(cam, "420:500 rpm", points=30)
     going_on, lifted = found.warnings
-    assert going_on == "the branch goes on beyond the 30 points asked for; ask for more"
+    assert going_on == "the branch continues beyond the 30 points requested; request more"
     assert lifted.startswith("the follower lifts off the cam: contact_force reaches -")
     first = found.turning[0] * 30 / np.pi
     assert 435.9 < first < 437.3
@@ -115,7 +115,7 @@ def test_a_branch_that_is_cut_says_so():
     model = model_of(cubic_rotor(), **NUMBERS)
     found = solve.branch(model, "0.8:1.6 rad/s", points=4)
     assert len(found.speeds) == 4
-    assert found.warnings == ["the branch goes on beyond the 4 points asked for; ask for more"]
+    assert found.warnings == ["the branch continues beyond the 4 points requested; request more"]
     assert not len(found.turning)
 
 

@@ -1,4 +1,4 @@
-"""A Jeffcott rotor that rubs in a ring it does not touch at rest: its circular orbit in closed form."""
+"""Jeffcott rotor rubbing against a ring that it does not touch at rest: circular orbit in closed form."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def rotor():
 
 
 def amplitude(speed, m, k, c, u, kr, gap):
-    """|k - mΩ² + kr (1 - gap/A)⁺ + i c Ω| A = u Ω², of the largest A."""
+    """Largest A with |k - mΩ² + kr (1 - gap/A)⁺ + i c Ω| A = u Ω²."""
 
     def residual(A):
         return abs(k - m * speed**2 + kr * max(0.0, 1 - gap / A) + 1j * c * speed) * A - u * speed**2
@@ -43,14 +43,14 @@ def amplitude(speed, m, k, c, u, kr, gap):
     return free if free <= gap else brentq(residual, gap, free, xtol=1e-16)
 
 
-def test_at_rest_the_ring_is_not_there(rotor):
+def test_the_ring_has_no_effect_at_rest(rotor):
     orbit = solve.periodic(rotor, 90.0)
     assert orbit.statistics("x").max == pytest.approx(amplitude(90.0, **{**NUMBERS, "kr": 0.0}), rel=1e-9)
 
 
 @pytest.mark.parametrize("speed", [40.0, 75.0, 90.0])
 def test_the_rubbing_orbit(rotor, speed):
-    """209.7303 µm at 90 rad/s; at 40 rad/s the ring is not reached."""
+    """209.7303 µm at 90 rad/s; at 40 rad/s the rotor does not reach the ring."""
     orbit = solve.nonlinear(rotor, speed)
     assert orbit.statistics("x").max == pytest.approx(amplitude(speed, **NUMBERS), rel=1e-8)
     assert orbit.statistics("y").min == pytest.approx(-amplitude(speed, **NUMBERS), rel=1e-8)
@@ -59,7 +59,7 @@ def test_the_rubbing_orbit(rotor, speed):
 
 
 def test_from_rest_at_the_middle_of_the_ring(rotor):
-    """The transient begins where the ring's force is 0·(0/0), and ends on the orbit."""
+    """The transient starts where the ring force is 0·(0/0) and ends on the orbit."""
     found = solve.transient(rotor, 90.0, turns=60, nonlinear=True)
     assert np.isfinite(found.q).all()
     assert np.abs(found.q[0]).max() == pytest.approx(np.abs(found.q).max(), rel=0.2)

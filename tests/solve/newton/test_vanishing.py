@@ -1,5 +1,5 @@
-"""Orbits of which one coordinate, or all, vanish: equilibria and antiresonances, against closed forms, and
-against shooting by DOP853."""
+"""Orbits that vanish in one coordinate or in all: equilibria and antiresonances, compared with closed forms
+and shooting by DOP853."""
 
 import mpmath
 import numpy as np
@@ -22,7 +22,7 @@ from tests.solve.newton.mechanisms import (
 
 ABSORBER = {"m": 1.0, "ma": 0.1, "c": 0.05, "k": 1.0, "k3": 0.5, "ka": 0.1, "F": 0.02}
 TORSION = {"m": 800.0, "J": 2.0, "c": 2e3, "k": 8e6, "k3": 1e15, "kt": 2e4, "r": 0.4, "F": 50.0}
-"""Vibrations of micrometres and of milliradians; antiresonance at 100 rad/s."""
+"""Vibrations of micrometres and milliradians; antiresonance at 100 rad/s."""
 
 EPS = np.finfo(float).eps
 
@@ -35,7 +35,7 @@ AT_REST = [
 
 
 def stiffness(module, numbers, speed):
-    """Of small vibrations about the equilibrium: (Ω⁴ - g²)/Ω², and √(g² - t²)."""
+    """Stiffness of small vibrations about the equilibrium: (Ω⁴ - g²)/Ω², and √(g² - t²)."""
     g = numbers["g"]
     return (speed**4 - g**2) / speed**2 if module is bead else np.sqrt(g**2 - numbers["t"] ** 2)
 
@@ -84,7 +84,7 @@ def test_the_same_under_a_load(module, numbers, speed, F):
     assert orbit.statistics("q").max_abs == pytest.approx(shot(module, numbers, speed, F), rel=1e-6)
 
 
-def test_an_equilibrium_is_trusted_and_followed():
+def test_an_equilibrium_is_trusted_and_continued():
     model = model_of(bead(), c=0.1, g=43.7, F=0.0)
     found = solve.validity(model, [7.7, 8.1, 8.9, 9.3])
     assert found.errors.max() < 1e-12
@@ -124,7 +124,7 @@ def test_at_the_antiresonance_the_closed_form_is_met(module, numbers, speed, res
 
 @pytest.mark.parametrize("speeds", [(80.0, 120.0), (120.0, 80.0)])
 def test_the_unit_of_a_coordinate_changes_nothing(speeds):
-    """The slide in micrometres passes through zero as it does in metres, at the same speeds."""
+    """With the slide in micrometres instead of metres, the branch passes through zero at the same speeds."""
     per_metre = 1e6
     power = {"m": -2, "c": -2, "k": -2, "k3": -4, "r": 1, "F": -1}
     in_micrometres = {name: value * per_metre ** power.get(name, 0) for name, value in TORSION.items()}
@@ -140,8 +140,7 @@ def test_the_unit_of_a_coordinate_changes_nothing(speeds):
 
 @pytest.mark.parametrize("speeds", [(80.0, 120.0), (120.0, 80.0)])
 def test_a_slide_passes_through_rest_while_the_disc_turns(speeds):
-    """J θ̈ + kt (θ - x/r) = 0 for every harmonic, of which the first is nearly all where the spring is nearly
-    linear."""
+    """J θ̈ + kt (θ - x/r) = 0 for every harmonic; the first dominates if the spring is nearly linear."""
     branch = solve.branch(model_of(torsional_absorber(), **TORSION | {"k3": 1e11}), speeds)
     assert branch.speeds[-1] == pytest.approx(speeds[1])
     near = np.abs(branch.speeds - 100) < 5
@@ -152,7 +151,7 @@ def test_a_slide_passes_through_rest_while_the_disc_turns(speeds):
 
 
 def test_the_scale_of_a_coordinate_is_the_vibration_against_its_own_impedance():
-    """Of an oscillator: F/(k + cΩ + mΩ²), which max|q| = F/|k - Ω² + icΩ| never falls below."""
+    """Scale of an oscillator: F/(k + cΩ + mΩ²), a lower bound of max|q| = F/|k - mΩ² + icΩ|."""
     numbers = {"zeta": 0.2, "k": 3.0, "alpha": 0.0, "f": 0.7}
     model, grid = model_of(duffing(), **numbers), Grid.uniform(64, 2 * np.pi)
     for speed in (0.3, np.sqrt(3.0), 7.0):
@@ -165,7 +164,7 @@ def test_the_scale_of_a_coordinate_is_the_vibration_against_its_own_impedance():
 
 @pytest.mark.parametrize(("numbers", "speed"), [({"c": 0.1, "g": 49.05, "F": 0.0}, 9.3)])
 def test_the_round_off_of_a_residual_is_below_its_bound(numbers, speed):
-    """Against 50 digits, at angles and speeds near the equilibrium."""
+    """Compared with 50 digits, at angles and speeds near the equilibrium."""
     model, rng = model_of(bead(), **numbers), np.random.default_rng(5)
     with mpmath.workdps(50):
         g, worst = mpmath.mpf(numbers["g"]), 0.0

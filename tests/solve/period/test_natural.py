@@ -1,4 +1,4 @@
-"""Natural frequencies of free machines, of springs that turned negative, and of K that is not symmetric."""
+"""Natural frequencies of free machines, of negative springs, and of nonsymmetric K."""
 
 import mpmath
 import numpy as np
@@ -11,13 +11,13 @@ INERTIA = 3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05
 
 
 def exact(M, K):
-    """λ of diagonal M and symmetric K, with 40 digits."""
+    """λ of diagonal M and symmetric K, to 40 digits."""
     with mpmath.workdps(40):
         unit = mpmath.diag([1 / mpmath.sqrt(m) for m in np.diag(M)])
         return np.array([float(x) for x in sorted(mpmath.eigsy(unit * mpmath.matrix(K) * unit)[0])])
 
 
-def test_of_a_free_chain_the_first_is_exactly_zero():
+def test_the_first_frequency_of_a_free_chain_is_exactly_zero():
     found = natural_frequencies(np.diag(INERTIA)[None], chain(CHAIN)[None], 5)
     hertz = found.frequencies[0] / (2 * np.pi)
     assert hertz[0] == 0.0
@@ -27,8 +27,8 @@ def test_of_a_free_chain_the_first_is_exactly_zero():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_every_frequency_keeps_its_digits_beside_a_rigid_body_mode_and_stiff_ones(seed):
-    """Two geared trains without a connection, so of two rigid-body modes, in mixed units."""
+def test_frequencies_are_accurate_beside_rigid_body_and_stiff_modes(seed):
+    """Two unconnected geared trains with two rigid-body modes, in mixed units."""
     draw = np.random.default_rng(seed)
     M, K = np.zeros((2, 7, 7))
     for part in (slice(0, 3), slice(3, 7)):
@@ -43,8 +43,8 @@ def test_every_frequency_keeps_its_digits_beside_a_rigid_body_mode_and_stiff_one
 
 
 @pytest.mark.parametrize("k1", [-3.0, -2.0, -0.5, 0.5, 3.0])
-def test_a_negative_spring_leaves_every_mode_its_number(k1):
-    """Closed form of two unit masses on k1 and 100 N/m, 1 N/m between them."""
+def test_a_negative_spring_keeps_the_mode_numbers(k1):
+    """Closed form for two unit masses on k1 and 100 N/m, with 1 N/m between them."""
     a, b = k1 + 1.0, 101.0
     root = np.hypot((a - b) / 2, 1.0)
     low, high = (a + b) / 2 - root, (a + b) / 2 + root
@@ -69,7 +69,7 @@ def test_a_mode_that_grows_comes_before_a_rigid_body_mode():
 
 
 def test_circulatory_forces_give_a_pair_a_frequency_and_a_growth_rate():
-    """λ = k ± i p of K = [[k, p], [-p, k]]."""
+    """λ = k ± i p for K = [[k, p], [-p, k]]."""
     found = natural_frequencies(np.eye(2)[None], np.array([[[4.0, 3.0], [-3.0, 4.0]]]), 2)
     root = np.sqrt(-(4.0 + 3.0j))
     np.testing.assert_allclose(found.frequencies[0], [abs(root.imag)] * 2, rtol=1e-14)
@@ -78,7 +78,8 @@ def test_circulatory_forces_give_a_pair_a_frequency_and_a_growth_rate():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_equations_in_any_units_have_the_same_frequencies(seed):
-    """Rows scaled, so that neither matrix is symmetric; two λ are equal, which round-off must not part."""
+    """Scaled rows, so that neither matrix is symmetric; two λ are equal and must not be split by
+    round-off."""
     draw = np.random.default_rng(seed)
     vectors = np.linalg.qr(draw.standard_normal((4, 4)))[0]
     rows = np.diag(10.0 ** draw.uniform(-4, 4, 4))
@@ -96,7 +97,7 @@ def test_positions_with_and_without_a_rigid_body_mode():
 
 
 def test_slopes_of_a_free_pair_and_of_equal_eigenvalues():
-    """λ = 0, k (1/J1 + 1/J2); of two equal λ of diagonal matrices the mean of both slopes."""
+    """λ = 0, k (1/J1 + 1/J2); for two equal λ of diagonal matrices, the mean of both slopes."""
     J1, J2, k = 0.1, 0.2, 10.0
     by_K, by_M = np.array([chain([1.0]), 0 * chain([1.0])]), np.array([0 * np.eye(2), np.diag([1.0, 0.0])])
     found = slopes(np.diag([J1, J2]), chain([k]), by_M, by_K)

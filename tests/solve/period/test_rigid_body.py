@@ -9,7 +9,7 @@ CHAIN = 12e3, 12e3, 14e3, 10e3
 
 
 def chain(stiffness, ratios=None):
-    """K of discs in line; ratios: the speed of each relative to the first."""
+    """K of discs in line; ratios: speed of each relative to the first."""
     n = len(stiffness) + 1
     ratios = np.ones(n) if ratios is None else np.asarray(ratios)
     K = np.zeros((n, n))
@@ -21,7 +21,7 @@ def chain(stiffness, ratios=None):
 
 
 def over_the_period(K, phases=32):
-    """With a stiffness that varies over the period."""
+    """K with a stiffness that varies over the period."""
     return K * (1 + 0.3 * np.cos(np.linspace(0, 2 * np.pi, phases, endpoint=False)))[None, :, None, None]
 
 
@@ -58,8 +58,8 @@ def test_units_of_coordinates_and_equations_do_not_matter(seed):
     assert found.errors.max() < 1e-14
 
 
-def test_of_several_modes_those_without_damping_come_first():
-    """Two chains, the first with drag; and a coupling that damps their relative motion alone."""
+def test_undamped_modes_come_first():
+    """Two chains, the first with drag, and a coupling that damps only their relative motion."""
     K = block(chain([1e3, 2e3]), chain([3e3]))[None, None]
     drag = np.diag([0.0, 0.5, 0, 0, 0])[None, None]
     found = rigid_body_modes(K, drag)
@@ -73,7 +73,7 @@ def test_of_several_modes_those_without_damping_come_first():
     np.testing.assert_allclose(found.measures @ found.vectors, np.eye(2)[None], atol=1e-15)
 
 
-def test_a_direction_that_is_free_at_some_phases_only_is_none():
+def test_a_direction_free_at_some_phases_is_not_a_mode():
     phase = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     along = np.stack([np.cos(phase), np.sin(phase)], axis=-1)
     K = along[None, :, :, None] * along[None, :, None]

@@ -1,4 +1,4 @@
-"""The record of an orbit evaluates all its coordinates and outputs together."""
+"""Joint evaluation of all coordinates and outputs for the record of an orbit."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ from scipy.optimize import minimize_scalar
 import solve
 
 _CALLS = 24
-"""Evaluations of all outputs together: samples, warnings, and narrowings of the extrema; with 21 outputs a
-record that takes them one by one needs more than 200."""
+"""Joint evaluations of all outputs: samples, warnings, and refinements of the extrema. With 21 outputs,
+separate evaluations need more than 200 calls."""
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_outputs_are_evaluated_together(model, monkeypatch):
 
 
 def extremum(signal, period, sign):
-    """Largest sign · value by SciPy, from the best of many samples."""
+    """Largest sign · value by SciPy, starting from the best of many samples."""
     width = period / 20000
     phases = np.arange(20000) * width
     best = phases[np.argmax(sign * signal(phases))]
@@ -59,7 +59,7 @@ def test_figures_are_those_of_the_quantity_alone(orbit, name):
 
 @pytest.mark.parametrize("name", ["crank_tip_deflection", "C_force_y"])
 def test_harmonics_are_those_of_the_quantity_alone(orbit, name):
-    """Against sums by the trapezoidal rule on a grid of another number of phases."""
+    """Compared with trapezoidal sums on a grid with a different number of phases."""
     count, (amplitudes, angles) = 6001, orbit.harmonics(name, 5)
     phases = np.arange(count) * (2 * np.pi / count)
     values = orbit.signal(name)(phases)
@@ -69,7 +69,7 @@ def test_harmonics_are_those_of_the_quantity_alone(orbit, name):
 
 
 def test_more_harmonics_than_the_samples_resolve(orbit):
-    """The samples that figures share have too few phases for these; they are taken anew."""
+    """The shared samples have too few phases for these harmonics; new samples are taken."""
     few, _ = orbit.harmonics("A_x", 60)
     many, _ = orbit.harmonics("A_x", orbit.samples // 4)
     assert len(many) == orbit.samples // 4 + 1

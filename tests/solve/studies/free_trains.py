@@ -1,5 +1,5 @@
-"""Drive trains that are free to turn, two masses on springs of any sign, and a bearing without stiffness at
-rest, as mechanisms."""
+"""Mechanisms: free drive trains, two masses on springs of any sign, and a bearing without stiffness at
+rest."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from tests.solve.newton.mechanisms import model_of
 INERTIA = 3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05
 STIFFNESS = 12e3, 12e3, 14e3, 10e3
 HERTZ = 0.0, 81.20762902, 141.21407139, 378.9529539, 536.36328293
-"""Hz of these discs in line, from mpmath."""
+"""Natural frequencies in Hz of these discs in line, from mpmath."""
 
 
 def train(inertia=INERTIA, stiffness=STIFFNESS, **changed):
@@ -30,7 +30,7 @@ def train(inertia=INERTIA, stiffness=STIFFNESS, **changed):
 
 
 def masses(**changed):
-    """Two masses of 1 kg, k1 and k2 to the ground and kc between."""
+    """Two masses of 1 kg, with springs k1 and k2 to ground and kc between them."""
     made = Mechanism("masses", "Two masses on springs")
     x, y = made.coordinates(x=("m", "first mass"), y=("m", "second mass"))
     (m,) = made.parameters(m=("kg", "each mass", "> 0"))
@@ -48,7 +48,7 @@ def squares_of_masses(k1):
 
 
 def bearing():
-    """A mass on a spring whose stiffness is inverse to the speed."""
+    """Mass on a spring whose stiffness is inversely proportional to the speed."""
     made = Mechanism("bearing", "A mass in a bearing")
     (x,) = made.coordinates(x=("m", "shaft"))
     m, k, w = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "stiffness"), w=("rad/s", "its speed"))

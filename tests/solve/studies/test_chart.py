@@ -164,7 +164,7 @@ def test_a_system_of_ones_own():
     [
         ({"delt": [1, 2]}, Y, UnknownNameError, "did you mean 'delta'"),
         (X, X, ValueOutOfBoundsError, "both delta"),
-        ({"delta": [2, 1]}, Y, ValueOutOfBoundsError, "larger than the one before"),
+        ({"delta": [2, 1]}, Y, ValueOutOfBoundsError, "in increasing order"),
         ({"delta": [1]}, Y, ValueOutOfBoundsError, "at least two"),
         ({}, Y, ValueOutOfBoundsError, "give one"),
         (X, {"zeta": [-1, 1]}, ValueOutOfBoundsError, "zeta"),

@@ -1,5 +1,5 @@
-"""Stability where M, C and K are constant over the period: closed forms, the solver at single speeds, and how
-many solutions it takes."""
+"""Stability with M, C and K constant over the period: closed forms, the solver at single speeds, and the
+number of solutions."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 def over(matrices, n):
-    """A system with M, C, K = matrices(speed) and a load of orders 0 to 2."""
+    """System with M, C, K = matrices(speed) and a load with harmonics 0 to 2."""
 
     def at(phase, speed):
         load = np.zeros((len(phase), n))
@@ -33,14 +33,14 @@ def free_chain(anchor=0.0):
 
 
 def shaft(k2):
-    """An unbalanced shaft of two stiffnesses 1 and k2 in coordinates that turn with it: unstable between √1
-    and √k2 (S. H. Crandall, P. J. Brosens, J. Appl. Mech. 28 (1961) 567-570)."""
+    """Unbalanced shaft of stiffnesses 1 and k2 in rotating coordinates: unstable between √1 and √k2 (S. H.
+    Crandall, P. J. Brosens, J. Appl. Mech. 28 (1961) 567-570)."""
     return over(lambda speed: (np.eye(2), 2 * speed * TURN, np.diag([1.0, k2]) - speed**2 * np.eye(2)), 2)
 
 
 @pytest.fixture
 def solutions(monkeypatch):
-    """How many points are solved on grids."""
+    """Counter of the points solved on grids."""
     counted = [0]
     solved = Batch.solved
 
@@ -89,7 +89,7 @@ def test_internal_damping_makes_a_rotor_unstable_above_its_threshold():
 
 
 def test_a_narrow_band_of_flutter_is_found():
-    """K = [[1, p], [-p, 1.2]] flutters where p > 0.1; p passes that about speed 2."""
+    """K = [[1, p], [-p, 1.2]] flutters for p > 0.1; p exceeds this value near speed 2."""
 
     def matrices(speed):
         p = 0.1001 * np.exp(-50 * (speed - 2) ** 2)
@@ -101,7 +101,7 @@ def test_a_narrow_band_of_flutter_is_found():
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_points_are_judged_as_the_solver_does(seed):
+def test_verdicts_agree_with_the_solver(seed):
     """Damped, gyroscopic, circulatory and free systems, each at five speeds."""
     draw = np.random.default_rng(seed)
     n = 3
@@ -143,7 +143,7 @@ def test_matrices_that_vary_a_little_are_not_constant():
     assert constant(task.batch(np.array([[1.0], [2.0]]))) is None
 
 
-def test_an_approximation_is_judged_by_itself():
+def test_approximate_methods_keep_their_own_verdict():
     task, _ = task_of(over_speed(shaft(1.5)), "modal", 1e-8, "auto", orbit=False)
     assert constant(task.batch(np.array([[1.0], [2.0]]))) is None
 

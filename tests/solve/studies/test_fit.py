@@ -357,8 +357,8 @@ def test_a_model_that_cannot_follow_the_data_is_said(file):
     ("changed", "words"),
     [
         (lambda q: 1000 * q, "q is measured 1e+03 times as large as computed at the start; look at its unit"),
-        (lambda q: 0 * q + 5, "q is measured as the same number everywhere"),
-        (lambda q: -q, "the model does not follow it; look at unit, sign, speed and phase 0"),
+        (lambda q: 0 * q + 5, "q has the same measured value everywhere"),
+        (lambda q: -q, "the model does not describe it; check unit, sign, speed and phase origin"),
     ],
 )
 def test_data_of_another_unit_or_sign_or_of_nothing_are_said(file, changed, words):
@@ -366,9 +366,9 @@ def test_data_of_another_unit_or_sign_or_of_nothing_are_said(file, changed, word
     assert any(words in text for text in solve.fit(model(), file(rows), ["c"]).warnings)
 
 
-def test_values_that_stand_twice_are_said(file):
+def test_duplicate_rows_are_reported(file):
     rows = curve(0.01)
-    assert any("stand twice" in text for text in solve.fit(model(), file([*rows, *rows]), ["k"]).warnings)
+    assert any("duplicate rows" in text for text in solve.fit(model(), file([*rows, *rows]), ["k"]).warnings)
 
 
 def test_fewer_values_than_parameters_are_refused(file):

@@ -1,4 +1,4 @@
-"""Natural frequencies, their studies and fits, where modes are rigid-body modes or grow."""
+"""Natural frequencies, their studies and fits with rigid-body and growing modes."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_a_free_train_names_its_rigid_body_mode():
 
 
 def test_the_first_mode_of_three_discs_is_zero_for_every_stiffness():
-    """The others by the closed form of three equal inertias J: J λ = k1 + k2 ± √(k1² + k2² − k1 k2)."""
+    """The others from the closed form for three equal inertias J: J λ = k1 + k2 ± √(k1² + k2² − k1 k2)."""
     k1, k2, J = np.linspace(40, 60, 21), 50.0, 0.1
     discs = train([J] * 3, [50.0, k2])
     found = solve.frequencies_over(discs, "k1", k1, np.zeros(1))
@@ -61,7 +61,8 @@ def test_a_spring_that_turns_negative_does_not_renumber_the_modes():
 
 
 def test_over_a_turn_on_which_the_stiffness_changes_its_sign():
-    """x″ + (1/2 + cos φ) x: a growth rate where the bracket is negative, a frequency elsewhere."""
+    """ẍ + (1/2 + cos φ) x = 0 with frozen φ: a growth rate where the bracket is negative, a frequency
+    elsewhere."""
     mathieu = solve.load("mathieu", delta=0.5, epsilon=1.0)
     positions = np.linspace(0, np.pi, 5, endpoint=False)
     square = 0.5 + np.cos(2 * positions)
@@ -119,10 +120,10 @@ def test_a_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
     with pytest.raises(ValueOutOfBoundsError) as refused:
         solve.fit(train(k1=9000.0), file, ["k1"])
     assert "mode 1 was measured at 81.2076 Hz, but is a rigid-body mode of frequency 0" in str(refused.value)
-    assert "counted first; number elastic modes in the file from 2 on" in str(refused.value)
+    assert "counted first; number the elastic modes in the file from 2 on" in str(refused.value)
 
 
-def test_a_fit_comes_back_from_a_start_with_a_mode_that_grows(tmp_path):
+def test_a_fit_recovers_from_a_start_with_a_growing_mode(tmp_path):
     low, high = squares_of_masses(3.0)
     file = written(tmp_path / "f.csv", [(1, np.sqrt(low) / 2 / np.pi), (2, np.sqrt(high) / 2 / np.pi)])
     found = solve.fit(masses(k1=-3.0), file, ["k1"])

@@ -1,4 +1,4 @@
-"""Least squares over domains known only by trial, against problems whose minimum is known in closed form."""
+"""Least squares over domains known only by trial, for problems with known minima."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ FREE = (np.array([-np.inf]), np.array([np.inf]))
 
 
 class Root:
-    """Residuals a √x t − y, which have no value at x <= 0."""
+    """Residuals a √x t − y, undefined for x <= 0."""
 
     def __init__(self, start, y, broken=False):
         self.start, self.y, self.broken, self.refused = np.array([start]), y, broken, 0
@@ -32,7 +32,7 @@ class Root:
 
 
 def test_a_trial_without_a_result_shortens_the_step():
-    """The first Gauss-Newton step from 9 to √0.01 t leads to 9 + 2 · 3 (0.1 − 3) = −8.4."""
+    """The first Gauss-Newton step from 9 to √0.01 t ends at 9 + 2 · 3 (0.1 − 3) = −8.4."""
     problem = Root(9.0, 0.1 * T)
     found = minimise(problem, FREE, False)
     assert problem.refused >= 1
@@ -48,15 +48,15 @@ def test_a_trial_that_is_not_finite_shortens_the_step():
     assert minimise(Infinite(9.0, 0.1 * T), FREE, False).x == pytest.approx([0.01], rel=1e-8)
 
 
-def test_a_minimum_beyond_the_domain_is_said():
-    """√x t against −t: the closer to the edge 0 the better, and no point is a minimum."""
+def test_a_minimum_outside_the_domain_is_reported():
+    """√x t against −t: the residual falls towards the boundary 0, and no point is a minimum."""
     (text,) = minimise(Root(2.0, -T), FREE, False).warnings
     assert text.startswith("the fit ended away from a minimum (")
     assert "x = -" in text
     assert "M has NaN" in text
 
 
-def test_a_start_that_is_a_minimum_is_said_unless_it_fits_exactly():
+def test_a_start_at_a_minimum_is_reported_unless_it_fits_exactly():
     off = np.array([1.0, -1, 1, -1, 1, -1, 0])
     off -= T * (off @ T) / (T @ T)
     (text,) = minimise(Root(4.0, 2 * T + 0.1 * off), FREE, False).warnings
@@ -66,7 +66,7 @@ def test_a_start_that_is_a_minimum_is_said_unless_it_fits_exactly():
 
 
 @pytest.mark.parametrize("problem", [Root(1.0, T, broken=True), Root(4.0, np.full(len(T), np.inf))])
-def test_a_start_that_is_not_finite_is_refused_with_its_values(problem):
+def test_a_non_finite_start_is_refused_with_its_values(problem):
     with pytest.raises(
         NoResultError, match=r"starts from x = .* m, where .* are not finite; start elsewhere"
     ):
@@ -74,7 +74,7 @@ def test_a_start_that_is_not_finite_is_refused_with_its_values(problem):
 
 
 def softening():
-    """A spring k √(1 − a²), which has no value for |a| > 1, driven by F cos φ."""
+    """Spring k √(1 − a²), undefined for |a| > 1, driven by F cos φ."""
     made = Mechanism("softening", "A spring that an angle softens")
     (q,) = made.coordinates(q=("m", "way"))
     m, c, k, F = made.parameters(
@@ -106,22 +106,22 @@ def data(tmp_path):
 
 
 @pytest.mark.parametrize("start", [0.7, -0.9])
-def test_a_fit_passes_values_that_the_model_has_no_matrices_for(data, start):
+def test_a_fit_continues_past_values_without_matrices(data, start):
     found = solve.fit(solve.load(softening(), **NUMBERS, a=start), data, ["a"])
     assert found.parameters["a"].value == pytest.approx(np.copysign(0.95, start), rel=1e-6)
     assert not any("fit" in text for text in found.warnings)
 
 
-def test_a_fit_that_starts_without_matrices_names_the_values(data):
+def test_a_start_without_matrices_is_refused_with_its_values(data):
     with pytest.raises(MatricesError, match=r"the fit starts from a = 1.2, k = 20 N/m, where . has NaN"):
         solve.fit(solve.load(softening(), **NUMBERS, a=1.2), data, ["a", "k"])
-    # Without the spring the mass is free and vibrates all the same, but nothing follows from the slope of √0.
+    # Without the spring the mass is free and still vibrates, but the slope of √0 is infinite.
     with pytest.raises(NoResultError, match="the fit starts from a = 1, where derivatives"):
         solve.fit(solve.load(softening(), **{**NUMBERS, "m": 0.5}, a=1.0), data, ["a"])
 
 
-def test_few_values_that_a_model_does_not_follow_are_said(tmp_path):
-    """Amplitudes of three orders of a response that has one; 1 % off is what sensors leave."""
+def test_a_poor_fit_of_few_values_is_reported(tmp_path):
+    """Amplitudes of three harmonics of a response that has one; 1 % is a typical sensor error."""
     size = float(3 / abs(20 * np.sqrt(1 - 0.95**2) - 1 + 0.5j))
     rows = [f"1,1,{size!r}", f"1,1,{1.01 * size!r}"]
     file = tmp_path / "orders.csv"
