@@ -119,6 +119,16 @@ class FileError(SolveError):
     """A file that cannot be read or written, or whose type is unknown."""
 
 
+class ResultKindError(FileError):
+    """A file of a kind of result whose module is not imported."""
+
+    def __init__(self, kind: str, what: str = "it"):
+        super().__init__(
+            f"{what} holds a {kind}, which no module in use knows; import the model's results first"
+        )
+        self.kind = kind
+
+
 class ReopenedError(SolveError):
     """A result that was read from a file, asked for what needs the equations or the solver."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Motion
-from solve.errors import FileError, ValueOutOfBoundsError
+from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
 from solve.newton.iteration import Task, joined
 from solve.newton.settling import sizes_of
 from solve.period.curve import Curve
@@ -52,9 +52,13 @@ def _refused(start: object, task: Task) -> ValueOutOfBoundsError:
 def _opened(path: str | Path, task: Task) -> Orbit | Transient:
     if Path(path).suffix.lower() not in FILES:
         raise _refused(path, task)
-    found = opened(path)
+    try:
+        found = opened(path)
+        kind = type(found).__name__
+    except ResultKindError as error:
+        found, kind = None, error.kind
     if not isinstance(found, Orbit | Transient):
-        raise FileError(f"start '{path}' is a {type(found).__name__}; give a file of an orbit or transient")
+        raise FileError(f"start '{path}' is a {kind}; give a file of an orbit or of a transient")
     return found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import DrawnLink, Matrices, ModeShape
-from solve.errors import FileError, ReopenedError
+from solve.errors import FileError, ReopenedError, ResultKindError
 from solve.period.curve import Curve, FourierCurve
 from solve.period.floquet_modes import FloquetMode
 from solve.period.named import Named
@@ -244,7 +244,7 @@ def unpacked(found: Mapping[str, Array]) -> Any:
         )
     kind = whole["result"][0]
     if kind not in _KNOWN:
-        raise FileError(f"it holds a {kind}, which no module in use knows; import the model's results first")
+        raise ResultKindError(kind)
     return _Unpacking([*state.values()], whole["systems"]).value(whole["result"])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.argument import first_is
 from solve.arrays import Array
-from solve.errors import FileError, ValueOutOfBoundsError
+from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
 from solve.results.contents import Column, Contents, is_of_the_state
 from solve.results.files import checked
 from solve.results.lasting import packed, unpacked
@@ -53,6 +53,8 @@ def opened(path: str | Path) -> Any:
         raise FileError(f"there is no file '{path}'; give the path of a result that was saved")
     try:
         return unpacked(_READ[kind](file))
+    except ResultKindError as error:
+        raise ResultKindError(error.kind, f"'{path}' cannot be opened: it") from None
     except FileError as error:
         raise FileError(f"'{path}' cannot be opened: {error}") from None
     except PermissionError:

@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
 
 import solve
 from derive import Mechanism, cos, rate
@@ -442,6 +443,29 @@ def test_sensitivities_of_a_free_machine(numbers):
         # Round-off and errors of the orbits, 1e-10 of each quantity, over the step; the mean may be zero.
         allowed = 1e-6 * np.maximum(sizes, 1e-4 * (np.array(of) == "q2.mean")) / given
         assert (np.abs(made - differences) <= 2e-6 * np.abs(differences) + allowed).all()
+
+
+def test_critical_speeds_of_a_free_machine_move_with_its_frequencies():
+    """dω/dk4 = (φ4 - φ5)²/(2ω) for modes φ of unit modal mass. The response is a harmonic, whose largest and
+    smallest values are equally large. Other modes and the slope of envelopes move maxima by 1e-4 of this."""
+    speeds = np.linspace(2000, 5000, 31) * np.pi / 30
+    found = solve.critical_speeds(mechanism(c=1e-6), speeds, "q5")
+    squares, shapes = eigh(K, J)
+    slopes = (shapes[3] - shapes[4]) ** 2 / 2 / np.sqrt(np.maximum(squares, 1e-9))
+    derived = solve.speed_sensitivities(found, ["k4"])
+    assert derived.warnings == []
+    for way in ("response", "multiplier"):
+        rows = [row for row in found.rows if getattr(row, way)]
+        assert len(rows) == 2
+        for number, row in enumerate(rows, start=1):
+            truth = slopes[row.mode - 1] / row.order
+            assert derived[f"{way}{number}"]["k4"] == pytest.approx(truth, rel=2e-4)
+
+
+def test_bands_name_rigid_body_modes():
+    found = solve.bands(mechanism(), "500:3000:5 rpm")
+    assert found.notes[0].startswith("rigid-body modes: ")
+    assert list(found) == []
 
 
 def test_a_rigid_body_mode_has_no_derivatives():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.results import lasting
 
 CAM = ("periodic", "cam", "--speed", "300 rpm", "--rtol", "1e-6", "--nonlinear")
 
@@ -56,6 +57,17 @@ def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path
     assert (tmp_path / "v.png").is_file()
     assert (tmp_path / "v.csv").is_file()
     assert "up to 100 rpm" in command("validity", "cam", *speeds, "--at", "0.02").out
+
+
+def test_a_start_of_another_kind_is_named(command, tmp_path, monkeypatch):
+    """Also where the command that reads it does not load the results of that kind."""
+    assert command("sweep", "cam", "--speeds", "300:301:2 rpm", "--save", "s.npz").status == 0
+    monkeypatch.delitem(lasting._KNOWN, "Sweep")
+    ran = command("periodic", "cam", "--speed", "300 rpm", "--nonlinear", "--start", "s.npz")
+    assert (ran.status, ran.err) == (
+        2,
+        "solve: start 's.npz' is a Sweep; give a file of an orbit or of a transient\n",
+    )
 
 
 def test_a_branch_is_told_drawn_and_kept(command, tmp_path):
