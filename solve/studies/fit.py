@@ -238,7 +238,9 @@ def _fitted(problem: Problem, found: Minimum, file: str) -> Fitted:
     values, model = problem.values(x), problem.varied(x)
     covariance, lost, unidentifiable = _uncertainty(problem, values, found.jacobian, found.sigma, count)
     deviations = np.sqrt(np.diag(covariance))
-    reach = np.where(lost, np.inf, t.ppf((1 + _CONFIDENCE) / 2, count - len(x)) * deviations)
+    reach = np.where(
+        lost | (not found.stationary), np.inf, t.ppf((1 + _CONFIDENCE) / 2, count - len(x)) * deviations
+    )
     with np.errstate(over="ignore"):
         ends = [problem.unscaled(problem.within_reach(x) + way * reach) for way in (-1, 1)]
     intervals = {

@@ -59,12 +59,14 @@ class LeastSquares(Protocol):
 @dataclass
 class Minimum:
     """Final point of the iteration: x (r,), residuals (k,), Jacobian (k, r) and standard deviation of the
-    residuals. warnings: reasons why it may not be a minimum, one sentence each."""
+    residuals. stationary: whether it is a minimum, by its relative offset. warnings: reasons for doubt, one
+    sentence each."""
 
     x: Array
     residuals: Array
     jacobian: Array
     sigma: float
+    stationary: bool
     warnings: Sequence[str]
 
 
@@ -82,7 +84,10 @@ def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -
             found = least_squares(trials.residuals, found.x, loss="soft_l1", f_scale=scale, **settings)
     left = len(found.fun) - len(found.x)
     sigma = _spread(found.fun) if robust else float(np.sqrt(2 * found.cost / left))
-    return Minimum(found.x, found.fun, found.jac, sigma, _doubts(problem, found, trials, robust))
+    exact = np.sqrt(np.mean(found.fun**2)) <= _EXACT
+    stationary = bool(robust or exact or _offset(found) <= _OFFSET)
+    doubts = [] if exact else _doubts(problem, found, trials, stationary)
+    return Minimum(found.x, found.fun, found.jac, sigma, stationary, doubts)
 
 
 def _spread(residuals: Array) -> float:
@@ -124,20 +129,17 @@ def _at_start(problem: LeastSquares) -> Array:
     return values
 
 
-def _doubts(problem: LeastSquares, found: Any, trials: _Trials, robust: bool) -> list[str]:
+def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool) -> list[str]:
     """Reasons why the final point may not be a minimum, one sentence each."""
-    if np.sqrt(np.mean(found.fun**2)) <= _EXACT:
-        return []
     count = len(trials.failures)
     outside = f" ({count} trials had no result, the last {trials.failures[-1]})" if count else ""
-    minimum = robust or _offset(found) <= _OFFSET
     start = problem.start
     if (np.abs(found.x - start) <= _MOVED * np.maximum(1.0, np.abs(start))).all():
-        which = ", already a minimum" if minimum else f", which is not a minimum{outside}"
+        which = ", already a minimum" if stationary else f", which is not a minimum{outside}"
         return [f"the fit did not move from its start, {problem.described(start)}{which}; try other starts"]
     if found.status == 0:
         return [f"the fit was stopped after {found.nfev} trials{outside}; continue from its result"]
-    if not minimum:
+    if not stationary:
         return [
             f"the fit ended away from a minimum{outside}; bound the free parameters, or use another start"
         ]

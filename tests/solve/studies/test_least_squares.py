@@ -50,7 +50,9 @@ def test_a_trial_that_is_not_finite_shortens_the_step():
 
 def test_a_minimum_outside_the_domain_is_reported():
     """√x t against −t: the residual falls towards the boundary 0, and no point is a minimum."""
-    (text,) = minimise(Root(2.0, -T), FREE, False).warnings
+    found = minimise(Root(2.0, -T), FREE, False)
+    assert not found.stationary
+    (text,) = found.warnings
     assert text.startswith("the fit ended away from a minimum (")
     assert "x = -" in text
     assert "M has NaN" in text
