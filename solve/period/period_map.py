@@ -59,9 +59,8 @@ class Steps:
         """The steps of the points (P,) that are true, zero elsewhere."""
         if points.all():
             return self
-        return Steps(
-            np.where(points[:, None, None, None], self.A, 0.0), np.where(points[:, None, None], self.b, 0.0)
-        )
+        A, b = (np.where(points.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (self.A, self.b))
+        return Steps(A, b)
 
 
 def monodromy(steps: Steps) -> Array:
@@ -93,8 +92,22 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
     number (...) of the closed system: infinite, with NaN for states, where it is singular, a multiplier at
     +1."""
     columns = steps.b.ndim == steps.A.ndim
-    levels = _levels(steps if columns else Steps(steps.A, steps.b[..., None]), BLOCKS)
-    A, b = levels[-1].A, levels[-1].b
+    return _closed_levels(_levels(steps if columns else Steps(steps.A, steps.b[..., None]), BLOCKS), columns)
+
+
+def period(steps: Steps) -> tuple[Array, Array, Array]:
+    """Φ(T) as `monodromy` has it, and of points (P,) where that is finite states and condition numbers as of
+    `periodic_states`, from the same products of steps."""
+    levels = _levels(Steps(steps.A, steps.b[..., None]), BLOCKS)
+    Phi = monodromy(levels[-1])
+    finite = np.isfinite(Phi).all(axis=(1, 2))
+    states, condition = _closed_levels([level.where(finite) for level in levels], columns=False)
+    return Phi, states, condition
+
+
+def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
+    """States and condition number of `periodic_states` from the steps and the levels of their products."""
+    steps, A, b = levels[0], levels[-1].A, levels[-1].b
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)
     if not columns:
