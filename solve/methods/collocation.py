@@ -30,9 +30,9 @@ _MEMORY = 2**24
 """Bytes that the stages' matrices of the steps may take that are sampled at a time."""
 
 _STEP_BY_STEP = 18
-"""Coordinates from which on the systems of the steps are built and solved one after another, in LAPACK's
-order and in place. With 24 coordinates that takes 0.7 of the time of many steps together, with 108 0.6; with
-15 to 18 both take the same, with 9 together 0.6 of the time of one after another."""
+"""Coordinates from which on the systems of the steps are built and solved one after another, in LAPACK's order
+and in place. With 24 coordinates that takes 0.7 of the time of many steps together, with 108 0.6; with 15 to
+18 both take the same, with 9 together 0.6 of the time of one after another."""
 
 _SYSTEMS = 2**19
 """Bytes of stage systems that are built and solved at once: what stays in a processor's cache."""
@@ -145,7 +145,7 @@ class Collocation:
 
         P, m, s, n = d.shape[:4]
         loads = d.reshape(P, m, s * n, -1)
-        # Rows are LAPACK's columns: of the system, then of the right sides by q, by h v and by the loads.
+        # Rows are the columns of LAPACK: those of the system, and of the right sides by q, by h v, by the loads.
         columns = np.empty((s * n + a.shape[-1], s * n))
         blocks = columns[: (s + 2) * n].reshape(s + 2, n, s, n)
         for point, step in product(range(P), range(m)):

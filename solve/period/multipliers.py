@@ -159,13 +159,10 @@ def matched(distance: Array) -> tuple[Array, Array]:
         return places, nearest
     if len(distance) == distance.shape[1] and _least_by_places(distance):
         return places, places
-    # The packages alone take longer to be read than many a command, scipy.optimize 0.3 s more than these.
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+    # The package alone takes longer to be read than many a command.
+    from scipy.optimize import linear_sum_assignment
 
-    # Pairs of weight 0 count as none there.
-    weights = np.maximum(distance - distance.min(), np.finfo(float).tiny)
-    return min_weight_full_bipartite_matching(csr_array(weights))
+    return linear_sum_assignment(distance)
 
 
 def _least_by_places(distance: Array) -> bool:
