@@ -166,8 +166,8 @@ def _circles(points: Points, steps: int, angle: float) -> list[tuple[Array, int]
 
 
 def _parts(M: Array, largest: tuple[Array, ...], rest: tuple[Array, ...]) -> Array:
-    """What `_beyond` gives of M (P, k, n, n) at the phases and of both sizes of M, C, K (P, n, n) and d (P, n),
-    in units in which the inertias are about 1."""
+    """What `_beyond` gives of M (P, k, n, n) at the phases and of both sizes of M, C, K (P, n, n) and d
+    (P, n), in units in which the inertias are about 1."""
     tiny = np.finfo(float).tiny
     unit = 1.0 / np.sqrt(np.maximum(np.abs(np.einsum("pkii->pki", M)).mean(axis=1), tiny))
     of_matrices = unit[:, :, None] * unit[:, None, :]

@@ -30,9 +30,9 @@ _MEMORY = 2**24
 """Bytes that the stages' matrices of the steps may take that are sampled at a time."""
 
 _STEP_BY_STEP = 18
-"""Coordinates from which on the systems of the steps are built and solved one after another, in LAPACK's order
-and in place. With 24 coordinates that takes 0.7 of the time of many steps together, with 108 0.6; with 15 to
-18 both take the same, with 9 together 0.6 of the time of one after another."""
+"""Coordinates from which on the systems of the steps are built and solved one after another, in LAPACK's
+order and in place. With 24 coordinates that takes 0.7 of the time of many steps together, with 108 0.6; with
+15 to 18 both take the same, with 9 together 0.6 of the time of one after another."""
 
 _SYSTEMS = 2**19
 """Bytes of stage systems that are built and solved at once: what stays in a processor's cache."""
@@ -81,9 +81,12 @@ class Collocation:
         return {name: np.ascontiguousarray(part) for name, part in found.items()}
 
     def bytes_a_step(self, n: int) -> int:
-        """Memory that a step of n coordinates takes: samples, stage accelerations, maps."""
+        """Memory that a step of n coordinates takes: stage accelerations, maps with their products, and those
+        of the coarser grid; where steps are solved together, samples and right sides too."""
         s = len(self.c)
-        return 8 * (s * (3 * n**2 + n) + 2 * s * n * (2 * n + 1) + 20 * n**2)
+        kept = s * n * (2 * n + 1) + 16 * n**2
+        together = s * (3 * n**2 + n) + s * n * (2 * n + 1) + 4 * n**2
+        return 8 * (kept + (together if n < _STEP_BY_STEP else 0))
 
     def stability_function(self, z: Array) -> Array:
         """R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…), the factor by which a step multiplies a mode of rate λ, z = hλ (E.
@@ -145,7 +148,7 @@ class Collocation:
 
         P, m, s, n = d.shape[:4]
         loads = d.reshape(P, m, s * n, -1)
-        # Rows are the columns of LAPACK: those of the system, and of the right sides by q, by h v, by the loads.
+        # Rows are LAPACK's columns: of the system, then of the right sides by q, by h v and by the loads.
         columns = np.empty((s * n + a.shape[-1], s * n))
         blocks = columns[: (s + 2) * n].reshape(s + 2, n, s, n)
         for point, step in product(range(P), range(m)):

@@ -367,8 +367,8 @@ class Frozen:
         return np.maximum(np.sqrt(stiffness), damping)
 
     def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
-        """M⁻¹C and M⁻¹K as fields (n, n, P, k), of few coordinates by elimination without exchange, as inertia
-        allows."""
+        """M⁻¹C and M⁻¹K as fields (n, n, P, k), of few coordinates by elimination without exchange, as
+        inertia allows."""
         M, C, K = self._matrices_at(phases)
         n, rows = self._n, np.concatenate((M, C, K), axis=1)
         if n > _LOOPED:
