@@ -21,7 +21,7 @@ falls geometrically."""
 _ABOVE = 4.0
 """Times the largest of the last eighth of the harmonics that makes one more than round-off. The last eighth
 is round-off: where half of the samples agree to 1e-8, geometric decay leaves 1e-14 there. Of the damping of
-the four-bar with 9 to 198 coordinates 42 to 64 of 129 harmonics are above it."""
+the four-bar with 9 to 198 coordinates 51 to 68 of 129 harmonics are above it."""
 
 
 class Trigonometric:

@@ -37,15 +37,17 @@ def modes(M: Array, K: Array) -> Modes:
     """All modes for M, K (m, n, n); M positive definite, K semidefinite at least.
 
     1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies keep their digits however
-    stiff the highest modes are. These lose digits there, and are found anew in the space of the modes above
-    the geometric mean of the lowest and the highest frequency, by the pencil K − ω² M.
+    stiff the highest modes are. These lose digits there, and are found anew, by the pencil K − ω² M, in the
+    space of the modes above the geometric mean of the lowest and the highest frequency.
     """
     shift, L, pencil = _pencil(M, K)
     values, vectors = np.linalg.eigh(pencil)
     vectors = np.linalg.solve(np.swapaxes(L, 1, 2), vectors / np.sqrt(values[:, None, :]))
     frequencies = _frequencies(values, shift, at_rest(M, K))
     high = int((values**2 < values[:, :1] * values[:, -1:]).sum(axis=1).min(initial=values.shape[1]))
-    squares, vectors[:, :, :high] = _within(M, K, vectors[:, :, :high])
+    low = vectors[:, :, high:]
+    basis = vectors[:, :, :high] - low @ (np.swapaxes(low, 1, 2) @ M @ vectors[:, :, :high])
+    squares, vectors[:, :, :high] = _within(M, K, basis)
     frequencies[:, values.shape[1] - high :] = np.sqrt(squares[:, ::-1])
     return Modes(frequencies, vectors[:, :, ::-1])
 

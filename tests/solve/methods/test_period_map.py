@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solve.period.multipliers import EPS, accumulated
-from solve.period.period_map import BLOCKS, Steps, affine_period, monodromy, periodic_states, states_from
+from solve.period.period_map import (
+    BLOCKS,
+    Steps,
+    affine_period,
+    monodromy,
+    period,
+    periodic_states,
+    states_from,
+)
 from tests.solve.systems import seeds, swelling
 from tests.solve.witnesses import closed_chain
 
@@ -148,3 +156,22 @@ def test_states_in_any_units_keep_their_digits(seed, m, decades):
     scaled, scaled_condition = periodic_states(Steps(steps.A * units / units[:, None], steps.b / units))
     np.testing.assert_allclose(scaled * units, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
     assert scaled_condition < 10 * condition
+
+
+@pytest.mark.parametrize("m", COUNTS)
+def test_a_period_has_its_product_and_its_states_in_one(m):
+    steps = chain(m, m, 4, 3)
+    Phi, states, condition = period(steps)
+    np.testing.assert_array_equal(Phi, monodromy(steps))
+    np.testing.assert_array_equal(states, periodic_states(steps)[0])
+    np.testing.assert_array_equal(condition, periodic_states(steps)[1])
+
+
+def test_a_point_that_overflows_leaves_the_others_as_they_are():
+    steps = chain(1, 70, 2, 3)
+    huge = Steps(steps.A.copy(), steps.b)
+    huge.A[1] *= 1e10
+    with np.errstate(all="ignore"):
+        Phi, states, _ = period(huge)
+    assert not np.isfinite(Phi[1]).all()
+    np.testing.assert_array_equal(states[[0, 2]], period(steps)[1][[0, 2]])
