@@ -143,7 +143,8 @@ class Frozen:
             # No difference, of two that are singular, is not large enough.
             with np.errstate(invalid="ignore"):
                 return np.asarray((alike & (logarithm - usual > np.log(part))).all(axis=1))
-        M, determinant = M.copy(), np.ones(M.shape[2:])
+        M = M.copy()
+        determinant: Array = np.ones(M.shape[2:])
         with np.errstate(all="ignore"):
             for k in range(self._n):
                 determinant *= M[k, k]

@@ -100,7 +100,7 @@ def period(steps: Steps) -> tuple[Array, Array, Array]:
     `periodic_states`, from the same products of steps."""
     levels = _levels(Steps(steps.A, steps.b[..., None]), BLOCKS)
     Phi = monodromy(levels[-1])
-    finite = np.isfinite(Phi).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(Phi).all(axis=(1, 2)))
     states, condition = _closed_levels([level.where(finite) for level in levels], columns=False)
     return Phi, states, condition
 

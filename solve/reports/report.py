@@ -17,6 +17,7 @@ from solve.results.frequencies import Findings
 from solve.results.orbit import Orbit
 from solve.results.result import Result
 from solve.results.sensitivities import Sensitivities
+from solve.results.sweep import Sweep
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.critical_speeds import critical_speeds_of
@@ -146,7 +147,9 @@ def _over_speeds(
     def over(find: Callable[..., Result]) -> Callable[[], Result]:
         return partial(find, system, omegas, **given)
 
-    swept = cache(over(sweep))
+    @cache
+    def swept() -> Sweep:
+        return sweep(system, omegas, **given)
 
     def between_swept() -> CriticalSpeeds:
         return critical_speeds_of(swept(), **given)

@@ -9,7 +9,7 @@ import resource
 import sys
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
+from scipy.linalg.lapack import dgesv  # pyright: ignore[reportAttributeAccessIssue]
 
 import solve
 from tests.benchmarks.four_bar import model

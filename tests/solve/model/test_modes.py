@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.beams.structure import StructureModel
 from solve.model.modes import modal_damping, modes
 
 
@@ -37,7 +38,9 @@ def test_damping_of_equal_ratios_is_the_geometric_mean():
 
 def test_damping_of_many_elements_is_smooth():
     """Of 72 coordinates: 1e-10 of its size at the phases between samples, where inverse pencils left 1e-9."""
-    motion = solve.load("four_bar", options={"elements": 8}).motion
+    system = solve.load("four_bar", options={"elements": 8})
+    assert isinstance(system, StructureModel)
+    motion = system.motion
     phase = np.array([0.3, 1.7, 4.4])
     truth = motion.damping_at(phase)
     assert np.abs(motion._damping(phase) - truth).max() < 1e-10 * np.abs(truth).max()
