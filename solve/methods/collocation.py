@@ -150,12 +150,13 @@ class Collocation:
         loads = d.reshape(P, m, s * n, -1)
         # Rows are LAPACK's columns: of the system, then of the right sides by q, by h v and by the loads.
         columns = np.empty((s * n + a.shape[-1], s * n))
-        blocks = columns[: (s + 2) * n].reshape(s + 2, n, s, n)
+        blocks, terms = columns[: (s + 2) * n].reshape(s + 2, n, s, n), np.empty((s, 3, n, n))
         for point, step in product(range(P), range(m)):
             at, size = (point, step), h[step]
-            for i, weights in enumerate(self.stage_weights):
-                terms = np.stack((M[at][i].T, size * C[at][i].T, size**2 * K[at][i].T))
-                blocks[:, :, i] = (weights @ terms.reshape(3, n * n)).reshape(s + 2, n, n)
+            for term, part in enumerate((M, C, K)):
+                np.multiply(size**term, np.swapaxes(part[at], 1, 2), out=terms[:, term])
+            made = (self.stage_weights @ terms.reshape(s, 3, n * n)).reshape(s, s + 2, n, n)
+            blocks[:] = np.moveaxis(made, 0, 2)
             columns[(s + 2) * n :] = loads[at].T
             _, _, x, singular = dgesv(
                 columns[: s * n].T, columns[s * n :].T, overwrite_a=True, overwrite_b=True

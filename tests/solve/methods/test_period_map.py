@@ -175,3 +175,16 @@ def test_a_point_that_overflows_leaves_the_others_as_they_are():
         Phi, states, _ = period(huge)
     assert not np.isfinite(Phi[1]).all()
     np.testing.assert_array_equal(states[[0, 2]], period(steps)[1][[0, 2]])
+
+
+@pytest.mark.parametrize("N", [4, 90])
+def test_growth_by_many_powers_of_ten_costs_one_digit(N):
+    """One state grows by 1e12 over the period, others decay, in axes that turn at random."""
+    m, rng = 256, np.random.default_rng(N)
+    axes = np.linalg.qr(rng.standard_normal((m, N, N)))[0]
+    rates = np.exp(np.linspace(12 * np.log(10), -30, N) / m)
+    A = np.roll(axes, -1, axis=0) * rates @ axes.swapaxes(1, 2)
+    truth = rng.standard_normal((m, N))
+    b = np.roll(truth, -1, axis=0) - np.einsum("kij,kj->ki", A, truth)
+    states, _ = periodic_states(Steps(A, b))
+    np.testing.assert_allclose(states[:-1], truth, rtol=0, atol=5e-12)
