@@ -39,6 +39,9 @@ _EPS = float(np.finfo(float).eps)
 _ROUNDING = 64 * _EPS
 """Part of the whole equation that counts as rounding."""
 
+_MEMORY = 2**24
+"""Bytes of matrices that are asked for at a time."""
+
 _LOOKS = 128
 """Phases of a period at which a load is looked for."""
 

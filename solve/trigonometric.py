@@ -18,16 +18,25 @@ _AGREED = 1e-8
 falls geometrically."""
 
 
+_ABOVE = 4.0
+"""Times the largest of the last eighth of the harmonics that makes one more than round-off. The last eighth
+is round-off: where half of the samples agree to 1e-8, geometric decay leaves 1e-14 there. Of the damping of
+the four-bar with 9 to 198 coordinates 51 to 68 of 129 harmonics are above it."""
+
+
 class Trigonometric:
     """The trigonometric polynomial through samples (k, ...) on a uniform grid over the period without its
-    end point; k samples resolve harmonics below k/2."""
+    end point; k samples resolve harmonics below k/2. chopped: without the harmonics behind the last one that
+    is larger than round-off."""
 
-    def __init__(self, samples: Array, period: float):
+    def __init__(self, samples: Array, period: float, chopped: bool = False):
         count = len(samples)
         spectrum = np.fft.rfft(samples, axis=0) / count
         spectrum[1 : (count + 1) // 2] *= 2.0
+        if chopped:
+            spectrum = spectrum[: _resolved(spectrum)]
         self._shape = samples.shape[1:]
-        self._orders = np.arange(count // 2 + 1) * (2 * math.pi / period)
+        self._orders = np.arange(len(spectrum)) * (2 * math.pi / period)
         parts = np.stack((spectrum.real, -spectrum.imag), axis=1)
         self._coefficients = parts.reshape(2 * len(spectrum), -1)
 
@@ -73,5 +82,12 @@ def interpolated(function: Callable[[Array], Array], period: float) -> Callable[
         samples = np.stack((samples, between), axis=1).reshape(-1, *samples.shape[1:])
         phase = np.stack((phase, middles), axis=1).ravel()
         if error <= _AGREED * np.abs(samples).max():
-            return Trigonometric(samples, period)
+            return Trigonometric(samples, period, chopped=True)
     return function
+
+
+def _resolved(spectrum: Array) -> int:
+    """Number of harmonics (k, …) up to the last one above round-off."""
+    size = np.abs(spectrum).reshape(len(spectrum), -1).max(axis=1)
+    roundoff = _ABOVE * size[-(len(size) // 8) :].max()
+    return int(np.flatnonzero(size > roundoff)[-1:].sum()) + 1

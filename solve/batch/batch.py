@@ -1,6 +1,7 @@
 """Points of a family solved many at once: from shared tables where their entries separate, else sampled."""
 
 from collections.abc import Generator, Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +34,7 @@ class Batch:
         self.family, self.method, self.request = family, method, request
         self.region = region
         self._separation: Separation | None = None
+        self._sound = False
 
     def solved(self, points: Array) -> Iterator[Certified | Failed]:
         """Points (k, v), in groups as they come; positions are those among the points."""
@@ -127,13 +129,11 @@ class Batch:
         system = self.family.example
         if system.n > SMALL:
             return False
-        if self._separation is not None:
-            return True
-        try:
-            system.checked(float(self.family.speeds(points[:1])[0]))
-        except SolveError:
-            return False
-        return True
+        if not self._sound:
+            with suppress(SolveError):
+                system.checked(float(self.family.speeds(points[:1])[0]))
+                self._sound = True
+        return self._sound
 
     def _shared(self, shared: Separation, points: Array, positions: Array) -> Iterator[tuple[Array, Points]]:
         """The points whose entries separate, over all quantities or over the speed alone; then the rest."""

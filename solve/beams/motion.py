@@ -109,6 +109,11 @@ def _modal(beams: Beams, _: float) -> Callable[[Array], Array]:
 _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 
+_TERMS = 2**23
+"""Bytes of matrices from which coefficients of the speed are taken at a time. Arrays of a whole grid at once
+are returned to the system and cleared again, which takes a third of the time (27 coordinates, 3840 phases);
+half and twice the size take as long."""
+
 _POSITIONS = 180
 """Positions of a turn at which the axial forces are looked at."""
 
@@ -138,7 +143,9 @@ class Motion:
         positions = self._positions(phase)
         rate, second = self.rates_in_time(phase, speed, acceleration)
         M, K = positions.matrices()
-        d = inertia_load(positions, rate, second)
+        d = speed**2 * self._unit_load(phase)
+        if acceleration:
+            d += acceleration * inertia_load(positions, np.zeros_like(rate), self.rates(phase)[0])
         C = self._damping(phase) + self.beams.dashpots
         axial = self.axial_forces(positions, K, d) if self.stiffening == "on" else None
         if self.terms == "full":
@@ -150,9 +157,17 @@ class Motion:
         """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC, K by rows and d, with
         derivatives with respect to the phase, at phases (m,); entries and powers are those of
         `speed_powers`."""
+        coefficients = np.empty((len(phase), len(self._present[0])))
+        size = max(1, _TERMS // (8 * 5 * self.beams.freedoms.n**2))
+        for first in range(0, len(phase), size):
+            self._put_speed_terms(phase[first : first + size], coefficients[first : first + size])
+        return coefficients
+
+    def _put_speed_terms(self, phase: Array, coefficients: Array) -> None:
+        """Write the coefficients at phases (m,) into an array (m, R)."""
         positions, (rate, second) = self._positions(phase), self.rates(phase)
         M, K = positions.matrices()
-        d = inertia_load(positions, rate, second)
+        d = self._unit_load(phase)
         gyroscopic = stiffness = np.zeros_like(K)
         if self.terms == "full":
             gyroscopic, stiffness = self._of_rotation(positions, rate, second)
@@ -161,7 +176,8 @@ class Motion:
             stiffness = stiffness + self._of_axial_forces(positions, axial)
         parts = M, self._damping(phase) + self.beams.dashpots, gyroscopic, K, stiffness, d
         every = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
-        return every[:, self._present[0]]
+        # Unlike "raise", the mode "clip" writes into the output without a copy.
+        np.take(every, self._present[0], axis=1, out=coefficients, mode="clip")
 
     @property
     def speed_powers(self) -> tuple[Array, Array]:
@@ -221,7 +237,7 @@ class Motion:
 
     def unit_axial_forces(self, positions: Positions) -> list[Array]:
         """The same at 1 rad/s; they grow with the square of the speed."""
-        load = inertia_load(positions, *self.rates(positions.phase))
+        load = self._unit_load(positions.phase)
         return self.axial_forces(positions, positions.matrices()[1], load)
 
     def buckling_warnings(self, speed: float) -> list[str]:
@@ -251,6 +267,11 @@ class Motion:
     @cached_property
     def _positions(self) -> "Latest[Positions]":
         return Latest(partial(Positions, self.beams))
+
+    @cached_property
+    def _unit_load(self) -> "Latest[Array]":
+        """Load d (m, n) at a constant speed of 1 rad/s; it grows with the square of the speed."""
+        return Latest(lambda phase: inertia_load(self._positions(phase), *self.rates(phase)))
 
     @cached_property
     def damping_at(self) -> Callable[[Array], Array]:

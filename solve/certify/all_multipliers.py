@@ -371,7 +371,12 @@ def _exponential(logarithms: Array) -> Array:
 def _errors(others: Array, own: ProductEigenvalues) -> Array:
     """Relative errors (N,) of multipliers from rounding and from the logarithms (N,) on other steps."""
     apart = _apart(own.logarithms[0], others)
-    return np.maximum(apart[matched(apart)], own.errors[0])
+    nearest, distance = apart.argmin(axis=1), apart.min(axis=1)
+    mutual = apart.argmin(axis=0)[nearest] == np.arange(len(apart))
+    # Those that are near none have no digit, whichever they are matched with.
+    if not (mutual | (distance >= _NO_DIGIT)).all():
+        distance = apart[matched(apart)]
+    return np.maximum(distance, own.errors[0])
 
 
 def _known(errors: Array) -> Array:

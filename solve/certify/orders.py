@@ -96,12 +96,17 @@ def _beyond(points: Points, steps: int, angle: float, most: float = 1.0) -> Arra
     if len(points) <= fit or not own:
         tables = points.tables(phases)
         # Tables that points have of their own do not come again.
-        orders = _orders(tables.table, ends) if tables.own else _latest(tables.table, ends)
-        largest, rest = _largest_and_sums(orders, seen)
+        if tables.own:
+            largest, rest = _by_columns(tables.table, sizes)
+        else:
+            largest, rest = _largest_and_sums(_latest(tables.table, ends), seen)
         if (rest <= 64 * EPS * largest).all():
             return np.zeros((len(points), 2))
         if len(points) <= fit:
-            return _parts(parted(tables.entries(), points.n), sizes)
+            entries = tables.entries()
+            if entries is not tables.table:
+                largest, rest = _by_columns(entries, sizes)
+            return _parts(parted(entries, points.n)[0], parted(largest, points.n), parted(rest, points.n))
     split = np.array_split(np.arange(len(points)), -(-len(points) // fit))
     return np.concatenate([_beyond(points[some], steps, angle, most) for some in split])
 
@@ -110,6 +115,13 @@ def _orders(samples: Array, ends: Array) -> list[Array]:
     """Moduli of the orders (…, k', m) of each part of samples (…, k, m), parted at `ends`."""
     with np.errstate(over="ignore", invalid="ignore"):
         return [np.abs(np.fft.rfft(part, axis=-2, norm="forward")) for part in np.split(samples, ends, -2)]
+
+
+def _by_columns(samples: Array, sizes: Callable[[Array], tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Both sizes (P, m) of samples (P, k, m), of so many columns at a time as fit into memory."""
+    parts = np.array_split(samples, max(1, samples.nbytes // _MEMORY), axis=-1)
+    largest, rest = zip(*map(sizes, parts), strict=True)
+    return np.concatenate(largest, axis=-1), np.concatenate(rest, axis=-1)
 
 
 class _Latest:
@@ -153,14 +165,14 @@ def _circles(points: Points, steps: int, angle: float) -> list[tuple[Array, int]
     return found
 
 
-def _parts(matrices: tuple[Array, ...], sizes: Callable[[Array], tuple[Array, Array]]) -> Array:
-    """What `_beyond` gives of M, C, K (P, k, n, n) and d (P, k, n)."""
-    M, C, K, d = matrices
+def _parts(M: Array, largest: tuple[Array, ...], rest: tuple[Array, ...]) -> Array:
+    """What `_beyond` gives of M (P, k, n, n) at the phases and of both sizes of M, C, K (P, n, n) and d
+    (P, n), in units in which the inertias are about 1."""
     tiny = np.finfo(float).tiny
-    inertia = np.abs(np.einsum("pkii->pki", M)).mean(axis=1, keepdims=True)
-    unit = 1.0 / np.sqrt(np.maximum(inertia, tiny))
+    unit = 1.0 / np.sqrt(np.maximum(np.abs(np.einsum("pkii->pki", M)).mean(axis=1), tiny))
+    of_matrices = unit[:, :, None] * unit[:, None, :]
     found = []
-    for part in (*(unit[..., None] * each * unit[..., None, :] for each in (M, C, K)), d * unit):
-        largest, rest = sizes(part.reshape(*part.shape[:2], -1))
-        found.append(rest.max(axis=1) / np.maximum(largest.max(axis=1), tiny))
+    for scale, size, left in zip([of_matrices] * 3 + [unit], largest, rest, strict=True):
+        most, remaining = ((scale * each).reshape(len(M), -1).max(axis=1) for each in (size, left))
+        found.append(remaining / np.maximum(most, tiny))
     return np.column_stack([np.max(found, axis=0), np.max(found[:-1], axis=0)])

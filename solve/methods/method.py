@@ -17,7 +17,7 @@ from solve.period.curve import Curve, PeriodicCurve
 from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers, rounding_errors
-from solve.period.period_map import SINGULAR, Steps, monodromy, periodic_states
+from solve.period.period_map import SINGULAR, Steps, monodromy, period
 from solve.period.points import Points, affine, matrices
 from solve.period.rigid_body import Free
 from solve.sizes import most_numbers
@@ -272,11 +272,9 @@ class OneStep(Method):
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         with np.errstate(all="ignore"):
             chain = self.discretise(points, grid)
-            Phi = monodromy(chain.steps)
             if not orbit:
-                return self.sound(points, grid, Phi, steps=chain.steps)
-            finite = np.isfinite(Phi).all(axis=(1, 2))
-            states, condition = periodic_states(chain.steps.where(np.asarray(finite)))
+                return self.sound(points, grid, monodromy(chain.steps), steps=chain.steps)
+            Phi, states, condition = period(chain.steps)
             return self.sound(points, grid, Phi, chain.curve(states), condition, chain.steps)
 
     def sound(

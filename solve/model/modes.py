@@ -37,12 +37,29 @@ def modes(M: Array, K: Array) -> Modes:
     """All modes for M, K (m, n, n); M positive definite, K semidefinite at least.
 
     1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies keep their digits however
-    stiff the highest modes are.
+    stiff the highest modes are. These lose digits there, and are found anew, by the pencil K − ω² M, in the
+    space of the modes above the geometric mean of the lowest and the highest frequency.
     """
     shift, L, pencil = _pencil(M, K)
     values, vectors = np.linalg.eigh(pencil)
     vectors = np.linalg.solve(np.swapaxes(L, 1, 2), vectors / np.sqrt(values[:, None, :]))
-    return Modes(_frequencies(values, shift, at_rest(M, K)), vectors[:, :, ::-1])
+    frequencies = _frequencies(values, shift, at_rest(M, K))
+    high = int((values**2 < values[:, :1] * values[:, -1:]).sum(axis=1).min(initial=values.shape[1]))
+    low = vectors[:, :, high:]
+    basis = vectors[:, :, :high] - low @ (np.swapaxes(low, 1, 2) @ M @ vectors[:, :, :high])
+    squares, vectors[:, :, :high] = _within(M, K, basis)
+    frequencies[:, values.shape[1] - high :] = np.sqrt(squares[:, ::-1])
+    return Modes(frequencies, vectors[:, :, ::-1])
+
+
+def _within(M: Array, K: Array, basis: Array) -> tuple[Array, Array]:
+    """ω² (m, r), falling, and modes (m, n, r) of M and K in the space of a basis (m, n, r), by Rayleigh and
+    Ritz."""
+    mass, stiffness = (np.swapaxes(basis, 1, 2) @ part @ basis for part in (M, K))
+    L = np.linalg.cholesky(mass)
+    squares, vectors = np.linalg.eigh(np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, stiffness), 1, 2)))
+    found = basis @ np.linalg.solve(np.swapaxes(L, 1, 2), vectors)
+    return squares[:, ::-1], found[:, :, ::-1]
 
 
 def _pencil(M: Array, K: Array) -> tuple[Array, Array, Array]:

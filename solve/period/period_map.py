@@ -13,9 +13,15 @@ import numpy as np
 
 from solve.arrays import Array, solved
 from solve.period.multipliers import EPS, accumulated, scaled_alike
+from solve.sizes import SMALL
 
 BLOCKS = 32
 """Number of blocks at which products stop and the orthogonal factorisation takes over."""
+
+_LARGE, _BLOCKS_OF_LARGE = 2 * SMALL, 8
+"""States beyond which there are fewer blocks: with 216 states an elimination takes 15 times as long as a
+product. Where a solution grows by |ρ| over the period, blocks of an eighth of it cost log10|ρ|/8 digits: with
+216 states and |ρ| = 1e12 the error is 2.6e-13, with 32 blocks 1.1e-13, with one 3e-4."""
 
 SINGULAR = 1e-14
 """Reciprocal condition number of the closed cyclic system below which it counts as singular."""
@@ -59,9 +65,8 @@ class Steps:
         """The steps of the points (P,) that are true, zero elsewhere."""
         if points.all():
             return self
-        return Steps(
-            np.where(points[:, None, None, None], self.A, 0.0), np.where(points[:, None, None], self.b, 0.0)
-        )
+        A, b = (np.where(points.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (self.A, self.b))
+        return Steps(A, b)
 
 
 def monodromy(steps: Steps) -> Array:
@@ -93,8 +98,28 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
     number (...) of the closed system: infinite, with NaN for states, where it is singular, a multiplier at
     +1."""
     columns = steps.b.ndim == steps.A.ndim
-    levels = _levels(steps if columns else Steps(steps.A, steps.b[..., None]), BLOCKS)
-    A, b = levels[-1].A, levels[-1].b
+    with_columns = steps if columns else Steps(steps.A, steps.b[..., None])
+    return _closed_levels(_levels(with_columns, _most_blocks(steps)), columns)
+
+
+def period(steps: Steps) -> tuple[Array, Array, Array]:
+    """Φ(T) as `monodromy` has it, and of points (P,) where that is finite states and condition numbers as of
+    `periodic_states`, from the same products of steps."""
+    levels = _levels(Steps(steps.A, steps.b[..., None]), _most_blocks(steps))
+    Phi = monodromy(levels[-1])
+    finite = np.asarray(np.isfinite(Phi).all(axis=(1, 2)))
+    states, condition = _closed_levels([level.where(finite) for level in levels], columns=False)
+    return Phi, states, condition
+
+
+def _most_blocks(steps: Steps) -> int:
+    """Number of blocks at which products stop."""
+    return BLOCKS if steps.A.shape[-1] <= _LARGE else _BLOCKS_OF_LARGE
+
+
+def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
+    """States and condition number of `periodic_states` from the steps and the levels of their products."""
+    steps, A, b = levels[0], levels[-1].A, levels[-1].b
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)
     if not columns:

@@ -2,21 +2,26 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 from solve.arrays import Array
-from solve.derivatives.point import sensitivities
+from solve.derivatives.point import of_solution, quantities_by
 from solve.errors import MissingValueError, NoMotionError, NoResultError, SolveError
 from solve.methods.choice import Rule, chosen
 from solve.newton.orbits import nonlinear
 from solve.progress import steps
 from solve.reports.page import OVER_SPEEDS, Part, Report
+from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.frequencies import Findings
+from solve.results.orbit import Orbit
 from solve.results.result import Result
+from solve.results.sensitivities import Sensitivities
+from solve.results.sweep import Sweep
+from solve.results.validity import Validity
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
-from solve.studies.critical_speeds import critical_speeds
+from solve.studies.critical_speeds import critical_speeds_of
 from solve.studies.frequencies import frequencies, turn
 from solve.studies.sweep import sweep
 from solve.studies.validity import validity
@@ -112,13 +117,22 @@ def _of_motion(
         f"Derivatives at {at} by the parameters and the speed, exact but for the errors beside them; "
         "an elasticity is the relative change by the relative change of the parameter.",
     )
-    solved, nonlinear_one = (partial(find, system, omega, **given) for find in (periodic, nonlinear))
+    nonlinear_one = partial(nonlinear, system, omega, **given)
+
+    @cache
+    def solved() -> Orbit:
+        return periodic(system, omega, **given)
+
+    def by_parameters() -> Sensitivities:
+        asked = quantities_by(system, None, None)
+        return of_solution(solved(), *asked)
+
     return [
         Asked(orbit, _loaded(solved, system, omega), lambda: floquet(system, omega, **given)),
         Asked(beyond, _loaded(nonlinear_one, system, omega)),
         *_modes(system),
         *_over_speeds(system, omega, omegas, {**given, "rtol": max(rtol, OVER_SPEEDS)}),
-        Asked(matters, lambda: sensitivities(system, omega, **given)),
+        Asked(matters, by_parameters),
     ]
 
 
@@ -131,14 +145,25 @@ def _over_speeds(
     unstable = f"Speeds {between} at which disturbances grow."
     off = f"How far the linear vibration is from the nonlinear one {between}."
 
-    def over(find: Callable[..., Result]) -> Callable[[], Result]:
-        return partial(find, system, omegas, **given)
+    @cache
+    def swept() -> Sweep:
+        found = sweep(system, omegas, **given)
+        found.results.require_any()
+        return found
+
+    def judged() -> Validity:
+        found = validity(system, omegas, **given)
+        found.require_any()
+        return found
+
+    def between_swept() -> CriticalSpeeds:
+        return critical_speeds_of(swept(), **given)
 
     return [
-        Asked(Part("Response over speed", response), _loaded(over(sweep), system, omega)),
-        Asked(Part("Critical speeds", critical), _loaded(over(critical_speeds), system, omega)),
-        Asked(Part("Unstable bands", unstable), over(bands)),
-        Asked(Part("Validity of the linear answer", off), _loaded(over(validity), system, omega)),
+        Asked(Part("Response over speed", response), _loaded(swept, system, omega)),
+        Asked(Part("Critical speeds", critical), _loaded(between_swept, system, omega)),
+        Asked(Part("Unstable bands", unstable), partial(bands, system, omegas, **given)),
+        Asked(Part("Validity of the linear answer", off), _loaded(judged, system, omega)),
     ]
 
 

@@ -37,6 +37,7 @@ _DOUBTFUL = 1e-2
 class Orbit(Stability, Turn):
     """The T-periodic solution of M q̈ + C q̇ + K q = d."""
 
+    _subject: ClassVar[str] = "periodic motion"
     _curve_names: ClassVar[tuple[str, str]] = ("dynamic", "quasi-static")
     _calculated: ClassVar[tuple[str, ...]] = (
         *Stability._calculated,

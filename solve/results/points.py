@@ -157,6 +157,19 @@ class PointResults:
         """The multiplier that is outside: texts (P,), one of KINDS or none."""
         return np.where(self.outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
 
+    def of_some(self, points: Array, kept: Kept) -> "PointResults":
+        """Those of points at positions (k,), of which fewer quantities are kept, and no spectra."""
+        made = PointResults.blank(len(points), self.multipliers.shape[1] // 2, kept)
+        quantities = [self.kept.names.index(name) for name in kept.names]
+        for name in _ARRAYS:
+            if name not in ("figures", "amplitudes"):
+                getattr(made, name)[:] = getattr(self, name)[points]
+        made.figures[:] = self.figures[points][:, quantities]
+        for at, point in enumerate(points.tolist()):
+            if point in self.failures:
+                made.failures[at] = self.failures[point]
+        return made
+
     def insert(self, index: Array, part: "PointResults") -> None:
         """Take over the results of some of the points."""
         for name in _ARRAYS:

@@ -65,6 +65,8 @@ class Stability(Result):
     spectrum: Spectrum
     engine_notes: Sequence[str] = ()
 
+    _subject: ClassVar[str] = "motion"
+    """What the verdict is about: without an orbit, any motion of the linear equations."""
     _of_solver: ClassVar[tuple[str, ...]] = ("certified", "spectrum")
     _calculated: ClassVar[tuple[str, ...]] = (
         *("method", "described", "steps", "multipliers", "exponents", "multiplier_errors", "modes"),
@@ -232,7 +234,8 @@ class Stability(Result):
     def summary(self) -> str:
         """The verdict in plain words."""
         means = _MEANS[VERDICTS.index(self.verdict)].format(radius=self.spectral_radius)
-        return f"At {self.system.speed_unit.text(self.speed)} the periodic motion is {self.verdict}: {means}."
+        at = self.system.speed_unit.text(self.speed)
+        return f"At {at} the {self._subject} is {self.verdict}: {means}."
 
     @property
     def whole(self) -> dict[str, Any]:

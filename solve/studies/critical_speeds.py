@@ -24,6 +24,7 @@ from solve.progress import stage, steps
 from solve.results.critical_rows import Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
+from solve.results.sweep import Sweep
 from solve.sizes import require_size
 from solve.studies.boundaries import Search
 from solve.studies.constant import Constant, constant, still
@@ -54,6 +55,9 @@ _ASIDE = 0.25
 _BESIDE = 4.0
 """Times the tolerance of a maximum at which it is looked at on either side."""
 
+_ORDERS, _TOLERANCE = 20, 1e-5
+"""Highest order of divisions, and relative tolerance of maxima, by default."""
+
 _SHARE = 0.1
 """Part of the largest rise of an order's power from which on that order explains a maximum."""
 
@@ -64,10 +68,10 @@ def critical_speeds(
     speeds: str | Sequence[float | str] | Array,
     quantity: str | None = None,
     figure: str = "max_abs",
-    orders: int = 20,
+    orders: int = _ORDERS,
     method: str | Rule = "auto",
     rtol: float = 1e-8,
-    tolerance: float = 1e-5,
+    tolerance: float = _TOLERANCE,
     engine: str = "auto",
 ) -> CriticalSpeeds:
     """Critical speeds between the lowest and the highest of the speeds (rad/s, texts with unit, or one text
@@ -78,6 +82,31 @@ def critical_speeds(
     order up to `orders`; below those no maxima are looked for. Maxima are found to `tolerance`, relative.
     engine: as in `sweep`. Raises SolveError subclasses for bad input.
     """
+    return _critical_speeds(
+        system, speeds, quantity, figure, orders, method, rtol, tolerance, engine, known=None
+    )
+
+
+def critical_speeds_of(sweep: Sweep, method: str | Rule, rtol: float) -> CriticalSpeeds:
+    """`critical_speeds` of the first coordinate between the speeds of a sweep by the same method to the same
+    rtol, whose orbits are not solved again."""
+    return _critical_speeds(
+        sweep.system, sweep.speeds.tolist(), None, "max_abs", _ORDERS, method, rtol, _TOLERANCE, "auto", sweep
+    )
+
+
+def _critical_speeds(
+    system: PeriodicSystem,
+    speeds: str | Sequence[float | str] | Array,
+    quantity: str | None,
+    figure: str,
+    orders: int,
+    method: str | Rule,
+    rtol: float,
+    tolerance: float,
+    engine: str,
+    known: Sweep | None,
+) -> CriticalSpeeds:
     given = speeds_between(speeds, "critical speeds")
     system, omegas = system.shown_in(given[0]), np.array(given)
     (name,) = system.known_quantities(quantity or system.coordinates[0])
@@ -94,7 +123,7 @@ def critical_speeds(
     grid = _refined_grid(omegas, first, orders, combined=steady is None)
     batch, without = (each.batch(grid[:, None]) for each in (task, stability))
     turning = still if steady else fastest_turning(system, (low, high))
-    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance), turning, steady)
+    search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance), turning, steady, known)
     with steps(4) as step:
         step("all speeds")
         found = search.solved(grid)
@@ -172,7 +201,8 @@ def _left_out(
 @dataclass
 class _Search:
     """Solver at speeds and search for maxima between them. multipliers: the batch without orbits; turning:
-    rotation rate of the multipliers with the speed; steady: where matrices are constant."""
+    rotation rate of the multipliers with the speed; steady: where matrices are constant; known: a sweep that
+    keeps the same figure."""
 
     batch: Batch
     multipliers: Batch
@@ -181,9 +211,17 @@ class _Search:
     tolerance: float
     turning: Turning
     steady: Constant | None
+    known: Sweep | None
 
     def solved(self, speeds: Array) -> PointResults:
-        return gathered(self.batch, speeds[:, None], self.kept)
+        if self.known is None:
+            return gathered(self.batch, speeds[:, None], self.kept)
+        _, at, places = np.intersect1d(speeds, self.known.speeds, return_indices=True)
+        others = np.setdiff1d(np.arange(len(speeds)), at)
+        found = PointResults.blank(len(speeds), self.batch.family.example.n, self.kept)
+        found.insert(others, gathered(self.batch, speeds[others, None], self.kept))
+        found.insert(at, self.known.results.of_some(places, self.kept))
+        return found
 
     def without_orbits(self, speeds: Array) -> PointResults:
         """Multipliers alone."""

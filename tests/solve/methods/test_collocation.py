@@ -170,3 +170,26 @@ def test_radau_drops_a_stiff_mode_that_gauss_keeps(order):
     false = floquet(system, 1.0, Gauss(order + 1), steps=64, rtol=0.5)
     assert false.spectral_radius > 0.9
     assert any("unresolved" in text and "radau" in text for text in false.warnings)
+
+
+@pytest.mark.parametrize("loads", [1, 3])
+@pytest.mark.parametrize("n", [1, 4, 21])
+def test_steps_in_lapacks_order_are_those_solved_together(n, loads):
+    rng = np.random.default_rng(n)
+    C, K, d = (rng.standard_normal((2, 3, 5, n, columns)) for columns in (n, n, loads))
+    M = np.eye(n) + 0.1 * rng.standard_normal((2, 3, 5, n, n)) / n
+    h, method = np.array([0.1, 0.2, 0.05]), Radau(9).collocation
+    found, truth = (np.empty((2, 3, 5 * n, 2 * n + loads)) for _ in range(2))
+    method._solve_step_by_step(found, h, M, C, K, d)
+    method._solve_together(truth, h, M, C, K, d)
+    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-13 * np.abs(truth).max())
+
+
+def test_a_singular_step_alone_is_no_number():
+    n, h = 20, np.array([0.1, 0.1])
+    M = np.tile(np.eye(n), (1, 2, 5, 1, 1))
+    M[0, 1, :, 3, 3] = 0.0
+    nothing, d = np.zeros_like(M), np.ones((1, 2, 5, n))
+    a = Radau(9).collocation.stage_accelerations(h, M, nothing, nothing, d)
+    assert np.isfinite(a[0, 0]).all()
+    assert np.isnan(a[0, 1]).all()

@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solve.period.multipliers import EPS, accumulated
-from solve.period.period_map import BLOCKS, Steps, affine_period, monodromy, periodic_states, states_from
+from solve.period.period_map import (
+    BLOCKS,
+    Steps,
+    affine_period,
+    monodromy,
+    period,
+    periodic_states,
+    states_from,
+)
 from tests.solve.systems import seeds, swelling
 from tests.solve.witnesses import closed_chain
 
@@ -148,3 +156,35 @@ def test_states_in_any_units_keep_their_digits(seed, m, decades):
     scaled, scaled_condition = periodic_states(Steps(steps.A * units / units[:, None], steps.b / units))
     np.testing.assert_allclose(scaled * units, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
     assert scaled_condition < 10 * condition
+
+
+@pytest.mark.parametrize("m", COUNTS)
+def test_a_period_has_its_product_and_its_states_in_one(m):
+    steps = chain(m, m, 4, 3)
+    Phi, states, condition = period(steps)
+    np.testing.assert_array_equal(Phi, monodromy(steps))
+    np.testing.assert_array_equal(states, periodic_states(steps)[0])
+    np.testing.assert_array_equal(condition, periodic_states(steps)[1])
+
+
+def test_a_point_that_overflows_leaves_the_others_as_they_are():
+    steps = chain(1, 70, 2, 3)
+    huge = Steps(steps.A.copy(), steps.b)
+    huge.A[1] *= 1e10
+    with np.errstate(all="ignore"):
+        Phi, states, _ = period(huge)
+    assert not np.isfinite(Phi[1]).all()
+    np.testing.assert_array_equal(states[[0, 2]], period(steps)[1][[0, 2]])
+
+
+@pytest.mark.parametrize("N", [4, 90])
+def test_growth_by_many_powers_of_ten_costs_one_digit(N):
+    """One state grows by 1e12 over the period, others decay, in axes that turn at random."""
+    m, rng = 256, np.random.default_rng(N)
+    axes = np.linalg.qr(rng.standard_normal((m, N, N)))[0]
+    rates = np.exp(np.linspace(12 * np.log(10), -30, N) / m)
+    A = np.roll(axes, -1, axis=0) * rates @ axes.swapaxes(1, 2)
+    truth = rng.standard_normal((m, N))
+    b = np.roll(truth, -1, axis=0) - np.einsum("kij,kj->ki", A, truth)
+    states, _ = periodic_states(Steps(A, b))
+    np.testing.assert_allclose(states[:-1], truth, rtol=0, atol=5e-12)

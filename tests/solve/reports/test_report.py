@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import solve
+from derive import Mechanism, cos, rate
+from solve.certify.refinement import certified
 from solve.commands.deliver import deliver_page
 from solve.errors import FileError, MatricesError, MissingValueError, NoResultError, StructureError
 from solve.reports.page import Part, Report
@@ -140,6 +142,22 @@ def test_each_result_is_on_the_page_as_it_shows_itself(driven):
     assert "max|q| = 0.333" in driven.summary[0]
 
 
+def test_each_orbit_is_solved_once(undrawn, monkeypatch):
+    solved = []
+
+    def counted(points, method, request):
+        if request.orbit:
+            speeds = points.speeds.tolist() if hasattr(points, "speeds") else [points.speed]
+            solved.extend((round(60 / (2 * np.pi) * speed, 6), type(points).__name__) for speed in speeds)
+        return certified(points, method, request)
+
+    for module in ("solve.single", "solve.batch.batch"):
+        monkeypatch.setattr(f"{module}.certified", counted)
+    report = solve.report(solve.load("cam"), "595:605:3 rpm", "620 rpm", rtol=1e-3)
+    assert {"Critical speeds", "What matters most"} <= {part.heading for part in report.parts if part.result}
+    assert len(set(solved)) == len(solved)
+
+
 def test_what_there_cannot_be_is_left_out_with_a_reason(driven, mathieu, frame):
     for heading in ("Vibration by the nonlinear equations", "Validity of the linear answer"):
         assert "nonlinear equations" in driven.missing[heading]
@@ -150,6 +168,27 @@ def test_what_there_cannot_be_is_left_out_with_a_reason(driven, mathieu, frame):
         stated = [text for text in texts(parsed(report.html), "p") if text.startswith(("Left out", "Only"))]
         for reason in report.missing.values():
             assert any(reason in text for text in stated)
+
+
+def test_a_machine_that_the_load_drives_has_no_vibration_to_report():
+    """Its stability and frequencies stand; nothing is said of a periodic motion or of the linear answer."""
+    machine = Mechanism("driven_discs", "Two discs that turn freely")
+    q1, q2 = machine.coordinates(q1=("rad", "disc 1"), q2=("rad", "disc 2"))
+    J, k, k3 = machine.parameters(
+        J=("kg m^2", "disc"), k=("N m/rad", "shaft"), k3=("N m/rad^3", "stiffening")
+    )
+    T = machine.parameter("T", "N m", "torque")
+    machine.kinetic = J * (rate(q1) ** 2 + rate(q2) ** 2) / 2
+    machine.potential = k * (q1 - q2) ** 2 / 2 + k3 * (q1 - q2) ** 4 / 4
+    machine.force(T * (1 + cos(machine.phase)), along=q1)
+    system = solve.load(machine, J=1.0, k=3.0, k3=0.5, T=2.0)
+    report = solve.report(system, "1:2:3 rad/s", "1.5 rad/s")
+    vibration = {"Response over speed", "Critical speeds", "Validity of the linear answer"}
+    assert vibration | {"Vibration and stability"} <= report.missing.keys()
+    assert all("mean torque" in report.missing[heading] for heading in vibration)
+    assert "the periodic motion is" not in report.html
+    assert "the motion is stable" in report.html
+    assert "against the nonlinear ones" not in report.html
 
 
 def test_without_a_load_stability_stands(mathieu):
