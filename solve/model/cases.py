@@ -82,9 +82,8 @@ def chosen_case(
         if name not in known:
             raise UnknownNameError(f"parameter of {module.NAME}", name, known)
     given = chosen.parameters.keys() | replaced.keys()
-    chosen = chosen.replaced(
-        {name: value for name, value in otherwise.items() if name not in given} | replaced
-    )
+    first = {name: value for name, value in otherwise.items() if name not in given}
+    chosen = chosen.replaced({**first, **replaced})
     missing = [name for name in known if name not in chosen.parameters]
     if missing:
         where = f"case '{chosen.name}' of {module.NAME}" if chosen.name else f"{module.NAME} has no case and"
