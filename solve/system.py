@@ -357,17 +357,20 @@ class PeriodicSystem(Labels):
         that), and beyond what a rounding of the phase makes (within a narrow pulse)."""
         every = self.in_phase(self.beside(phase, later), speed)
         first, second, beside = zip(*(np.split(part, 3) for part in every), strict=True)
-        inertia = np.abs(np.einsum("kii->ki", first[0])).max(axis=0)
-        unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
-        scales = [unit[:, None] * unit] * 3 + [unit]
-        whole = max(float(np.abs(part * scale).max()) for part, scale in zip(first, scales, strict=True))
         found, rates = [], (speed**2, speed, 1.0, 1.0)
-        for symbol, scale, rate, *parts in zip("MCKd", scales, rates, first, second, beside, strict=True):
-            one, other, near = (part * scale for part in parts)
-            allowed = np.maximum(PERIODIC * np.abs(one).max(), _ROUNDING * whole) + 2 * np.abs(near - one)
-            if (np.abs(other - one) > allowed).any():
+        none = _negligible(first)
+        for symbol, allowed, rate, *parts in zip("MCKd", none, rates, first, second, beside, strict=True):
+            one, other, near = parts
+            if (np.abs(other - one) > allowed + 2 * np.abs(near - one)).any():
                 found.append((symbol, float(np.abs(parts[1] - parts[0]).max()) / rate))
         return found
+
+    def negligible(self, matrices: Matrices, speed: float) -> Matrices:
+        """Changes (n, n) and (n,) of M, C, K (m, n, n) and d (m, n) that count as none, as in `changes`."""
+        rates = speed**2, speed, 1.0, 1.0
+        none = _negligible([rate * part for rate, part in zip(rates, matrices, strict=True)])
+        M, C, K, d = (part / rate for rate, part in zip(rates, none, strict=True))
+        return M, C, K, d
 
     def beside(self, phase: Array, later: Array) -> Array:
         """Phases (k,), those about a period later, and behind them phases beside the first (3k,), which are
@@ -396,6 +399,19 @@ def _real(given: Sequence[Array], kind: str) -> Matrices:
     except (TypeError, ValueError) as error:
         raise MatricesError(f"the {kind} are no four real arrays M, C, K, d: {error}") from None
     return M, C, K, d
+
+
+def _negligible(matrices: Sequence[Array]) -> list[Array]:
+    """Changes of M, C, K and d, in the same unit, that count as none: 1e-9 of their size and the rounding of
+    the whole equation."""
+    inertia = np.abs(np.einsum("kii->ki", matrices[0])).max(axis=0)
+    unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
+    scales = [unit[:, None] * unit] * 3 + [unit]
+    sizes = [float(np.abs(part * scale).max()) for part, scale in zip(matrices, scales, strict=True)]
+    return [
+        max(PERIODIC * size, _ROUNDING * max(sizes)) / scale
+        for size, scale in zip(sizes, scales, strict=True)
+    ]
 
 
 def require_inertia(M: Array) -> None:

@@ -61,7 +61,7 @@ def sound_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
     allowed = PERIODIC * np.abs(now).max(axis=0) + 2 * np.abs(beside - now)
     # Of what is not finite no comparison holds.
     if (
-        _steep(system, phase, now)[0].size
+        _steep(system, phase, now, PERIODIC * np.abs(now).max(axis=0))[0].size
         or (power[entry < system.n**2] != 2).any()
         or not (np.abs(later - now) <= allowed).all()
     ):
@@ -81,7 +81,8 @@ def _require_no_jump(system: PeriodicSystem, speed: float, phase: Array, parts: 
         return np.column_stack([part.reshape(len(phase), -1) for part in system.at(phase, speed)])
 
     values = np.column_stack([part.reshape(len(phase), -1) for part in parts])
-    at, entry = _steep(system, phase, values)
+    roundoff = np.concatenate([part.ravel() for part in system.negligible(parts, speed)])
+    at, entry = _steep(system, phase, values, roundoff)
     if not at.size:
         return
     further = np.append(phase[1:], phase[0] + system.period)
@@ -103,13 +104,13 @@ def _require_no_jump(system: PeriodicSystem, speed: float, phase: Array, parts: 
         )
 
 
-def _steep(system: PeriodicSystem, phase: Array, values: Array) -> tuple[Array, Array]:
+def _steep(system: PeriodicSystem, phase: Array, values: Array, roundoff: Array) -> tuple[Array, Array]:
     """Between which phases (j,) and the next, without a break between them, values (k, m) change so much that
-    they may jump, and the entry of each that does so most."""
+    they may jump, and the entry of each that does so most. roundoff (m,): variation that counts as none."""
     change, variation = np.abs(np.roll(values, -1, axis=0) - values), np.ptp(values, axis=0)
     neighbours = np.maximum(np.roll(change, 1, axis=0), np.roll(change, -1, axis=0))
     steep = (change >= _STEEP * variation) | (change > _BESIDE * neighbours)
-    steep &= variation > PERIODIC * np.abs(values).max(axis=0)
+    steep &= variation > roundoff
     steep[np.searchsorted(phase, np.mod(system.breaks, system.period)) - 1] = False
     at = np.flatnonzero(steep.any(axis=1))
     share = np.where(steep, change / np.where(variation > 0, variation, 1.0), 0.0)[at]
