@@ -19,7 +19,7 @@ from solve.period.blocks import LOSS, Blocks, balanced_blocks, joined_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
-from solve.period.multipliers import matched
+from solve.period.multipliers import UNIT_CIRCLE, matched
 from solve.period.points import OnePoint, Points, matrices
 from solve.period.product_eigenvalues import (
     ProductEigenvalues,
@@ -154,10 +154,11 @@ class Spectrum:
         return rigid_multipliers(self.certified)
 
     def _with_rigid(self, values: Array, fill: float) -> Array:
-        """Values of the other multipliers with one for each of these, behind those of larger modulus."""
+        """Values of the other multipliers, with one for each of these after those outside the unit circle."""
         if self.refined is not None or not self._count:
             return values
-        return np.insert(values, np.full(self._count, np.sum(np.abs(self._eigenvalues) >= 1)), fill)
+        outside = np.sum(np.abs(self._eigenvalues) > 1 + UNIT_CIRCLE)
+        return np.insert(values, np.full(self._count, outside), fill)
 
     @property
     def warnings(self) -> list[str]:

@@ -74,7 +74,10 @@ def deliver_page(made: "Report", file: Path) -> None:
         for sentence in made.summary:
             _console().print(sentence)
         sys.stdout.flush()
-        missing = [f"{heading} is left out: {reason}" for heading, reason in made.missing.items()]
+        headings = dict[str, list[str]]()
+        for heading, reason in made.missing.items():
+            headings.setdefault(reason, []).append(heading)
+        missing = [f"left out: {', '.join(each)}: {reason}" for reason, each in headings.items()]
         doubts = []
         for said, headings in made.warnings.items():
             orbits = ", ".join(filter(None, map(made.orbit_of, headings)))

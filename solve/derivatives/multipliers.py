@@ -13,7 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum, matched_logarithms
 from solve.derivatives.turn import TurnOnGrid
-from solve.errors import MissingLibraryError
+from solve.errors import MissingLibraryError, NoDerivativeError
 from solve.kernel import slicot
 from solve.period.blocks import Blocks, balanced_blocks, carried
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
@@ -24,8 +24,9 @@ MEET = 1e-6
 _LEADS = 0.1
 """Part of the spectral radius above which Φ itself gives a multiplier's vectors."""
 
-_RETURNS = 1e-11
-"""Relative difference up to which a vector is the same after a turn."""
+_RETURNS, _NEARLY = 1e-11, 1e-6
+"""Relative difference up to which a vector is the same after a period; the second where the product of the
+steps does not separate it from another, as near the double +1 of a rigid-body mode."""
 
 _SMALLEST = 1e-100
 """Modulus below which numbers may underflow within the turn."""
@@ -45,8 +46,18 @@ class MultipliersOnGrid:
         self._turn, self._spectrum = turn, known
 
     def vectors(self, at: int) -> Vectors:
-        """Of one of the known multipliers."""
-        return self._leading(self._spectrum.multiplier(at)) or self._of_product(at)
+        """Of one of the known multipliers. Raises NoDerivativeError where it is too close to another."""
+        rho = self._spectrum.multiplier(at)
+        found = self._leading(rho, _RETURNS)
+        if found is not None:
+            return found
+        try:
+            return self._of_product(at)
+        except np.linalg.LinAlgError:
+            found = self._leading(rho, _NEARLY)
+        if found is None:
+            raise NoDerivativeError(f"multiplier {at + 1} has no derivative: it is too close to another")
+        return found
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or
@@ -64,8 +75,8 @@ class MultipliersOnGrid:
         y, x = vectors.left[node - 1].conj(), vectors.right[node]
         return -complex(y @ self._turn.rate_jump(node) @ x) / complex(y @ x)
 
-    def _leading(self, rho: complex) -> Vectors | None:
-        """Those of a multiplier from Φ; None of one that it may not tell to all digits."""
+    def _leading(self, rho: complex, accuracy: float) -> Vectors | None:
+        """Vectors of a multiplier from Φ; None if they are not the same after a period to this accuracy."""
         values, right, left = self._of_turn
         at = int(np.abs(values - rho).argmin())
         value, found = values[at], []
@@ -75,7 +86,7 @@ class MultipliersOnGrid:
         for backwards, start, factor in ways:
             states = self._turn.followed(start[:, None], backwards)[..., 0]
             apart = np.abs(states[-1] - factor * start) / np.abs(factor)
-            if not (apart <= _RETURNS * np.abs(start).max()).all():
+            if not (apart <= accuracy * np.abs(start).max()).all():
                 return None
             found.append(states[:-1])
         return Vectors(found[0], found[1][::-1])

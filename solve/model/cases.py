@@ -87,9 +87,10 @@ def chosen_case(
     missing = [name for name in known if name not in chosen.parameters]
     if missing:
         where = f"case '{chosen.name}' of {module.NAME}" if chosen.name else f"{module.NAME} has no case and"
+        them = "it" if len(missing) == 1 else "them"
         raise MissingValueError(
-            f"{where} gives no value for {', '.join(missing[:8])}; add it to the case file or set it: "
-            f"{missing[0]}=NUMBER"
+            f"{where} gives no value for {', '.join(missing[:8])}; add {them} to the case file or "
+            f"set {them}: {missing[0]}=NUMBER"
         )
     return chosen
 

@@ -30,8 +30,8 @@ _JUMP = 1e-2
 
 
 def require_sound(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError unless the matrices at a speed (rad/s) repeat at every phase and jump at the breaks
-    alone, and M is positive definite."""
+    """Raise MatricesError unless the matrices at a speed (rad/s) repeat at every phase, and M is positive
+    definite."""
     phase = _looked_at(system)
     for symbol, change in system.changes(phase, phase + system.period, speed):
         raise MatricesError(
@@ -39,9 +39,7 @@ def require_sound(system: PeriodicSystem, speed: float) -> None:
             f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
             "parameters that count (teeth, orders)"
         )
-    parts = system.at(phase, speed)
-    _require_no_jump(system, speed, phase, parts)
-    negative = _not_positive(parts[0])
+    negative = _not_positive(system.at(phase, speed)[0])
     if negative.any():
         raise MatricesError(
             f"M is not positive definite at phase {phase[np.argmax(negative)]:.4g}: some motion there "
@@ -61,7 +59,7 @@ def sound_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
     allowed = PERIODIC * np.abs(now).max(axis=0) + 2 * np.abs(beside - now)
     # Of what is not finite no comparison holds.
     if (
-        _steep(system, phase, now, PERIODIC * np.abs(now).max(axis=0))[0].size
+        _steep(system, phase, np.vstack((now, later[:1])), PERIODIC * np.abs(now).max(axis=0))[0].size
         or (power[entry < system.n**2] != 2).any()
         or not (np.abs(later - now) <= allowed).all()
     ):
@@ -73,30 +71,31 @@ def sound_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
     return False
 
 
-def _require_no_jump(system: PeriodicSystem, speed: float, phase: Array, parts: Matrices) -> None:
-    """Raise MatricesError where matrices, known at phases (k,), jump between two of them without a break."""
-    symbols = np.repeat(list("MCKd"), [part[0].size for part in parts])
+def require_no_jump(system: PeriodicSystem, speed: float) -> None:
+    """Raise MatricesError where matrices at a speed (rad/s) jump without a break, at a phase within the
+    period."""
+    phase = _looked_at(system)
 
-    def entries(phase: Array) -> Array:
-        return np.column_stack([part.reshape(len(phase), -1) for part in system.at(phase, speed)])
+    def entries(parts: Matrices) -> Array:
+        return np.column_stack([part.reshape(len(part), -1) for part in parts])
 
-    values = np.column_stack([part.reshape(len(phase), -1) for part in parts])
-    roundoff = np.concatenate([part.ravel() for part in system.negligible(parts, speed)])
-    at, entry = _steep(system, phase, values, roundoff)
+    ends = np.append(phase, phase[0] + system.period)
+    parts = system.at(ends, speed)
+    values, roundoff = entries(parts), [part.ravel() for part in system.negligible(parts, speed)]
+    at, entry = _steep(system, phase, values, np.concatenate(roundoff))
     if not at.size:
         return
-    further = np.append(phase[1:], phase[0] + system.period)
-    low, high, first, last = phase[at], further[at], values[at, entry], np.roll(values, -1, axis=0)[at, entry]
+    low, high, first, last = ends[at], ends[at + 1], values[at, entry], values[at + 1, entry]
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        between = entries(middle)[np.arange(len(at)), entry]
+        between = entries(system.at(middle, speed))[np.arange(len(at)), entry]
         left = np.abs(between - first) >= np.abs(last - between)
         low, first = np.where(left, low, middle), np.where(left, first, between)
         high, last = np.where(left, middle, high), np.where(left, between, last)
     change = np.abs(last - first)
     jumps = np.flatnonzero(change >= _JUMP * np.ptp(values, axis=0)[entry])
     if jumps.size:
-        here = jumps[0]
+        here, symbols = jumps[0], np.repeat(list("MCKd"), [part[0].size for part in parts])
         raise MatricesError(
             f"{symbols[entry[here]]} jumps by {change[here]:.3g} at phase {low[here] % system.period:.6g}, "
             "where the model has no break; give angles that go on beyond half a turn (atan2 jumps there by "
@@ -105,9 +104,10 @@ def _require_no_jump(system: PeriodicSystem, speed: float, phase: Array, parts: 
 
 
 def _steep(system: PeriodicSystem, phase: Array, values: Array, roundoff: Array) -> tuple[Array, Array]:
-    """Between which phases (j,) and the next, without a break between them, values (k, m) change so much that
-    they may jump, and the entry of each that does so most. roundoff (m,): variation that counts as none."""
-    change, variation = np.abs(np.roll(values, -1, axis=0) - values), np.ptp(values, axis=0)
+    """After which of the phases (k,) values (k+1, m) at these and one period after the first change so much,
+    without a break, that they may jump (j,), and the entry of each that does so most. roundoff (m,): largest
+    variation that counts as none."""
+    change, variation = np.abs(np.diff(values, axis=0)), np.ptp(values, axis=0)
     neighbours = np.maximum(np.roll(change, 1, axis=0), np.roll(change, -1, axis=0))
     steep = (change >= _STEEP * variation) | (change > _BESIDE * neighbours)
     steep &= variation > roundoff

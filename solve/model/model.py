@@ -15,7 +15,7 @@ from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.labels import SPEED, require_vibration
 from solve.model.bounds import checked_parameters, clauses, holds, measured
 from solve.model.cases import Case
-from solve.model.checks import require_sound, sound_at_all_speeds
+from solve.model.checks import require_no_jump, require_sound, sound_at_all_speeds
 from solve.model.damping import DampedSampler, beyond_critical, damped_residual
 from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints, by_the_phase
@@ -128,6 +128,7 @@ class Model(PeriodicSystem):
         MatricesError."""
         self.shown_in(speed).require_desired_motion(np.array([speed]))
         if not self._sound:
+            require_no_jump(self, speed)
             super().checked(speed)
             require_sound(self, speed)
 

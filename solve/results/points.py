@@ -102,7 +102,7 @@ class PointResults:
         found = self.multipliers.copy()
         for at in np.flatnonzero(self.rigid).tolist():
             count, others = int(self.rigid[at]), self.multipliers[at, : -int(self.rigid[at])]
-            found[at] = np.insert(others, np.full(count, np.sum(np.abs(others) >= 1)), 1.0)
+            found[at] = np.insert(others, np.full(count, np.sum(np.abs(others) > 1 + UNIT_CIRCLE)), 1.0)
         return found
 
     @property

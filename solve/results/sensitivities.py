@@ -26,6 +26,10 @@ _UNCERTAIN = 0.01
 _MATTERS = 1e-3
 """Part of the largest elasticity from which on a parameter matters."""
 
+_INDEPENDENT = 1e-8
+"""Elasticity, with its error, below which a quantity counts as independent of a parameter: the default
+tolerance of orbits and multipliers."""
+
 
 @lasting
 @dataclass(frozen=True)
@@ -77,6 +81,7 @@ class Sensitivities(Result):
         for quantity, each in self.found.items():
             sizes = np.abs(each.derivatives * self._values)
             matters = sizes > _MATTERS * np.nanmax(sizes, initial=0.0)
+            matters &= sizes + each.errors * np.abs(self._values) > _INDEPENDENT * abs(each.value)
             doubtful = matters & (each.errors > _UNCERTAIN * np.abs(each.derivatives))
             names = [name for name, doubt in zip(self.by, doubtful, strict=True) if doubt]
             if names:

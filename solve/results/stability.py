@@ -23,6 +23,10 @@ from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
 _MOST_MULTIPLIERS = 8
+_STILL = 1e-12
+"""Displacement by a steady velocity over a period, relative to the vibration, that is round-off of the load's
+mean: some thousand terms, each to 1e-16, times a condition number up to 10."""
+
 _RECORDED = (
     *("speed", "period", "method", "steps", "multipliers", "multiplier_errors", "unresolved", "exponents"),
     *("modes", "spectral_radius", "verdict", "stable", "error_estimate", "distance_from_one", "liouville"),
@@ -215,11 +219,14 @@ class Stability(Result):
             return text
         if not mode.damped:
             return f"{text}; the vibration has zero mean along it, weighted by the inertia"
+        drift, size = mode.drift or 0.0, np.abs(self.certified.solutions.curve[0].sampled(1)).max()
+        if abs(drift) * self.period <= max(self.error_estimate.orbit, _STILL) * size:
+            return f"{text}; it has no steady velocity along it"
         at = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
         unit = units.get(names[at], "")
-        drift = f"{(mode.drift or 0.0) * mode.vector[at]:.6g} {unit}/s".replace(" /s", " per second")
+        shown = f"{drift * mode.vector[at]:.6g} {unit}/s".replace(" /s", " per second")
         return (
-            f"{text}; load and drag balance at a steady velocity along it ({names[at]}: {drift}); velocities "
+            f"{text}; load and drag balance at a steady velocity along it ({names[at]}: {shown}); velocities "
             "include it, coordinates do not"
         )
 
@@ -235,7 +242,10 @@ class Stability(Result):
         """The verdict in plain words."""
         means = _MEANS[VERDICTS.index(self.verdict)].format(radius=self.spectral_radius)
         at = self.system.speed_unit.text(self.speed)
-        return f"At {at} the {self._subject} is {self.verdict}: {means}."
+        subject = self._subject
+        if self.rigid_body_modes and self.certified.solutions.curve is None:
+            subject += " relative to rigid-body modes"
+        return f"At {at} the {subject} is {self.verdict}: {means}."
 
     @property
     def whole(self) -> dict[str, Any]:

@@ -32,6 +32,12 @@ _TOLD = 0.1
 _FEWEST = 256
 """States a turn at least."""
 
+_REMEDIES = {
+    "stable": "it attracts no motion, as nothing damps the difference: start on the orbit",
+    "unstable": "it attracts no motion, as it is unstable",
+}
+"""What to do, by the verdict on an orbit that is not reached."""
+
 _MOST_TURNS = 40
 """Rows of the table; of more turns every k-th is shown."""
 
@@ -245,7 +251,8 @@ class Transient(Result):
             left = "no orbit lies near the last turn: more turns may reach one, or none has this period"
         else:
             last = float(np.nanmax(self.distances[-1]))
-            left = f"the orbit is not reached: the last turn is off by {last:.1e} of it; give more turns"
+            remedy = _REMEDIES.get(self.orbit.verdict, "give more turns")
+            left = f"the orbit is not reached: the last turn is off by {last:.1e} of it; {remedy}"
         return [left, *judged]
 
     def record(self) -> dict[str, Any]:

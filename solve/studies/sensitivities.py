@@ -15,6 +15,7 @@ from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.methods.choice import Rule
 from solve.methods.free import free
+from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.named import RADIUS
 from solve.period.points import OnePoint
 from solve.progress import part, stage
@@ -184,7 +185,7 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
 def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
     """The real part of the largest multiplier but those of rigid-body modes, which are +1."""
     held = free(OnePoint(system, maximum.speed))
-    before = 0 if held is None or maximum.height > 1 else int(held.modes.multiplicity[0])
+    before = 0 if held is None or maximum.height > 1 + UNIT_CIRCLE else int(held.modes.multiplicity[0])
     return f"rho{before + 1}.re"
 
 

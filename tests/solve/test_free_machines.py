@@ -462,6 +462,41 @@ def test_critical_speeds_of_a_free_machine_move_with_its_frequencies():
             assert derived[f"{way}{number}"]["k4"] == pytest.approx(truth, rel=2e-4)
 
 
+def test_multipliers_of_free_machines_have_derivatives_at_any_speed():
+    """Also where the double +1 of the rigid-body mode cannot be separated from them: at the first speed only
+    the monodromy matrix gives their vectors. With damping in proportion to K, |ρ| = exp(-c ω²π/Ω)."""
+    squares, shapes = eigh(K, J)
+    slopes = (shapes[3] - shapes[4]) ** 2
+    for speed in (170.3159590038997, *np.random.default_rng(11).uniform(50, 320, 8)):
+        found = solve.sensitivities(mechanism(c=1e-5), speed, ["rho3.abs", "rho5.abs"], ["k4"])
+        assert found.warnings == []
+        for at, mode in ((3, 1), (5, 2)):
+            rate = -1e-5 * np.pi / speed
+            truth = rate * slopes[mode] * np.exp(rate * squares[mode])
+            assert found[f"rho{at}.abs"]["k4"] == pytest.approx(truth, rel=1e-7)
+
+
+def test_rigid_body_modes_are_the_first_of_multipliers_on_the_unit_circle():
+    machine = mechanism(c=0.0)
+    for speed in (500, 700, 1000, 1500, 2000):
+        orbit = solve.periodic(machine, f"{speed} rpm")
+        assert orbit.multipliers[:2].tolist() == [1, 1]
+        found = solve.sensitivities(machine, f"{speed} rpm", ["rho3.abs", "exponent3.im"], ["k4"])
+        assert found.warnings == []
+        assert found["rho3.abs"]["k4"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_drag_without_a_mean_load_leaves_no_steady_velocity():
+    (note,) = solve.periodic(mechanism(b=0.07), SPEED).notes
+    assert note.endswith("; it has no steady velocity along it")
+
+
+def test_more_turns_are_asked_for_where_they_help():
+    for damping, words in ((1e-4, "give more turns"), (0.0, "start on the orbit")):
+        run = solve.transient(mechanism(c=damping), SPEED, turns=5)
+        assert run.warnings[0].endswith(words)
+
+
 def test_bands_name_rigid_body_modes():
     found = solve.bands(mechanism(), "500:3000:5 rpm")
     assert found.notes[0].startswith("rigid-body modes: ")

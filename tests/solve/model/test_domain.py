@@ -216,11 +216,12 @@ def rotor(angle):
     [
         (lambda phase: atan2(sin(phase - 0.7), 0.5 * cos(phase - 0.7)), 0.7 + math.pi, 4 * 2 * math.pi),
         (lambda phase: atan2(2 * sin(phase + 1), cos(phase + 1)) / 3, math.pi - 1, 4 * 2 * math.pi / 3),
+        (lambda phase: atan2(sin(phase), 0.5 + cos(phase)) - phase, math.pi, 4 * 2 * math.pi),
         (lambda phase: atan2(sin(2 * phase) / 4, 0.5 + sin(phase) ** 2 / 2), None, 0.0),
         (lambda phase: tanh(1e6 * sin(phase - 1)), None, 0.0),
         (lambda phase: Heaviside(sin(phase - 1)), None, 0.0),
     ],
-    ids=["ellipse", "part", "continuous", "steep", "a break"],
+    ids=["ellipse", "part", "beside the phase", "continuous", "steep", "a break"],
 )
 def test_an_angle_that_jumps_by_a_turn_is_named_with_its_phase(angle, phase, change):
     made = rotor(angle)
