@@ -38,7 +38,9 @@ def demands(mechanism: Mechanism) -> list[Demand]:
     signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
     found: dict[tuple[Any, str], Demand] = {}
     for what, expression, motion in _stated(mechanism):
-        for node, needed in needs(in_desired_motion(mechanism, expression)):
+        # A factor that is zero in the fundamental motion takes nothing from the domain of the others.
+        for node, stated in needs(steady(from_fundamental(mechanism, sympy.sympify(expression)))):
+            needed = stated._replace(margin=at_desired_motion(stated.margin))
             if is_met(needed, signs) or not needed.margin.free_symbols <= known:
                 continue
             if needed.margin.is_number and motion:

@@ -12,9 +12,14 @@ from solve.model.sampling import Sampler
 if TYPE_CHECKING:
     import casadi
 
-_SAMPLES = 128
+_SAMPLES = 131
 """Phases per period at which margins are sampled. Between them, three samples bracket the minimum of a smooth
-margin, and bisection locates a change of sign."""
+margin, and bisection locates a change of sign. A prime number has no common factor with the harmonics of
+margins: of 64 waves, 128 phases would see the same two values."""
+
+_SHIFT = 0.31
+"""Shift of these phases, in their distance: away from fractions of the revolution with small denominators, at
+which symmetric motions have extrema."""
 
 _ROUNDING = 1e-12
 """Round-off of a margin relative to its largest value over the period: sums of a few terms have relative
@@ -111,8 +116,7 @@ class Domain:
     @property
     def _phases(self) -> Array:
         count = _SAMPLES if self._by_phase else 1
-        # Symmetric motions have extrema at fractions of the revolution, which these phases avoid.
-        return (np.arange(count) + 0.5) * (self._period / count)
+        return (np.arange(count) + _SHIFT) * (self._period / count)
 
     def _where(self, row: int, phase: Array, value: Array) -> str:
         """Text with the smallest failing margin and its phase."""

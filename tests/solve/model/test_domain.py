@@ -233,3 +233,29 @@ def test_an_angle_that_jumps_by_a_turn_is_named_with_its_phase(angle, phase, cha
     assert f"d jumps by {change:.3g} at phase {phase:.6g}, where the model has no break" in str(raised.value)
     with pytest.raises(NoResultError, match="d jumps by"):
         solve.sweep(made, [1.0, 2.0, 3.0]).results.require_any()
+
+
+@pytest.mark.parametrize("waves", [17, 32, 64, 65, 128, 130])
+@pytest.mark.parametrize("shift", [0.0, 0.3, 1 / 3])
+def test_fast_waves_beyond_the_domain_are_refused(waves, shift):
+    """sin reaches 1 twice the number of waves: of so many places some lie near the phases looked at."""
+    made = Mechanism("waves", "Rotor whose fundamental motion has many waves")
+    q = made.coordinate("q", "rad", "angle")
+    J, k = made.parameters(J=("kg m^2", "rotor", "> 0"), k=("N m/rad", "spring", "> 0"))
+    a = made.parameter("a", "1", "amplitude")
+    made.fundamental(q=asin(a * sin(waves * made.phase + shift)) / 100)
+    made.kinetic, made.potential = J * rate(q) ** 2 / 2, k * q**2 / 2
+    with pytest.raises(DesiredMotionError, match=r"asin\(a\*sin\("):
+        solve.floquet(solve.load(made, J=1.0, k=4.0, a=1.001), 3.0)
+    solve.load(made, J=1.0, k=4.0, a=0.99).require_desired_motion(np.array([3.0]))
+
+
+def test_a_stiffness_that_is_infinite_at_a_phase_is_named():
+    """Though the energy is zero in the fundamental motion."""
+    made = Mechanism("pole", "Mass on a spring that is infinitely stiff once a revolution")
+    q = made.coordinate("q", "m", "deflection")
+    m, k, e = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"), e=("1", "distance"))
+    made.kinetic, made.potential = m * rate(q) ** 2 / 2, k * q**2 / (1 + e + cos(made.phase)) / 2
+    with pytest.raises(DesiredMotionError, match=r"e \+ cos\(phase\) \+ 1 != 0, which is 0 at phase 3\.142"):
+        solve.floquet(solve.load(made, m=1.0, k=2.0, e=0.0), 1.0)
+    assert solve.floquet(solve.load(made, m=1.0, k=2.0, e=0.5), 1.0).multipliers.shape == (2,)
