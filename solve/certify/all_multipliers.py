@@ -19,14 +19,14 @@ from solve.period.blocks import LOSS, Blocks, balanced_blocks, joined_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
-from solve.period.multipliers import UNIT_CIRCLE, matched
+from solve.period.multipliers import matched
 from solve.period.points import OnePoint, Points, matrices
 from solve.period.product_eigenvalues import (
     ProductEigenvalues,
     eigenvalue_logarithms,
     product_eigenvalues,
 )
-from solve.period.rigid_body import Free
+from solve.period.rigid_body import Free, before_rigid
 from solve.progress import stage
 
 _NO_DIGIT = 0.1
@@ -157,8 +157,7 @@ class Spectrum:
         """Values of the other multipliers, with one for each of these after those outside the unit circle."""
         if self.refined is not None or not self._count:
             return values
-        outside = np.sum(np.abs(self._eigenvalues) > 1 + UNIT_CIRCLE)
-        return np.insert(values, np.full(self._count, outside), fill)
+        return np.insert(values, np.full(self._count, before_rigid(self._eigenvalues)), fill)
 
     @property
     def warnings(self) -> list[str]:
@@ -374,7 +373,7 @@ def _errors(others: Array, own: ProductEigenvalues) -> Array:
     apart = _apart(own.logarithms[0], others)
     nearest, distance = apart.argmin(axis=1), apart.min(axis=1)
     mutual = apart.argmin(axis=0)[nearest] == np.arange(len(apart))
-    # Those that are near none have no digit, whichever they are matched with.
+    # A multiplier far from all others has no digit in any assignment.
     if not (mutual | (distance >= _NO_DIGIT)).all():
         distance = apart[matched(apart)]
     return np.maximum(distance, own.errors[0])

@@ -118,7 +118,7 @@ def _orders(samples: Array, ends: Array) -> list[Array]:
 
 
 def _by_columns(samples: Array, sizes: Callable[[Array], tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Both sizes (P, m) of samples (P, k, m), of so many columns at a time as fit into memory."""
+    """Both sizes (P, m) of samples (P, k, m), with as many columns at a time as fit into memory."""
     parts = np.array_split(samples, max(1, samples.nbytes // _MEMORY), axis=-1)
     largest, rest = zip(*map(sizes, parts), strict=True)
     return np.concatenate(largest, axis=-1), np.concatenate(rest, axis=-1)

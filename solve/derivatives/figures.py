@@ -22,7 +22,8 @@ _SAME, _ALIKE = 1e-9, 1e-6
 derivatives, relative to the derivative over the period, up to which it does not matter which of them is."""
 
 _OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
-"""Further phases, in periods after an extremum, that tell the size of the derivative over the period."""
+"""Further phases, in periods after an extremum, at which the size of the derivative over the period is
+sampled: at fractions by the golden section, no common multiples of low harmonics."""
 
 _PROMISING = 1e-3
 """Part of the range of a quantity by which other maxima of samples may be lower and be the largest."""

@@ -26,7 +26,8 @@ _LEADS = 0.1
 
 _RETURNS, _NEARLY = 1e-11, 1e-6
 """Relative difference up to which a vector is the same after a period; the second where the product of the
-steps does not separate it from another, as near the double +1 of a rigid-body mode."""
+steps does not separate it from another, as near the double +1 of a rigid-body mode: derivatives then have
+about six digits."""
 
 _SMALLEST = 1e-100
 """Modulus below which numbers may underflow within the turn."""

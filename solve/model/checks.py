@@ -19,14 +19,16 @@ _STEEP = 0.25
 of a sine of order 10."""
 
 _BESIDE = 8.0
-"""The same relative to the changes before and behind; what is smooth between three phases has at most 3."""
+"""The same relative to the larger of the changes before and after. Those of a parabola form an arithmetic
+progression, of which the middle term is at most as large as the larger of its neighbours."""
 
 _HALVINGS = 40
 """Of the distance of two phases, to 4e-14 of the turn; a rise over 1e-9 of the turn changes by 1e-4 of itself
 there, a jump by itself."""
 
 _JUMP = 1e-2
-"""What is left of the change, relative to the whole variation, from which it is a jump."""
+"""What is left of the change, relative to the whole variation, from which it is a jump: a hundred times what
+a rise over 1e-9 of the turn leaves."""
 
 
 def require_sound(system: PeriodicSystem, speed: float) -> None:

@@ -57,7 +57,7 @@ def _within(M: Array, K: Array, basis: Array) -> tuple[Array, Array]:
     Ritz."""
     mass, stiffness = (np.swapaxes(basis, 1, 2) @ part @ basis for part in (M, K))
     L = np.linalg.cholesky(mass)
-    squares, vectors = np.linalg.eigh(np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, stiffness), 1, 2)))
+    squares, vectors = np.linalg.eigh(_congruent(stiffness, L))
     found = basis @ np.linalg.solve(np.swapaxes(L, 1, 2), vectors)
     return squares[:, ::-1], found[:, :, ::-1]
 
@@ -66,7 +66,12 @@ def _pencil(M: Array, K: Array) -> tuple[Array, Array, Array]:
     """The shift (m,), L with LLᵀ = K + shift M, and L⁻¹ M L⁻ᵀ."""
     shift = _shifts(M, K)
     L = np.linalg.cholesky(K + shift[:, None, None] * M)
-    return shift, L, np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, M), 1, 2))
+    return shift, L, _congruent(M, L)
+
+
+def _congruent(matrix: Array, L: Array) -> Array:
+    """L⁻¹ A L⁻ᵀ of symmetric matrices A (m, n, n) and triangular L."""
+    return np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, matrix), 1, 2))
 
 
 def at_rest(M: Array, K: Array) -> Array:

@@ -372,6 +372,6 @@ def _crossing(length: float, change: float, slopes: tuple[float, float], level: 
     """First point at which the same cubic reaches a level between 0 and the change."""
     first, last = (length * slope for slope in slopes)
     found = np.roots([first + last - 2 * change, 3 * change - 2 * first - last, first, -level])
-    real = found.real[np.abs(found.imag) < 1e-8]
+    real = found[np.isreal(found)].real
     within = real[(real > 0) & (real <= 1)]
     return length * float(within.min(initial=1.0))

@@ -40,18 +40,21 @@ def motion_of(start: Start, task: Task) -> Motion:
     return _from_state(given, task)
 
 
-def _refused(start: object, task: Task) -> ValueOutOfBoundsError:
+def _allowed(task: Task) -> str:
     n = task.system.n
-    return ValueOutOfBoundsError(
-        f"start is {reprlib.repr(start)}; allowed: an orbit, a transient, a file {' or '.join(FILES)} of "
-        f"either, q and q̇ ({n},) at phase 0, or a function of phases (k,) that returns q ({n}, k); omit "
-        "it to start from the linear orbit"
+    return (
+        f"an orbit, a transient, a file {' or '.join(FILES)} of either, q and q̇ ({n},) at phase 0, or a "
+        f"function of phases (k,) that returns q ({n}, k); omit it to start from the linear orbit"
     )
+
+
+def _refused(start: object, allowed: str) -> ValueOutOfBoundsError:
+    return ValueOutOfBoundsError(f"start is {reprlib.repr(start)}; allowed: {allowed}")
 
 
 def _opened(path: str | Path, task: Task) -> Orbit | Transient:
     if Path(path).suffix.lower() not in FILES:
-        raise _refused(path, task)
+        raise _refused(path, _allowed(task))
     try:
         found = opened(path)
         kind = type(found).__name__
@@ -110,17 +113,24 @@ def _real(values: Any) -> Array:
     return np.asarray(values).astype(float, casting="same_kind")
 
 
-def _from_state(given: Any, task: Task) -> Curve:
-    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, by the equations of motion."""
-    n = task.system.n
+def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
+    """q and q̇ (n,) given as a start. Raises ValueOutOfBoundsError, which says what is `allowed`, for anything
+    but two arrays of real numbers, and for other shapes and values that are not finite."""
     try:
         q, qd = map(_real, given)
     except (TypeError, ValueError):
-        raise _refused(given, task) from None
+        raise _refused(given, allowed) from None
     if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():
         raise ValueOutOfBoundsError(
             f"the start has shapes {q.shape} and {qd.shape}; give finite q and q̇ of shape ({n},) each"
         )
+    return q, qd
+
+
+def _from_state(given: Any, task: Task) -> Curve:
+    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, by the equations of motion."""
+    n = task.system.n
+    q, qd = state_of(given, n, _allowed(task))
     state = np.concatenate((q, qd / task.speed))
     sizes = np.maximum(
         sizes_of(task, task.grid(_STATES * task.periods)), np.abs(state.reshape(2, n)).max(axis=0)

@@ -2,7 +2,6 @@
 
 import json
 import math
-import reprlib
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +14,7 @@ from solve.contracts import Marcher
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
 from solve.newton.orbits import nonlinear as nonlinear_orbit
+from solve.newton.starts import state_of
 from solve.newton.stepping import METHOD, StepMarcher
 from solve.period.grid import Grid
 from solve.progress import stage
@@ -200,17 +200,7 @@ def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
     n = system.n
     if isinstance(start, str | Path):
         return np.zeros(2 * n) if orbit is None or start == REST else np.append(orbit.q[:, 0], orbit.qd[:, 0])
-    try:
-        q, qd = (np.asarray(part).astype(float, casting="same_kind") for part in start)
-    except (TypeError, ValueError):
-        raise ValueOutOfBoundsError(
-            f"start is {reprlib.repr(start)}; allowed: {REST}, {ORBIT}, a file .npz, or q and q̇ ({n},)"
-        ) from None
-    if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():
-        raise ValueOutOfBoundsError(
-            f"the start has shapes {q.shape} and {qd.shape}; give finite q and q̇ of shape ({n},) each"
-        )
-    return np.concatenate((q, qd))
+    return np.concatenate(state_of(start, n, f"{REST}, {ORBIT}, a file .npz, or q and q̇ ({n},)"))
 
 
 def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:

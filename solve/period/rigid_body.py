@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.period.multipliers import EPS
+from solve.period.multipliers import EPS, UNIT_CIRCLE
 
 BOUND = 4e-12
 """Largest residual |K e|, relative to Σ|K_ij e_j| of the same equation, that counts as zero: four times the
@@ -141,6 +141,12 @@ class Free:
 
     def __getitem__(self, points: Array | slice) -> "Free":
         return Free(self.modes[points], self.mass[points])
+
+
+def before_rigid(multipliers: Array) -> int:
+    """Number of the other multipliers (N,) that precede the +1 of rigid-body modes: those outside the unit
+    circle."""
+    return int(np.sum(np.abs(multipliers) > 1 + UNIT_CIRCLE))
 
 
 def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyModes:

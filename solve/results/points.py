@@ -8,6 +8,7 @@ from solve.arrays import Array
 from solve.errors import NoResultError
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
+from solve.period.rigid_body import before_rigid
 from solve.results.lasting import lasting
 from solve.sizes import NUMBERS_A_POINT, require_size
 
@@ -102,7 +103,7 @@ class PointResults:
         found = self.multipliers.copy()
         for at in np.flatnonzero(self.rigid).tolist():
             count, others = int(self.rigid[at]), self.multipliers[at, : -int(self.rigid[at])]
-            found[at] = np.insert(others, np.full(count, np.sum(np.abs(others) > 1 + UNIT_CIRCLE)), 1.0)
+            found[at] = np.insert(others, np.full(count, before_rigid(others)), 1.0)
         return found
 
     @property

@@ -15,9 +15,9 @@ from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.methods.choice import Rule
 from solve.methods.free import free
-from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.named import RADIUS
 from solve.period.points import OnePoint
+from solve.period.rigid_body import before_rigid
 from solve.progress import part, stage
 from solve.results.bands import Bands
 from solve.results.critical_rows import Maximum
@@ -185,7 +185,8 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
 def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
     """The real part of the largest multiplier but those of rigid-body modes, which are +1."""
     held = free(OnePoint(system, maximum.speed))
-    before = 0 if held is None or maximum.height > 1 + UNIT_CIRCLE else int(held.modes.multiplicity[0])
+    largest = np.array([maximum.height])
+    before = 0 if held is None or before_rigid(largest) else int(held.modes.multiplicity[0])
     return f"rho{before + 1}.re"
 
 

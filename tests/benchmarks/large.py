@@ -28,7 +28,7 @@ def orbit(elements: int) -> tuple[float, solve.Orbit]:
 
 
 def by_lapack(n: int, stages: int, steps: int) -> float:
-    """Processor time in seconds of so many systems of the stages' order with 2n + 1 right sides."""
+    """Processor time in seconds of a number of systems of the stages' order with 2n + 1 right sides."""
     rng, order = np.random.default_rng(1), stages * n
     A = np.asfortranarray(rng.standard_normal((order, order)) + 2 * order**0.5 * np.eye(order))
     right = np.asfortranarray(rng.standard_normal((order, 2 * n + 1)))

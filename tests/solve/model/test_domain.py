@@ -238,7 +238,7 @@ def test_an_angle_that_jumps_by_a_turn_is_named_with_its_phase(angle, phase, cha
 @pytest.mark.parametrize("waves", [17, 32, 64, 65, 128, 130])
 @pytest.mark.parametrize("shift", [0.0, 0.3, 1 / 3])
 def test_fast_waves_beyond_the_domain_are_refused(waves, shift):
-    """sin reaches 1 twice the number of waves: of so many places some lie near the phases looked at."""
+    """The sine reaches ±1 twice per wave; some of these phases lie near the sampled ones."""
     made = Mechanism("waves", "Rotor whose fundamental motion has many waves")
     q = made.coordinate("q", "rad", "angle")
     J, k = made.parameters(J=("kg m^2", "rotor", "> 0"), k=("N m/rad", "spring", "> 0"))

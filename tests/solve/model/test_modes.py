@@ -10,7 +10,7 @@ from solve.model.modes import modal_damping, modes
 
 
 def graded(n, decades, seed):
-    """K = D A D (n, n) with D over half so many decades: all eigenvalues are determined to all digits."""
+    """K = D A D (n, n) with D over half of the decades: all eigenvalues are determined to full accuracy."""
     rng = np.random.default_rng(seed)
     A = np.eye(n) + 0.2 * rng.uniform(-1, 1, (n, n)) / n
     D = np.logspace(0, decades / 2, n)

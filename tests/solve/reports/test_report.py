@@ -171,7 +171,7 @@ def test_what_there_cannot_be_is_left_out_with_a_reason(driven, mathieu, frame):
 
 
 def test_a_machine_that_the_load_drives_has_no_vibration_to_report():
-    """Its stability and frequencies stand; nothing is said of a periodic motion or of the linear answer."""
+    """Stability and frequencies are reported; a periodic motion and the linear answer are not mentioned."""
     machine = Mechanism("driven_discs", "Two discs that turn freely")
     q1, q2 = machine.coordinates(q1=("rad", "disc 1"), q2=("rad", "disc 2"))
     J, k, k3 = machine.parameters(
