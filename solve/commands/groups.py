@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type
 import typer
 
 from solve.commands.parse import assignments, number, quantities, whole
-from solve.errors import MatricesError, MissingValueError, ValueOutOfBoundsError
+from solve.errors import DesiredMotionError, MatricesError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.loading import case_numbers, model_of, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.bounds import measured
 from solve.model.cases import Case
+from solve.model.files import model_files
+from solve.model.generated import model_module
 from solve.model.model import Model
 from solve.model.options import REDUCE
 from solve.model.setup import Setup
@@ -137,12 +139,12 @@ class Problem(Numbers):
         """Numbers of --set in the model's units, with the case's units where these differ; empty if the model
         needs further numbers."""
         try:
-            setup, parts = self.setup(self.model), []
+            case, parts = self.case_of(self.model), []
         except MissingValueError:
             return ""
-        units = {name: unit for name, unit, *_ in setup.module.PARAMETERS}
+        units = {name: unit for name, unit, *_ in model_module(model_files(self.model).generated).PARAMETERS}
         for name, given in self.parameters.items():
-            text, own = measured(setup.case.parameters[name], units[name]), setup.case.units.get(name)
+            text, own = measured(case.parameters[name], units[name]), case.units.get(name)
             other = isinstance(given, float) and own not in (None, units[name])
             parts.append(
                 f"{text} for {name}, which the case gives in {own}" if other else f"{text} for {name}"
@@ -337,12 +339,12 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _naming_what_is_set(groups: Iterable[Any]) -> Iterator[None]:
-    """Add the numbers of --set to a MatricesError, which names no parameter."""
+    """Add the numbers of --set to errors that name no parameter to change."""
     try:
         yield
-    except MatricesError as error:
+    except (MatricesError, DesiredMotionError) as error:
         given = next((each.numbers_set() for each in groups if isinstance(each, Problem)), "")
-        raise MatricesError(f"{error}; values set: {given}" if given else str(error)) from None
+        raise type(error)(f"{error}; values set: {given}" if given else str(error)) from None
 
 
 def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:

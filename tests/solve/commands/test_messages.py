@@ -255,20 +255,31 @@ l = { value = 10, unit = "cm", source = "s" }
 
 
 @pytest.fixture
-def rooted(tmp_path):
+def rooted(tmp_path, request):
     from derive.command import run
 
-    (tmp_path / "rooted.py").write_text(ROOTED)
+    (tmp_path / "rooted.py").write_text(
+        ROOTED.replace("sqrt(l**2 - r**2 * cos(made.phase)**2)", request.param)
+    )
     (tmp_path / "rooted.toml").write_text(CASE)
     assert run([str(tmp_path / "rooted.py")]) in (None, 0)
     return str(tmp_path / "rooted.py")
 
 
-def test_non_finite_matrices_report_set_values_and_units(command, rooted, capsys):
+@pytest.mark.parametrize(
+    ("rooted", "fault"),
+    [
+        ("sqrt(l**2 - r**2 * cos(made.phase)**2)", "the kinetic energy is not real and finite: "),
+        ("(l - r)", "M is not positive definite at phase "),
+    ],
+    indirect=["rooted"],
+)
+def test_errors_that_name_no_parameter_report_set_values_and_units(command, rooted, fault, capsys):
     capsys.readouterr()
     ran = command("floquet", rooted, "--set", "r=50", "--set", "l=20cm", "--set", "k=3")
     assert (ran.status, ran.err.count("\n")) == (2, 1)
     set_here = "values set: 50 m for r, which the case gives in mm; 0.2 m for l; 3 N/m for k\n"
+    assert ran.err.startswith(f"solve: {fault}")
     assert ran.err.endswith(set_here)
     assert "r=0.03 m" in command("floquet", rooted, "--set", "r=0.03").out
 
