@@ -39,7 +39,7 @@ def demands(mechanism: Mechanism) -> list[Demand]:
     found: dict[tuple[Any, str], Demand] = {}
     for what, expression, motion in _stated(mechanism):
         # A factor that is zero in the fundamental motion takes nothing from the domain of the others.
-        for node, stated in needs(steady(from_fundamental(mechanism, sympy.sympify(expression)))):
+        for node, stated in needs(_about_fundamental(mechanism, expression)):
             needed = stated._replace(margin=at_desired_motion(stated.margin))
             if is_met(needed, signs) or not needed.margin.free_symbols <= known:
                 continue
@@ -65,12 +65,12 @@ def conditions(mechanism: Mechanism) -> list[Condition]:
 
 def _conditions(mechanism: Mechanism) -> Iterator[Condition]:
     for each in mechanism.conditions:
-        yield replace(each, margin=in_desired_motion(mechanism, each.margin))
+        yield replace(each, margin=at_desired_motion(_about_fundamental(mechanism, each.margin)))
 
 
-def in_desired_motion(mechanism: Mechanism, expression: Any) -> Any:
-    """Expression evaluated in the fundamental motion of every coordinate."""
-    return at_desired_motion(steady(from_fundamental(mechanism, sympy.sympify(expression))))
+def _about_fundamental(mechanism: Mechanism, expression: Any) -> Any:
+    """Expression with coordinates relative to the fundamental motion, at constant speed."""
+    return steady(from_fundamental(mechanism, sympy.sympify(expression)))
 
 
 def _stated(mechanism: Mechanism) -> Iterator[tuple[str, Any, bool]]:

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "064b981d2e5ea9352cca8fb1b7e5604c617b613944f9ddb96b7ba08798d75ed5"
+DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "85dd9ecb653638fba7a2aa2abfdd2e5429b433fec85d984fe41945e90bdfe123"
+FILE_SHA256 = "c951ca2ea2775d8f8fd0127648a8ae160351685a3c4d36030cb55314b31d9495"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

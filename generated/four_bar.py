@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "064b981d2e5ea9352cca8fb1b7e5604c617b613944f9ddb96b7ba08798d75ed5"
+DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4e30005fe90e3527bf04c4234c8807cae1910ff79df188eb7a1290813903c556"
+FILE_SHA256 = "c6fe4458c1843f70f6d0834cec95f9540479037c040babd4a5be713e58f7f61f"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "064b981d2e5ea9352cca8fb1b7e5604c617b613944f9ddb96b7ba08798d75ed5"
+DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a2c35477c168ae020cbf9054344773f54670ef3f6441272f738decd2a4ebe286"
+FILE_SHA256 = "9d1e4d2e4369bb8f7b9d670f868317d03bec12fecca99af2b01158af28d245ae"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "064b981d2e5ea9352cca8fb1b7e5604c617b613944f9ddb96b7ba08798d75ed5"
+DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "cabc96a5a21c3446cbcd62200d54bd4e35d736cc58ab1230befc3b270f7213f8"
+FILE_SHA256 = "925abc560b3155f828d245952e60ff323848bc394a569ebcd6e0abd8d5c658ce"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (

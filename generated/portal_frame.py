@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "064b981d2e5ea9352cca8fb1b7e5604c617b613944f9ddb96b7ba08798d75ed5"
+DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "70d246310aca7e109014ad600a4314618c32e7726e3f573da254e08424a22539"
+FILE_SHA256 = "0f6d39e61c85cf315b1dff488bfa154632f91d7107deb1698bfde250cc5237e0"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

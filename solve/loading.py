@@ -106,6 +106,12 @@ def case_numbers(
     return replace(chosen, parameters=checked_parameters(module, chosen.parameters))
 
 
+def parameter_units(model: str) -> dict[str, str]:
+    """Units of the parameters that a model declares. Raises as `load` does."""
+    module, _ = _found(model)
+    return {name: unit for name, unit, *_ in module.PARAMETERS}
+
+
 def _chosen(
     model: str,
     case: str | None,

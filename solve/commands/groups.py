@@ -18,12 +18,10 @@ import typer
 from solve.commands.parse import assignments, number, quantities, whole
 from solve.errors import DesiredMotionError, MatricesError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED
-from solve.loading import case_numbers, model_of, setup_of
+from solve.loading import case_numbers, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.bounds import measured
 from solve.model.cases import Case
-from solve.model.files import model_files
-from solve.model.generated import model_module
 from solve.model.model import Model
 from solve.model.options import REDUCE
 from solve.model.setup import Setup
@@ -142,7 +140,7 @@ class Problem(Numbers):
             case, parts = self.case_of(self.model), []
         except MissingValueError:
             return ""
-        units = {name: unit for name, unit, *_ in model_module(model_files(self.model).generated).PARAMETERS}
+        units = parameter_units(self.model)
         for name, given in self.parameters.items():
             text, own = measured(case.parameters[name], units[name]), case.units.get(name)
             other = isinstance(given, float) and own not in (None, units[name])
