@@ -22,12 +22,6 @@ def whole(chosen: Array, count: int) -> bool:
     return bool(chosen.all() if chosen.dtype == bool else (chosen == np.arange(count)).all())
 
 
-def most(flags: Array) -> Array | slice:
-    """Where flags (k,) are true, or everywhere if most are: what is worked out for the others too costs less
-    than copies."""
-    return slice(None) if 2 * np.count_nonzero(flags) > len(flags) else np.flatnonzero(flags)
-
-
 def different(numbers: Array) -> list[int]:
     """The different ones among whole numbers (k,) of moderate size, rising.
 

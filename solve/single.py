@@ -1,12 +1,9 @@
 """One point: the periodic solution of a system, found directly, or its stability alone."""
 
-import os
-
 from solve.certify.all_multipliers import Spectrum, checked_maps, refined, rigid_multipliers
 from solve.certify.certified import Certified, Failed, Request
-from solve.certify.ladder import STEPS
 from solve.certify.reduction import judged_by_enriched
-from solve.certify.refinement import certified
+from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau
@@ -18,10 +15,6 @@ from solve.results.stability import Stability
 from solve.system import PeriodicSystem, of_any_system, of_system
 from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
-
-CERTIFICATE, TWO_ORDERS = "SOLVE_CERTIFICATE", "two orders"
-"""Environment variable that selects the error estimate, and its value for the estimate of
-`solve.certify.two_orders`, which is intended to replace the grid sequence."""
 
 
 @of_any_system
@@ -36,13 +29,13 @@ def periodic(
 ) -> Orbit:
     """The T-periodic solution at a speed (rad/s, or a text with unit such as "600 rpm").
 
-    With `steps`, the result is that of the method on this number of steps, with an error estimate from
-    twice as many. Without, steps are refined until the estimated errors of orbit and multipliers are at
-    most `rtol`. engine: "compiled", "numpy", or "auto" for compiled code if a C compiler is available; the
-    first solution of a kind then includes the compilation, once per machine. all_multipliers: apply `rtol`
-    to each multiplier, however small, at the cost of more steps. A mechanism without coordinates has
-    outputs over the revolution, but neither multipliers nor a verdict. Raises ResonanceError if a
-    multiplier is +1, and other SolveError subclasses for bad input, matrices or steps.
+    With `steps`, the result is that of the method on this number of steps, with an error estimate from one
+    stage more, or from twice as many steps. Without, steps are refined until the estimated errors of orbit
+    and multipliers are at most `rtol`. engine: "compiled", "numpy", or "auto" for compiled code if a C
+    compiler is available; the first solution of a kind then includes the compilation, once per machine.
+    all_multipliers: apply `rtol` to each multiplier, however small, at the cost of more steps. A mechanism
+    without coordinates has outputs over the revolution, but neither multipliers nor a verdict. Raises
+    ResonanceError if a multiplier is +1, and other SolveError subclasses for bad input, matrices or steps.
 
     >>> import numpy as np
     >>> def oscillator(phase, speed):
@@ -72,10 +65,10 @@ def floquet(
 ) -> Stability:
     """Floquet multipliers of the system at a speed (rad/s, or a text with unit such as "600 rpm").
 
-    With `steps`, the method's result on that many steps, its error estimated from twice as many;
-    without, steps grow until the estimated error is `rtol` or less. engine, all_multipliers: as in
-    `periodic`. Raises SolveError subclasses for bad input, matrices or steps.
-    """
+    With `steps`, the result is that of the method on this number of steps, with an error estimate from one
+    stage more, or from twice as many steps. Without, steps are refined until the estimated error is at most
+    `rtol`. engine, all_multipliers: as in `periodic`. Raises SolveError subclasses for bad input, matrices or
+    steps."""
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
     solved = _solved(system, omega, method, steps, rtol, engine, False, all_multipliers)
@@ -85,8 +78,7 @@ def floquet(
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:
     """What is asked of points, with the methods that judge others; engine: COMPILED or NUMPY. Raises
     ValueOutOfBoundsError."""
-    two_orders = os.environ.get(CERTIFICATE) == TWO_ORDERS
-    return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto, two_orders)
+    return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
 
 
 def _solved(

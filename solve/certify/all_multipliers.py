@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.certified import Certified, Request
+from solve.certify.estimates import NO_DIGIT
 from solve.errors import StepsError
 from solve.kernel import slicot
 from solve.methods.free import free, solutions_on
@@ -29,14 +30,11 @@ from solve.period.product_eigenvalues import (
 from solve.period.rigid_body import Free, before_rigid
 from solve.progress import stage
 
-_NO_DIGIT = 0.1
-"""Relative error from which on a multiplier is not known."""
-
 _GAIN = 0.5
 """Part of itself to which twice the steps must bring the largest error, for more to be tried."""
 
 _EXACT_ZERO = -1e6
-"""Logarithm that stands for that of an exact zero where multipliers of two grids are matched."""
+"""Logarithm that stands for that of an exact zero where multipliers of two solutions are matched."""
 
 _QUICK, _WITH_MODES, _MOST = 3e6, 1e7, 2e8
 """Steps times the square of the states up to which factors are asked in any case; up to which, where every
@@ -73,9 +71,9 @@ class Refined:
 class Spectrum:
     """All multipliers of a point, falling in modulus, + imaginary part first.
 
-    Those of which the monodromy matrix holds a digit are its eigenvalues. Others come from the factors of
-    the period on the same steps; their errors are the differences to those on twice the steps. refined:
-    where `rtol` holds for each; then all come from the factors. Those of rigid-body modes are +1, exactly.
+    Multipliers with a digit in the monodromy matrix are its eigenvalues. Others come from the factors of the
+    period on twice the steps; their errors are the differences from those with one stage more. refined: all
+    from the factors, if `rtol` applies to each. Multipliers of rigid-body modes are exactly +1.
     """
 
     point: OnePoint
@@ -104,7 +102,7 @@ class Spectrum:
     def leading(self) -> Array:
         """The largest multipliers (k,), of which the monodromy matrix tells that they meet none of the
         others; none where all were asked for."""
-        known = 2 * self.certified.absolute[0] < _NO_DIGIT * np.abs(self._eigenvalues)
+        known = 2 * self.certified.absolute[0] < NO_DIGIT * np.abs(self._eigenvalues)
         every = self._with_rigid(self._eigenvalues, 1.0)
         return every[self._with_rigid(known, fill=True)] if self.refined is None else every[:0]
 
@@ -136,7 +134,7 @@ class Spectrum:
         mass = matrices(self.point, phases)[0][0].mean(axis=0)
         modes = floquet_modes(solutions.steps.A[0], solutions.grid, mass, *self._factored, self._rotation)
         apart = np.diagonal(_apart(self.logarithms, self._factored[1].logarithms[0][order]))
-        known = ~np.isnan(self.errors) & (apart < _NO_DIGIT)
+        known = ~np.isnan(self.errors) & (apart < NO_DIGIT)
         found = [modes[at] if known[i] else without[i] for i, at in enumerate(order)]
         rigid = self.rigid.tolist()
         return [_TURNING if turning else mode for turning, mode in zip(rigid, found, strict=True)]
@@ -175,13 +173,21 @@ class Spectrum:
 
     @cached_property
     def _solutions(self) -> Solutions:
-        """Those whose steps tell the modes."""
-        if self.refined is None or self._work(self.refined.steps) > _WITH_MODES:
-            if not self._count:
-                return self.certified.solutions
-            certified = self.certified
-            return _solutions(self._equations, certified.method, certified.request, certified.steps)
-        return _solutions(self._equations, self.certified.method, self.certified.request, self.refined.steps)
+        """Those whose steps tell the modes, and the multipliers without a digit in the monodromy matrix."""
+        certified, equations = self.certified, self._equations
+        if self.refined is not None and self._work(self.refined.steps) <= _WITH_MODES:
+            return _solutions(equations, certified.method, certified.request, self.refined.steps)
+        if self._steps == certified.steps and not self._count:
+            return certified.solutions
+        return _solutions(equations, certified.method, certified.request, self._steps)
+
+    @property
+    def _steps(self) -> int:
+        """Steps of these: small multipliers are those of fast modes, which need twice the steps of the
+        solution, unless these are given."""
+        certified = self.certified
+        small = self.refined is None and not self._digits.all() and certified.request.steps is None
+        return certified.steps * (2 if small and certified.method.with_another_stage else 1)
 
     @property
     def _equations(self) -> Points:
@@ -202,7 +208,7 @@ class Spectrum:
     @cached_property
     def _digits(self) -> Array:
         """Of which multipliers (N,) the monodromy matrix holds a digit."""
-        return self.certified.absolute[0] < _NO_DIGIT * np.abs(self._eigenvalues)
+        return self.certified.absolute[0] < NO_DIGIT * np.abs(self._eigenvalues)
 
     @property
     def _factors_serve(self) -> bool:
@@ -219,15 +225,16 @@ class Spectrum:
         with np.errstate(divide="ignore", invalid="ignore"):
             logarithms = np.where(rho != 0, np.log(rho), np.nan)
             errors = np.where(digits, self.certified.absolute[0] / np.abs(rho), np.nan)
-        # Steps that do not know the largest know nothing of the others, however twice as many agree.
+        # If the largest multipliers are unknown, so are all others, even if two solutions agree.
         certified = self.certified
-        if digits.all() or not certified.errors[0, 1] < _NO_DIGIT or self._factored is None:
+        if digits.all() or not certified.errors[0, 1] < NO_DIGIT or self._factored is None:
             return logarithms, errors
         own, order = self._factored[1], self._order[~self.rigid]
-        request, steps = certified.request, 2 * certified.steps
-        finer = _blocks_on_steps(self._equations, certified.method, request, steps, loss=_DEFAULT_LOSS)
+        better, steps = certified.method.with_another_stage, self._steps
+        grid = (certified.method, 2 * steps) if better is None else (better, steps)
+        blocks = _blocks_on_steps(self._equations, grid[0], certified.request, grid[1], loss=_DEFAULT_LOSS)
         try:
-            small = _known(_errors(eigenvalue_logarithms(finer.factors[0]), own))
+            small = _known(_errors(eigenvalue_logarithms(blocks.factors[0]), own))
         except np.linalg.LinAlgError:
             return logarithms, errors
         return np.where(digits, logarithms, own.logarithms[0][order]), np.where(digits, errors, small[order])
@@ -309,7 +316,7 @@ def _refined(point: OnePoint, method: Method, request: Request, steps: int, rigi
         done = largest <= request.rtol or request.steps is not None
         if done or 2 * steps > most or largest > _GAIN * before:
             return Refined(logarithms, _known(errors), steps, turning)
-        coarse, before = fine, largest if largest < _NO_DIGIT else math.inf
+        coarse, before = fine, largest if largest < NO_DIGIT else math.inf
 
 
 def rigid_multipliers(certified: Certified) -> int:
@@ -374,14 +381,14 @@ def _errors(others: Array, own: ProductEigenvalues) -> Array:
     nearest, distance = apart.argmin(axis=1), apart.min(axis=1)
     mutual = apart.argmin(axis=0)[nearest] == np.arange(len(apart))
     # A multiplier far from all others has no digit in any assignment.
-    if not (mutual | (distance >= _NO_DIGIT)).all():
+    if not (mutual | (distance >= NO_DIGIT)).all():
         distance = apart[matched(apart)]
     return np.maximum(distance, own.errors[0])
 
 
 def _known(errors: Array) -> Array:
     """NaN where errors leave no digit."""
-    return np.where(errors < _NO_DIGIT, errors, np.nan)
+    return np.where(errors < NO_DIGIT, errors, np.nan)
 
 
 def matched_logarithms(some: Array, every: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What is asked of points, and their solutions with the errors estimated from a second grid."""
+"""What is asked of points, and their solutions with their estimated errors."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.estimates import enough_steps
 from solve.errors import SolveError
 from solve.methods.method import Method, Solutions
 from solve.period.frozen import Frozen
@@ -24,9 +23,8 @@ NEAR_ONE = 1e-3
 class Request:
     """What is asked of points: `steps`, or as many as `rtol` needs; with `orbit` the periodic solutions.
 
-    witness: an L-stable method whose multipliers judge those of methods that are not. reference: from
-    points to converging methods, which judge approximations. two_orders: whether errors are differences to
-    the solution with another stage, see `solve.certify.two_orders`.
+    witness: a method for any system, with which errors of a reduction are estimated. reference: from points
+    to converging methods, with which approximations are compared.
     """
 
     orbit: bool
@@ -35,7 +33,6 @@ class Request:
     engine: str
     witness: Method
     reference: Callable[[Points], Iterator[tuple[Method, Array]]]
-    two_orders: bool = False
 
 
 class ReductionError(NamedTuple):
@@ -80,7 +77,7 @@ class ReductionError(NamedTuple):
 
 @dataclass(frozen=True)
 class Certified:
-    """Points that the same method and grid served, with the errors estimated from a second grid.
+    """Points that the same method and grid served, with their estimated errors.
 
     positions (k,) among the points asked for; errors (k, 2) of orbit and multipliers, relative; absolute
     (k,): of the multipliers; modes: frozen ones; reduction (k,): a `ReductionError` each, or none.
@@ -134,11 +131,7 @@ class Certified:
         return found
 
     def warnings(self, at: int) -> list[str]:
-        """What is doubtful about one of the points, a sentence each.
-
-        Whoever chose the steps is warned of modes that they do not follow; where refinement chose them,
-        an L-stable method has confirmed the multipliers to within their error.
-        """
+        """What is doubtful about one of the points, a sentence each."""
         orbit, multipliers = map(float, self.errors[at])
         method, request, rho = self.method, self.request, self.solutions.multipliers
         parts = [("orbit", orbit), ("multipliers", multipliers)]
@@ -201,7 +194,7 @@ def unresolved_modes(method: Method, reach: float, steps: int, orbit: float | No
     where that is known to be small."""
     if method.l_stable or reach <= steps * method.follows:
         return []
-    enough = f", or at least {enough_steps(reach, method.follows)} steps" if method.converges else ""
+    enough = f", or at least {math.ceil(reach / method.follows)} steps" if method.converges else ""
     right = "" if orbit is None else f" though the orbit is right to {orbit:.1e}"
     return [
         f"ω_max h = {reach / steps:.2g}: {steps} steps leave stiff modes unresolved, and "

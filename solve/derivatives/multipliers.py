@@ -95,8 +95,12 @@ class MultipliersOnGrid:
     @cached_property
     def _of_turn(self) -> tuple[Array, Array, Array]:
         """Multipliers (N,) of Φ with right and left vectors (N, N), a column each."""
-        values, right = np.linalg.eig(self._turn.followed(np.eye(self._turn.A.shape[-1]))[-1])
-        return values.astype(complex), right, np.linalg.pinv(right).conj().T
+        Phi = self._turn.followed(np.eye(self._turn.A.shape[-1]))[-1]
+        values, right = np.linalg.eig(Phi)
+        # The inverse of right vectors loses digits of all left ones where two others are nearly parallel.
+        own, left = np.linalg.eig(Phi.conj().T)
+        places = np.abs(own.conj() - values[:, None]).argmin(axis=1)
+        return values.astype(complex), right, left[:, places]
 
     def _of_product(self, at: int) -> Vectors:
         if not slicot.available():

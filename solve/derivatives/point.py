@@ -1,5 +1,5 @@
 """Sensitivities of one point: derivatives of quantities of an orbit, or of its stability, on the grid that
-solved it, with errors estimated from coarser grids."""
+solved it, with errors estimated from one stage more."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,6 @@ import numpy as np
 
 from solve.argument import listed
 from solve.arrays import Array
-from solve.certify.pace import Pace, estimated
 from solve.contracts import Dependence
 from solve.derivatives.figures import Figures, Starts
 from solve.derivatives.multipliers import MEET, MultipliersOnGrid
@@ -36,8 +35,11 @@ from solve.single import floquet, periodic
 from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 
-_GRIDS = 1, 2, 4
-"""Parts of the steps on which derivatives are compared, the finest first."""
+_SAFETY = 2.0
+"""Factor on the difference of derivatives to those with one stage more, as of solutions."""
+
+_COARSER = 4
+"""Fraction of the steps that show the sizes of the terms of which derivatives are sums."""
 
 _A_FIGURE = 2
 """Parameters whose columns cost as much as the adjoint problem of a figure."""
@@ -129,11 +131,12 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
             "forces along its rigid-body mode; request sensitivities of multipliers, or add drag"
         )
     adjoint = dependence.parted and free is None and _A_FIGURE * of_orbits <= len(names)
-    on, starts = partial(OnGrid, solved, rule), {}
-    grids = [on(max(1, solved.steps // part), dependence, names, adjoint, starts) for part in _GRIDS]
+    shared = dependence, names, adjoint, {}
+    own, better = (OnGrid(solved, each, solved.steps, *shared) for each in (rule, rule.with_another_stage))
+    coarse = OnGrid(solved, rule, max(1, solved.steps // _COARSER), *shared)
     with one_thread(system.n):
-        slopes = list(zip(*(grid.slopes(asked) for grid in grids), strict=True))
-        found = _judged(asked, slopes, grids, rule)
+        slopes = list(zip(own.slopes(asked), better.slopes(asked), strict=True))
+        found = _with_errors(asked, slopes, own, coarse)
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     notes = [*solved.notes, *(solved.doubts if isinstance(solved, NonlinearOrbit) else [])]
@@ -194,7 +197,7 @@ class OnGrid:
     def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
         """The periodic solution on a grid, where it is known already, or quickly found."""
         solutions = self.solved.certified.solutions
-        if self.steps != self.solved.steps:
+        if self.steps != self.solved.steps or self.rule != self.solved.certified.method:
             if engine != COMPILED:
                 return None
             solutions = self.rule.solutions(point, grid, True, engine)
@@ -204,6 +207,9 @@ class OnGrid:
     def orbit(self) -> OrbitOnGrid:
         finest = self.solved.steps * samples_a_step(self.solved.steps)
         samples = finest * self.steps // self.solved.steps
+        if self.rule != self.solved.certified.method:
+            # Sums over samples have an error of their own, which more samples show.
+            samples *= 2
         return OrbitOnGrid(self.solved.system, self.solved.speed, self.turn, samples)
 
     @cached_property
@@ -325,7 +331,7 @@ class OnGrid:
 
 def _error_of_factor(solved: Stability, asked: Named) -> float:
     """Relative error of the multiplier that the derivative of its logarithm is multiplied by, which is the
-    finest grid's on every grid; 0 where there is none."""
+    solution's with every number of stages; 0 where there is none."""
     if asked.of_orbit or asked.subject == EXPONENT:
         return 0.0
     at = _place(solved, asked)
@@ -378,47 +384,47 @@ def _require_alone(solved: Stability, at: int, asked: Named) -> None:
 Slopes = tuple[Array | NoDerivativeError, ...]
 
 
-def _judged(
-    asked: Sequence[Named], slopes: Sequence[Slopes], grids: Sequence[OnGrid], rule: Collocated
+def _with_errors(
+    asked: Sequence[Named], slopes: Sequence[Sequence[Array | NoDerivativeError]], own: OnGrid, coarse: OnGrid
 ) -> dict[str, Sensitivity]:
-    """From the derivatives on each of the grids, the finest first, those of each quantity with errors, by the
-    rule of the solutions themselves. What rounding leaves is known from the coarsest grid."""
-    finest, coarse_sizes = grids[0], grids[-1].slopes(asked, sizes=True)
+    """From the derivatives by the method and with one stage more, those of each quantity with errors. What
+    rounding leaves is estimated on a coarse grid."""
+    sizes = coarse.slopes(asked, sizes=True)
     whys = [next((str(why) for why in each if isinstance(why, NoDerivativeError)), "") for each in slopes]
-    known = [at for at, why in enumerate(whys) if not why]
+    whys = [
+        why or (str(size) if isinstance(size, NoDerivativeError) else "")
+        for why, size in zip(whys, sizes, strict=True)
+    ]
     errors = {}
-    if known:
-        fine, coarse, coarsest = (np.array(grid) for grid in zip(*(slopes[at] for at in known), strict=True))
-        orders = [rule.curve_order if asked[at].of_orbit else rule.order for at in known]
-        found, before = np.abs(fine - coarse), np.abs(coarse - coarsest)
-        made = estimated(found, before, Pace(finest.steps, 2.0, 2.0), np.array(orders)[:, None])
-        made += np.array([_error_of_factor(finest.solved, asked[at]) for at in known])[:, None] * np.abs(fine)
-        sizes = np.array([coarse_sizes[at] for at in known])
-        errors = dict(zip(known, np.maximum(made, _ROUNDING * sizes), strict=True))
+    for at, why in enumerate(whys):
+        if not why:
+            found, better = map(np.asarray, slopes[at])
+            made = _SAFETY * np.abs(found - better) + _error_of_factor(own.solved, asked[at]) * np.abs(found)
+            errors[at] = np.maximum(made, _ROUNDING * np.asarray(sizes[at]))
     return {
-        each.text: _sensitivity(each, np.asarray(slopes[at][0]), errors[at], finest)
+        each.text: _sensitivity(each, np.asarray(slopes[at][0]), errors[at], own)
         if at in errors
-        else _without(each, whys[at], finest)
+        else _without(each, whys[at], own)
         for at, each in enumerate(asked)
     }
 
 
-def _without(asked: Named, reason: str, finest: OnGrid) -> Sensitivity:
+def _without(asked: Named, reason: str, own: OnGrid) -> Sensitivity:
     """A quantity without derivatives."""
-    nothing = np.full(len(finest.names), np.nan)
-    return Sensitivity(asked.value(cast(Solved, finest.solved)), asked.unit, nothing, nothing, reason)
+    nothing = np.full(len(own.names), np.nan)
+    return Sensitivity(asked.value(cast(Solved, own.solved)), asked.unit, nothing, nothing, reason)
 
 
-def _sensitivity(asked: Named, fine: Array, errors: Array, finest: OnGrid) -> Sensitivity:
+def _sensitivity(asked: Named, fine: Array, errors: Array, own: OnGrid) -> Sensitivity:
     """Of a quantity with derivatives, or with none by some parameters and the reason."""
-    moved = finest.jumps(asked.subject)
+    moved = own.jumps(asked.subject)
     whys = {
         "several extrema are equally large, and change differently": np.isnan(fine) & ~moved,
         f"{asked.subject} jumps where they move, which the sums over its samples do not see": moved,
     }
     reason = "; ".join(
-        f"{asked.text} has no derivative by {', '.join(np.array(finest.names)[at])}: {why}"
+        f"{asked.text} has no derivative by {', '.join(np.array(own.names)[at])}: {why}"
         for why, at in whys.items()
         if at.any()
     )
-    return Sensitivity(asked.value(cast(Solved, finest.solved)), asked.unit, fine, errors, reason)
+    return Sensitivity(asked.value(cast(Solved, own.solved)), asked.unit, fine, errors, reason)

@@ -75,13 +75,6 @@ class Solutions:
         """Those of some points, none of them a failure."""
         return self if whole(points, len(self)) else self._of(points, {})
 
-    def neighbours(self, first: int, end: int) -> "Solutions":
-        """Those from the `first` point to the one before the `end`, failures too; nothing is copied."""
-        if end - first == len(self):
-            return self
-        failures = {at - first: reason for at, reason in self.failures.items() if first <= at < end}
-        return self._of(slice(first, end), failures)
-
     def _of(self, points: Array | slice, failures: Mapping[int, SolveError]) -> "Solutions":
         made = Solutions(
             self.grid,
@@ -167,10 +160,6 @@ class Method:
     def linear(self) -> bool:
         """Whether the points are solved directly, rather than linearised along an orbit first."""
         return True
-
-    def loaded(self, points: Points) -> Points:
-        """The points whose matrices and loads show what orders the solutions have to follow."""
-        return points
 
     def linearised(self, points: Points, solutions: "Solutions") -> Points:
         """Linear equations that the solutions of points satisfy: those of the points, unless they are

@@ -258,10 +258,6 @@ class Newton(Method):
     def linear(self) -> bool:
         return False
 
-    def loaded(self, points: Points) -> Points:
-        """The system at rest: along the last curve it has the kinks of that curve."""
-        return OnePoint(self.task.system, self.task.speed)
-
     @property
     def with_another_stage(self) -> "Newton":
         """Iteration with the method with one more stage."""

@@ -19,7 +19,6 @@ from solve.errors import (
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocation import Collocated
-from solve.methods.radau import Radau
 from solve.newton.continuation import by_load, by_speed
 from solve.newton.iteration import Converged, Newton, Task, at_rest, iterated
 from solve.newton.settling import by_transient
@@ -98,8 +97,8 @@ def nonlinear(
 
     Notes
     -----
-    Each correction of the iteration is a linear periodic problem. Errors are estimated from
-    converged solutions on two grids; multipliers are those of the converged linearisation.
+    Each correction of the iteration is a linear periodic problem. Errors are estimated from orbits with
+    one stage more; multipliers are those of the converged linearisation.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_whole("periods", periods)
@@ -203,7 +202,6 @@ class _Search:
         task, start, first = self.task, found.curve, found.solutions.grid.steps
         asked = request(self.steps, task.rtol, task.engine, True)
         newton = Newton(task, start, first, found)
-        asked = replace(asked, witness=Newton(replace(task, method=Radau()), start, first))
         (result,) = certified(newton.point(), newton, asked)
         if isinstance(result, Failed):
             raise result.reason

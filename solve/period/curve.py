@@ -122,14 +122,6 @@ class Curve:
         powers = 1 / np.arange(1, self.coefficients.shape[-1] + 1)
         return np.asarray((self.coefficients @ powers) @ self.h / self.nodes[-1])
 
-    @property
-    def last_power(self) -> Array:
-        """Largest part (…) that the highest power of θ has in a step, by the largest value of its coordinate:
-        where it is about 1, the steps do not follow the curve."""
-        size = np.abs(self.coefficients[..., 0]).max(axis=-1)
-        last = np.abs(self.coefficients[..., -1]).max(axis=-1)
-        return (last / np.where(size > 0, size, 1.0)).max(axis=-1)
-
     def __getitem__(self, points: Any) -> "Curve":
         drift = None if self.drift is None else self.drift[points]
         return Curve(self.nodes, self.coefficients[points], drift=drift)

@@ -177,22 +177,23 @@ class Frozen:
         """`reach`, as far as these phases tell it (P,)."""
         return np.abs(self.few_eigenvalues).max(axis=(1, 2)) * self.period
 
-    def lasting(self, part: float) -> Array:
-        """The same of the fastest mode of which a period leaves more than a part (P,), 0 where it leaves none
-        of any."""
-        size = np.abs(self.few_eigenvalues)
-        rates = np.take_along_axis(np.real(self.few_eigenvalues), np.argsort(size, axis=-1), axis=-1)
-        lasts = rates.mean(axis=1) * self.period > np.log(part)
-        return np.where(lasts, np.sort(size, axis=-1).max(axis=1), 0.0).max(axis=1) * self.period
-
-    @property
-    def lasting_rates(self) -> tuple[Array, Array]:
+    def lasting_rates(self, negligible: float) -> tuple[Array, Array]:
         """Largest moduli (P, 2n) of the rates in ascending order, and the mean decay of their modes over a
-        period relative to the least damped one (P, 2n)."""
-        size, real = np.abs(self.few_eigenvalues), np.real(self.few_eigenvalues)
-        rates = np.take_along_axis(real, np.argsort(size, axis=-1), axis=-1).mean(axis=1)
-        left = np.exp(np.clip((rates - rates.max(axis=1, keepdims=True)) * self.period, -700.0, 0.0))
-        return np.sort(size, axis=-1).max(axis=1), left
+        period (P, 2n), relative to the least damped one or to what is negligible."""
+        if self._n == 1:
+            few = Tables(self._tables.table[..., _FEW, :], self._tables.coefficients, self._tables.entry, 1)
+            sizes, rates = _moduli_and_real_parts(*few.fields()[:3])
+        else:
+            values = self.few_eigenvalues
+            order = np.argsort(np.abs(values), axis=-1)
+            values = np.take_along_axis(values, order, axis=-1)
+            sizes, rates = np.abs(values), np.real(values)
+        sizes, rates = sizes.max(axis=1), rates.mean(axis=1)
+        with np.errstate(invalid="ignore"):
+            left = rates * self.period
+            left = left - np.maximum(left.max(axis=1, keepdims=True), np.log(negligible))
+            left = np.exp(np.clip(left, -700.0, 0.0))
+        return sizes, left
 
     def equation_factors(self) -> Array | None:
         """Powers of 2 (P, n) that make the inertias in all equations alike, in balanced units of the
@@ -337,18 +338,6 @@ class Frozen:
         with np.errstate(all="ignore"):
             return (low[0] > 0) & (C / low[0] + K / low[0] / rate <= rate)
 
-    @property
-    def rate_bound(self) -> Array | None:
-        """Upper bound (P,) of the rates of a single mode, r² = max|C/M| r + max|K/M|, from the ranges of
-        terms that the points share; None if these do not give one."""
-        if self._n > 1 or self._tables.own:
-            return None
-        low, high = self._ranges
-        if not (low[0] > 0).all():
-            return None
-        C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3])) / low[0]
-        return C / 2 + np.sqrt((C / 2) ** 2 + K)
-
     def _at(self, phase: int) -> "Frozen":
         entries = np.moveaxis(self._fields[..., phase : phase + 1], 0, -1)
         return Frozen(Tables.of(entries, self._n), self.period, self._engine)
@@ -454,6 +443,20 @@ def _quadratic(M: Array, C: Array, K: Array) -> Array:
     return np.stack(
         (larger, np.where(larger != 0, product / np.where(larger != 0, larger, 1.0), 0.0)), axis=-1
     )
+
+
+def _moduli_and_real_parts(M: Array, C: Array, K: Array) -> tuple[Array, Array]:
+    """Moduli and real parts (…, 2) of the roots of λ²M + λC + K, the smaller root first, without complex
+    numbers."""
+    with np.errstate(all="ignore"):
+        half, product = C / (2 * M), K / M
+        aperiodic = half**2 > product
+        root = np.sqrt(np.abs(half**2 - product))
+        larger = np.where(aperiodic, -half - np.copysign(root, half), -half)
+        smaller = np.where(aperiodic, product / larger, -half)
+        size = np.sqrt(np.abs(product))
+    moduli = (np.where(aperiodic, np.abs(each), size) for each in (smaller, larger))
+    return np.stack(tuple(moduli), axis=-1), np.stack((smaller, larger), axis=-1)
 
 
 def _contracts(B: Array) -> Array:

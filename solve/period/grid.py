@@ -66,16 +66,6 @@ class Grid:
         """Whether the matrices jump nowhere."""
         return not self.at_break.any()
 
-    def least_ratio(self, coarse: "Grid") -> float:
-        """Of the steps to those of a coarser grid, in the piece between two jumps where it is least."""
-        return float((self._counts / coarse._counts).min())
-
-    @property
-    def _counts(self) -> Array:
-        """Steps of each piece (k,)."""
-        starts = np.union1d(0, np.flatnonzero(self.at_break))
-        return np.diff(np.append(starts, self.steps))
-
     def parts(self, steps: int) -> "list[Grid]":
         """This grid in parts of so many steps; whole where the matrices jump."""
         if not self.smooth:

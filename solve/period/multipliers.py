@@ -4,7 +4,6 @@ Every array may have a leading axis of points, here `…`.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -84,14 +83,6 @@ class Multipliers:
 
     def __getitem__(self, points: Any) -> "Multipliers":
         return Multipliers(self.values[points], self.resolved[points], self.bound[points])
-
-    @classmethod
-    def beside(cls, parts: Sequence["Multipliers"]) -> "Multipliers":
-        """Those of some points and of others."""
-        if len(parts) == 1:
-            return parts[0]
-        each = zip(*((part.values, part.resolved, part.bound) for part in parts), strict=True)
-        return cls(*(np.concatenate(numbers) for numbers in each))
 
     @cached_property
     def moduli(self) -> Array:
@@ -373,17 +364,6 @@ def roughly(multipliers: Multipliers, errors: Array) -> Array:
     """The same by the moduli alone, whichever may be one."""
     e = _absolute(multipliers, errors)
     return _by_moduli(multipliers.moduli, e, e, e)
-
-
-def decided(multipliers: Multipliers, errors: Array) -> Array:
-    """Whether the verdict (P,) is what it would be without the errors (P,), which are absolute: every modulus
-    is 1 or farther from it than they are, and no two multipliers on the circle are as near to each other."""
-    off = np.abs(multipliers.moduli - 1)
-    on_circle, e = off <= UNIT_CIRCLE, np.broadcast_to(errors[:, None], off.shape)
-    known = np.where(on_circle, off + e <= KNOWN_ON_CIRCLE, off > SURE * e + UNIT_CIRCLE)
-    found = across(np.logical_and, known)
-    found[_meetings(multipliers, errors, e)[0]] = False
-    return found
 
 
 def _absolute(multipliers: Multipliers, errors: Array) -> Array:

@@ -26,7 +26,7 @@ _EVALUATIONS = 14
 """Measured number of further solutions per bracket, for the estimate of the remaining time."""
 
 _OF_STEPS = ("radau", "gauss")
-"""Methods whose solution is that on the finer of two grids."""
+"""Methods whose better solution, with another stage, is on the same grid."""
 
 _MOST = 100
 """Maximum number of iterations: golden sections alone reduce a bracket to 1e-16 of its width in 77."""

@@ -1,36 +1,51 @@
-"""python -m tests.benchmarks.population [--every K]: error estimates and verdicts against the truth, on the
-whole population (half an hour) or on each K-th system: rates by method, by kind and method, and the worst
-results."""
+"""python -m tests.benchmarks.population [--fresh] [--first K] [--every K]: error estimates and verdicts
+against the truth, on the whole population (half an hour), on its first K or on each K-th system: rates by
+method, by kind and method, and the worst results. With --fresh it is the population on which no estimate was
+tuned, and the method `auto` alone."""
 
 import argparse
 import sys
 from collections.abc import Sequence
 
-from tests.solve.certificates.population import KINDS, SIZE, member
-from tests.solve.certificates.trials import Outcome, asked, grouped, outcomes, rates
+from tests.solve.certificates import fresh, population
+from tests.solve.certificates.trials import TRIALS, Outcome, asked, grouped, outcomes, rates
 
 WORST = 10
+FRESH_TRIALS = [trial for trial in TRIALS if trial.name == "auto" and trial.rtol in {1e-4, 1e-8}]
+
+
+def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.population", description=__doc__)
+    parser.add_argument("--every", type=int, default=1, help="each K-th system")
+    parser.add_argument("--first", type=int, help="none but the first K systems")
+    parser.add_argument(
+        "--fresh", action="store_true", help="the population on which no estimate was tuned, by `auto` alone"
+    )
+    return parser.parse_args(arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.population", description=__doc__)
-    parser.add_argument("--every", type=int, default=1, help="each K-th system")
-    chosen = range(0, SIZE, parser.parse_args(arguments).every)
+    given = options(arguments)
+    source, trials = (fresh, FRESH_TRIALS) if given.fresh else (population, TRIALS)
+    chosen = range(source.SIZE)[: given.first : given.every]
     found: list[Outcome] = []
     for index in chosen:
-        found += outcomes(member(index))
+        found += outcomes(source.member(index), trials)
         if index % 50 == 0:
-            print(f"system {index} of {SIZE}", file=sys.stderr, flush=True)
+            print(f"system {index} of {source.SIZE}", file=sys.stderr, flush=True)
     print(f"{len(chosen)} systems, {len(found)} results, each with orbit and multipliers\n")
     methods = grouped(found, asked)
     for name, part in methods.items():
         print(rates(name, part))
-    print(rates("given steps", [each for each in found if each.trial.steps]))
-    print(f"\n{'honest, %':24s}" + "".join(f"{kind:>18s}" for kind in KINDS))
+    with_steps = [each for each in found if each.trial.steps]
+    if with_steps:
+        print(rates("given steps", with_steps))
+    print(f"\n{'honest, %':24s}" + "".join(f"{kind:>18s}" for kind in source.KINDS))
     for name, part in methods.items():
         shares = {kind: rates(name, of_kind).honest for kind, of_kind in grouped(part, _kind).items()}
         row = (
-            f"{100 * shares[kind]:18.2f}" if shares.get(kind, -1) >= 0 else f"{'-':>18s}" for kind in KINDS
+            f"{100 * shares[kind]:18.2f}" if shares.get(kind, -1) >= 0 else f"{'-':>18s}"
+            for kind in source.KINDS
         )
         print(f"{name:24s}" + "".join(row))
     solved = [each for each in found if not each.refusal]

@@ -59,22 +59,19 @@ def test_a_bump_at_a_node_makes_its_system_unstable():
         assert found.spectral_radius == pytest.approx(kick, rel=5e-4)
 
 
-def test_what_lies_between_all_samples_is_not_seen():
-    """The limit of every method that samples: a bump that changes the spectral radius by 6 %, at some of
-    60 places."""
-    width, free = 2 * np.pi / 6000, np.exp(-DAMPING / 2 * 2 * np.pi)
-    places = np.random.default_rng(0).uniform(0.0, 2 * np.pi, 60)
-    found = [floquet(struck(place, width), 1.0) for place in places]
-    unseen = [
-        place
-        for place, each in zip(places, found, strict=True)
-        if each.spectral_radius < 1.01 * free and each.warnings == []
-    ]
-    print(f"a bump of a width of T/6000 is not seen at {len(unseen)} of {len(places)} places")
-    assert 0 < len(unseen) < 30
+def test_a_bump_narrower_than_all_samples_may_be_missed():
+    """The limit of every method that samples: a bump that changes the spectral radius by 6 %, a
+    hundred-thousandth of the period wide, at some of 30 places; one of a six-thousandth is seen at all."""
+    free = np.exp(-DAMPING / 2 * 2 * np.pi)
+    places = np.random.default_rng(0).uniform(0.0, 2 * np.pi, 30)
+
+    def missed(width):
+        found = [floquet(struck(place, width), 1.0) for place in places]
+        return [each for each in found if each.spectral_radius < 1.01 * free and each.warnings == []]
+
+    assert missed(2 * np.pi / 6000) == []
+    assert len(missed(2 * np.pi / 100_000)) > 0
     assert np.abs(kicked()).max() > 1.05 * free
-    enough = floquet(struck(unseen[0], width), 1.0, steps=6000)
-    np.testing.assert_allclose(np.abs(enough.multipliers), np.abs(kicked()), rtol=1e-4)
 
 
 @pytest.mark.parametrize("part", [300, 3000, 30_000])
@@ -115,7 +112,7 @@ def ripple(order, part, breaks=()):
 
 def kinked(place):
     """A load |cos(φ + place)|, by its Fourier series."""
-    half = np.arange(1, 1000)
+    half = np.arange(1, 20_000)
     parts = -4 / np.pi * (-1.0) ** half / (4 * half**2 - 1) * np.exp(2j * half * place)
     truth = answer([0, *2 * half], [2 / np.pi, *parts])
     return oscillator(lambda phase: np.abs(np.cos(phase + place))), truth

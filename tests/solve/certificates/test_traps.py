@@ -4,8 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
-from solve import Newmark, Radau, floquet, periodic
+from solve import Newmark, PeriodicSystem, Radau, floquet, periodic
 from solve.errors import StepsError
 from solve.methods.choice import METHODS, chosen
 from solve.methods.gauss import Gauss
@@ -267,3 +268,52 @@ def test_teeth_that_all_grids_see_alike(name, rtol, teeth):
     fixed = periodic(given, 1.0, name, steps=teeth // 4 + 1, rtol=rtol)
     error = relative_error(fixed.at(PHASES), truth.states(PHASES)[:1])
     assert error <= 10 * fixed.error_estimate.orbit
+
+
+def jumping(stiffness, load):
+    """q″ + 0.1 q′ + k q = d with functions of the phase that jump without a break."""
+
+    def matrices(phase, speed):
+        turned = np.remainder(phase, 2 * np.pi)
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, stiffness(turned)[:, None, None] * one, load(turned)[:, None]
+
+    return PeriodicSystem(matrices, ["q"])
+
+
+def test_a_jump_at_the_end_of_the_period_needs_no_break():
+    """A sawtooth: every period begins with a step."""
+    given = jumping(lambda turned: 4.0 + 0 * turned, lambda turned: turned / (2 * np.pi))
+    found = periodic(given, 1.0, rtol=1e-6)
+    k = np.arange(1, 5000)
+    answer = 1 / (4 - k**2 + 0.1j * k)
+    q = 0.125 + np.real(np.exp(1j * np.outer(PHASES, k)) @ (1j / (np.pi * k) * answer))
+    assert found.steps < 1000
+    assert np.abs(found.at(PHASES)[0] - q).max() < 1e-6
+
+
+@pytest.mark.parametrize("at", [1.9383, 2.0, 5.0007])
+@pytest.mark.parametrize("steps", [None, 256])
+def test_jumps_within_and_at_the_end_of_the_period_do_not_cancel(at, steps):
+    given = jumping(lambda turned: 4.0 + 0.5 * (turned > at), np.cos)
+    found = floquet(given, 1.0, Gauss(), steps=steps, rtol=1e-5)
+    truth = np.abs(np.linalg.eigvals(step_matrix(4.5, 2 * np.pi - at) @ step_matrix(4.0, at))).max()
+    error = abs(found.spectral_radius / truth - 1)
+    assert error <= 10 * found.error_estimate.multipliers
+
+
+def step_matrix(stiffness, length):
+    return expm(np.array([[0.0, 1.0], [-stiffness, -0.1]]) * length)
+
+
+@pytest.mark.parametrize(
+    ("method", "steps", "stiffness", "damping"),
+    [("gauss", 20, 20411.2, 2.14e-4), ("gauss", 50, 2916.96, 6.02e-4), ("newmark", 6, 15.0377, 0.0133)],
+)
+def test_modes_that_steps_do_not_resolve_are_no_resonance(method, steps, stiffness, damping):
+    """Their computed multipliers may be anywhere on the unit circle, near +1 too."""
+    K = [[2.3, 0.3], [0.3, stiffness]]
+    given = constant(np.eye(2), damping * np.eye(2), K, lambda phase: 1 + np.cos(phase)[:, None] * np.ones(2))
+    found = periodic(given, 1.0, method, steps=steps, rtol=0.5)
+    assert found.error_estimate.multipliers == np.inf
+    assert found.warnings

@@ -14,6 +14,9 @@ PHASES = np.linspace(0.0, 2 * np.pi, 1000, endpoint=False) + 1e-3
 _NODES, _TURNED = 20, 1.5
 """Nodes a panel, and the angle that the fastest mode turns in one: the rest of the series is rounding."""
 
+_ENTRIES = 2**23
+"""Numbers in the matrices of panels that are solved at a time."""
+
 _BLOCKS = 16
 
 OWN_ERROR = 5e-13
@@ -39,55 +42,79 @@ class Truth:
         return float(self.logarithms.real.max())
 
 
-def integrated(system, speed) -> Truth:
+def integrated(system, speed, edges=(), longest=np.inf, nodes=_NODES, scales=None) -> Truth:
     """Panels that follow every mode, each solved as an integral equation of the rates at Gauss's points
-    (spectral integration: L. Greengard, SIAM J. Numer. Anal. 28 (1991) 1071-1080)."""
-    nodes, weights = legendre.leggauss(_NODES)
-    edges = _edges(system, speed)
-    h = np.diff(edges)
-    inner = edges[:-1, None] + h[:, None] * (nodes + 1) / 2
-    P, f = rate_matrices(system, inner.ravel(), speed)
-    N = P.shape[-1]
-    P, f = P.reshape(len(h), _NODES, N, N), f.reshape(len(h), _NODES, N)
-    series = np.linalg.inv(legendre.legvander(nodes, _NODES - 1))
-    integral = _integrals(nodes) @ series / 2
-    A = -np.einsum("k,ij,kjab->kiajb", h, integral, P)
-    A = A.reshape(len(h), _NODES * N, _NODES * N) + np.eye(_NODES * N)
-    start = np.broadcast_to(np.tile(np.eye(N), (_NODES, 1)), (len(h), _NODES * N, N))
-    load = np.einsum("k,ij,kja->kia", h, integral, f).reshape(len(h), -1, 1)
-    X = np.linalg.solve(A, np.concatenate((start, load), axis=-1)).reshape(len(h), _NODES, N, N + 1)
-    rate = P @ X
-    rate[..., -1] += f
-    change = np.einsum("k,i,kiab->kab", h, weights / 2, rate)
-    maps = change + np.eye(N, N + 1)
+    (spectral integration: L. Greengard, SIAM J. Numer. Anal. 28 (1991) 1071-1080).
+
+    edges: further phases where panels end; longest: length that no panel exceeds (both for features of the
+    matrices that their values at a few phases do not show); nodes: of each panel; scales (2n,): sizes of
+    the states q, q′ to which rounding is relative.
+    """
+    edges = panel_edges(system, speed, edges, longest)
+    h, N = np.diff(edges), 2 * system.n
+    scales = np.ones(N) if scales is None else np.asarray(scales)
+    size = max(1, _ENTRIES // (nodes * N) ** 2)
+    batches = [_panels(system, speed, edges[k : k + size + 1], nodes, scales) for k in range(0, len(h), size)]
+    rate, maps = (np.concatenate(each) for each in zip(*batches, strict=True))
     starts = _closed(maps)
     at = np.clip(np.searchsorted(edges, PHASES % (2 * np.pi), side="right") - 1, 0, len(h) - 1)
     place = 2 * (PHASES % (2 * np.pi) - edges[at]) / h[at] - 1
     slopes = np.einsum("kiab,kb->kia", rate, np.pad(starts, ((0, 0), (0, 1)), constant_values=1.0))
-    parts = np.einsum("pj,ji,pia->pa", _integrals(place), series, slopes[at])
-    q = (starts[at] + h[at, None] / 2 * parts)[:, : N // 2]
+    parts = np.einsum("pj,ji,pia->pa", _integrals(place, nodes), _series(nodes), slopes[at])
+    q = (scales * (starts[at] + h[at, None] / 2 * parts))[:, : N // 2]
     Phi = np.eye(N)
     for each in maps:
         Phi = each[:, :-1] @ Phi
-    return Truth(np.log(np.linalg.eigvals(Phi).astype(complex)), q.T)
+    with np.errstate(divide="ignore"):
+        # Modes that die within the turn may leave multipliers that are exactly 0.
+        return Truth(np.log(np.linalg.eigvals(Phi).astype(complex)), q.T)
 
 
-def _edges(system, speed):
+def _panels(system, speed, edges, nodes, scales):
+    """Rates (m, nodes, N, N+1) of the fundamental matrix and the forced state at Gauss's points of panels
+    between edges (m+1,), and the maps (m, N, N+1) over each."""
+    points, weights = legendre.leggauss(nodes)
+    h = np.diff(edges)
+    inner = edges[:-1, None] + h[:, None] * (points + 1) / 2
+    P, f = rate_matrices(system, inner.ravel(), speed)
+    N = P.shape[-1]
+    P, f = P * scales / scales[:, None], f / scales
+    P, f = P.reshape(len(h), nodes, N, N), f.reshape(len(h), nodes, N)
+    integral = _integrals(points, nodes) @ _series(nodes) / 2
+    A = -np.einsum("k,ij,kjab->kiajb", h, integral, P)
+    A = A.reshape(len(h), nodes * N, nodes * N) + np.eye(nodes * N)
+    start = np.broadcast_to(np.tile(np.eye(N), (nodes, 1)), (len(h), nodes * N, N))
+    load = np.einsum("k,ij,kja->kia", h, integral, f).reshape(len(h), -1, 1)
+    X = np.linalg.solve(A, np.concatenate((start, load), axis=-1)).reshape(len(h), nodes, N, N + 1)
+    rate = P @ X
+    rate[..., -1] += f
+    change = np.einsum("k,i,kiab->kab", h, weights / 2, rate)
+    return rate, change + np.eye(N, N + 1)
+
+
+def panel_edges(system, speed, further=(), longest=np.inf):
+    """Phases (m+1,) from 0 to 2π where panels end."""
     ends = np.unique(np.concatenate(([0.0, 2 * np.pi], np.remainder(system.breaks, 2 * np.pi))))
-    edges = [ends[:1]]
+    edges = [ends[:1], np.remainder(further, 2 * np.pi)]
     for left, right in pairwise(ends):
         phases = left + (right - left) * (np.arange(64) + 0.5) / 64
         fastest = np.abs(np.linalg.eigvals(rate_matrices(system, phases, speed)[0])).max()
         least = 24 if right - left > 1.0 else 4
-        count = max(least, int(np.ceil(1.2 * fastest * (right - left) / _TURNED)))
+        shortest = min(_TURNED / (1.2 * fastest), longest) if fastest > 0 else longest
+        count = max(least, int(np.ceil((right - left) / shortest)))
         edges.append(np.linspace(left, right, count + 1)[1:])
-    return np.concatenate(edges)
+    return np.unique(np.concatenate(edges))
 
 
-def _integrals(x):
+def _series(nodes):
+    """Coefficients of Legendre's polynomials from values at Gauss's points."""
+    return np.linalg.inv(legendre.legvander(legendre.leggauss(nodes)[0], nodes - 1))
+
+
+def _integrals(x, nodes):
     """Integrals (…, j) from -1 to x of Legendre's polynomials of degrees 0, 1, …"""
-    values = legendre.legvander(x, _NODES)
-    degree = np.arange(1, _NODES)
+    values = legendre.legvander(x, nodes)
+    degree = np.arange(1, nodes)
     return np.concatenate(
         ((x + 1)[..., None], (values[..., 2:] - values[..., :-2]) / (2 * degree + 1)), axis=-1
     )

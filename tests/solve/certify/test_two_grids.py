@@ -1,4 +1,4 @@
-"""Points that end after two grids: what these may not show by chance, and verdicts that need a third."""
+"""Multipliers that meet by chance, pieces between jumps that few steps divide unevenly, and weak damping."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,6 @@ from scipy.optimize import brentq
 
 from solve import Gauss, PeriodicSystem, floquet
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers, decided
 from solve.period.points import OnePoint
 from tests.solve.systems import constant
 from tests.solve.witnesses import Shooting, multiplier_error
@@ -36,7 +35,7 @@ def test_multipliers_that_meet_by_chance_are_known_by_their_matrices(between):
     given = hill(brentq(difference, *between, xtol=1e-15))
     found = floquet(given, 1.0, "gauss", rtol=1e-5)
     error = multiplier_error(found.multipliers, Shooting(given, 1.0).multipliers)
-    assert 1e-9 < error <= 10 * found.error_estimate.multipliers <= 1e-4
+    assert 1e-12 < error <= 10 * found.error_estimate.multipliers <= 1e-4
 
 
 def of_pieces(breaks, K, damping):
@@ -83,23 +82,3 @@ def test_a_stiff_piece_that_two_of_three_grids_divide_alike_is_not_believed(seed
 def test_weak_damping_decides_whatever_accuracy_is_asked_for(damping, rtol):
     given = constant(np.eye(1), damping * np.eye(1), 5.3 * np.eye(1), lambda phase: np.zeros((len(phase), 1)))
     assert floquet(given, 1.0, rtol=rtol).verdict == ("asymptotically stable" if damping > 0 else "unstable")
-
-
-@pytest.mark.parametrize(
-    ("radii", "angle", "error", "expected"),
-    [
-        ((0.9, 0.9), 1.0, 1e-2, True),
-        ((0.9, 0.9), 1.0, 6e-2, False),
-        ((1.1, 1.1), 1.0, 1e-2, True),
-        ((1.1, 1.1), 1.0, 6e-2, False),
-        ((1.0, 1.0), 1.0, 1e-7, True),
-        ((1.0, 1.0), 1.0, 1e-5, False),
-        ((1.0, 1.0), 1e-5, 1e-7, False),
-        ((1.0, 1.0 - 1e-7), 1.0, 1e-8, True),
-        ((1.0, 1.0 - 1e-7), 1.0, 1e-7, False),
-    ],
-)
-def test_a_verdict_is_decided_where_errors_cannot_change_it(radii, angle, error, expected):
-    values = np.array([[radii[0] * np.exp(1j * angle), radii[1] * np.exp(-1j * angle)]])
-    multipliers = Multipliers(values, np.array([2]), np.array([1e-15]))
-    assert decided(multipliers, np.array([error])).tolist() == [expected]

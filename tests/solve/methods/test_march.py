@@ -92,7 +92,8 @@ def test_what_is_left_of_the_transient_counts_as_error():
         left = relative_error(found.at(phases), limit.at(phases))
         stated = found.error_estimate.orbit
         assert left <= 10 * stated
-        assert 1e-3 * tolerance < stated < tolerance + limit.error_estimate.orbit * 1.01
+        # The transients of both solutions that are compared are within the tolerance.
+        assert 1e-3 * tolerance < stated < 2 * tolerance + limit.error_estimate.orbit * 1.01
     np.testing.assert_allclose(found.multipliers, limit.multipliers, rtol=1e-12)
 
 

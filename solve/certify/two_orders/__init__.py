@@ -1,1 +1,0 @@
-"""Errors by two orders on one grid; see docs/certificate.md."""

@@ -1,0 +1,169 @@
+"""Truths of the fresh population, by another integrator and by panels half as long; no method under test is
+asked here."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.benchmarks.population import FRESH_TRIALS, options
+from tests.solve.certificates import fresh
+from tests.solve.certificates.trials import matched_error
+from tests.solve.certificates.truth import PHASES, panel_edges
+from tests.solve.witnesses import rate_matrices, relative_error
+
+FIRST = range(len(fresh.KINDS))
+QUICK = {"bumps": 28, "kinks": 1, "ripples": 247, "crossing": 17, "tables": 214, "jumps": 5, "twenty": 6}
+"""Systems of each kind that take another integrator little time."""
+
+SLOW = {"ripples", "crossing"}
+LOOKED_AT = np.arange(0, 1000, 125)
+
+
+def features(member):
+    """What else than the modes places the panels of a truth: edges and the largest length."""
+    given = member.truth.keywords
+    return np.remainder(given.get("edges", ()), 2 * np.pi), given.get("longest", np.inf)
+
+
+def shot(member, rtol=1e-13):
+    """Multipliers, and orbit q (n, k) at `PHASES[LOOKED_AT]`, by DOP853 from feature to feature."""
+    edges, longest = features(member)
+    N, system = 2 * member.n, member.system
+    scales = np.repeat(member.truth.keywords["scales"][:, None], N + 1, axis=1)
+    scales = scales / np.append(member.truth.keywords["scales"], 1.0)
+    ends = np.unique(np.concatenate(([0.0, 2 * np.pi], edges, system.breaks, PHASES[LOOKED_AT])))
+    maps = [np.eye(N, N + 1)]
+    for left, right in pairwise(ends):
+        inside = np.nextafter(left, right), np.nextafter(right, left)
+
+        def rate(phase, y, inside=inside):
+            P, f = rate_matrices(system, [np.clip(phase, *inside)], member.speed)
+            change = P[0] @ (scales * y.reshape(N, N + 1))
+            change[:, -1] += f[0]
+            return (change / scales).ravel()
+
+        start = (maps[-1] / scales).ravel()
+        run = solve_ivp(rate, (left, right), start, "DOP853", rtol=rtol, atol=1e-14, max_step=longest)
+        maps.append(run.y[:, -1].reshape(N, N + 1) * scales)
+    start = np.linalg.solve(np.eye(N) - maps[-1][:, :-1], maps[-1][:, -1])
+    q = [(maps[k] @ np.append(start, 1.0))[: member.n] for k in np.searchsorted(ends, PHASES[LOOKED_AT])]
+    return np.linalg.eigvals(maps[-1][:, :-1]), np.transpose(q)
+
+
+def differences(member):
+    """Of orbit and multipliers between the truth and `shot`, relative to the largest of each."""
+    truth = member.truth()
+    multipliers, q = shot(member)
+    largest = np.abs(truth.q).max(axis=1)
+    orbit = (np.abs(truth.q[:, LOOKED_AT] - q).max(axis=1) / largest).max()
+    return orbit, matched_error(multipliers, truth.multipliers)
+
+
+def halving(member):
+    """The same between the truth and that by panels half as long."""
+    edges, longest = features(member)
+    ends = panel_edges(member.system, member.speed, edges, longest)
+    truth = member.truth()
+    other = member.truth(edges=np.concatenate((ends, (ends[:-1] + ends[1:]) / 2)))
+    return relative_error(other.q, truth.q), matched_error(other.multipliers, truth.multipliers)
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind in SLOW else ()) for kind in fresh.KINDS]
+)
+def test_another_integrator_agrees(kind):
+    member = fresh.member(QUICK[kind])
+    assert member.kind == kind
+    assert max(differences(member)) < 1e-11
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", range(21, 42))
+def test_another_integrator_agrees_on_more(index):
+    assert max(differences(fresh.member(index))) < 1e-11
+
+
+@pytest.mark.parametrize("index", FIRST)
+def test_panels_half_as_long_agree(index):
+    assert max(halving(fresh.member(index))) < 1e-11
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", range(7, 2000, 41))
+def test_panels_half_as_long_agree_on_more(index):
+    assert max(halving(fresh.member(index))) < 1e-11
+
+
+def test_a_system_depends_on_seed_and_index_alone():
+    phase = np.linspace(0.0, 6.0, 9)
+    for index in FIRST:
+        fresh.member(index + 1)
+        first, second = fresh.member(index), fresh.member(index)
+        for one, other in zip(*(each.system.at(phase, each.speed) for each in (first, second)), strict=True):
+            assert np.array_equal(one, other)
+
+
+def test_the_matrices_are_those_of_periodic_systems():
+    for index in range(0, fresh.SIZE, 9):
+        member = fresh.member(index)
+        assert member.kind == fresh.KINDS[index % 7]
+        assert not member.formula
+        assert (member.n == 20) == (member.kind == "twenty")
+        assert 0.1 <= member.speed <= 100
+        member.system.checked(member.speed)
+
+
+def test_jumps_alone_are_declared_and_two_almost_coincide():
+    for index in range(fresh.SIZE):
+        if fresh.kind_of(index) == "jumps":
+            breaks = np.array(fresh.member(index).system.breaks)
+            assert 2 <= len(breaks) <= 6
+            assert 0 < np.diff(breaks).min() <= 1.001e-3 * 2 * np.pi
+    for index in FIRST:
+        member = fresh.member(index)
+        assert (len(member.system.breaks) > 0) == (member.kind == "jumps")
+
+
+def test_frozen_frequencies_cross():
+    """The differences of the two lowest have a minimum near zero, of a hundredth or less."""
+    phase = np.linspace(0.0, 2 * np.pi, 2000)
+    for index in range(3, 143, 7):
+        member = fresh.member(index)
+        M, _, K, _ = member.system.in_phase(phase, member.speed)
+        frequency = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(M, K)).real, axis=1))
+        assert 19 < frequency.min() < frequency.max() < 202
+        assert (np.diff(frequency, axis=1) / frequency[:, :1]).min() < 0.01
+
+
+def test_verdicts_of_all_sorts_are_true():
+    """Growing, at rest and dying systems each make a tenth or more of four kinds."""
+    growth = np.array(
+        [fresh.member(index).truth().growth for index in range(70) if index % 7 in {0, 1, 4, 5}]
+    )
+    for part in (growth < -1e-6, np.abs(growth) < 1e-9, growth > 1e-6):
+        assert part.mean() > 0.1
+
+
+def test_undamped_systems_are_those_of_an_energy():
+    phase = np.linspace(0.1, 6.0, 50)
+    undamped = 0
+    for index in range(140):
+        member = fresh.member(index)
+        M, C, K, _ = member.system.at(phase, member.speed)
+        if not C.any():
+            undamped += 1
+            assert np.ptp(M, axis=0).max() <= 1e-14 * np.abs(M).max()
+            assert np.abs(K - np.swapaxes(K, 1, 2)).max() <= 1e-14 * np.abs(K).max()
+    assert 0.1 < undamped / 140 < 0.3
+
+
+def test_the_benchmark_takes_part_of_either_population():
+    assert vars(options([])) == {"every": 1, "first": None, "fresh": False}
+    assert vars(options(["--fresh", "--first", "30", "--every", "7"])) == {
+        "every": 7,
+        "first": 30,
+        "fresh": True,
+    }
+    assert [(trial.name, trial.rtol) for trial in FRESH_TRIALS] == [("auto", 1e-4), ("auto", 1e-8)]
