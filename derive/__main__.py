@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 
-from derive.door import enter
 from derive.errors import DeriveError
+from solve.terminal import command_line
 
 
 def main() -> None:
     """Entry point of the console command."""
-    enter("derive", _run, DeriveError)
+    command_line.main("derive", _run, DeriveError)
 
 
 def _run(arguments: Sequence[str]) -> int | None:

@@ -10,10 +10,10 @@ from typer import Argument, Option
 from typer.core import TyperCommand
 
 from derive import freshness, loader
-from derive.door import ReadOnce
 from derive.errors import UsageError
 from derive.loader import Source
-from derive.progress import part, shown, stage
+from solve.terminal import progress
+from solve.terminal.command_line import UniqueOptions
 
 app = typer.Typer(
     add_completion=False,
@@ -23,13 +23,13 @@ app = typer.Typer(
 )
 
 
-class _Command(ReadOnce, TyperCommand):
-    """A command whose flags of one value are given once."""
+class _Command(UniqueOptions, TyperCommand):
+    """Command that refuses a second value for a single-value option."""
 
 
 def run(arguments: Sequence[str]) -> int | None:
     """Carry out the command; 1 where a check fails."""
-    with shown("derive"):
+    with progress.show_progress("derive"):
         return app(list(arguments), prog_name="derive", standalone_mode=False)
 
 
@@ -53,7 +53,7 @@ def derive(
     numbers: Annotated[
         str | None, Option(metavar="CASE", help="With --show: put in the numbers of a case.")
     ] = None,
-    debug: Annotated[bool, Option("--debug", help="Show where a fault of this program arose.")] = False,
+    debug: Annotated[bool, Option("--debug", help="Show the traceback of an internal error.")] = False,
 ) -> None:
     """Derive the equations of motion and generate CasADi code for them."""
     if (full and not check) or (show and check):
@@ -107,9 +107,9 @@ def _write(sources: list[Source]) -> None:
 
 def _reported(sources: list[Source]) -> Iterator[Source]:
     """The mechanisms one after the other, reported."""
-    with stage("mechanisms", len(sources)):
+    with progress.task("mechanisms", len(sources)):
         for source in sources:
-            with part("mechanisms"), stage(source.name):
+            with progress.subtask("mechanisms"), progress.task(source.name):
                 yield source
 
 

@@ -32,13 +32,13 @@ from derive.losses import idle, losses
 from derive.mathml import mathml
 from derive.mechanism import Mechanism
 from derive.printer import CasadiPrinter
-from derive.progress import steps
 from derive.reading import Equation, read
 from derive.recurrence import COMPONENTS, FOURIER
 from derive.sketch import AROUND, RUNNING
 from derive.symbols import steady
 from derive.transmission import PeriodicFunction
 from derive.units import size
+from solve.terminal import progress
 
 CHOICE = '''\
 def _choice(option, value):
@@ -175,7 +175,7 @@ def module_text(
 
     report: is called with each sentence on what of the statement the equations ignore.
     """
-    with steps(2) as step:
+    with progress.steps(2) as step:
         step("equations")
         equations = derive_equations(mechanism)
         for sentence in (*equations.nonlinear, *equations.idle):

@@ -50,7 +50,10 @@ def sha256(text: str) -> str:
 
 @cache
 def derive_sha256() -> str:
-    """Hash of the code of derive's own sources, in the order of their names."""
+    """Hash of the code of derive's own sources, in the order of their names.
+
+    `solve.terminal` is left out: it has no influence on generated modules.
+    """
     sources = sorted(Path(__file__).parent.glob("*.py"))
     return sha256("".join(f"{path.name}\0{code(path.read_text(encoding='utf-8'))}\0" for path in sources))
 

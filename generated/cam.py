@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
+DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c951ca2ea2775d8f8fd0127648a8ae160351685a3c4d36030cb55314b31d9495"
+FILE_SHA256 = "81e3d1ca922239ef2c8ea01c7391fe2b346f5e6b504f200b8286528267c998f5"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

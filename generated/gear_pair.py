@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "b72fd1921bf1bd162a4399c0ba59896da155a09f4ca7c295530f9f1055810df0"
-DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
+DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "096c49fb5de1e0ced441cc87c42cd31f66dbd6e646d99ac0623f1a03c4190d0d"
+FILE_SHA256 = "90411dd835dacc4efe73f73cb38c8c214ae3d6249529d3db57ef932f1125e96e"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (

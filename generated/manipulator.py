@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
+DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "9d1e4d2e4369bb8f7b9d670f868317d03bec12fecca99af2b01158af28d245ae"
+FILE_SHA256 = "28e217bb96879bb6257c2817b7b85fccac36d93d40bdb9cf73ac91a3e0db22ff"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
+DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "925abc560b3155f828d245952e60ff323848bc394a569ebcd6e0abd8d5c658ce"
+FILE_SHA256 = "81339ddd5321fd7629186bea4c7d064f2e55784ff1d5e476d2148ffc7dd7511a"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (

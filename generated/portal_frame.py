@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "b4dffa517ef67e02afee8d26e1b0b5aef0a1eac5c089bbb9a025c9ee35cbd7a6"
+DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0f6d39e61c85cf315b1dff488bfa154632f91d7107deb1698bfde250cc5237e0"
+FILE_SHA256 = "fbc1e018c934d3f7c86286a067e346f5293febdd2d8da19d02cfac0e0dc0b316"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -8,11 +8,11 @@ from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau
 from solve.period.points import OnePoint
-from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.rigid import RigidOrbit
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem, of_any_system, of_system
+from solve.terminal import progress
 from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
 
@@ -99,7 +99,7 @@ def _solved(
         ((settled, _),) = chosen_for(rule, point)
         if every:
             checked_maps(settled)
-        with stage(STEPS):
+        with progress.task(STEPS):
             (result,) = certified(point, settled, asked)
         if isinstance(result, Failed):
             raise result.reason

@@ -15,8 +15,8 @@ from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
-from solve.progress import stage
 from solve.sizes import SMALL
+from solve.terminal import progress
 from solve.threads import one_thread
 
 POINTS = "points"
@@ -69,7 +69,7 @@ class Batch:
     def multipliers(self, points: Array, steps: int) -> Array:
         """Multipliers (k, N) of points (k, v) on one grid, not judged; zero where there are none."""
         values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
-        with one_thread(self.family.example.n), stage(POINTS, len(points)) as count:
+        with one_thread(self.family.example.n), progress.task(POINTS, len(points)) as count:
             for _, positions, solutions in self.solutions(points, steps):
                 values[positions] = solutions.multipliers.values
                 count.add(len(positions))

@@ -14,10 +14,10 @@ from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import UNDETERMINED, roughly
 from solve.period.quantities import Quantities
-from solve.progress import stage
 from solve.results.points import Kept, PointResults
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 from solve.threads import one_thread
 
 _FEWEST = 8
@@ -32,7 +32,7 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
     n = batch.family.example.n
     results = PointResults.blank(len(points), n, kept or Kept())
     size = chunk_size(n)
-    with one_thread(n), stage(POINTS, len(points)) as count:
+    with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
             for solved in _Keeper(batch, points[start : start + size], results, start).kept():
                 count.add(solved)
@@ -44,7 +44,7 @@ def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResult
     "undetermined"."""
     n = batch.family.example.n
     results, size = PointResults.blank(len(points), n, kept), chunk_size(n)
-    with one_thread(n), stage(POINTS, len(points)) as count:
+    with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
             keeper = _Keeper(batch, points[start : start + size], results, start)
             for _, positions, solutions in batch.solutions(keeper.points, steps):

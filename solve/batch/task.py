@@ -22,10 +22,10 @@ from solve.certify.certified import Request
 from solve.errors import WorkersError
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen
-from solve.progress import Stage, part, stage
 from solve.results.contents import model_record
 from solve.results.points import Kept, PointResults
 from solve.single import request
+from solve.terminal import progress
 
 _PARTS, _FEWEST, _MOST = 32, 8, 2**14
 """Parts that points are dealt out in; fewer, or more, where a part would have fewer or more points."""
@@ -70,7 +70,7 @@ class Task:
                     opened(store, self._description(batch.region, points), columns, n, self.kept, size)
                 )
                 size = kept_in.size
-            count = opening.enter_context(stage(POINTS, len(points)))
+            count = opening.enter_context(progress.task(POINTS, len(points)))
             every = np.arange(len(points))
             parts = [every[at : at + size] for at in range(0, len(points), size)]
             left = list(_read(kept_in, parts, results, count)) if kept_in else parts
@@ -83,12 +83,12 @@ class Task:
         return results
 
     def _parts(
-        self, batch: Batch, points: Array, parts: list[Array], executor: Executor | None, count: Stage
+        self, batch: Batch, points: Array, parts: list[Array], executor: Executor | None, count: progress.Task
     ) -> Iterator[tuple[Array, PointResults]]:
         """Each part with its results, as they come."""
         if executor is None:
             for index in parts:
-                with part(POINTS, len(index)):
+                with progress.subtask(POINTS, len(index)):
                     found = gathered(batch, points[index], self.kept)
                 yield index, found
             return
@@ -160,7 +160,7 @@ def task_of(
     return Task(family, chosen(method), request(steps, rtol, used, orbit), kept or Kept()), notes
 
 
-def _read(store: Store, parts: list[Array], results: PointResults, count: Stage) -> Iterator[Array]:
+def _read(store: Store, parts: list[Array], results: PointResults, count: progress.Task) -> Iterator[Array]:
     """Take over the parts that the store has; the others."""
     for index in parts:
         found = store.read(index)

@@ -28,7 +28,7 @@ from solve.period.product_eigenvalues import (
     product_eigenvalues,
 )
 from solve.period.rigid_body import Free, before_rigid
-from solve.progress import stage
+from solve.terminal import progress
 
 _GAIN = 0.5
 """Part of itself to which twice the steps must bring the largest error, for more to be tried."""
@@ -354,7 +354,7 @@ def _blocks_on_steps(
     """The factors on this number of steps, which are taken in parts where memory requires it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     parts = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
-    with stage(f"parts of {steps} steps, for every multiplier", len(parts)) as done:
+    with progress.task(f"parts of {steps} steps, for every multiplier", len(parts)) as done:
         if len(parts) == 1:
             return _blocks(_solutions(point, method, request, steps, held), loss)
         assert isinstance(method, OneStep)

@@ -22,8 +22,8 @@ from solve.errors import SolveError
 from solve.methods.method import Solutions
 from solve.period.curve import PeriodicCurve
 from solve.period.points import OnePoint
-from solve.progress import stage
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 
 MARGIN = 2.0
 """Times its estimate that an error of the reduction may be before a verdict depends on it. Measured on the
@@ -48,7 +48,7 @@ def judged_by_enriched(
     if not len(found) or system_at(0)[0].reduction is None:
         return found
     errors, margins = [], []
-    with stage("error of the reduction", len(found)) as count:
+    with progress.task("error of the reduction", len(found)) as count:
         for at in range(len(found)):
             error, margin = _of_point(found, at, *system_at(at))
             errors.append(error)

@@ -18,7 +18,7 @@ from solve.methods.method import Method, Solutions
 from solve.period.multipliers import EPS, KNOWN_ON_CIRCLE, NEGLIGIBLE, UNDETERMINED
 from solve.period.points import Points
 from solve.period.rigid_body import Free
-from solve.progress import foreseen
+from solve.terminal import progress
 
 STEPS = "steps"
 """Name of the progress counter for the steps of a single solution."""
@@ -166,7 +166,7 @@ class _Refinement:
         wanted = within_reach(found.solutions, found.errors, wanted)
         times = self._growth(found, wanted)
         done = self._accepted(steps, found, wanted)
-        foreseen(STEPS, steps, lambda: min(int(times.max() * steps), self.most))
+        progress.set_total(STEPS, steps, lambda: min(int(times.max() * steps), self.most))
         next_steps = np.minimum(grid_sizes(np.maximum(times * steps, steps + 1)), self.most)
         yield from self._ended(found[np.flatnonzero(done)])
         open_ = np.flatnonzero(~done)

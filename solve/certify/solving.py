@@ -18,7 +18,7 @@ from solve.period.frozen import Frozen, balanced, frozen
 from solve.period.grid import Grid
 from solve.period.points import Points
 from solve.period.rigid_body import Free
-from solve.progress import stage
+from solve.terminal import progress
 
 _MEMORY = 2**25
 """Bytes of the points that are solved at a time."""
@@ -55,7 +55,7 @@ class Solving:
     def on_grid(self, method: Method, points: Points, steps: int, held: Free | None) -> Solutions:
         """Solutions of points with rigid-body modes `held` on a number of steps."""
         grid = Grid.uniform(steps, points.period, points.breaks)
-        with stage(f"{self.method.name} on {steps} steps"):
+        with progress.task(f"{self.method.name} on {steps} steps"):
             return solutions_on(method, points, grid, self.request.orbit, self.request.engine, held)
 
     @cached_property

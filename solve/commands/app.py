@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from solve.commands.door import door, enter
 from solve.errors import SolveError
+from solve.terminal import command_line
 
 if TYPE_CHECKING:
     import typer
@@ -26,11 +26,11 @@ class Program(NamedTuple):
 
     def run(self, arguments: Sequence[str]) -> int:
         """Run one command and return its exit status: 2 with one line on standard error for bad input."""
-        return door(self.name, self._called, arguments, SolveError)
+        return command_line.run_cli(self.name, self._called, arguments, SolveError)
 
     def main(self) -> NoReturn:
         """Entry point of the module."""
-        enter(self.name, self._called, SolveError)
+        command_line.main(self.name, self._called, SolveError)
 
     def commands(self, called: str | None = None) -> "typer.Typer":
         """All of them, for Typer; of several only the one that is called is loaded."""

@@ -306,7 +306,7 @@ class Common:
     """What every command takes."""
 
     limit: Annotated[float | None, Flag(f"Most numbers to hold at once; by default {MOST}.", "N")] = None
-    debug: Annotated[bool, Flag("Show where a fault of this program arose.")] = False
+    debug: Annotated[bool, Flag("Show the traceback of an internal error.")] = False
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:

@@ -7,15 +7,15 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
-from solve.commands.door import ReadOnce
-from solve.progress import shown
+from solve.terminal import progress
+from solve.terminal.command_line import UniqueOptions
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Of the Click that Typer brings along or depends on, whichever it is."""
 
 
-class _Command(ReadOnce, TyperCommand):
-    """A command whose flags of one value are given once."""
+class _Command(UniqueOptions, TyperCommand):
+    """Command that refuses a second value for a single-value option."""
 
 
 def application(
@@ -62,12 +62,12 @@ def _named(about: str) -> Callable[..., None]:
 def called(
     program: str, commands: Callable[[str | None], typer.Typer], arguments: Sequence[str]
 ) -> int | None:
-    """Run the command that is called within a door that is already open."""
+    """Run the command named by the arguments, showing its progress."""
     # Pictures go into files, whatever is set for windows.
     os.environ["MPLBACKEND"] = "agg"
     loaded = commands(_command_in(arguments))
     try:
-        with shown(program):
+        with progress.show_progress(program):
             return loaded(list(arguments) or ["--help"], prog_name=program, standalone_mode=False)
     except _UsageError as error:
         _hint(error)

@@ -11,8 +11,8 @@ from solve.errors import NoOrbitError
 from solve.newton.iteration import Converged, Task, between, iterated
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.progress import stage
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 
 _MOST = 10
 """Corrections of a step of the continuation."""
@@ -79,7 +79,7 @@ def _followed(
     """Steps from the first value to the last, each begun on the secant through the two before."""
     length, step, at = last - first, _FIRST, 0.0
     before, found, steps = None, start, start.iterations
-    with stage("% of the way", 100) as count:
+    with progress.task("% of the way", 100) as count:
         while at < 1:
             to = min(1.0, at + step)
             guess = _secant(before, (at, found.curve), to)

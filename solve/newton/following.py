@@ -21,10 +21,10 @@ from solve.period.grid import Grid
 from solve.period.multipliers import EPS
 from solve.period.points import OnePoint
 from solve.period.rigid_body import Free
-from solve.progress import stage
 from solve.results.figures import orbit_figures, output_changes, repeats_early
 from solve.results.orbit import Orbit
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 from solve.threads import one_thread
 
 _FIRST, _LARGEST, _LEAST = 0.05, 0.2, 1e-5
@@ -124,7 +124,7 @@ def followed(
     """Points of the branch of an orbit from the first of two values of a parameter towards the second, up to
     a given number, and the reason if they end between these values."""
     task = parameter.task
-    with one_thread(task.system.n), stage("points", points) as count:
+    with one_thread(task.system.n), progress.task("points", points) as count:
         follower = _Follower(parameter, ends)
         found, ended = follower.followed(orbit, points, count.add)
         return follower.with_radius_errors(found), ended

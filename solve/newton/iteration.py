@@ -23,8 +23,8 @@ from solve.period.frozen import Frozen
 from solve.period.grid import Grid
 from solve.period.points import Multiplied, OnePoint, Points
 from solve.period.rigid_body import RigidBodyModes
-from solve.progress import stage
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 from solve.threads import one_thread
 
 _MOST = 40
@@ -113,7 +113,7 @@ def without_zeros(sizes: Array) -> Array:
 
 def iterated(task: Task, start: Motion, grid: Grid, most: int = _MOST) -> Converged:
     """Newton's iteration on a grid from a motion. Raises NoOrbitError, which says how far it came."""
-    with one_thread(task.system.n), stage(f"Newton's iteration on {grid.steps} steps"):
+    with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
         return _iterated(task, start, grid, most)
 
 

@@ -25,10 +25,10 @@ from solve.newton.settling import by_transient
 from solve.newton.starts import Start, motion_of
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
-from solve.progress import steps
 from solve.results.nonlinear import NonlinearOrbit
 from solve.single import request
 from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
 from solve.units import speed_in_si
 
 _STEPS = 64, 128
@@ -142,7 +142,7 @@ class _Search:
         ways = _WAYS if self.task.periods == 1 else (_TRANSIENT, *_WAYS[:-1])
         failed: list[str] = []
         unstable: NonlinearOrbit | None = None
-        with steps(len(ways)) as step:
+        with progress.steps(len(ways)) as step:
             for way in ways:
                 if unstable is not None and way != _TRANSIENT:
                     continue

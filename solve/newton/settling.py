@@ -10,7 +10,7 @@ from solve.errors import NoOrbitError, SolveError
 from solve.newton.iteration import Converged, Task, iterated, joined, without_zeros
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.progress import stage
+from solve.terminal import progress
 
 _TURNS = 80
 """Periods of the system after which a transient is given up."""
@@ -32,7 +32,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     not unstable. If the motion does not settle on another orbit, an unstable orbit to which the iteration
     converged is returned. Raises NoOrbitError, which states the progress."""
     change, tried, unstable = np.inf, _TRIED, None
-    with stage("turns at most", _TURNS) as count:
+    with progress.task("turns at most", _TURNS) as count:
         for turns, motion, change in marched(task, grid):
             count.add(turns - count.done)
             settled = change < _SETTLED

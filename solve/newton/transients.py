@@ -17,12 +17,12 @@ from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.starts import state_of
 from solve.newton.stepping import METHOD, StepMarcher
 from solve.period.grid import Grid
-from solve.progress import stage
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient, between_states, between_tolerance
 from solve.single import periodic
 from solve.sizes import require_size
 from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
 
 REST, ORBIT = "rest", "orbit"
@@ -186,7 +186,7 @@ def _marched(march: Marcher, state: Array, ends: Array, period: float) -> Array:
     """Motions (turns, 3, n, k) from q and q̇ (2n,) by time, with the speeds (turns + 1,) at the ends of turns;
     derivatives as `Marcher` has them."""
     parts, n = [], len(state) // 2
-    with stage(TURNS, len(ends) - 1) as count:
+    with progress.task(TURNS, len(ends) - 1) as count:
         for turn, (first, last) in enumerate(pairwise(ends.tolist())):
             scale = np.repeat([1.0, (first + last) / 2], n)
             parts.append(march(state / scale, turn * period, first, last))

@@ -10,7 +10,6 @@ from solve.derivatives.point import of_solution, quantities_by
 from solve.errors import MissingValueError, NoMotionError, NoResultError, SolveError
 from solve.methods.choice import Rule, chosen
 from solve.newton.orbits import nonlinear
-from solve.progress import steps
 from solve.reports.page import OVER_SPEEDS, Part, Report
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.frequencies import Findings
@@ -26,6 +25,7 @@ from solve.studies.frequencies import frequencies, turn
 from solve.studies.sweep import sweep
 from solve.studies.validity import validity
 from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
 from solve.units import checked_rtol, speeds_given
 
 
@@ -78,7 +78,7 @@ def report(
 def _parts(asked: Sequence[Asked]) -> list[Part]:
     """Each with its result, or with the reason why there is none."""
     found = []
-    with steps(len(asked)) as step:
+    with progress.steps(len(asked)) as step:
         for part, calculate, instead in asked:
             step(part.heading.lower())
             result, reason = _tried(calculate)

@@ -23,7 +23,6 @@ from solve.methods.radau import Radau
 from solve.period.frozen import frozen, surviving
 from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.points import OnePoint
-from solve.progress import part, stage, steps
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, LEFT_OUT, Kept
 from solve.studies.boundaries import Search
@@ -32,6 +31,7 @@ from solve.studies.judged import Judge, Judged, judge
 from solve.studies.known_speeds import ends_with_matrices, without_result
 from solve.studies.tongues import LIGHTLY_DAMPED, Turning, fastest_turning, hidden, parted, rising
 from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
 from solve.units import ShownUnit, checked_tolerance, speeds_between
 
 GROWTH = 1e-6
@@ -114,7 +114,7 @@ def bands(
         points = _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))[:, None]
     batch = task.batch(points)
     asked = steady.judge if steady else (_judge_of_followed if fast else judge)(batch)
-    with steps(4) as step:
+    with progress.steps(4) as step:
         step("all speeds")
         known = asked(points)
         step("speeds where multipliers are near each other")
@@ -287,11 +287,11 @@ def _judge_of_followed(batch: Batch) -> Judge:
     both grids agree is outside the unit circle by more than their difference."""
 
     def on_grid(points: Array, steps: int) -> Array:
-        with part(POINTS, len(points) / len(_STEPS)):
+        with progress.subtask(POINTS, len(points) / len(_STEPS)):
             return batch.multipliers(points, steps)
 
     def judged(points: Array) -> Judged:
-        with part(POINTS, len(points)), stage(POINTS, len(points)):
+        with progress.subtask(POINTS, len(points)), progress.task(POINTS, len(points)):
             coarse, fine = (on_grid(points, steps) for steps in _STEPS)
         error = np.abs(fine[:, :, None] - coarse[:, None, :]).min(axis=2)
         agreed = (error < _AGREEMENT) & (fine != 0)

@@ -9,10 +9,10 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.batch import POINTS
-from solve.progress import stage
 from solve.results.points import KINDS
 from solve.studies.contours import Crossings
 from solve.studies.judged import NOISE, Judge, Judged
+from solve.terminal import progress
 
 _TOGETHER = 64
 """Points that one call of the judge should have at least."""
@@ -139,7 +139,7 @@ class Search:
         """
         if len(stable.points) == 0:
             return stable.points, np.zeros(0, dtype=int)
-        with stage(POINTS, self._points(np.abs(unstable.points - stable.points))):
+        with progress.task(POINTS, self._points(np.abs(unstable.points - stable.points))):
             return self._edges(stable, unstable, beyond)
 
     def _edges(self, stable: Judged, unstable: Judged, beyond: Judged | None) -> tuple[Array, Array]:

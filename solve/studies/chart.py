@@ -19,7 +19,6 @@ from solve.loading import load
 from solve.methods.choice import Rule
 from solve.period.named import EXPONENT, HARMONIC, PHASE, RADIUS, RHO, Named
 from solve.period.quantities import FIGURES
-from solve.progress import steps
 from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept, PointResults
 from solve.results.stability import Stability
@@ -32,6 +31,7 @@ from solve.studies.contours import contours
 from solve.studies.judged import Judged, judge
 from solve.studies.tongues import hidden
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
 
 _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
@@ -87,7 +87,7 @@ def chart(
     if asked is not None and of_orbit:
         task, _ = task_of(family, method, rtol, engine, asked.kept(family.example.judged_quantities))
     batch = stability.batch(points)
-    with steps(3) as step:
+    with progress.steps(3) as step:
         step("the grid")
         found = task.solved(task.batch(points), points, executor, store)
         results = _stability(found, batch, points) if of_orbit else found

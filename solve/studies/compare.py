@@ -19,11 +19,11 @@ from solve.methods.method import Method, Solutions
 from solve.period.frozen import frozen
 from solve.period.multipliers import VERDICTS
 from solve.period.points import OnePoint
-from solve.progress import part, stage
 from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row
 from solve.results.orbit import Orbit
 from solve.single import periodic, request
 from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
 from solve.units import checked_rtol, speed_in_si
 
 TARGETS = (1e-3, 1e-6)
@@ -70,16 +70,16 @@ def compare(
     goals = sorted((checked_rtol(target) for target in targets), reverse=True)
     named = [methods] if isinstance(methods, str) else methods
     rules = [chosen(method) for method in named or [name for name in METHODS if name != "auto"]]
-    with stage("reference"):
+    with progress.task("reference"):
         reference = periodic(system, omega, rtol=_REFERENCE_RTOL)
     judged_by = ORBIT if reference.q.any() else MULTIPLIERS
     finest = max(_BEYOND * min(goals), 10 * max(reference.error_estimate))
     rows, measured = [], []
     counts = given or usual_steps(system, omega)
-    with stage("methods", len(rules)):
+    with progress.task("methods", len(rules)):
         for rule in rules:
             run = _AgainstReference(reference, rule, judged_by)
-            with part("methods"), stage(run.name):
+            with progress.subtask("methods"), progress.task(run.name):
                 rows += [run.measured(count, "equal steps") for count in counts]
                 trace = run.refined(min(*goals, finest))
                 measured += trace

@@ -20,7 +20,6 @@ from solve.batch.task import task_of
 from solve.errors import require_name
 from solve.methods.choice import Rule
 from solve.period.multipliers import UNSTABLE
-from solve.progress import stage, steps
 from solve.results.critical_rows import Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
@@ -41,6 +40,7 @@ from solve.studies.mean_frequencies import (
 )
 from solve.studies.tongues import LIGHTLY_DAMPED, Turning, fastest_turning, hidden, parted, rising
 from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
 from solve.units import checked_tolerance, speeds_between
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
@@ -124,13 +124,13 @@ def _critical_speeds(
     batch, without = (each.batch(grid[:, None]) for each in (task, stability))
     turning = still if steady else fastest_turning(system, (low, high))
     search = _Search(batch, without, task.kept, figure, checked_tolerance(tolerance), turning, steady, known)
-    with steps(4) as step:
+    with progress.steps(4) as step:
         step("all speeds")
         found = search.solved(grid)
         found.require_any()
         step("mean natural frequencies")
         frequencies = MeanFrequencies(system, grid)
-        with stage("speeds", len(grid)):
+        with progress.task("speeds", len(grid)):
             frequencies.values  # noqa: B018 - cached from here on
         step("maxima of the dominant multiplier")
         real_part = np.maximum(search.real_part(found), 0.0)

@@ -16,7 +16,6 @@ from solve.methods.collocation import Collocated
 from solve.model.bounds import clauses
 from solve.model.bounds import measured as with_its_unit
 from solve.model.model import Model, of_model
-from solve.progress import part, stage
 from solve.results.channels import Channel
 from solve.results.fit import Fitted, Interval
 from solve.single import periodic
@@ -24,6 +23,7 @@ from solve.studies.fit_frequencies import natural_frequencies, require_elastic_m
 from solve.studies.least_squares import Minimum, minimise
 from solve.studies.measured import FREQUENCY, Measured, measured
 from solve.studies.misfit import misfits
+from solve.terminal import progress
 from solve.units import speed_in_si
 
 _CONFIDENCE = 0.95
@@ -77,7 +77,7 @@ def fit(
             f"values measured: {count}, parameters free: {len(names)}; free fewer, or measure more"
         )
     limits = _limits(problem, bounds or {})
-    with stage("trials"):
+    with progress.task("trials"):
         found = minimise(problem, limits, robust)
     return _fitted(problem, found, Path(data).name)
 
@@ -161,7 +161,7 @@ class Problem:
     def _solved(self, x: Array) -> tuple[Array, Array]:
         key = x.tobytes()
         if self._last is None or self._last[0] != key:
-            with part("trials"):
+            with progress.subtask("trials"):
                 model, rate = self.varied(x), np.where(self.by_logarithm, self.values(x), self.unit)
                 found = [row for s in self.sets for row in self.computed(model, s)]
                 values = np.concatenate([_flat(row) / self.scales[name] for name, row, _ in found])

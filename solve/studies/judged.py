@@ -11,8 +11,8 @@ from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered
 from solve.period.multipliers import UNIT_CIRCLE
-from solve.progress import part
 from solve.results.points import Kept, PointResults, kinds_of
+from solve.terminal import progress
 
 _STABILITY = Kept(warnings=False, meetings=False)
 
@@ -173,5 +173,5 @@ def judge(batch: Batch) -> Judge:
 
 
 def _solved(batch: Batch, points: Array) -> Judged:
-    with part(POINTS, len(points)):
+    with progress.subtask(POINTS, len(points)):
         return Judged.of(points, gathered(batch, points, _STABILITY))

@@ -9,9 +9,9 @@ from solve.arrays import Array, different
 from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered, unjudged
 from solve.period.multipliers import EPS
-from solve.progress import part, stage
 from solve.results.critical_rows import Maximum
 from solve.results.points import Kept, PointResults
+from solve.terminal import progress
 
 _PROMINENT = 1e-2
 """Part of its own height by which a maximum must rise above the ground on either side."""
@@ -126,7 +126,7 @@ def sharpened(brackets: Brackets, guides: Array, value: Value, tolerance: float)
     """
     if len(brackets) == 0:
         return brackets
-    with stage(POINTS, len(brackets) * (2 * (_PARTS - 1) + _EVALUATIONS)):
+    with progress.task(POINTS, len(brackets) * (2 * (_PARTS - 1) + _EVALUATIONS)):
         solved = _Remembered(brackets, guides, value)
         x, guided = solved.divided(brackets.x)
         numbers = np.arange(len(x))
@@ -147,7 +147,7 @@ def settled(brackets: Brackets, value: Value) -> Brackets:
         return brackets
     x, y = brackets.x.copy(), brackets.y.copy()
     lanes = np.arange(len(steep)), np.zeros(len(steep), dtype=int)
-    with stage(POINTS, len(steep) * _EVALUATIONS):
+    with progress.task(POINTS, len(steep) * _EVALUATIONS):
         solved = _Remembered(Brackets(x[steep], y[steep]), np.full((len(steep), 3), np.nan), value)
         found = _narrowed(solved, x[steep], lanes, {"xrtol": EPS, "frtol": _FLAT})
     x[steep], y[steep] = found.x, found.y
@@ -195,7 +195,7 @@ class _Remembered:
         pairs = zip(numbers.tolist(), speeds.tolist(), strict=True)
         new = np.array([speed not in self._known[number] for number, speed in pairs], dtype=bool)
         if new.any():
-            with part(POINTS, int(new.sum())):
+            with progress.subtask(POINTS, int(new.sum())):
                 self._keep(numbers[new], speeds[new], self._value(speeds[new], numbers[new]))
 
     def _keep(self, numbers: Array, speeds: Array, found: tuple[Array, Array]) -> None:

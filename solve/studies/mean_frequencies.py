@@ -12,11 +12,11 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError
-from solve.progress import part
 from solve.results.critical_rows import Combination
 from solve.studies.mean_modes import mean_modes, shift_by_rates
 from solve.studies.tongues import LIGHTLY_DAMPED
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 
 _SECANTS = 4
 
@@ -69,7 +69,7 @@ class MeanFrequencies:
         imaginary, rigid = np.zeros(len(self.speeds), dtype=bool), np.zeros(len(self.speeds), dtype=int)
         for at, speed in enumerate(self.speeds.tolist()):
             # Where there are no matrices, the solution at this speed says why.
-            with part("speeds"), suppress(SolveError, np.linalg.LinAlgError):
+            with progress.subtask("speeds"), suppress(SolveError, np.linalg.LinAlgError):
                 if speed not in self._known:
                     mean, _, is_imaginary, count = mean_modes(self.system, speed)
                     self._known[speed] = mean, is_imaginary, count

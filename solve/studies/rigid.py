@@ -6,18 +6,18 @@ from solve.arrays import Array
 from solve.batch.family import Family
 from solve.errors import SolveError
 from solve.period.quantities import LEAST_SAMPLES, figures, harmonics
-from solve.progress import stage
 from solve.results.points import Kept, PointResults
 from solve.results.rigid import RigidOrbit
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 
 
 def rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
     """Statistics and amplitudes at points (P, v), and the reason of each failure; there are no
     multipliers."""
     results = PointResults.blank(len(points), 0, kept)
-    with stage("points", len(points)) as count:
+    with progress.task("points", len(points)) as count:
         for at, point in enumerate(points):
             try:
                 system, speed = family.system(point)

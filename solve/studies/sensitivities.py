@@ -18,13 +18,13 @@ from solve.methods.free import free
 from solve.period.named import RADIUS
 from solve.period.points import OnePoint
 from solve.period.rigid_body import before_rigid
-from solve.progress import part, stage
 from solve.results.bands import Bands
 from solve.results.critical_rows import Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.sensitivities_over import SensitivitiesOver
 from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
 from solve.units import speeds_given
 
 _LOOK = 1e-4
@@ -85,9 +85,9 @@ def sensitivities_over(
     shape = len(omegas), len(asked), len(names)
     values, derivatives = np.full(shape[:2], np.nan, complex), np.full(shape, np.nan, complex)
     errors, reasons = np.full(shape, np.nan), {}
-    with stage("speeds", len(omegas)):
+    with progress.task("speeds", len(omegas)):
         for at, omega in enumerate(omegas.tolist()):
-            with part("speeds"):
+            with progress.subtask("speeds"):
                 try:
                     found = sensitivities(system, omega, asked, names, *settings)
                 except SolveError as reason:
@@ -134,9 +134,9 @@ def speed_sensitivities(
     if not places:
         raise NoResultError(f"{system.name} has no edge or maximum between these speeds; give other speeds")
     made = {}
-    with stage("speeds", len(places)):
+    with progress.task("speeds", len(places)):
         for name, of, speed in places:
-            with part("speeds"):
+            with progress.subtask("speeds"):
                 each = way(of, speed, derivatives) if of else _none(speed, len(names), _UNBOUNDED)
             made[name] = replace(each, reason=f"{name}: {each.reason}") if each.reason else each
     values = {name: system.parameters[name] for name in names}

@@ -17,13 +17,13 @@ from solve.batch.task import task_of
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
-from solve.progress import part, stage
 from solve.results.points import Kept
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.studies.rigid import rigid_points
 from solve.system import PeriodicSystem, of_any_system
+from solve.terminal import progress
 from solve.units import evenly, speeds_given
 
 Over = str | Sequence[str] | Mapping[str, str | Sequence[float | str] | Array]
@@ -160,10 +160,10 @@ def sweeps(
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
     given, quantities, found = speeds_given(speeds), listed(quantities), {}
-    with stage("curves", len(systems)):
+    with progress.task("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):
             names = [name for quantity in quantities for name in system.parts(quantity)]
-            with part("curves"):
+            with progress.subtask("curves"):
                 folder = None if store is None else made_folder(store) / str(number)
                 found[label] = sweep(system, given, method, None, rtol, executor, names, store=folder)
     first = next(iter(systems.values())).shown_in(given[0])

@@ -7,10 +7,10 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
-from solve.progress import part, stage
 from solve.results.validity import Validity
 from solve.single import periodic
 from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
 from solve.units import speeds_given
 
 
@@ -38,9 +38,9 @@ def validity(
     given = speeds_given(speeds)
     system, omegas = system.shown_in(given[0]), np.sort(given)
     errors, failures = np.full((len(omegas), system.n), np.nan), {}
-    with stage("speeds", len(omegas)):
+    with progress.task("speeds", len(omegas)):
         for position, omega in enumerate(omegas.tolist()):
-            with part("speeds"):
+            with progress.subtask("speeds"):
                 try:
                     found = periodic(system, omega, method, rtol=rtol).linearisation_error
                     assert found is not None

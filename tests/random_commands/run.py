@@ -14,9 +14,8 @@ from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
-from derive import progress as of_derive
-from solve import progress as of_solve
-from solve.commands.door import INTERRUPTED
+from solve.terminal import progress
+from solve.terminal.command_line import INTERRUPTED, run_cli
 from tests.random_commands.lines import line
 
 SECONDS = 60
@@ -41,7 +40,7 @@ class Ended(NamedTuple):
 
 
 class TooLongError(BaseException):
-    """Passes every door."""
+    """Not caught by the command line."""
 
 
 def drawn(seed: int, count: int) -> Iterator[tuple[str, list[str]]]:
@@ -94,10 +93,9 @@ def outside(program: str, arguments: list[str], folder: Path) -> Ended:
 def _run(program: str, arguments: list[str]) -> int:
     if program == "derive":
         from derive.command import run
-        from derive.door import door
         from derive.errors import DeriveError
 
-        return door("derive", run, arguments, DeriveError)
+        return run_cli("derive", run, arguments, DeriveError)
     module = "solve.commands.app" if program == "solve" else f"{program}.__main__"
     return importlib.import_module(module).run(arguments)
 
@@ -111,7 +109,7 @@ def _watched() -> Iterator[None]:
     def tick(*_: object) -> None:
         nonlocal reports, used
         used += _TICK
-        before, reports = reports, sum(work.reports for work in works)
+        before, reports = reports, tracker.reports
         if reports > before and used >= _LONG:
             raise KeyboardInterrupt
         if used >= SECONDS:
@@ -120,8 +118,7 @@ def _watched() -> Iterator[None]:
     before = signal.signal(signal.SIGPROF, tick)
     signal.setitimer(signal.ITIMER_PROF, _TICK, _TICK)
     try:
-        with of_derive.heard() as deriving, of_solve.heard() as solving:
-            works = (deriving, solving)
+        with progress.listen() as tracker:
             yield
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)

@@ -49,7 +49,7 @@ def test_an_interruption_does_not_wait_for_the_end_of_the_work(monkeypatch):
 LEFT_AT_WORK = """
 import signal, sys, time
 import numpy as np
-from solve.commands.door import enter
+from solve.terminal.command_line import main
 from solve.threads import interruptible
 
 def work(arguments):
@@ -61,7 +61,7 @@ def work(arguments):
 {end}
 """
 FOR_LONG = "lambda: [np.linalg.eig(np.random.default_rng(0).random((900, 900))) for _ in range(100)]"
-AS_A_COMMAND = 'enter("program", work, ValueError)'
+AS_A_COMMAND = 'main("program", work, ValueError)'
 AS_A_SCRIPT = """
 try:
     work(())

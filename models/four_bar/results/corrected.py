@@ -12,7 +12,6 @@ import solve
 from models.four_bar.dynamic_correction import LOADS, Corrected
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
-from solve.progress import part, stage
 from solve.results.contents import Column, Columns, Contents, model_record
 from solve.results.lasting import lasting
 from solve.results.report import RenderableType, digits, sized, table_of
@@ -22,6 +21,7 @@ from solve.results.style import Figure
 from solve.results.turn_plot import BEHIND, curves_figure, require_turn
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 
 _SAMPLES = 721
 _REFERENCE = {"element": "internal", "elements": 2}
@@ -125,9 +125,9 @@ def corrections(
     phase = np.linspace(0.0, model.period, _SAMPLES)
     found: dict[str, OneModel] = {}
     drawn = ""
-    with stage("solutions", len(systems)):
+    with progress.task("solutions", len(systems)):
         for label, system in systems.items():
-            with part("solutions"):
+            with progress.subtask("solutions"):
                 orbit = solve.periodic(system, speed, rtol=rtol)
                 figures = {name: orbit.statistics(name) for name in system.parts(of)}
                 largest = max(figures, key=lambda name: figures[name].max_abs)

@@ -21,12 +21,12 @@ from models.four_bar.results.outcome import Outcome, Trial
 from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.ramp import RunUp, simulate
 from solve.arrays import Array
-from solve.progress import stage
 from solve.results.contents import Column, Columns, Contents, rows_of
 from solve.results.report import RenderableType
 from solve.results.result import Result
 from solve.results.style import Figure
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 from solve.units import ShownUnit
 
 _HALVINGS = 6
@@ -152,7 +152,7 @@ def trials_of(stresses: DesignMap, plan: Plan, returns: bool, duration: float) -
     for halving in range(_HALVINGS):
         within = duration / 2**halving
         run_up = RunUp(plan, start, within, home, _PART_RETURNING * within)
-        with stage(f"run-up within {within:g} s"):
+        with progress.task(f"run-up within {within:g} s"):
             simulated = simulate(stresses.stress_map, run_up, run_up.turns)
         trials.append(Trial(run_up, simulated, simulated.stress / stresses.allowable))
         if trials[-1].worst >= 1:

@@ -22,7 +22,7 @@ from solve.arrays import Array
 from solve.beams.assembly import Positions
 from solve.beams.motion import Motion, inertia_load
 from solve.beams.structure import StructureModel
-from solve.progress import stage
+from solve.terminal import progress
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8
@@ -114,7 +114,7 @@ def simulate(stresses: StressMap, run_up: Callable[[Array], Drive], turns: int) 
     moving = _Moving(stresses, run_up)
     x = moving.at_rest()
     last, largest = np.zeros(len(x) // 2), []
-    with stage("turns of the run-up", turns) as count:
+    with progress.task("turns of the run-up", turns) as count:
         for turn in range(turns):
             x, last, peaks = moving.turn(turn, x, last)
             largest.append(peaks)

@@ -17,7 +17,7 @@ from solve import PeriodicCurves, Radau
 from solve.arrays import Array
 from solve.beams.assembly import Beams
 from solve.beams.structure import StructureModel
-from solve.progress import stage
+from solve.terminal import progress
 
 METHOD = Radau(order=9)
 """L-stable: the axial modes are far too fast to be followed."""
@@ -104,7 +104,7 @@ class StressMap:
     def peaks(self, speeds: Array, L4: Array) -> Peaks:
         """At speeds (P,) and lengths (g,) between the ends."""
         parts = []
-        with stage("speeds of the stress map", len(speeds)) as count:
+        with progress.task("speeds of the stress map", len(speeds)) as count:
             for start in range(0, len(speeds), _TOGETHER):
                 some = speeds[start : start + _TOGETHER]
                 parts.append(self._peaks(some, L4))

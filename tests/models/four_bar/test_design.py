@@ -14,7 +14,7 @@ from models.four_bar.design_map import DesignError, allowed_lengths, checked_all
 from models.four_bar.linkage import Linkage
 from models.four_bar.results.design import carry_out
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
-from solve.progress import heard
+from solve.terminal import progress
 
 LINKS = ("crank", "coupler", "follower")
 SMALL = ("--speeds", "24:28:8 rad/s", "--L4", "0.53:0.63:5 m", "--time", "1 s")
@@ -129,14 +129,14 @@ def test_a_need_within_the_error_of_the_map_is_no_proof(design):
 def test_progress_is_told_while_the_map_is_made():
     reported = []
 
-    def listen(work):
-        stage = work.stages[0]
-        if stage.what == "speeds of the stress map" and stage.done:
-            reported.append((stage.done, stage.total))
+    def listen(tracker):
+        task = tracker.tasks[0]
+        if task.what == "speeds of the stress map" and task.done:
+            reported.append((task.done, task.total))
 
     model = solve.load("four_bar")
     start = np.linspace(8.0, 8.05, 12)
-    with heard(listen):
+    with progress.listen(listen):
         design_map(model, dict.fromkeys(LINKS, 1e8), start, (0.53, 0.63), 9)
     assert list(dict.fromkeys(reported))[:2] == [(8, 12), (12, 12)]
 

@@ -14,7 +14,7 @@ from solve.errors import UnknownNameError
 from solve.period.frozen import Frozen
 from solve.period.multipliers import VERDICTS, Multipliers, rounding_errors, verdicts
 from solve.period.points import Tables
-from solve.progress import heard
+from solve.terminal import progress
 from tests.solve import systems
 
 FIGURES = ("max", "min", "max_abs", "mean", "rms")
@@ -300,7 +300,7 @@ def fastest_of(system, phase, speed):
 
 def test_the_points_that_are_done_are_told():
     seen = []
-    with heard(lambda work: seen.append(work.stages[0].done)):
+    with progress.listen(lambda tracker: seen.append(tracker.tasks[0].done)):
         solve.sweep(solve.load("mathieu"), np.linspace(0.5, 3, 30))
     assert seen == sorted(seen)
     assert seen[-1] == 30

@@ -17,7 +17,7 @@ import pytest
 import solve
 from solve.batch.executors import cluster, processes
 from solve.errors import ValueOutOfBoundsError, WorkersError
-from solve.progress import heard
+from solve.terminal import progress
 from tests.solve.batch import test_store
 
 SPEEDS = np.linspace(12, 60, 64)
@@ -135,11 +135,11 @@ def test_a_cluster_gives_the_same_though_one_of_two_workers_is_killed_midway(tmp
     address, workers = scheduler
     model, speeds = solve.load("cam"), np.linspace(12, 60, 640)
 
-    def kill(work):
-        if work.stages[0].done >= 100 and workers[0].poll() is None:
+    def kill(tracker):
+        if tracker.tasks[0].done >= 100 and workers[0].poll() is None:
             workers[0].kill()
 
-    with solve.progress.heard(kill), cluster(address) as executor:
+    with progress.listen(kill), cluster(address) as executor:
         found = solve.sweep(model, speeds, rtol=1e-6, executor=executor, store=tmp_path / "s")
     assert workers[0].poll() is not None
     same(found, solve.sweep(model, speeds, rtol=1e-6))
@@ -155,7 +155,7 @@ def test_a_chart_in_parts_is_the_same(monkeypatch):
     spawned = multiprocessing.get_context("spawn")
     with (
         ProcessPoolExecutor(2, mp_context=spawned) as executor,
-        heard(lambda work: seen.append(work.stages[-1].done)),
+        progress.listen(lambda tracker: seen.append(tracker.tasks[-1].done)),
     ):
         parts = solve.chart(model, *axes, executor=executor)
     np.testing.assert_array_equal(parts.verdicts, alone.verdicts)
@@ -168,12 +168,12 @@ def test_a_chart_in_parts_is_the_same(monkeypatch):
 def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
     monkeypatch.setattr("solve.batch.task._MOST", 1)
 
-    def interrupted(work):
-        if work.stages[-1].done:
+    def interrupted(tracker):
+        if tracker.tasks[-1].done:
             raise KeyboardInterrupt
 
     with ThreadPoolExecutor(1) as executor:
-        with pytest.raises(KeyboardInterrupt), heard(interrupted):
+        with pytest.raises(KeyboardInterrupt), progress.listen(interrupted):
             solve.sweep(solve.load("cam"), np.linspace(30, 60, 400), executor=executor)
         ended = executor.submit(time.perf_counter).result(timeout=30)
     assert ended
@@ -183,7 +183,10 @@ def test_an_executor_gets_parts_and_gives_the_same():
     model, speeds = solve.load("manipulator"), np.linspace(3, 30, 9)
     alone = solve.sweep(model, speeds)
     seen = []
-    with ThreadPoolExecutor(2) as executor, heard(lambda work: seen.append(work.stages[-1].done)):
+    with (
+        ThreadPoolExecutor(2) as executor,
+        progress.listen(lambda tracker: seen.append(tracker.tasks[-1].done)),
+    ):
         spread = solve.sweep(model, speeds, executor=executor)
     np.testing.assert_array_equal(spread.spectral_radius, alone.spectral_radius)
     np.testing.assert_array_equal(spread.figures("q1"), alone.figures("q1"))

@@ -15,7 +15,7 @@ import xarray
 import solve
 from solve.batch import task
 from solve.errors import FileError
-from solve.progress import heard
+from solve.terminal import progress
 
 SPEEDS = np.linspace(0.5, 3, 60)
 
@@ -53,11 +53,11 @@ def test_a_store_changes_no_result_and_is_read_the_next_time(tmp_path, solved_po
 
 
 def test_what_was_interrupted_goes_on_and_solves_no_finished_part_again(tmp_path, solved_points):
-    def interrupt(work):
-        if work.stages[0].done >= 24:
+    def interrupt(tracker):
+        if tracker.tasks[0].done >= 24:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt), heard(interrupt):
+    with pytest.raises(KeyboardInterrupt), progress.listen(interrupt):
         swept(tmp_path / "s")
     kept = xarray.open_dataset(tmp_path / "s", engine="zarr", consolidated=False)
     assert not kept.attrs["finished"]
@@ -156,11 +156,11 @@ def test_systems_of_ones_own_that_differ_in_a_part_of_the_turn_are_told_apart(tm
 
 
 def test_two_writers_are_refused(tmp_path):
-    def another(work):
-        if work.stages[0].done:
+    def another(tracker):
+        if tracker.tasks[0].done:
             swept(tmp_path / "s")
 
-    with pytest.raises(FileError, match="in use by another"), heard(another):
+    with pytest.raises(FileError, match="in use by another"), progress.listen(another):
         swept(tmp_path / "s")
     same(swept(tmp_path / "s"), swept())
 

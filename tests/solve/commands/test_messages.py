@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import solve
-from solve.commands.door import door
 from solve.errors import ValueOutOfBoundsError
+from solve.terminal.command_line import run_cli
 from solve.units import evenly
 from tests.random_commands.run import complaint, drawn, inside
 from tests.random_commands.values import prepare
@@ -90,14 +90,14 @@ def test_a_fault_and_its_traceback_have_no_control_characters(capsys):
     def work(_):
         raise ZeroDivisionError("\x1b[2J\x9b")
 
-    assert door("program", work, ["--debug"], ValueError) == 70
+    assert run_cli("program", work, ["--debug"], ValueError) == 70
     error = capsys.readouterr().err
     assert error.count("\\u001b[2J\\u009b") == 2
     assert not CONTROL.search(error)
 
 
 def test_json_with_control_characters_stays_json(capsys):
-    door("program", lambda _: print(json.dumps({"a": "\x7f\x9b"}, ensure_ascii=False)), [], ValueError)
+    run_cli("program", lambda _: print(json.dumps({"a": "\x7f\x9b"}, ensure_ascii=False)), [], ValueError)
     out = capsys.readouterr().out
     assert not CONTROL.search(out)
     assert json.loads(out) == {"a": "\x7f\x9b"}
@@ -293,7 +293,7 @@ def test_numeric_functions_in_a_mechanism_give_a_hint(tmp_path, capsys, call):
 
     text = ROOTED.replace(" cos,", "").replace("\n\n\ndef", f"\n{call}\n\n\ndef")
     (tmp_path / "rooted.py").write_text(text)
-    assert door("derive", run, [str(tmp_path / "rooted.py")], DeriveError) == 2
+    assert run_cli("derive", run, [str(tmp_path / "rooted.py")], DeriveError) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "cannot take symbols: import functions from derive" in error

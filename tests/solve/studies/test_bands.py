@@ -7,7 +7,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import solve
 from solve.errors import MatricesError, ValueOutOfBoundsError
-from solve.progress import heard
+from solve.terminal import progress
 from tests.solve import systems
 
 DELTA, EPSILON = 4.0, 2.0
@@ -119,12 +119,12 @@ def test_growth_within_rounding_is_no_band():
 def test_its_steps_and_points_are_told():
     steps, fractions = [], []
 
-    def listen(work):
-        if len(work.stages) > 1:
-            steps.append(work.stages[0].what)
-            fractions.append(work.stages[1].fraction(0.0))
+    def listen(tracker):
+        if len(tracker.tasks) > 1:
+            steps.append(tracker.tasks[0].what)
+            fractions.append(tracker.tasks[1].fraction(0.0))
 
-    with heard(listen):
+    with progress.listen(listen):
         solve.bands(mathieu(), np.linspace(0.9, 4.0, 20))
     assert list(dict.fromkeys(steps)) == ["all speeds", "edges of bands"]
     assert fractions.count(1.0) >= 2

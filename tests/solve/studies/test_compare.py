@@ -8,8 +8,8 @@ import pytest
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.methods.choice import METHODS
-from solve.progress import heard
 from solve.studies.compare import compare, usual_steps
+from solve.terminal import progress
 
 SPEED = 3.0
 
@@ -93,7 +93,7 @@ def test_every_method_of_the_registry_takes_part(monkeypatch):
 
     monkeypatch.setitem(METHODS, "newcomer", Renamed)
     reported = []
-    with heard(lambda work: reported.extend(each.what for each in work.stages)):
+    with progress.listen(lambda tracker: reported.extend(each.what for each in tracker.tasks)):
         found = compare(oscillator(), SPEED, steps=[40], targets=[0.05])
     names = [name for name in METHODS if name != "auto"]
     assert "newcomer" in names

@@ -5,9 +5,9 @@ import pytest
 
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.progress import heard
 from solve.studies.sweep import sweeps, variants
 from solve.system import PeriodicSystem
+from solve.terminal import progress
 
 SPEEDS = np.linspace(0.5, 3.5, 61)
 
@@ -64,7 +64,7 @@ def test_one_name_may_be_a_text():
 
 def test_points_are_told_as_parts_of_the_curves():
     reported = []
-    with heard(lambda work: reported.append(work.far(0.0).fraction)):
+    with progress.listen(lambda tracker: reported.append(tracker.status(0.0).fraction)):
         sweeps({"a": oscillator(0.1), "b": oscillator(0.2)}, [1.0, 1.5], ["q"])
     known = [each for each in reported if each is not None]
     assert known == sorted(known)

@@ -1,4 +1,4 @@
-"""How far long work is: reported where it is done, shown on standard error where it takes long."""
+"""Progress of long computations: texts, listeners, and what appears on standard error."""
 
 import io
 import os
@@ -14,98 +14,98 @@ from pathlib import Path
 
 import pytest
 
-from solve import progress
-from solve.progress import duration, foreseen, heard, part, shown, stage, steps
+from solve.terminal import progress
 
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def far(work, seconds=10.0):
-    """What is reported so many seconds after the outermost stage began."""
-    return work.far(work.stages[0].begun + seconds)
+ROOT = Path(__file__).resolve().parents[3]
 
 
-def test_derive_and_solve_have_the_same():
-    assert (ROOT / "derive" / "progress.py").read_bytes() == (ROOT / "solve" / "progress.py").read_bytes()
+def status(tracker, seconds=10.0):
+    """Status at a time (s) after the start of the outermost task."""
+    return tracker.status(tracker.tasks[0].started + seconds)
 
 
-def test_parts_of_parts_count_and_tell_the_time_to_go():
-    with heard() as work:
-        assert work.far(0.0) is None
-        with stage("curves", 4) as curves:
+def test_nested_tasks_give_the_remaining_time():
+    with progress.listen() as tracker:
+        assert tracker.status(0.0) is None
+        with progress.task("curves", 4) as curves:
             curves.add()
-            with part("curves"), stage("points", 10) as points:
+            with progress.subtask("curves"), progress.task("points", 10) as points:
                 points.add(5)
-                estimate = far(work)
+                estimate = status(tracker)
                 assert estimate.fraction == 0.375
                 assert estimate.text == "10 s so far, about 17 s to go: 1 of 4 curves, 5 of 10 points"
             assert curves.done == 2
-        assert work.stages == []
+        assert tracker.tasks == []
 
 
-def test_steps_that_have_little_in_common_tell_the_time_of_the_one_under_way():
-    with heard() as work, steps(3) as step:
+def test_dissimilar_steps_give_the_remaining_time_of_the_current_one():
+    with progress.listen() as tracker, progress.steps(3) as step:
         step("the grid")
-        assert far(work).text == "10 s so far: the grid (step 1 of 3)"
+        assert status(tracker).text == "10 s so far: the grid (step 1 of 3)"
         step("edges")
-        with stage("points", 10) as points:
+        with progress.task("points", 10) as points:
             points.add(4)
-            points.begun = work.stages[0].begun + 6
-            estimate = far(work)
+            points.started = tracker.tasks[0].started + 6
+            estimate = status(tracker)
         assert (
             estimate.text == "10 s so far, about 6 s to go in this step: edges (step 2 of 3), 4 of 10 points"
         )
         assert estimate.fraction == 0.4
 
 
-def test_the_same_parts_are_said_once():
-    with heard() as work, stage("points", 100), part("points", 50), stage("points", 50) as some:
+def test_nested_tasks_of_one_unit_are_shown_once():
+    with (
+        progress.listen() as tracker,
+        progress.task("points", 100),
+        progress.subtask("points", 50),
+        progress.task("points", 50) as some,
+    ):
         some.add(10)
-        assert far(work).text == "10 s so far, about 90 s to go: 10 of 100 points"
+        assert status(tracker).text == "10 s so far, about 90 s to go: 10 of 100 points"
 
 
-def test_a_part_of_something_else_counts_nothing():
-    with heard() as work, stage("curves", 4) as curves:
-        with part("points", 3):
-            foreseen("steps", 5, lambda: 10)
+def test_a_subtask_of_another_unit_is_not_counted():
+    with progress.listen() as tracker, progress.task("curves", 4) as curves:
+        with progress.subtask("points", 3):
+            progress.set_total("steps", 5, lambda: 10)
         assert (curves.done, curves.total) == (0, 4)
-        assert work.reports == 1
+        assert tracker.reports == 1
 
 
-def test_what_is_foreseen_replaces_what_was():
-    with heard() as work, stage("steps"):
-        assert far(work).text == "10 s so far: steps"
-        foreseen("steps", 100, lambda: 400)
-        assert far(work).text == "10 s so far, about 30 s to go: 100 of 400 steps"
+def test_the_expected_total_can_be_set_again():
+    with progress.listen() as tracker, progress.task("steps"):
+        assert status(tracker).text == "10 s so far: steps"
+        progress.set_total("steps", 100, lambda: 400)
+        assert status(tracker).text == "10 s so far, about 30 s to go: 100 of 400 steps"
 
 
-def test_a_stage_that_ends_by_an_error_is_left():
-    with heard() as work:
-        with pytest.raises(ZeroDivisionError), stage("points", 3), stage("steps"):
+def test_tasks_end_with_an_exception():
+    with progress.listen() as tracker:
+        with pytest.raises(ZeroDivisionError), progress.task("points", 3), progress.task("steps"):
             raise ZeroDivisionError
-        assert work.stages == []
+        assert tracker.tasks == []
 
 
-def test_nobody_hears_other_threads_and_who_does_not_listen_is_told_nothing():
-    with stage("points", 3) as alone:
+def test_reports_of_other_threads_are_not_tracked():
+    with progress.task("points", 3) as alone:
         alone.add()
-    with heard() as work, stage("points", 3) as points:
-        other = threading.Thread(target=lambda: stage("others", 3).__enter__().add(3))
+    with progress.listen() as tracker, progress.task("points", 3) as points:
+        other = threading.Thread(target=lambda: progress.task("others", 3).__enter__().add(3))
         other.start()
         other.join()
-        assert [each.what for each in work.stages] == ["points"]
+        assert [task.what for task in tracker.tasks] == ["points"]
         assert points.done == 0
 
 
 @pytest.mark.parametrize(
     ("seconds", "words"), [(0.4, "0 s"), (99.4, "99 s"), (99.6, "2 min"), (5969, "99 min"), (5971, "1.7 h")]
 )
-def test_times_in_words(seconds, words):
-    assert duration(seconds) == words
+def test_durations_in_words(seconds, words):
+    assert progress.duration(seconds) == words
 
 
 class Waits:
-    """Stands for the end of the work: passes the time, and ends after so many pauses."""
+    """Event that advances the clock at each wait and is set after a number of pauses."""
 
     def __init__(self, clock, pauses):
         self.clock, self.left, self.pauses = clock, pauses, []
@@ -117,13 +117,13 @@ class Waits:
         return self.left < 0
 
 
-def test_a_log_gets_few_lines_and_fewer(monkeypatch):
+def test_a_log_receives_lines_at_growing_intervals(monkeypatch):
     clock = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
     error, ended = io.StringIO(), Waits(clock, 6)
-    with heard() as work, stage("points", 1000) as points, redirect_stderr(error):
+    with progress.listen() as tracker, progress.task("points", 1000) as points, redirect_stderr(error):
         points.add(100)
-        progress._show("solve", work, progress._Screen(), ended)
+        progress._show("solve", tracker, progress._ProgressLine(), ended)
     assert ended.pauses == [10, 10, 20, 40, 60, 60, 60]
     lines = error.getvalue().splitlines()
     assert lines[0] == "solve: 10 s so far, about 90 s to go: 100 of 1000 points"
@@ -131,24 +131,26 @@ def test_a_log_gets_few_lines_and_fewer(monkeypatch):
     assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f]", error.getvalue())
 
 
-def test_what_ends_soon_says_nothing():
+def test_short_work_shows_nothing():
     error = io.StringIO()
-    with redirect_stderr(error), shown("solve"), stage("points", 3) as points:
+    with redirect_stderr(error), progress.show_progress("solve"), progress.task("points", 3) as points:
         points.add()
     assert error.getvalue() == ""
 
 
-def test_nothing_is_said_where_nothing_is_under_way(monkeypatch):
+def test_nothing_is_shown_without_a_task(monkeypatch):
     clock, error = [0.0], io.StringIO()
     monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
-    with heard() as work, redirect_stderr(error):
-        progress._show("solve", work, progress._Screen(), Waits(clock, 3))
+    with progress.listen() as tracker, redirect_stderr(error):
+        progress._show("solve", tracker, progress._ProgressLine(), Waits(clock, 3))
     assert error.getvalue() == ""
 
 
 def shown_on_a_terminal(command, until, then):
-    """Start a command on a terminal of its own, call `then` with it when `until` has appeared, and give what
-    appeared, the exit status and the processor time (s) that passed after that."""
+    """Run a command on a pseudo-terminal and call `then` with its process once `until` has appeared.
+
+    Returns the output, the exit status and the processor time (s) used after the call.
+    """
     leader, follower = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "200", "OMP_NUM_THREADS": "1"}
     process = subprocess.Popen(
@@ -181,9 +183,9 @@ def _spent(pid):
 
 ON_A_TERMINAL = """
 import sys
-from solve import progress
-progress.DRAWN_AFTER = progress.DRAWN_EVERY = 0.01
-with progress.shown("solve"), progress.stage("points", 4) as points:
+from solve.terminal import progress
+progress.TERMINAL_DELAY = progress.TERMINAL_INTERVAL = 0.01
+with progress.show_progress("solve"), progress.task("points", 4) as points:
     points.add()
     sys.stdin.readline()
 print("result")
@@ -237,7 +239,7 @@ LONG = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("line", LONG)
-def test_a_long_command_tells_how_far_it_is_and_can_be_interrupted(line, tmp_path):
+def test_a_long_command_shows_progress_and_can_be_interrupted(line, tmp_path):
     flag, file = ("--out", "page.html") if " report " in line else ("--save", "result.npz")
     command = [sys.executable, "-m", *shlex.split(line), flag, str(tmp_path / file)]
     interrupt = lambda process: process.send_signal(signal.SIGINT)  # noqa: E731
