@@ -36,8 +36,8 @@ if TYPE_CHECKING:
         tanh,
     )
 
-    from derive.mechanism import Mechanism
-    from derive.structure import Section, Structure
+    from derive.public import Mechanism, Structure
+    from derive.structure import Section
     from derive.switches import rectangle, trapezoid, wrapped
     from derive.symbols import rate
 
@@ -77,9 +77,9 @@ __all__ = [
 ]
 
 _HOME = {
-    "Mechanism": "derive.mechanism",
+    "Mechanism": "derive.public",
     "Section": "derive.structure",
-    "Structure": "derive.structure",
+    "Structure": "derive.public",
     "rate": "derive.symbols",
     "rectangle": "derive.switches",
     "trapezoid": "derive.switches",

@@ -9,11 +9,11 @@ from typing import Any
 import sympy
 
 from derive.errors import CaseError
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.units import parse, size
 
 
-def case_numbers(path: Path, case: str, mechanism: Mechanism) -> dict[sympy.Symbol, float]:
+def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
     """The parameters of a case in coherent SI, but for those that a table of measured values gives, or a
     frequency where an angular velocity is declared.
 

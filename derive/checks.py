@@ -9,9 +9,9 @@ import sympy
 
 from derive.errors import DeclarationError, DeriveError, UnitError, UnknownSymbolError, UnusedParameterError
 from derive.kinematics import LoopFunction
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.sketch import AROUND, METRE
-from derive.structure import Structure
+from derive.structure import StructureStatement
 from derive.switches import switches
 from derive.symbols import ACCELERATION, PHASE, SPEED
 from derive.transmission import PeriodicFunction
@@ -33,9 +33,9 @@ class _Statement:
     """Dimensions of symbols that it alone may hold."""
 
 
-def check(mechanism: Mechanism) -> None:
+def check(mechanism: MechanismStatement) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError on the first fault."""
-    if isinstance(mechanism, Structure):
+    if isinstance(mechanism, StructureStatement):
         mechanism.require_complete()
         statements = [_Statement(*each) for each in mechanism.numbers()]
         for each in statements:
@@ -73,7 +73,7 @@ def _require(statement: _Statement, known: Dimensions) -> None:
         raise UnitError(f"{error}; a size that is no parameter is a number times metre") from None
 
 
-def _require_equations(mechanism: Mechanism) -> None:
+def _require_equations(mechanism: MechanismStatement) -> None:
     """Require coordinates, or outputs of a rigid mechanism, or a drive torque that follows from the energies
     and is not declined."""
     energies = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *mechanism.forces)
@@ -104,7 +104,7 @@ def _require_equations(mechanism: Mechanism) -> None:
         )
 
 
-def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
+def _statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
     moving = [each.symbol for each in mechanism.declared_coordinates]
     rates, accelerations = {q.rate for q in moving}, {q.rate.rate for q in moving}
     motion = {*moving} | rates | accelerations
@@ -132,7 +132,7 @@ def _statements(mechanism: Mechanism) -> Iterator[_Statement]:
         yield _Statement(f"output {output.name}", output.expression, output.unit, local)
 
 
-def _sketches(mechanism: Mechanism) -> Iterator[_Statement]:
+def _sketches(mechanism: MechanismStatement) -> Iterator[_Statement]:
     moving = [each.symbol for each in mechanism.declared_coordinates]
     local = mechanism.declared_field.symbols if mechanism.declared_field else []
     never = {s for q in (*moving, *local) for s in q.motion[1:]}
@@ -144,7 +144,7 @@ def _sketches(mechanism: Mechanism) -> Iterator[_Statement]:
             yield _Statement(f"sketch {each.name}", number, each.unit, never, own)
 
 
-def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:
+def _kinematic_statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
     moving = [each.symbol for each in mechanism.declared_coordinates]
     motion = {s for q in moving for s in q.motion}
     for loop in mechanism.declared_loops:
@@ -156,7 +156,7 @@ def _kinematic_statements(mechanism: Mechanism) -> Iterator[_Statement]:
     yield _Statement("period", _period(mechanism), "rad", motion | parameters | {PHASE, SPEED})
 
 
-def _period(mechanism: Mechanism) -> sympy.Expr:
+def _period(mechanism: MechanismStatement) -> sympy.Expr:
     period = _expression("period", mechanism.period)
     if period.is_number and not period.is_positive:
         raise DeclarationError(f"period is {period}; give a positive angle, such as 2*pi")
@@ -190,7 +190,7 @@ def _require_last_piece(statement: _Statement) -> None:
             )
 
 
-def dimensions(mechanism: Mechanism) -> dict[sympy.Symbol, Dimension]:
+def dimensions(mechanism: MechanismStatement) -> dict[sympy.Symbol, Dimension]:
     known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND, ACCELERATION: ONE / SECOND**2}
     known |= {each.symbol: parse(each.unit) for each in mechanism.declared_parameters}
     known |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}
@@ -226,7 +226,7 @@ def _require_known(statement: _Statement, known: Dimensions) -> None:
         raise UnknownSymbolError(f"{statement.what} holds {symbol}, which is not declared{hint}")
 
 
-def _require_use(mechanism: Mechanism, expressions: list[sympy.Expr]) -> None:
+def _require_use(mechanism: MechanismStatement, expressions: list[sympy.Expr]) -> None:
     symbols = set().union(*(each.free_symbols for each in expressions))
     for series in set().union(*(each.atoms(PeriodicFunction) for each in expressions)):
         symbols |= set(type(series).coefficients())

@@ -83,12 +83,12 @@ def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> s
 
         return beam_elements_text(source.sha256, source.command)
     from derive.emit import module_text
-    from derive.structure import Structure
+    from derive.structure import StructureStatement
     from derive.structure_text import structure_text
 
     mechanism = loader.load(source)
     with loader.located(source, mechanism):
-        if isinstance(mechanism, Structure):
+        if isinstance(mechanism, StructureStatement):
             return structure_text(mechanism, source.sha256, source.command)
         return module_text(mechanism, source.sha256, source.command, report)
 

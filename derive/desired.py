@@ -16,7 +16,7 @@ from derive.domains import POSITIVE, Need, is_met, need, needs, signs_of
 from derive.errors import DeclarationError
 from derive.kinematics import LoopFunction, at_desired_motion
 from derive.lagrange import from_fundamental
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.symbols import PHASE, SPEED, steady
 from derive.units import cut, short
 
@@ -32,7 +32,7 @@ class Demand(NamedTuple):
     margin: Any
 
 
-def demands(mechanism: Mechanism) -> list[Demand]:
+def demands(mechanism: MechanismStatement) -> list[Demand]:
     """Conditions that the signs of the parameters do not guarantee. Raises DeclarationError if one can never
     hold."""
     signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
@@ -58,22 +58,22 @@ def demands(mechanism: Mechanism) -> list[Demand]:
     return [*found.values(), *met]
 
 
-def conditions(mechanism: Mechanism) -> list[Condition]:
+def conditions(mechanism: MechanismStatement) -> list[Condition]:
     """Declared conditions, evaluated in the fundamental motion, that do not depend on the speed."""
     return [each for each in _conditions(mechanism) if not each.margin.has(SPEED)]
 
 
-def _conditions(mechanism: Mechanism) -> Iterator[Condition]:
+def _conditions(mechanism: MechanismStatement) -> Iterator[Condition]:
     for each in mechanism.conditions:
         yield replace(each, margin=at_desired_motion(_about_fundamental(mechanism, each.margin)))
 
 
-def _about_fundamental(mechanism: Mechanism, expression: Any) -> Any:
+def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
     """Expression with coordinates relative to the fundamental motion, at constant speed."""
     return steady(from_fundamental(mechanism, sympy.sympify(expression)))
 
 
-def _stated(mechanism: Mechanism) -> Iterator[tuple[str, Any, bool]]:
+def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
     """Name and expression of everything evaluated along the fundamental motion, and whether it is the motion
     itself."""
     for symbol, motion in mechanism.fundamental_motion.items():
@@ -86,7 +86,7 @@ def _stated(mechanism: Mechanism) -> Iterator[tuple[str, Any, bool]]:
         yield "the displacement of a force", along, False
 
 
-def _known(mechanism: Mechanism) -> set[Any]:
+def _known(mechanism: MechanismStatement) -> set[Any]:
     options = {symbol for option in mechanism.declared_options for symbol in option.indicators}
     return {PHASE, SPEED, *options, *(each.symbol for each in mechanism.declared_parameters)}
 

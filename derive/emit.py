@@ -30,7 +30,7 @@ from derive.linearise import clearances, linearise
 from derive.loop_text import loop_orders, loop_text
 from derive.losses import idle, losses
 from derive.mathml import mathml
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.printer import CasadiPrinter
 from derive.reading import Equation, read
 from derive.recurrence import COMPONENTS, FOURIER
@@ -110,7 +110,7 @@ class Equations:
         return {**residual, "outputs": {each.name: each.expression for each in self.outputs}}
 
 
-def derive_equations(mechanism: Mechanism) -> Equations:
+def derive_equations(mechanism: MechanismStatement) -> Equations:
     """Equations of a checked mechanism; SingularMassError where a coordinate has no inertia."""
     if mechanism.declared_field:
         return _field_equations(mechanism, mechanism.declared_field)
@@ -141,7 +141,7 @@ def derive_equations(mechanism: Mechanism) -> Equations:
     )
 
 
-def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
+def _field_equations(mechanism: MechanismStatement, deflection: Field) -> Equations:
     projection = project(mechanism, deflection)
     outputs = [] if mechanism.no_drive_torque else [_torque(projection.drive_torque)]
     for each in mechanism.declared_outputs:
@@ -166,7 +166,7 @@ def _field_equations(mechanism: Mechanism, deflection: Field) -> Equations:
 
 
 def module_text(
-    mechanism: Mechanism,
+    mechanism: MechanismStatement,
     source_sha256: str,
     command: str,
     report: Callable[[str], object] = lambda _: None,
@@ -225,7 +225,7 @@ def _reasons(equations: Equations) -> list[str]:
     return lines
 
 
-def _for_reading(mechanism: Mechanism, equations: Equations, operations: int) -> str:
+def _for_reading(mechanism: MechanismStatement, equations: Equations, operations: int) -> str:
     """M, C, K and d as MathML, where they are not too long."""
     if not mechanism.declared_coordinates:
         return f"NO_EQUATIONS = {literal(RIGID)}"
@@ -241,7 +241,7 @@ def equations_text(found: Sequence[Equation], projection: Projection | None = No
 
 
 def functions_text(
-    mechanism: Mechanism, functions: list[GeneratedFunction]
+    mechanism: MechanismStatement, functions: list[GeneratedFunction]
 ) -> tuple[list[str], dict[str, int]]:
     """Texts of the functions, after those of the loops that they solve, and the operations of each."""
     orders = loop_orders([matrix for each in functions for matrix in each.matrices])
@@ -260,7 +260,7 @@ def _operations(counts: dict[str, int]) -> dict[str, int]:
     return {"linearised": counts["linearised"], "residual": counts["linearised"], **evaluated}
 
 
-def _functions(mechanism: Mechanism, equations: Equations) -> list[GeneratedFunction]:
+def _functions(mechanism: MechanismStatement, equations: Equations) -> list[GeneratedFunction]:
     names = equations.definitions
     doc = "M, C, K, d of M q̈ + C q̇ + K q = d."
     functions = [GeneratedFunction("linearised", doc, ("phase", "speed", "p"), equations.linearised, names)]
@@ -292,7 +292,7 @@ def domain_functions(found: Sequence[Demand]) -> list[GeneratedFunction]:
     return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 
 
-def sketch_functions(mechanism: Mechanism) -> list[GeneratedFunction]:
+def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
     """The function of the lines of the picture, if there are any."""
     if not mechanism.declared_sketches:
         return []
@@ -332,7 +332,7 @@ def _torque(expression: Any) -> Output:
 
 
 def constants(
-    mechanism: Mechanism,
+    mechanism: MechanismStatement,
     outputs: list[Output],
     operations: dict[str, int],
     conditions: Sequence[Condition],

@@ -14,7 +14,7 @@ from derive.declarations import Option
 from derive.domains import signs_of
 from derive.kinematics import Loop, Order
 from derive.loop_text import loop_calls
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.pieces import guarded
 from derive.printer import CasadiPrinter
 from derive.recurrence import series_calls, series_operations
@@ -46,7 +46,7 @@ class GeneratedFunction:
 
 
 def function_text(
-    mechanism: Mechanism, function: GeneratedFunction, loops: Mapping[Loop, list[Order]] = NO_LOOPS
+    mechanism: MechanismStatement, function: GeneratedFunction, loops: Mapping[Loop, list[Order]] = NO_LOOPS
 ) -> tuple[str, int]:
     """Text of one function, and its operations after common subexpressions are taken out.
 
@@ -91,7 +91,7 @@ def tuple_lines(name: str, entries: Sequence[str]) -> list[str]:
     return [f"{name} = (", *(f"    {entry}," for entry in entries), ")"] if entries else [f"{name} = ()"]
 
 
-def breaks_text(mechanism: Mechanism, passages: Sequence[Passage]) -> str:
+def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> str:
     """BREAKS where no number moves them, else a function of the speed and the parameters."""
     symbols = set().union(*(each.symbols for each in passages))
     phases = ["0.0", *(each.text for each in passages)]
@@ -135,13 +135,13 @@ def {name}_varying({given}):
     return _varying({name}({passed}), {name}_accelerated({passed}))'''
 
 
-def options_text(mechanism: Mechanism) -> str:
+def options_text(mechanism: MechanismStatement) -> str:
     """Options with their defaults, as parameters of a function."""
     options = [f"{each.name}={json.dumps(each.default)}" for each in mechanism.declared_options]
     return ", ".join(["*", *options]) if options else ""
 
 
-def _inputs(mechanism: Mechanism, inputs: Sequence[str]) -> list[str]:
+def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
     """Option indicators, and the inputs taken apart into scalars."""
     moving = [each.symbol for each in mechanism.declared_coordinates]
     names = {
@@ -163,7 +163,7 @@ def _inputs(mechanism: Mechanism, inputs: Sequence[str]) -> list[str]:
     return lines
 
 
-def in_si(mechanism: Mechanism) -> list[str]:
+def in_si(mechanism: MechanismStatement) -> list[str]:
     """Lines that convert parameters whose unit is not one of coherent SI."""
     sizes = {each.symbol.name: size(each.unit) for each in mechanism.declared_parameters}
     return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]

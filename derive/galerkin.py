@@ -21,7 +21,7 @@ from derive.field import Field, FieldIntegral
 from derive.gather import gathered
 from derive.lagrange import Energies, equation
 from derive.linearise import expanded
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.modal_integrals import ModalIntegral, modal_integral, modal_moment
 from derive.symbols import PHASE, Moving, counted, steady
 
@@ -87,7 +87,7 @@ class Projection:
         }
 
 
-def project(mechanism: Mechanism, deflection: Field) -> Projection:
+def project(mechanism: MechanismStatement, deflection: Field) -> Projection:
     """Linear equations of the amplitudes, drive torque to their first order, and the tension.
 
     Raises DeclarationError where energies are no sums of integrals, UnsupportedExpressionError
@@ -111,7 +111,7 @@ def project(mechanism: Mechanism, deflection: Field) -> Projection:
     return projection
 
 
-def _require_free_names(mechanism: Mechanism, projection: Projection) -> None:
+def _require_free_names(mechanism: MechanismStatement, projection: Projection) -> None:
     for symbol in (*projection.pairs, *projection.moments, *projection.weighted):
         if symbol.name in mechanism.names():
             raise DeclarationError(
@@ -132,7 +132,7 @@ def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
     return marked.xreplace(dict.fromkeys(marks.values(), sympy.S.Zero)), density
 
 
-def _tension(mechanism: Mechanism, deflection: Field, whole: Energies, density: Energies) -> Any:
+def _tension(mechanism: MechanismStatement, deflection: Field, whole: Energies, density: Energies) -> Any:
     """N(x): what the straight link transmits, from the rows of the shortening at x and at the end."""
     x, length, chord = deflection.position, deflection.length, deflection.total_shortening
     straight = _zeroed(deflection.symbols)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import sympy
 
 from derive.gather import gathered, simplified
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.switches import slope
 from derive.symbols import ACCELERATION, PHASE, Moving, counted, rate, steady
 
@@ -24,7 +24,7 @@ class Energies(NamedTuple):
     dissipation: Any
 
 
-def residuals(mechanism: Mechanism) -> sympy.Matrix:
+def residuals(mechanism: MechanismStatement) -> sympy.Matrix:
     """Left-hand sides r(φ, Ω, Ω̇, q, q̇, q̈) of the equations of motion r = 0, one row a coordinate.
 
     Coordinates with a fundamental motion are counted from it: q → q̄(φ) + q before anything else.
@@ -46,7 +46,7 @@ def accelerated(expression: Any) -> Any:
     return expression - steady(expression) if factor.has(ACCELERATION) else ACCELERATION * gathered(factor)
 
 
-def drive_torque(mechanism: Mechanism, residual: Iterable[Any]) -> sympy.Expr:
+def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> sympy.Expr:
     """Torque of the drive, N m, from the row of the phase (chapter Eq. (51)) and those of the coordinates.
 
     The row of a coordinate that merely adds to the phase, as the twist of a shaft does, is subtracted. It
@@ -64,7 +64,7 @@ def drive_torque(mechanism: Mechanism, residual: Iterable[Any]) -> sympy.Expr:
     return whole[0, 0]
 
 
-def from_fundamental(mechanism: Mechanism, expression: Any) -> Any:
+def from_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
     """The expression with q, q̇, q̈ replaced by q̄ + q and their rates, and the phase counted at steps."""
     expression = counted(expression)
     shift: dict[sympy.Basic, sympy.Expr] = {}
@@ -76,7 +76,7 @@ def from_fundamental(mechanism: Mechanism, expression: Any) -> Any:
     return expression.xreplace(shift) if shift else expression
 
 
-def _row(mechanism: Mechanism, q: Moving) -> sympy.Expr:
+def _row(mechanism: MechanismStatement, q: Moving) -> sympy.Expr:
     """Left-hand side of one equation of motion."""
     kinetic, potential, dissipation = (
         from_fundamental(mechanism, sympy.sympify(energy))

@@ -11,7 +11,7 @@ from derive.errors import ExpansionError, SingularMassError
 from derive.gather import simplified, unshifted
 from derive.kinematics import LoopFunction
 from derive.kinks import at_desired_motion, inactive, open_clearances, require_tangents
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.pieces import is_finite
 from derive.switches import beside, known_real
 from derive.symbols import Moving
@@ -27,7 +27,7 @@ class Linearised(NamedTuple):
     d: sympy.Matrix
 
 
-def linearise(mechanism: Mechanism, residual: sympy.Matrix) -> Linearised:
+def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearised:
     """Jacobians of the residual by q̈, q̇ and q where all three vanish; d is minus the residual there.
 
     Raises ExpansionError where an entry is not finite, SingularMassError where M is singular whatever
@@ -57,7 +57,7 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = 
     return Linearised(*(unshifted(at_desired_motion(part, moving, signs)) for part in parts))
 
 
-def clearances(mechanism: Mechanism, residual: sympy.Matrix) -> list[Condition]:
+def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Condition]:
     """Conditions under which the expansion exists."""
     if not mechanism.declared_coordinates:
         return []
@@ -77,7 +77,7 @@ def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix
     return known_real(residual).jacobian(moving).applyfunc(beside), moving
 
 
-def _require_expansion(mechanism: Mechanism, matrices: Linearised) -> None:
+def _require_expansion(mechanism: MechanismStatement, matrices: Linearised) -> None:
     names = [each.symbol.name for each in mechanism.declared_coordinates]
     for symbol, matrix in matrices._asdict().items():
         for row, name in enumerate(names):
@@ -89,7 +89,7 @@ def _require_expansion(mechanism: Mechanism, matrices: Linearised) -> None:
                 )
 
 
-def _require_inertia(mechanism: Mechanism, M: sympy.Matrix) -> None:
+def _require_inertia(mechanism: MechanismStatement, M: sympy.Matrix) -> None:
     """Look for massless directions at an arbitrary rational point, where no rank is lost by chance."""
     unknown = sorted(M.atoms(PeriodicFunction, LoopFunction), key=sympy.default_sort_key)
     unknown += sorted(M.free_symbols, key=lambda symbol: symbol.name)

@@ -14,7 +14,7 @@ from derive.errors import DeriveError, MechanismFileError, UnknownMechanismError
 from derive.freshness import sha256
 
 if TYPE_CHECKING:
-    from derive.mechanism import Mechanism
+    from derive.mechanism import MechanismStatement
 
 HOME = Path(__file__).resolve().parent.parent
 
@@ -117,17 +117,17 @@ def _require_own_name(path: Path) -> None:
         )
 
 
-def load(source: Source) -> "Mechanism":
+def load(source: Source) -> "MechanismStatement":
     """Run a mechanism file and return what its `mechanism()` states, checked.
 
     Raises MechanismFileError where the file does not run or returns something else, and the
     errors of the statement itself (DeclarationError, UnitError, …), each with file and line.
     """
     from derive.checks import check
-    from derive.mechanism import Mechanism
+    from derive.mechanism import MechanismStatement
 
     stated = _run(source)
-    if not isinstance(stated, Mechanism):
+    if not isinstance(stated, MechanismStatement):
         raise MechanismFileError(
             f"mechanism() in {source.path} returns {type(stated).__name__}; it must return a derive.Mechanism"
         )
@@ -141,7 +141,7 @@ def load(source: Source) -> "Mechanism":
 
 
 @contextmanager
-def located(source: Source, stated: "Mechanism") -> Iterator[None]:
+def located(source: Source, stated: "MechanismStatement") -> Iterator[None]:
     """Put the mechanism's file, and the line where that is known, before the message of an error that arises
     within."""
     from derive.stated import line_of

@@ -5,14 +5,14 @@ from typing import Any
 
 import sympy
 
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.switches import outermost, switches
 from derive.symbols import counted
 from derive.transmission import PeriodicFunction
 from derive.units import short
 
 
-def losses(mechanism: Mechanism, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
+def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
     """A sentence for each parameter, series and function of coordinates whose part in the residual M, C, K, d
     do not have."""
     kept = _names(mechanism, linearised)
@@ -20,13 +20,13 @@ def losses(mechanism: Mechanism, residual: Iterable[Any], linearised: Iterable[A
     return [*map(_ignored, lost), *map(_one_sided, _steps(mechanism, _energies(mechanism)))]
 
 
-def idle(mechanism: Mechanism, results: Iterable[Any]) -> list[str]:
+def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
     """A sentence for each parameter and series of the energies that is in none of the results."""
     used = _names(mechanism, results)
     return [_idle(name) for name in _names(mechanism, _energies(mechanism)) if name not in used]
 
 
-def _energies(mechanism: Mechanism) -> list[Any]:
+def _energies(mechanism: MechanismStatement) -> list[Any]:
     works = [part for work in mechanism.forces for part in work]
     stated = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *works)
     return [counted(sympy.sympify(each)) for each in stated]
@@ -47,7 +47,7 @@ def _one_sided(function: Any) -> str:
     )
 
 
-def _names(mechanism: Mechanism, expressions: Iterable[Any]) -> list[str]:
+def _names(mechanism: MechanismStatement, expressions: Iterable[Any]) -> list[str]:
     """Parameters and series that the expressions hold, in the order of their declaration."""
     given = [sympy.sympify(each) for each in expressions]
     symbols = set().union(*(each.free_symbols for each in given))
@@ -56,7 +56,7 @@ def _names(mechanism: Mechanism, expressions: Iterable[Any]) -> list[str]:
     return names + [each.__name__ for each in mechanism.declared_series if each in series]
 
 
-def _steps(mechanism: Mechanism, energies: Iterable[Any]) -> list[Any]:
+def _steps(mechanism: MechanismStatement, energies: Iterable[Any]) -> list[Any]:
     """Steps and kinks that hold coordinates or their rates."""
     moving = {s for each in mechanism.declared_coordinates for s in (each.symbol, each.symbol.rate)}
     nodes = dict.fromkeys(node for each in energies for node in outermost(each))

@@ -1,6 +1,5 @@
-"""The problem statement that a user fills in: what a mechanism is, and nothing about methods."""
+"""The problem statement that a user fills in: energies, forces and motions of a mechanism, no methods."""
 
-import importlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,16 +23,8 @@ _ENERGIES = ("kinetic", "potential", "dissipation")
 
 
 @dataclass(slots=True)
-class Mechanism(Quantities):
-    """A mechanism driven at constant speed Ω, stated by its energies.
-
-    Everything is in coherent SI units. `kinetic` T, `potential` V and `dissipation` R
-    (Rayleigh's function, half the power lost) are SymPy expressions in the coordinates, their
-    rates (`derive.rate`), the parameters and `phase` φ = Ωt. `energy` is the unit of T and V,
-    to be changed only for an equation without physical units. `damping_ratio` ζ, one for all modes or a
-    sequence in the order of rising frequencies, of which the last counts for all that follow, adds
-    M Φ diag(2ζω) Φᵀ M q̇ with the modes of M and K at speed 0 at every position.
-    """
+class MechanismStatement(Quantities):
+    """Statement of a mechanism; `derive.Mechanism` describes it and adds the generated code."""
 
     energy: str = "J"
     kinetic: sympy.Expr = sympy.S.Zero
@@ -275,11 +266,6 @@ class Mechanism(Quantities):
     def decline_drive_torque(self, reason: str) -> None:
         """State why the drive torque does not follow from the energies; it is then no output."""
         self.no_drive_torque = reason
-
-    def code(self) -> str:
-        """Text of the generated module, for `solve.load(mechanism, …)`. Raises DeriveError subclasses."""
-        # Found late and by name: what derives is built upon what is stated here.
-        return importlib.import_module("derive.in_memory").code(self)
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:
         for unknown in loop.unknowns:

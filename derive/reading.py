@@ -11,8 +11,8 @@ import sympy
 
 from derive.checks import dimensions
 from derive.kinematics import LoopFunction
-from derive.mechanism import Mechanism
-from derive.structure import Structure
+from derive.mechanism import MechanismStatement
+from derive.structure import StructureStatement
 from derive.units import Dimension, dimension_of, parse
 
 _SHORT = 3
@@ -40,7 +40,7 @@ class Equation:
     unit: str = ""
 
 
-def read(mechanism: Mechanism, linearised: Mapping[str, Any]) -> list[Equation]:
+def read(mechanism: MechanismStatement, linearised: Mapping[str, Any]) -> list[Equation]:
     """Named parts, then the entries of M, C, K, d that are not 0; of a deflection's projection its sums."""
     named, names = _named(mechanism, linearised.values())
     put = {
@@ -54,7 +54,7 @@ def _each(part: Any, change: Callable[[Any], Any]) -> Any:
     return part.applyfunc(change) if isinstance(part, sympy.MatrixBase) else change(part)
 
 
-def links(structure: Structure) -> list[Equation]:
+def links(structure: StructureStatement) -> list[Equation]:
     """Of each link of a structure its angle, length, stiffnesses, mass per length and height."""
     names = {"angle": "theta", "length": "L", "height": "h"}
     return [
@@ -89,7 +89,7 @@ def _entries(name: str, matrix: Any) -> Iterator[Equation]:
         yield Equation(tuple(sympy.Symbol(f"{name}_{index}") for index in indices), matrix[i, j])
 
 
-def _named(mechanism: Mechanism, parts: Iterable[Any]) -> tuple[list[Equation], dict[Any, Any]]:
+def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Equation], dict[Any, Any]]:
     """Sums and roots that occur more than once by names that tell their units, and what takes their place."""
     known, taken = dimensions(mechanism), mechanism.names()
     repeated = _repeated(parts)

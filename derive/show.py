@@ -12,9 +12,9 @@ import sympy
 from derive.beam import FAMILIES
 from derive.emit import derive_equations
 from derive.galerkin import ZERO_COLUMN, ZERO_MATRIX, Projection
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.reading import Equation, links, read, with_numbers
-from derive.structure import Structure
+from derive.structure import StructureStatement
 from derive.symbols import PHASE, SPEED
 
 WIDTH = 80
@@ -28,7 +28,9 @@ _BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
 """Braces around the whole argument of a function."""
 
 
-def equations(mechanism: Mechanism, numbers: Mapping[sympy.Symbol, float] = MappingProxyType({})) -> str:
+def equations(
+    mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float] = MappingProxyType({})
+) -> str:
     """M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, series at the phase with primes only; of a structure
     its links' properties.
 
@@ -37,7 +39,7 @@ def equations(mechanism: Mechanism, numbers: Mapping[sympy.Symbol, float] = Mapp
     numbers = {**numbers, **_defaults(mechanism)} if numbers else {}
     names: dict[sympy.Symbol, str] = {PHASE: r"\varphi", SPEED: r"\Omega"}
     comments = [mechanism.title]
-    if isinstance(mechanism, Structure):
+    if isinstance(mechanism, StructureStatement):
         found = links(mechanism)
         comments.append("angle, length, stiffnesses, mass per length and height of each link")
     else:
@@ -69,7 +71,7 @@ def _rounded(number: sympy.Float) -> Any:
     return sympy.Integer(text) if re.fullmatch(r"-?\d+", text) else sympy.Float(text, 6)
 
 
-def _defaults(mechanism: Mechanism) -> dict[sympy.Symbol, float]:
+def _defaults(mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
     return {
         indicator: float(value == option.default)
         for option in mechanism.declared_options
@@ -77,7 +79,7 @@ def _defaults(mechanism: Mechanism) -> dict[sympy.Symbol, float]:
     }
 
 
-def _comments(mechanism: Mechanism, numbers: Mapping[sympy.Symbol, float]) -> list[str]:
+def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float]) -> list[str]:
     """What the symbols of the equations mean, beyond the mechanism's own."""
     if mechanism.declared_field:
         vector = r"\psi: mode functions of \xi = x/l, integrals from 0 to 1; row i, column j"
@@ -96,7 +98,7 @@ def _comments(mechanism: Mechanism, numbers: Mapping[sympy.Symbol, float]) -> li
     ]
 
 
-def _modal(mechanism: Mechanism) -> list[str]:
+def _modal(mechanism: MechanismStatement) -> list[str]:
     """What damping ratios add to C."""
     ratios = ", ".join(map(latex, mechanism.damping_ratios))
     added = r"to C adds M \Phi diag(2 \zeta \omega) \Phi^T M of the modes of M and K at \Omega = 0, \zeta = "

@@ -10,7 +10,7 @@ import sympy
 
 from derive.beam import ELEMENTS
 from derive.errors import DeclarationError
-from derive.mechanism import Mechanism
+from derive.mechanism import MechanismStatement
 from derive.symbols import PHASE, SPEED
 
 EXACT = "dynamic"
@@ -73,13 +73,8 @@ DASHPOT = {"x": "N s/m", "y": "N s/m", "turn": "N m s/rad"}
 
 
 @dataclass(slots=True)
-class Structure(Mechanism):
-    """Links that are beams in the plane, and the joints between them.
-
-    A joint is a pin unless `weld` or `clamp` says otherwise: its links share its place, and each turns
-    for itself. `damping_ratio` is that of every mode. Energies and coordinates follow from the links
-    and from the elements that the user of the generated module chooses, link by link.
-    """
+class StructureStatement(MechanismStatement):
+    """Statement of a structure; `derive.Structure` describes it and adds the generated code."""
 
     declared_links: list[Link] = field(default_factory=list, init=False)
     declared_masses: list[tuple[str, sympy.Expr]] = field(default_factory=list, init=False)

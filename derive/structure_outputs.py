@@ -5,7 +5,7 @@ from itertools import product
 from typing import NamedTuple
 
 from derive.declarations import Output
-from derive.structure import Link, Structure
+from derive.structure import Link, StructureStatement
 
 
 class Observed(NamedTuple):
@@ -17,7 +17,7 @@ class Observed(NamedTuple):
     place: float
 
 
-def observed(structure: Structure) -> list[Observed]:
+def observed(structure: StructureStatement) -> list[Observed]:
     """Of each link the stresses at its middle, and its deflection there; of one that is clamped at one end
     the tip's deflection instead, and the root's stresses too; what the joints bear; the strain energy of all
     links. Nothing of a structure at rest."""
@@ -31,7 +31,7 @@ def observed(structure: Structure) -> list[Observed]:
     ]
 
 
-def _of_link(structure: Structure, link: Link) -> Iterator[Observed]:
+def _of_link(structure: StructureStatement, link: Link) -> Iterator[Observed]:
     clamped = [structure.rotation(link, joint) == "" for joint in (link.start, link.end)]
     ends = clamped[0] != clamped[1]
     place, deflected = ("tip", float(clamped[0])) if ends else ("midpoint", 0.5)
@@ -45,7 +45,7 @@ def _of_link(structure: Structure, link: Link) -> Iterator[Observed]:
         yield Observed(stress, f"stress_{surface}", link.name, strained.get(place, 0.5))
 
 
-def _of_joint(structure: Structure, joint: str) -> Iterator[Observed]:
+def _of_joint(structure: StructureStatement, joint: str) -> Iterator[Observed]:
     """The force on the last of the links that meet there, and the moment of a clamp."""
     links = [each for each in structure.declared_links if joint in (each.start, each.end)]
     link = links[-1]

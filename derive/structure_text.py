@@ -17,7 +17,7 @@ from derive.emit import (
 from derive.freshness import hashed_module
 from derive.function_text import GeneratedFunction, tuple_lines
 from derive.reading import links
-from derive.structure import ELEMENT_NAMES, Structure
+from derive.structure import ELEMENT_NAMES, StructureStatement
 from derive.structure_outputs import Observed, observed
 
 MOST_ELEMENTS = 100
@@ -41,7 +41,7 @@ Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), 
 springs and dashpots where there are any, and the damping ratio of every mode."""
 
 
-def structure_text(structure: Structure, source_sha256: str, command: str) -> str:
+def structure_text(structure: StructureStatement, source_sha256: str, command: str) -> str:
     """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
     texts, counts = functions_text(
         structure,
@@ -67,7 +67,7 @@ def structure_text(structure: Structure, source_sha256: str, command: str) -> st
     return hashed_module(structure.title, command, source_sha256, "\n\n\n".join(parts) + "\n")
 
 
-def _properties(structure: Structure) -> GeneratedFunction:
+def _properties(structure: StructureStatement) -> GeneratedFunction:
     columns: dict[str, list[sympy.Expr]] = {}
     for link in structure.declared_links:
         for name, (expression, _) in link.properties.items():
@@ -80,14 +80,14 @@ def _properties(structure: Structure) -> GeneratedFunction:
     return GeneratedFunction("properties", DOCUMENTATION, ("phase", "p"), results)
 
 
-def _elastic(structure: Structure) -> list[tuple[str, dict[str, sympy.Expr]]]:
+def _elastic(structure: StructureStatement) -> list[tuple[str, dict[str, sympy.Expr]]]:
     """Springs and dashpots to the ground, if there are any."""
     declared = {"spring": structure.declared_springs, "dashpot": structure.declared_dashpots}
     found = {name: structure.to_ground(each) for name, each in declared.items()}
     return [(name, elastic) for name, elastic in found.items() if elastic]
 
 
-def _data(structure: Structure, of_interest: list[Observed]) -> str:
+def _data(structure: StructureStatement, of_interest: list[Observed]) -> str:
     links = [
         (
             *(link.name, link.start, link.end),

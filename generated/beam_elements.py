@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
+DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b9a2dda60ca36586881142c6d38c71aba8e0cb0d8bc76ab099cb9fbe89e8a7a5"
+FILE_SHA256 = "844f52f4eaa344f0dd8ae965f723966ba9cb548a7ece26e3b76c98b029963f4a"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
+DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "81e3d1ca922239ef2c8ea01c7391fe2b346f5e6b504f200b8286528267c998f5"
+FILE_SHA256 = "a859f5a9b791179bf4eaad7b014c4d2c1319fd6de7072e994fa2512259d98b7b"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

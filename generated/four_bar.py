@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9aa202e5d4e95f75289ab8b0eb49190a8dcfc83d9d941a4745f0879a3d89bf8f"
-DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
+DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c6d2e37b5b62f02d3134642fb0844f0ee4905efcfc73d11ad9bab25a9efa937a"
+FILE_SHA256 = "91603fd81fa5467fd3a334307e0f3767ebe7ed25e7424f10799d24a71de918e6"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
+DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "28e217bb96879bb6257c2817b7b85fccac36d93d40bdb9cf73ac91a3e0db22ff"
+FILE_SHA256 = "83036947c6ece024e43f36fef4b263b788bc857bbf32f6375ccd64a7ffe89178"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

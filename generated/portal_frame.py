@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "b0b59a5a8d96e31df4afc750f92ab8a69cef5648327ba7c66be31d8a209dd285"
+DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "fbc1e018c934d3f7c86286a067e346f5293febdd2d8da19d02cfac0e0dc0b316"
+FILE_SHA256 = "4c3d4a3fb4a09fb66255b85697f52e571fd747633acb3b9f44a53a2a9a8670ba"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
