@@ -14,7 +14,7 @@ from derive.structure import StructureStatement
 from derive.structure_text import structure_text
 
 _MAX_CACHED = 64
-"""Number of statements whose code is kept; a study of designs repeats a few of them."""
+"""Number of statements whose code is kept."""
 
 _cache: dict[str, str] = {}
 

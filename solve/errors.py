@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Collection, Iterable
+from typing import Self
 
 _MOST_NAMES = 12
 """Of those known that a message lists."""
@@ -113,6 +114,11 @@ class WorkersError(SolveError):
 
 class MissingLibraryError(SolveError):
     """A library that a part of the software needs and that is not installed."""
+
+    @classmethod
+    def of_extra(cls, what: str, library: str, extra: str) -> Self:
+        """The error for a library that an extra of this package installs; `what` needs it."""
+        return cls(f'{what} needs {library}; install it with: pip install "parametric-vibration[{extra}]"')
 
 
 class FileError(SolveError):

@@ -44,9 +44,7 @@ def cluster(address: str) -> Iterator[Executor]:
         from distributed import Client
         from distributed.comm.addressing import get_address_host
     except ImportError:
-        raise MissingLibraryError(
-            "a scheduler needs dask.distributed; install it with: pip install parametric-vibration[cluster]"
-        ) from None
+        raise MissingLibraryError.of_extra("a scheduler", "dask.distributed", "cluster") from None
     try:
         # A client that is refused its address would end with a traceback of its own.
         get_address_host(address)

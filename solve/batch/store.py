@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import FileError
+from solve.errors import FileError, MissingLibraryError
 from solve.period.quantities import FIGURES
 from solve.results.points import Kept, PointResults
 
@@ -96,7 +96,9 @@ class Store:
 
 
 def made_folder(path: str | Path) -> Path:
-    """A folder that may be there already, for the stores of several calculations. Raises FileError."""
+    """A folder that may be there already, for the stores of several calculations. Raises FileError,
+    MissingLibraryError."""
+    _require_zarr()
     with _refusing():
         Path(path).mkdir(exist_ok=True)
     return Path(path)
@@ -110,8 +112,9 @@ def opened(
 
     work: what is calculated, in numbers and texts, by which a folder of another calculation is known;
     columns: values (P,) of the quantities that vary. Raises FileError for a folder of something else, of
-    another calculation, in use by another process, or that cannot be written.
+    another calculation, in use by another process, or that cannot be written; MissingLibraryError.
     """
+    _require_zarr()
     place = Path(folder)
     with _locked(place):
         with _refusing():
@@ -124,6 +127,14 @@ def opened(
                 _require_same(place, known, work)
                 size = known["size"]
         yield Store(group, n, kept, size)
+
+
+def _require_zarr() -> None:
+    """Raise MissingLibraryError without zarr, before a folder is made."""
+    try:
+        import zarr  # noqa: F401
+    except ImportError:
+        raise MissingLibraryError.of_extra("a store", "zarr", "store") from None
 
 
 def _group(place: Path) -> Any:

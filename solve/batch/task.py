@@ -56,7 +56,8 @@ class Task:
         store: str | Path | None = None,
     ) -> PointResults:
         """The points (P, v), in a batch for them here, or in parts by the executor; with a store those that
-        it has are read, the others written as their parts are finished. Raises FileError, WorkersError."""
+        it has are read, the others written as their parts are finished. Raises FileError, WorkersError,
+        MissingLibraryError."""
         if executor is None and store is None:
             return gathered(batch, points, self.kept)
         n = self.family.example.n

@@ -12,9 +12,7 @@ def library(name: str, extra: str, what: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise MissingLibraryError(
-            f"{what} needs {name}; install it with: pip install parametric-vibration[{extra}]"
-        ) from None
+        raise MissingLibraryError.of_extra(what, name, extra) from None
 
 
 def labels(names: Iterable[str]) -> list[str]:

@@ -97,9 +97,7 @@ def _compiler() -> str:
     import casadi
 
     if not hasattr(casadi.DaeBuilder, "compile_fmu"):
-        raise MissingLibraryError(
-            f"{_WHAT} needs CasADi 3.8; install it with: pip install parametric-vibration[fmu]"
-        )
+        raise MissingLibraryError.of_extra(_WHAT, "CasADi 3.8", "fmu")
     try:
         return c_compiler().path
     except CompilerError as reason:

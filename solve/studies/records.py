@@ -89,9 +89,7 @@ def _universal(path: Path) -> Record:
     try:
         import pyuff
     except ImportError:
-        raise MissingLibraryError(
-            "universal files need pyuff; install it with: pip install parametric-vibration[uff]"
-        ) from None
+        raise MissingLibraryError.of_extra("a universal file", "pyuff", "uff") from None
     if not path.is_file():
         raise OSError
     found = pyuff.UFF(str(path)).read_sets()

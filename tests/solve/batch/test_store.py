@@ -14,6 +14,7 @@ import xarray
 
 import solve
 from solve.batch import task
+from solve.commands.app import run
 from solve.errors import FileError
 from solve.terminal import progress
 
@@ -50,6 +51,27 @@ def test_a_store_changes_no_result_and_is_read_the_next_time(tmp_path, solved_po
     assert sum(solved_points) == 60
     same(swept(tmp_path / "s"), plain)
     assert sum(solved_points) == 60
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("sweep", "mathieu", "--speeds", "1:2:5 rad/s"),
+        ("sweep", "mathieu", "--speeds", "1:2:5 rad/s", "--over", "epsilon=0.1:0.2:2"),
+        ("chart", "mathieu", "--x", "delta=1:2:3", "--y", "epsilon=1:2:3"),
+    ],
+)
+def test_without_zarr_a_store_is_refused_in_one_line_and_no_folder_is_made(
+    tmp_path, monkeypatch, capsys, arguments
+):
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    assert run([*arguments, "--store", str(tmp_path / "s")]) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert error == (
+        'solve: a store needs zarr; install it with: pip install "parametric-vibration[store]"\n'
+    )
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_was_interrupted_goes_on_and_solves_no_finished_part_again(tmp_path, solved_points):

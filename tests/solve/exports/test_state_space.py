@@ -124,7 +124,7 @@ def test_what_is_refused(monkeypatch):
     with pytest.raises(ValueOutOfBoundsError, match="--limit"):
         solve.state_space(solve.load("cam"), 1.0, samples=10**9)
     monkeypatch.setitem(__import__("sys").modules, "control", None)
-    with pytest.raises(MissingLibraryError, match=r"pip install parametric-vibration\[control\]"):
+    with pytest.raises(MissingLibraryError, match=r'pip install "parametric-vibration\[control\]"'):
         solve.state_space(solve.load("cam"), 1.0, samples=2).frozen(0.0)
 
 
